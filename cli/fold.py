@@ -27,12 +27,16 @@ def fold(
     out: PlanDirectory,
     shape: Annotated[
         str | None,
-        typer.Argument(metavar="INPUT", help="A mesh, voxels, a path, a chain, or an example."),
+        typer.Argument(
+            metavar="INPUT",
+            help="File with a mesh, voxels, a path or a chain; or name of an example.",
+        ),
     ] = None,
     angles: Annotated[
         str | None,
         typer.Option(
-            help="A chain of tetrahedra instead of INPUT: one sign per hinge, such as '0 - - + 0'."
+            help="Instead of INPUT, a chain of tetrahedra: one sign per hinge, such as "
+            "'0 - - + 0'. 0 is straight; + and - are quarter turns in opposite directions."
         ),
     ] = None,
     request: FoldRequest,

@@ -20,7 +20,7 @@ from planner.readers.text import READ_AS_VOXELS
 if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
-TYPED_REMEDY = "if the order has no meaning, use --as-voxels"
+TYPED_REMEDY = "if the order of the cells has no meaning, use --as-voxels"
 MAX_INPUT_BYTES = 64 * 2**20
 """Maximum size of an input file of the command line, in bytes; a larger one is refused before it is
 read. A larger value lets a wrong file take more memory. Chosen."""
@@ -33,8 +33,8 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
         InputError: When there is neither or both, or the file is too large.
     """
     if (shape is None) == (angles is None):
-        got = "neither" if shape is None else "both"
-        raise InputError("no-input", f"got {got} of INPUT and --angles, expected one of them.")
+        got = "neither INPUT nor" if shape is None else "both INPUT and"
+        raise InputError("no-input", f"got {got} --angles, expected one of the two.")
     if shape is None:
         return f"{HEADING}\n{angles}".encode(), "typed.txt"
     path = Path(shape)
@@ -53,7 +53,7 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
         raise InputError(
             "no-file",
             f"the file cannot be read ({error.strerror}); expected a file, or the "
-            f"name of one of {Gallery().nearest(shape)}.",
+            f"name of an example: there are {Gallery().nearest(shape)}.",
             where=shape,
         ) from error
 

@@ -32,8 +32,9 @@ Settings = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="A setting, e.g. mass_error=0.05, damping=0.05 (with --preset paper) or "
-        "table_friction=0.1 (with --world table); repeatable. `foldback settings` lists them.",
+        help="A setting, such as mass_error=0.05; repeatable. Some need an option: damping=0.05 "
+        "needs --preset paper, table_friction=0.1 needs --world table. `foldback settings` lists "
+        "all settings.",
     ),
 ]
 Robot = Annotated[
@@ -47,7 +48,8 @@ Workers = Annotated[
     int | None,
     typer.Option(
         min=1,
-        help="Number of explosions to run in parallel if one stalls. Default: number of cores.",
+        help="Number of explosions (unfolding simulations) to run in parallel after the first one "
+        "has stalled. Default: number of cores.",
     ),
 ]
 PATH_OPTIONS: Final = (*options_of(PathOptions), "seed")

@@ -43,7 +43,8 @@ def refold(
         str,
         typer.Argument(
             metavar="B",
-            help="Folder or shape to fold into. It needs as many modules as A, of the same kind.",
+            help="Shape to fold into, or folder written by `foldback fold`. The shape must have as "
+            "many modules as A, of the same kind.",
         ),
     ],
     out: PlanDirectory,

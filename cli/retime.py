@@ -33,6 +33,7 @@ from planner.robot.motors import Build, MotorTable, motor_table
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.trajectory import Trajectory
 from words import certificate as certificate_words
+from words.quantities import module_widths
 
 MAX_LISTED_JOINTS = 10
 """Maximum number of joints in the printed table of motor torques: those with the largest peak
@@ -159,7 +160,9 @@ class _Retimed:
             ("Deviation from the plan", f"at most {off_rad:.2g} rad"),
         ]
         if self.clear is not None:
-            facts.append(("Motion between rows", _clearance_words(self.clear, self.sufficient_hz)))
+            facts.append(
+                ("Clearance between rows", _clearance_words(self.clear, self.sufficient_hz))
+            )
         return facts
 
 
@@ -216,9 +219,10 @@ def _clearance_words(clear: Sweep, sufficient_hz: float | None) -> str:
         }
         return certificate_words.clearance(figures) or ""
     words = (
-        f"modules overlap by {-clear.clearance:.2g} pitch"
+        f"modules overlap by {module_widths(-clear.clearance, 2)}"
         if clear.clearance < -MAX_TOUCH_DEPTH_PITCH
-        else f"clearance not proved; smallest measured {max(0.0, clear.clearance):.2g} pitch"
+        else "clearance not proved; the smallest measured gap between modules is "
+        f"{module_widths(max(0.0, clear.clearance), 2)}"
     )
     return words if sufficient_hz is None else f"{words}; use --rate {sufficient_hz:g}"
 
@@ -235,7 +239,7 @@ def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) ->
     if motors is None:
         return
     columns = Table(box=None, pad_edge=False)
-    for heading in ("Joint", "Peak, N·m", "Frame of peak", "Root mean square, N·m"):
+    for heading in ("Joint", "Peak, N·m", "Peak at frame", "Root mean square, N·m"):
         columns.add_column(heading, justify="left" if heading == "Joint" else "right")
     for k in np.argsort(-motors.peak_torque_nm)[:MAX_LISTED_JOINTS]:
         columns.add_row(

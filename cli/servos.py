@@ -66,12 +66,15 @@ def servos(
         typer.Option(
             "--shape",
             metavar="NAME=TORQUE",
-            help="Also list servos for a shape that needs this torque; repeatable.",
+            help="Name of a shape and its torque, w·p: also list servos for this shape; "
+            "repeatable.",
         ),
     ] = None,
     plan: Annotated[
         Path | None,
-        typer.Option(metavar="DIR", help="Also show the shortest folding time of this fold."),
+        typer.Option(
+            metavar="DIR", help="Folder of a fold: also show how fast each servo can fold it."
+        ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -204,16 +207,17 @@ def _show(
     suitable: dict[str, list[str]],
 ) -> None:
     fits = sizing.fits
-    share = f"servos hold {sizing.share:.2g} of their stall torque"
+    share = f"continuous torque {sizing.share:.2g} × stall torque"
     title = f"Pitch {1e3 * sizing.pitch_m:g} mm, {sizing.casing.about}, {share}"
     console = Console(highlight=False)
     timed = any(row["least_s"] is not None for row in rows)
     table = Table(title=title, title_justify="left", box=None, pad_edge=False)
-    for heading in ("Servo", "Module\ng", "Needs\nN·m", "Gives\nN·m", "Up to\nw·p", "Pitch\nmm"):
+    headings = ("Servo", "Module,\ng", "Needs,\nN·m", "Gives,\nN·m", "Gives,\nw·p", "Pitch,\nmm")
+    for heading in headings:
         table.add_column(heading, justify="left" if heading == "Servo" else "right", no_wrap=True)
     if timed:
-        table.add_column("Folds\nin s", justify="right", no_wrap=True)
-    table.add_column("Suitable")
+        table.add_column("Folding\ntime, s", justify="right", no_wrap=True)
+    table.add_column("Suitable,\ngives ÷ needs")
     for fit, row in zip(fits, rows, strict=True):
         cells = [
             f"{fit.servo.maker} {fit.servo.name}",

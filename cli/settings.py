@@ -23,7 +23,7 @@ def settings(as_json: AsJson = False) -> None:
     for title, rows in (
         ("Simulated robots", ROBOT_ROWS),
         ("Folding on a table, with --world table", TABLE_ROWS),
-        ("The published method, with --preset paper", PAPER_ROWS),
+        ("Method of the published paper, with --preset paper", PAPER_ROWS),
     ):
         table = Table(title=title, title_justify="left", box=None, pad_edge=False)
         for heading in ("Setting", "Default", "Values", "Meaning"):

@@ -26,12 +26,22 @@ from planner.plan.shape_writers import write_chain, write_path
 if TYPE_CHECKING:
     from planner.table_paths.offers import Offer
 
+KNOT_WORDS = {
+    "unknot": "none",
+    "knotted": "yes; the chain can never be straightened",
+    "undecided": "unknown",
+}
+"""Words for the verdict on a knot."""
+
 
 @takes(*PATH_OPTIONS)
 def shape(
     *,
     source: Annotated[
-        str, typer.Argument(metavar="INPUT", help="A mesh, a voxel model, cells, or an example.")
+        str,
+        typer.Argument(
+            metavar="INPUT", help="File with a mesh, voxels or cells; or name of an example."
+        ),
     ],
     out: Annotated[Path, typer.Option(help="Output file for the path or the chain.")],
     request: FoldRequest,
@@ -99,7 +109,7 @@ def offer_words(offer: Offer) -> str:
         for name, value in offer.change.items()
         if value not in (False, "auto")
     ]
-    return f"Has a path: {' '.join(options)} ({offer.modules} modules)"
+    return f"A similar shape has a path: {' '.join(options)} ({offer.modules} modules)"
 
 
 def path_file(prepared: Preparation) -> bytes:
@@ -133,7 +143,7 @@ def show(report: dict[str, Any], out: Path) -> None:
     if report["method"]:
         table.add_row("Path method", f"{report['method']}, {report['candidates']} candidates")
     if report["knot"] is not None:
-        table.add_row("Knot", str(report["knot"]["verdict"]))
+        table.add_row("Knot in the path", KNOT_WORDS[report["knot"]["verdict"]])
     for note in report["notes"]:
         table.add_row("Note", note)
     if report["has_path"]:

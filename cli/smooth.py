@@ -25,7 +25,10 @@ from words.smoothing import smoothing_note, smoothing_rows
 @takes(
     "seed",
     "module_size",
-    lines={"module_size": "Module size in the clearance check. Default: the plan's."},
+    lines={
+        "module_size": "Module size in the clearance check, as a fraction of the pitch. Default: "
+        "the plan's."
+    },
 )
 def smooth(
     *,

@@ -20,7 +20,7 @@ from planner.file_names import PLAN
 from planner.files import write_whole
 from planner.parameters.explosion import Base
 from planner.plan.plan import Plan
-from words.messages import verdict_for_people
+from words.messages import assumption_for_people, verdict_for_people
 
 TABLE_FILE = "table.json"
 MM_PER_M = 1000.0
@@ -156,4 +156,4 @@ def _show(found: TableCertificate, written: Path) -> None:
     facts.add_row("Written to", str(written))
     console.print(facts)
     for line in found.assumptions:
-        console.print(f"assumed: {line}", markup=False)
+        console.print(f"assumed: {assumption_for_people(line)}", markup=False)

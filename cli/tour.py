@@ -79,7 +79,9 @@ def drafted(directory: Path) -> Tour:
         raise InputError("no-frames", f"{error}") from error
     drafted = draft_tour(row, frames, moments)
     if drafted is None:
-        raise InputError("no-frames", "got a fold without frames, expected one with a motion.")
+        raise InputError(
+            "no-frames", "got a fold without frames, expected a fold with at least one frame."
+        )
     return drafted
 
 

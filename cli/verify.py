@@ -24,6 +24,11 @@ from planner.verification.verify import Verification
 from planner.verification.verify import verify as verify_files
 from words import certificate as certificate_words
 from words.messages import verdict_for_people
+from words.quantities import module_widths
+
+MODULE_SIZE_HELP = (
+    "Module size in the clearance check, as a fraction of the pitch. Default: the plan's."
+)
 
 
 class OtherProgram(StrEnum):
@@ -34,9 +39,7 @@ class OtherProgram(StrEnum):
 
 def verify(
     directory: FoldDirectory,
-    module_size: Annotated[
-        str | None, typer.Option(metavar="FLOAT", help="Module size. Default: the plan's.")
-    ] = None,
+    module_size: Annotated[str | None, typer.Option(metavar="FLOAT", help=MODULE_SIZE_HELP)] = None,
     largest_size: Annotated[
         bool,
         typer.Option(
@@ -48,13 +51,14 @@ def verify(
         OtherProgram | None,
         typer.Option(
             "--with",
-            help="Also check for contacts between frames with another program, ipctk "
-            r"(pip install 'foldback\[ipctk]').",
+            help="Also use another program, ipctk "
+            r"(pip install 'foldback\[ipctk]'), "
+            "to check the motion from frame to frame for collisions.",
         ),
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Check a plan's files and figures again, and replay it in plain MuJoCo."""
+    """Recheck a plan's files and figures; replay the plan in the simulator MuJoCo."""
     with_ipctk = other is OtherProgram.IPCTK
     result = _verification(directory, module_size, third_opinion=with_ipctk, as_json=as_json)
     largest = _largest(directory, result) if largest_size and result.verified else None
@@ -96,12 +100,13 @@ def _show(result: Verification, largest: tuple[float, str] | None) -> None:
         console.print(line, markup=False)
     if result.reason is not None:
         holds = "confirmed" if result.reason.confirmed else "refuted"
-        console.print(f"Reason {holds}: {verdict_for_people(result.reason.words)}.", markup=False)
+        reason = verdict_for_people(result.reason.words)
+        console.print(f"Reason why the explosion stalled, {holds}: {reason}.", markup=False)
     if result.replay is not None:
         console.print(
-            f"replay of {result.replay.frames} frames in plain MuJoCo: poses differ by at most "
-            f"{result.replay.pose_difference:.1g} pitch, and modules overlap by at most "
-            f"{result.replay.overlap:.2g} pitch"
+            f"replay of {result.replay.frames} frames in MuJoCo: module positions differ from the "
+            f"plan's by at most {module_widths(result.replay.pose_difference, 1)}, and modules "
+            f"overlap by at most {module_widths(result.replay.overlap, 2)}"
         )
     for line in result.checked:
         console.print(f"checked: {line}", markup=False)
@@ -109,7 +114,10 @@ def _show(result: Verification, largest: tuple[float, str] | None) -> None:
         console.print(f"note: {line}", markup=False)
     if largest is not None:
         size, what = largest
-        console.print(f"{what} free of collisions up to a module size of {size:.3f} pitch")
+        console.print(
+            f"{what} free of collisions up to a module size of {size:.3f} × the pitch (distance "
+            "between neighbouring modules)"
+        )
 
 
 def _largest(directory: Path, result: Verification) -> tuple[float, str]:

@@ -68,9 +68,7 @@ def form_of(options: Any, known: type[Any], shape: str | None) -> dict[str, str]
     """
     if unknown := set(options) - set(known.__annotations__):
         allowed = sorted(known.__annotations__)
-        raise TypeError(
-            f"got the unknown options {sorted(unknown)}, expected only some of {allowed}."
-        )
+        raise TypeError(f"got the unknown options {sorted(unknown)}, expected any of {allowed}.")
     found = {**options, "shape": shape}
     return {name: _text(value) for name, value in found.items() if value is not None}
 

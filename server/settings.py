@@ -310,7 +310,7 @@ class Settings(BaseSettings):
     def _web_address(cls, value: str | None) -> str | None:
         if value and not re.fullmatch(r"https?://[^\s\"'<>]+", value):
             raise ValueError(
-                f"got {value!r}, expected an address like https://example.org/imprint."
+                f"got {value!r}, expected an address like https://example.org/legal-notice."
             )
         return value or None
 

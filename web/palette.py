@@ -83,7 +83,7 @@ def error_scale(largest_rad: float) -> float:
     for factor in (1.0, 2.0, 5.0, 10.0):
         if largest_rad <= factor * power * (1 + 1e-9):
             return float(factor * power)
-    raise AssertionError("unreachable: ten times the power of ten is above the number")
+    raise AssertionError(f"internal error: found no colour scale that ends above {largest_rad} rad")
 
 
 def module_errors(joint_error_rad: Array, module: Module, modules: int) -> Array:

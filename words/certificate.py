@@ -16,7 +16,7 @@ from planner.parameters.parameters import BASELINE
 from planner.robot.module_materials import CASINGS
 from planner.robot.servos import Servo, servos
 from planner.robot.sizing import find_suitable_servos, suitable_pitches
-from words.messages import verdict_for_people
+from words.messages import assumption_for_people, verdict_for_people
 from words.quantities import SIGNIFICANT_DIGITS, STRATEGY_LABELS, length_m, quantity, sentence
 
 CERTIFICATE_DIGITS: Final = 2
@@ -241,7 +241,7 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
         "good": table.rests,
         "text": text,
         "rows": [(label, value) for label, value in rows if value],
-        "assumptions": list(table.assumptions),
+        "assumptions": [assumption_for_people(each) for each in table.assumptions],
         "servos": servos,
         "named": [{"name": f"{servo.maker} {servo.name}", "href": servo.url} for servo in named],
     }

@@ -111,6 +111,16 @@ VERDICT_PHRASES: Final = (
         re.compile(r"\ba playback of windows\b"),
         "a playback in which only the moving hinges are stored",
     ),
+    (re.compile(r"\bangles in windows\b"), "angles of the hinges in motion"),
+    (
+        re.compile(r"\bthe phases of the playback are out of order\b"),
+        "in the playback, unfolding and folding are in the wrong order",
+    ),
+    (
+        re.compile(r"\bthe playbacks of other robots do not have the plan's frames\b"),
+        "the playbacks of the other simulated robots do not have one finite joint angle for each "
+        "angle of the plan",
+    ),
     (re.compile(r"\bthe playback of another robot\b"), "the playback of another simulated robot"),
     (
         re.compile(r"\bthe (\d+) hinges (bent .+?°) at (.+?) cannot straighten, each by itself: "),
@@ -138,12 +148,42 @@ VERDICT_PHRASES: Final = (
 """Patterns in verdicts, and the words that replace them for people. Plans store the verdicts, and
 ``foldback verify`` compares them, so the verdicts themselves keep their text."""
 
+ASSUMPTION_PHRASES: Final = (
+    (
+        "The torque of a frame is the largest joint torque, minimised over all distributions of "
+        "contact forces. This lower bound is exact",
+        "The contact forces can be distributed in many ways. The torque of a frame is the largest "
+        "joint torque for the distribution that makes it smallest. It is a lower bound, which is "
+        "exact",
+    ),
+    (
+        "Linked cubes do not touch: the parts that would touch are cut away.",
+        "The parts of linked cubes that would touch are treated as cut away.",
+    ),
+    ("any moment across their hinges", "any moment perpendicular to their hinge axes"),
+    (
+        "It drifts so that friction does the least work, computed with the contact forces of a "
+        "table without friction.",
+        "The chain drifts so that friction does the least work. To compute the drift, the contact "
+        "forces are taken from a table without friction.",
+    ),
+)
+"""Parts of a table certificate's assumptions, and the words that replace them for people. Plans
+store the assumptions, so these keep their text."""
+
 
 def verdict_for_people(verdict: str) -> str:
     """Return a stored verdict, or its reason, in the words that people read."""
     for pattern, words in VERDICT_PHRASES:
         verdict = pattern.sub(words, verdict)
     return PITCHES.sub(lambda length: module_widths(float(length["pitches"])), verdict)
+
+
+def assumption_for_people(assumption: str) -> str:
+    """Return a stored assumption of a table's certificate in the words that people read."""
+    for stored, words in ASSUMPTION_PHRASES:
+        assumption = assumption.replace(stored, words)
+    return assumption
 
 
 def message_for_people(detail: str) -> str:

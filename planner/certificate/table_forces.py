@@ -51,8 +51,8 @@ class TableForces:
         except UNREADABLE as error:
             raise InputError(
                 "no-forces",
-                f"{path.name} cannot be read ({type(error).__name__}); expected the file that a "
-                "fold on a table writes.",
+                f"{path.name} cannot be read ({type(error).__name__}); expected the table "
+                "forces of a fold on a table.",
             ) from error
         shapes = [found[name].shape for name in ("torques", "pressed", "torque")]
         if [len(shape) for shape in shapes] != [2, 2, 1] or len({s[0] for s in shapes}) != 1:

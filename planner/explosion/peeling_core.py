@@ -79,8 +79,8 @@ class Core:
         if not chain.module.fills_cell or chain.module.rigid_links != 1:
             raise InputError(
                 "not-peelable",
-                f"got a chain of the module type {chain.module.name}, expected cubes; use another "
-                "strategy.",
+                f"got a chain of the module type {chain.module.name}, expected cubes; use a "
+                "strategy other than peel.",
             )
         folded = forward_kinematics(chain.module, chain.folded_rad)
         cells = np.rint(folded.positions)
@@ -88,7 +88,7 @@ class Core:
             raise InputError(
                 "not-peelable",
                 "got a folded chain whose modules lie between the cells of the cubic lattice, "
-                "expected hinge angles of 0 or ±90°; use another strategy.",
+                "expected hinge angles of 0 or ±90°; use a strategy other than peel.",
             )
         self.cells = cells
         self.rotations = np.rint(folded.rotations)

@@ -21,7 +21,7 @@ PRESET_CHOICES: Final[Choices] = {
     "paper": Choice(label="Published parameters", note="the published method"),
     "direct": Choice(
         label="Direct servoing (usually fails)",
-        note="drives every joint straight to its target; fails for most shapes",
+        note="turns all joints directly to their final angles; fails for most shapes",
     ),
 }
 """Sets of parameters by name, with their texts for people."""

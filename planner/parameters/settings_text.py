@@ -87,6 +87,7 @@ ALL_SETTINGS: Final = (*SETTINGS, *ROBOT_SETTINGS, *TABLE_SETTINGS)
 def names_with_units(settings: tuple[Setting, ...]) -> str:
     """Return names of settings with their units or words, for descriptions of options."""
     about = {each.name: each.unit or " or ".join(each.words) for each in settings}
+    about = {n: f"fraction {what}" if what.startswith("of ") else what for n, what in about.items()}
     return ", ".join(f"`{name}`{f' ({what})' if what else ''}" for name, what in about.items())
 
 

@@ -89,7 +89,7 @@ class PathOptions:
         title="World",
         help="World: `floating` has no gravity; on a `table` the chain is always supported and "
         "needs as little torque as possible. Settings on a table: "
-        f"{names_with_units(TABLE_SETTINGS)}.",
+        f"{names_with_units(TABLE_SETTINGS)}; w·p is module weight × pitch.",
         label="Fold",
         choices=WORLD_CHOICES,
     )

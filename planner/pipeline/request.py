@@ -95,8 +95,8 @@ class FoldRequest(PathOptions):
         "default",
         title="Preset",
         help="Folding method. `default` is foldback's own, and `paper` is the published one. "
-        "`direct` is direct servoing: it drives every joint straight to its target (fails for "
-        "most shapes).",
+        "`direct` is direct servoing, for comparison: it turns all joints directly to their final "
+        "angles (fails for most shapes).",
         label="Preset",
         choices=PRESET_CHOICES,
     )
@@ -114,17 +114,18 @@ class FoldRequest(PathOptions):
         title="Module size in the clearance check, as a fraction of the pitch",
         noun="module size",
         help="Edge length of a module in the clearance check, in pitches. One pitch is the "
-        "distance between the centres of two neighbouring modules.",
+        "distance between the centres of two neighbouring modules. Default: 0.95; when a "
+        "plan is smoothed, that of the plan.",
         range=MODULE_SIZE_RANGE,
         unit="times the pitch",
     )
     strategy: str = option(
         AUTO,
         title="Explosion strategy",
-        help="How the chain is released: all modules at once (`simultaneous`), rigid blocks "
-        "first (`blocks`), or one part at a time from one end (`peel`). For long chains, "
-        "`auto` uses `peel`. For comparison, `one-by-one` straightens one joint at a "
-        "time.",
+        help="How the folded chain is pulled apart: all modules at once (`simultaneous`), rigid "
+        "blocks first (`blocks`), or one part at a time from one end (`peel`). `auto` "
+        "chooses by size and path; for long chains it uses `peel`. For comparison, "
+        "`one-by-one` straightens one joint at a time.",
         choices=STRATEGY_CHOICES,
     )
     prefer: Preference = option(
@@ -132,10 +133,11 @@ class FoldRequest(PathOptions):
         title="Preferred plan",
         noun="preference",
         help="Preferred plan. `computing` takes the first verified plan. The other values compare "
-        "several verified plans and take the best: `time` the one with the shortest folding time "
-        "at the joints' speed limit, `torque` the one with the smallest torque at equal folding "
-        "time, `clearance` the one with the largest proved clearance, `margin` the one that stays "
-        "clear with the largest error of one hinge. Comparing takes several times as long, because "
+        "several verified plans and take the best: `time` the one with the shortest folding "
+        "time at the joints' speed limit, `torque` the one with the smallest torque at equal "
+        "folding time, `clearance` the one with the largest proved clearance, `margin` the "
+        "one that tolerates the largest error of any one hinge without a collision. "
+        "Comparing takes about ten times as long, but at most about 300 s longer, because "
         "other strategies, paths and smoothings are tried. `attempts` in the plan lists all "
         "compared plans with their figures.",
         label="Preferred plan",

@@ -67,7 +67,8 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
         raise _bad("data", f"{len(levels)} bytes", f"{rows * modules} {each}")
     return {
         **told,
-        "name": clean_name(told["name"], max_length=MAX_VALUES_NAME_CHARACTERS) or "Own numbers",
+        "name": clean_name(told["name"], max_length=MAX_VALUES_NAME_CHARACTERS)
+        or "Numbers from a file",
         "unit": clean_name(told["unit"], max_length=MAX_UNIT_CHARACTERS),
     }
 

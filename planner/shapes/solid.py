@@ -148,8 +148,8 @@ def _check_lengths(points: Array) -> None:
             (
                 np.abs(points) > MAX_VERTEX_COORDINATE,
                 "too-far",
-                f"−{MAX_VERTEX_COORDINATE:g} to {MAX_VERTEX_COORDINATE:g}; scale the mesh and move "
-                "it to the origin",
+                f"−{MAX_VERTEX_COORDINATE:g} to {MAX_VERTEX_COORDINATE:g}; scale the mesh down, or "
+                "move it closer to the origin",
             ),
         ),
         row="vertex",
@@ -209,7 +209,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
     points, corners = welded(solid.vertices, solid.faces, tolerance=0.0)
     if not len(corners):
         raise InputError(
-            "degenerate", "got only triangles that lie on each other, expected a closed surface."
+            "degenerate", "got only triangles with two equal corners, expected a closed surface."
         )
     edges = edges_of(corners)
     if edges.open:
@@ -235,7 +235,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         if closed.holes and closed.share > MIN_NOTED_HOLE_SHARE:
             word, its = ("hole was", "its") if closed.holes == 1 else ("holes were", "their")
             share = (
-                f"; {its} area is {100 * closed.share:.0f} % of the surface"
+                f"; {its} area is {100 * closed.share:.0f} % of the surface of the closed mesh"
                 if closed.share > 0.05
                 else ""
             )
@@ -274,8 +274,8 @@ def _outside_out(solid: Solid, said: list[str]) -> Solid:
     if oriented.volume <= MIN_FILLED_SHARE * float(np.prod(solid.extents)):
         raise InputError(
             "no-volume",
-            "got a closed mesh without volume, expected a solid; its walls lie on each other, or "
-            "its parts cancel each other out.",
+            "got a closed mesh without volume, expected a solid; its walls coincide, or its "
+            "parts cancel each other out.",
         )
     said += oriented.notes
     return replace(solid, faces=oriented.faces, oriented=True)

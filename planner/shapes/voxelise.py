@@ -106,8 +106,9 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
     notes: list[str] = []
     if ladder.bodies > 1:
         notes.append(
-            f"the mesh has {ladder.bodies} separate bodies; only the largest is used. It has "
-            f"{100 * ladder.share:.0f} % of the volume. Join the bodies, or fold them one by one."
+            f"the mesh has {ladder.bodies} separate bodies; only the largest, with "
+            f"{100 * ladder.share:.0f} % of the volume, is used. Join the bodies, or "
+            "fold them one by one."
         )
     if fine.crossed > 0.001:
         notes.append("the surface crosses itself; everything it encloses counts as inside.")
@@ -135,7 +136,7 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
             f"{100 * iou:.0f} %; use more modules."
         )
     if better:
-        notes.append("the next smaller number of modules keeps more of the shape.")
+        notes.append("use fewer modules: the next smaller possible number keeps more of the shape.")
     return notes
 
 

@@ -59,8 +59,8 @@ class Blocks:
         if not chain.module.fills_cell:
             raise InputError(
                 "no-blocks",
-                f"got a chain of the module type {chain.module.name}, expected cubes; use another "
-                "strategy.",
+                f"got a chain of the module type {chain.module.name}, expected cubes; use a "
+                "strategy other than blocks.",
             )
         stops = np.append(self.starts[1:], n)
         spec = base_spec()
@@ -205,7 +205,7 @@ class _Parts:
             raise InputError(
                 "no-blocks",
                 "got a folded chain whose modules are off the cubic lattice, expected angles of 0 "
-                "or ±90°; use another strategy.",
+                "or ±90°; use a strategy other than blocks.",
             )
         _set_inertia(body, places, float(self.chain.module.inertia[0]))
         inside = np.ones(stop - start, dtype=np.bool_)

@@ -113,7 +113,8 @@ class Program:
         )
         if passed == highspy.HighsStatus.kError:
             raise PlannerError(
-                "got poses that the solver of the contact forces rejects, expected finite numbers"
+                "got poses with infinite, undefined or very large numbers, which the solver of the "
+                "contact forces rejects; expected finite numbers"
             )
 
 

@@ -31,7 +31,7 @@ FALLING_EFFORT: Final = 1.5
 tried if no path was found that never goes down; shared among the shape's orientations on the table.
 Larger values find more paths, more slowly. Chosen."""
 NO_TABLE_PATH_REMEDY: Final = (
-    "Add cells, fold only a part of the shape, or fold it in zero gravity."
+    "Add cells, fold only a part of the shape, or fold the whole shape in zero gravity."
 )
 SHORT_REASONS: Final[dict[Code, str]] = {
     "hairpins-only": "every path turns back directly above itself",
@@ -111,13 +111,13 @@ def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
         detail = f"the search found a path, but the chain cannot follow it: {faults[0].detail}"
         return None, _no_path(side, "not-stable", detail, faults[0].cells)
     if found.status == "undecided":
-        detail = "the search found no path that only climbs from the floor, but one may exist."
+        detail = "the search found no path from the floor that never goes down, but one may exist."
         return None, _no_path(side, "no-path", detail, may_fall=True)
     free = find_ascending_path(side.cells, seed=seed, hairpins_allowed=True)
     if free.status == "found":
-        return None, _hairpins_only(side, "every path that only climbs from the floor")
+        return None, _hairpins_only(side, "every path from the floor that never goes down")
     found_none = "proved that there is no" if free.status == "infeasible" else "found no"
-    detail = f"the search {found_none} path that only climbs from the floor."
+    detail = f"the search {found_none} path from the floor that never goes down."
     return None, _no_path(side, "no-path", detail, may_fall=True)
 
 
@@ -179,21 +179,21 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
         hanging = _borne_by_nothing(cells)
         detail = (
             f"{len(hanging)} cell{'s' * (len(hanging) != 1)} with nothing below "
-            f"connect{'s' * (len(hanging) == 1)} {joined} separate parts; a chain that only climbs "
-            "cannot fold such a shape."
+            f"connect{'s' * (len(hanging) == 1)} {joined} separate parts; a chain that never "
+            "goes down cannot fold such a shape."
         )
         return _no_path(side, "overhang", detail, tuples(hanging), may_fall=True)
     detail = (
-        f"layer {height + 1} from the bottom consists of {count} separate parts; a chain that only "
-        "climbs cannot leave a layer and come back."
+        f"layer {height + 1} from the bottom consists of {count} separate parts; a chain that "
+        "never goes down cannot leave a layer and come back."
     )
     return _no_path(side, "parts", detail, tuples(layer), may_fall=True)
 
 
 def _hairpins_only(side: Side, which: str) -> NoPath:
     detail = (
-        f"{which} turns back directly above itself somewhere. On a table, a chain cannot fold such "
-        "a turn."
+        f"{which} somewhere turns back directly above itself. On a table, a chain "
+        "cannot make such a turn."
     )
     return _no_path(side, "hairpins-only", detail, may_fall=True)
 

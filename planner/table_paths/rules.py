@@ -132,8 +132,8 @@ def _hairpins(order: Ints) -> list[Fault]:
     return [
         Fault(
             code="hairpin",
-            detail=f"the path turns back directly above itself at cells {a} to {b}, but it must "
-            "not: on a table, a chain cannot fold such a turn.",
+            detail=f"the path turns back directly above itself at cells {a} to {b}. On a "
+            "table, a chain cannot make such a turn.",
             at=a,
             cells=_named(order[a : b + 1]),
         )
@@ -151,7 +151,10 @@ def _unstable(order: Ints) -> list[Fault]:
         f"least {MIN_BALANCE_MARGIN_PITCH:g} module widths inside the edge of their base."
     )
     if more := len(bad) - 1:
-        detail += f" {more} longer beginning{'s' * (more > 1)} of the path would tip over, too."
+        detail += (
+            f" {more} longer part{'s' * (more > 1)} of the path, counted from its start, would tip "
+            "over, too."
+        )
     return [Fault(code="not-stable", detail=detail, at=k, cells=_named(order[k : k + 1]))]
 
 

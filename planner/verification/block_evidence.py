@@ -57,13 +57,13 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
     if not np.allclose(
         angles_rad[:first], chain.folded_rad[:first], rtol=0.0, atol=SINGLE_PRECISION_ANGLE_RAD
     ):
-        yield f"first_hinge: got {first}, but a hinge before it is not folded"
+        yield f"first_hinge: got {first}, expected all hinges before hinge {first} to be folded"
     bent = np.flatnonzero(np.abs(angles_rad) > told["bent_above_rad"])
     expected = bent[bent >= first].tolist()
     if [turn["hinge"] for turn in told["turns"]] != expected:
         yield (
-            f"turns: got {len(told['turns'])} turns, expected one turn of each bent hinge, in "
-            f"order ({len(expected)} in all)"
+            f"turns: got {len(told['turns'])} turns, expected {len(expected)}: one for each "
+            "bent hinge, in the order of the hinges"
         )
         return
     if not told["turns"] and not told["moves"]:
@@ -78,8 +78,8 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
         if turned * angles_rad[hinge] >= 0.0 or abs(turned) > MAX_BLOCKED_TURN_RAD + AXIS_ROUNDING:
             most = MAX_BLOCKED_TURN_RAD
             yield (
-                f"{name}: got a turn of {turned:.3g} rad, expected one towards straight of at most "
-                f"{most:.3g} rad"
+                f"{name}: got a turn of {turned:.3g} rad, expected a turn towards its straight "
+                f"position of at most {most:.3g} rad"
             )
         now = angles_rad.copy()
         now[hinge] += turned
@@ -93,12 +93,13 @@ def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
     if not told["moves"]:
         return
     axes = np.concatenate([np.eye(3), -np.eye(3)]).astype(int).tolist()
-    if sorted(move["direction"] for move in told["moves"]) != sorted(axes):
-        yield "moves: expected each of the six directions once"
+    directions = [move["direction"] for move in told["moves"]]
+    if sorted(directions) != sorted(axes):
+        yield f"moves: got the directions {directions}, expected each of the six directions once"
     joint = told["first_hinge"] // chain.module.hinges_per_joint
     if told["unit"] is None or told["unit"][1] != joint + chain.module.rigid_links:
         last = joint + chain.module.rigid_links
-        yield f"unit: got {told['unit']}, expected modules that end with module {last}"
+        yield f"unit: got {told['unit']}, expected a range whose last module is {last}"
         return
     low, high = told["unit"]
     folded = forward_kinematics(chain.module, chain.folded_rad)
@@ -107,8 +108,8 @@ def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
         name = f"direction {move['direction']}"
         if not (low <= a <= high and 0 <= b < low):
             yield (
-                f"{name}: got modules {a} and {b}, expected one of modules {low} to {high}, and "
-                "one before them"
+                f"{name}: got modules {a} and {b}, expected one module from {low} to {high} "
+                f"and one before module {low}"
             )
         if not 0.0 < moved <= MAX_BLOCKED_MOVE_PITCH:
             most = MAX_BLOCKED_MOVE_PITCH

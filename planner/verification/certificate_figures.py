@@ -72,7 +72,8 @@ class ReportedFigures:
             aside |= {"exempt_pairs", "max_angle_rad"}
             loose = [n for n in loose if n not in ("in_betweens", "robots")]
             notes.append(
-                "The playbacks of the other robots are missing, so their figures were not compared."
+                "Only the figures of the robot with the largest joint error were compared, because "
+                "the playbacks of the other simulated robots are missing."
             )
         if self.earlier and "simulated" not in self.certificate:
             # Earlier versions told the bound of the plan alone, told less of the rest,

@@ -105,7 +105,10 @@ def _differences(
     last = record.frames[-1:].dense(chain)
     angles = last.joint_angles_rad[0]
     if record.status not in ("stalled", "timeout", "diverged"):
-        yield f"status: got {record.status}, but a run with this status did not stall"
+        yield (
+            f"status: got {record.status}, expected stalled, timeout or diverged, because the plan "
+            "contains evidence of a failure"
+        )
     elif told["kind"] == "knot":
         yield from knot_differs(last.poses(chain).positions[0], told)
     elif told["kind"] == "blocks":
@@ -146,8 +149,8 @@ def _spent_differs(
         recorded = (record.spent.kind, record.spent.allowed, record.spent.used)
         if (spent, allowed, used) != recorded:
             yield (
-                f"spent: got {used} of {allowed} {spent}, expected {recorded[2]} of {recorded[1]} "
-                f"{recorded[0]}, as in the record"
+                f"spent: got {spent} (allowed {allowed}, used {used}), expected {recorded[0]} "
+                f"(allowed {recorded[1]}, used {recorded[2]}), as in the record"
             )
     counted = _counted(record, spent)
     if used != counted:
@@ -164,9 +167,10 @@ def _spent_differs(
     if spent == "refusals":
         most = float(parameters["table"]["most_torque"])
         if record.table is None or record.table.bound < most:
+            bound = "no torque" if record.table is None else f"{record.table.bound:g} w·p"
             yield (
-                f"spent: got refusals, expected that the record allows torques up to {most:g} w·p "
-                "at the end"
+                f"spent: got refusals, which end a run only after torques up to {most:g} w·p were "
+                f"allowed, but the record allows {bound}"
             )
 
 

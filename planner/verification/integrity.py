@@ -130,7 +130,9 @@ def _manifest(directory: FilePath) -> Digests | None:
     try:
         values: Any = json.loads(path.read_bytes())
         if values["format"] != MANIFEST_FORMAT:
-            raise DamagedError(path, f"{FILE} has the format {values['format']!r}")
+            raise DamagedError(
+                path, f"got the format {values['format']!r}, expected {MANIFEST_FORMAT!r}"
+            )
         return {str(name): dict(fields) for name, fields in values["sha256"].items()}
     except FileNotFoundError:
         return None

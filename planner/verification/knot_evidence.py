@@ -62,8 +62,8 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
         for (over, under, sign), other in zip(sorted(seen), sorted(diagram), strict=True)
     ):
         yield (
-            f"diagram: the polygon has {len(seen)} crossings, which differ from those of the "
-            "evidence"
+            f"diagram: the {len(seen)} crossings of the polygon differ from the {len(diagram)} "
+            "crossings in the evidence"
         )
         return
     drawn = invariants_of_crossings(seen)
@@ -82,7 +82,10 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
             yield "determinant: there are too many crossings to compute it again"
             return
         if not found.knotted:
-            yield "knot: two values of the chain's polynomial show no knot"
+            yield (
+                "knot: got evidence of a knot, but the chain's Alexander polynomial, computed at "
+                "two points, shows no knot"
+            )
         if told["determinant"] not in (None, found.determinant):
             yield f"determinant: got {told['determinant']}, expected {found.determinant}"
         if drawn != found:
@@ -110,15 +113,15 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
         yield "closings: a corner is near the chain, expected all of them far outside"
     for start, end in zip(corners[:-1], corners[1:], strict=True):
         if _distances(middle[None], start, end)[0] < radius:
-            yield "closings: the ends are joined through the chain, expected around it"
+            yield "closings: got a line that passes through the chain, expected lines around it"
     if several:
         return
     for end, corner in ((0, corners[-1]), (len(positions) - 1, corners[0])):
         others = np.delete(positions, end, axis=0)
         if _distances(others, positions[end], corner).min() < MIN_FREE_LINE_PITCH:
             yield (
-                f"closings: the line from module {end} crosses other modules, expected a line that "
-                f"crosses none, or at least {MIN_CLOSINGS} closings"
+                f"closings: the line from module {end} crosses other modules; this is allowed "
+                f"only if there are at least {MIN_CLOSINGS} closings"
             )
 
 

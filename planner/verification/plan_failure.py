@@ -29,8 +29,8 @@ def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck 
     found = stuck and record and check_reason(plan.chain, record, stuck, plan.parameters)
     if stuck is None or found is None:
         notes.append(
-            "The reason for the stall was not checked. The check needs record.npz and the evidence "
-            "in the attempts of plan.npz, which earlier versions did not write."
+            "The reason for the failure was not checked. The check needs record.npz, and evidence "
+            "in the attempts of plan.npz. Earlier versions did not write this evidence."
         )
         return None
     words = Diagnosis.from_dict(stuck).words

@@ -67,13 +67,16 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
         1 + SINGLE_PRECISION_ATOL_RAD
     ):
         yield (
-            f"plan.npz playback.max_angle_error_rad: expected at least {most}, the "
-            "largest error in a frame"
+            f"plan.npz playback.max_angle_error_rad: got {playback.max_angle_error_rad}, expected "
+            f"at least {most}, the largest error in a frame"
         )
     told = playback.summary()
     for name in ("rms_position_error", "max_angle_error_rad", "peak_torque", "rms_torque"):
         if told[name] is None:
-            yield f"plan.npz playback.{name}: got null, expected a number, as it was simulated"
+            yield (
+                f"plan.npz playback.{name}: got null, expected a number, because the playback was "
+                "simulated"
+            )
     if not earlier:
         steps = float(np.diff(plan.time_s).sum()) / _step_s(plan)
         if not abs(playback.steps - steps) <= STEP_COUNT_TOLERANCE_STEPS:
@@ -81,7 +84,10 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
     played, reference = playback.frames, playback.reference
     moves = reference.steps(plan.chain)[0].any()
     if not np.isfinite(played.errors).all():
-        yield "timeline.zarr joint errors: got undefined numbers, expected errors of a simulation"
+        yield (
+            "timeline.zarr joint errors: got undefined numbers, expected the errors of a simulated "
+            "robot"
+        )
     if moves and np.array_equal(played.angles_rad, reference.angles_rad):
         yield (
             "timeline.zarr joint angles: got exactly those of plan.npz, expected those of a "

@@ -79,7 +79,7 @@ def _among(directory: FilePath, plan: Plan) -> Differences:
             return
         if candidates.two_ended and chain_attributes(candidate.from_other_end()) == chain:
             return
-    yield f"{names.CANDIDATES}: no candidate is the chain of plan.npz"
+    yield f"{names.CANDIDATES}: none of the candidate chains is the chain of plan.npz"
 
 
 def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -> Differences:
@@ -133,7 +133,7 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
     far = np.abs(angles - frames.joint_angles_rad[held]).max(axis=1)
     near = far <= FRAME_SPACING_RAD + PLAN_STEP_RAD
     if not near.all():
-        yield f"{name}[{int(np.argmax(~near))}] differs from the frame of the record"
+        yield f"{name}[{int(np.argmax(~near))}] differs too much from the last frame before it"
 
 
 def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:

@@ -108,16 +108,20 @@ class Opinion:
         """Plain English for what was looked at."""
         return (
             f"{self.program} finds no modules within {self.clearance:.4f} pitches of each other "
-            f"({self.intervals} intervals between frames were divided into {self.parts} straight "
-            f"parts, which deviate from the motion by at most {self.deviation:.1g} pitches; the "
+            f"({self.intervals} intervals between frames were checked as {self.parts} straight "
+            f"motions; these differ from the plan by at most {self.deviation:.1g} pitches; the "
             f"check took {self.seconds:.1f} s)"
         )
 
     @property
     def problems(self) -> Differences:
         """Plain English for its contacts."""
+        limit = self.clearance + 2.0 * self.deviation
         for contact in self.contacts:
-            yield f"plan.npz: {self.program}: {contact.words}"
+            yield (
+                f"plan.npz: {self.program}: {contact.words}; expected a distance of more than "
+                f"{limit:.4f} pitches"
+            )
 
 
 @dataclass(frozen=True, slots=True)

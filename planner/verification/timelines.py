@@ -108,7 +108,10 @@ def with_other_robots(
     except UNREADABLE as error:
         raise InputError("not-a-playback", f"playback.npz cannot be read: {error}") from error
     if kept is None:
-        notes.append("There is no playback.npz, so the playbacks of other robots were not checked.")
+        notes.append(
+            "There is no playback.npz, so only the playback of the robot with the largest joint "
+            "error was checked."
+        )
         return playback
     return replace(playback, others_rad=kept.others_rad)
 

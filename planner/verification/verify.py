@@ -326,8 +326,8 @@ def _check_manifest(directory: FilePath, found: _Findings, *, earlier: bool) -> 
         )
     else:
         found.look(
-            "every field of every file matches its digest in manifest.json (the plots in "
-            "figures.zarr are checked in no other way)",
+            "every field of every file matches its digest in manifest.json (this is the only check "
+            "of the plots in figures.zarr)",
             (
                 field if field.endswith(manifest.MISSING) else f"{field} was changed"
                 for field in changed

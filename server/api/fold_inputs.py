@@ -38,7 +38,7 @@ OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
 Cells = list[list[int]]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
 GalleryShape = Annotated[
-    str | None, Form(description="Name of a gallery shape, instead of another input.")
+    str | None, Form(description="Instead of a file: the name of a gallery shape.")
 ]
 
 
@@ -62,10 +62,12 @@ class Origin:
 
     file: Uploaded = None
     shape: GalleryShape = None
-    preview: Annotated[str | None, id_field("Id of a preview, instead of another input.")] = None
+    preview: Annotated[str | None, id_field("Instead of a file: the id of a preview.")] = None
     fold: Annotated[
         str | None,
-        id_field("Id of a fold whose input and shape options are used again."),
+        id_field(
+            "Instead of a file: the id of a fold whose input and shape options are used again."
+        ),
     ] = None
     refold: Annotated[
         str | None,
@@ -77,8 +79,8 @@ class Origin:
     smooth: Annotated[
         str | None,
         id_field(
-            "Id of a verified fold. The new fold is a shorter and smoother version of its motion. "
-            "Preset and strategy do not apply, because there is no new explosion."
+            "Instead of a shape: the id of a verified fold. The new fold makes the motion of "
+            "that fold shorter and smoother. Preset and strategy do not apply, because there is no new explosion."
         ),
     ] = None
 

@@ -69,7 +69,7 @@ def get_my_folds(
         str | None,
         Query(
             pattern=CURSOR_PATTERN,
-            description="Value from the link `next` of the previous page of the list.",
+            description="Value of `before` in the link `next` of the previous page of the list.",
         ),
     ] = None,
     limit: Annotated[
@@ -122,7 +122,7 @@ def delete_my_preview(context: Here, owner: ListingOwner, preview_id: str) -> Re
 
 @router.get("/movies", summary="List my movies", responses=problems(401, 429))
 def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
-    """List all movies that were requested with this token."""
+    """List the movies that were requested with this token, newest first."""
     return MoviesMade(
         movies=[
             MovieMade(
@@ -137,7 +137,7 @@ def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
 
 @router.post(
     "/key",
-    summary="Replace a key that other people may know",
+    summary="Replace a token that other people may know",
     responses=problems(400, 401, 422, 429),
 )
 def post_my_key(context: Here, owner: ListingOwner, wanted: KeyWanted | None = None) -> KeyReplaced:
@@ -147,8 +147,8 @@ def post_my_key(context: Here, owner: ListingOwner, wanted: KeyWanted | None = N
     if claim.owner == owner:
         raise Malformed(
             "same-key",
-            "got the current key, expected a new one; send another key, or none to let the service "
-            "create one.",
+            "got the current token, expected a new one; send another token, or none to let the "
+            "service create one.",
         )
     folds = hand_over_all(context.store, owner, claim.owner)
     return KeyReplaced(owner_token=claim.token, folds=folds)

@@ -49,7 +49,7 @@ class ValuesBody(Body):
     responses={200: {"model": ValuesBody}, **problems(404)},
 )
 def get_values(fold_id: str, context: Here) -> JSONResponse:
-    """Return the numbers that the owner has stored for the modules; 404 if there are none."""
+    """Return the numbers that colour the modules; 404 if the owner has stored none."""
     found = context.store.find(fold_id)
     if found is None:
         raise NoSuchFoldError(fold_id)

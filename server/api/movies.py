@@ -117,7 +117,8 @@ def post_movie(
 ) -> MovieBody:
     """Add a movie to the queue. The same options return the same movie.
 
-    If a movie was requested with the owner token, only a newer movie of the owner replaces it.
+    A fold keeps a limited number of movies: a new movie replaces the oldest finished one. A movie
+    requested with the owner token is replaced only by a newer movie requested with this token.
     """
     found = context.store.find(fold_id) if options.tour else None
     tour = None if found is None else tour_of(context.store, found)
@@ -168,7 +169,7 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     responses=problems(403, 404),
 )
 def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwner) -> Response:
-    """Cancel or delete a movie, with its own token or the fold's owner token."""
+    """Cancel or delete a movie, with the token of its request or the fold's owner token."""
     context.store.fold(fold_id)
     row = context.movies.state(fold_id, movie_id)
     if owner is None or not (owner.owns(row.token_hash) or context.store.owns(fold_id, owner)):

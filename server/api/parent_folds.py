@@ -66,8 +66,8 @@ def finished_parent(context: Context, fold_id: str, use: Use) -> ParentFold:
     if not row.over:
         raise Conflict(
             f"{use}-not-ready",
-            f"{row.name} is still {row.status}, expected a finished fold; {use} it when the fold "
-            "is over.",
+            f"{row.name} is still {row.status}, expected a finished fold; {use} it when it "
+            "has finished.",
             retry_after_s=5,
         )
     check(directory, *COPIED_FILES[use].values())

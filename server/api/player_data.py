@@ -44,7 +44,7 @@ larger value needs fewer requests, and each one occupies a connection for longer
 
 @router.get("/view")
 async def view(request: Request) -> Response:
-    """Return viser's client for a frame within a page."""
+    """Return the page of the 3D viewer viser, which the fold's page embeds in an iframe."""
     page = await asyncio.to_thread(view_page)
     headers = {"Content-Security-Policy": client().policy, "X-Frame-Options": "SAMEORIGIN"}
     return page.response(request, headers)
@@ -84,7 +84,8 @@ async def batch(
     """Return frames of a fold's timeline; wait at most ``wait`` seconds for the first one.
 
     Raises:
-        TooMany: Too many requests of the visitor, of its network or in total are waiting.
+        TooMany: Too many requests are waiting: of this visitor, of the visitor's network, or of
+            all visitors.
     """
 
     def answer(known: TimelineView | None = None) -> Response:
@@ -110,7 +111,7 @@ async def figures(
     fold_id: str,
     part: Annotated[int | None, Query(ge=0, le=1_000_000)] = None,
 ) -> Response:
-    """Return curves over all frames of a finished fold, or all figures of some of its frames."""
+    """Return the plot's curves of a finished fold; with ``part``, all figures of some frames."""
 
     def answer() -> Response:
         found = found_fold(request, fold_id)

@@ -145,7 +145,7 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
     responses=problems(404, 409),
 )
 def get_exports(fold_id: str, context: Here) -> ExportList:
-    """List the downloadable files for other programs, in the order of the fold's page."""
+    """List the downloadable files for other programs, ordered as on the fold's page."""
     row = _finished(context, fold_id)
     moving = has_motion(row.summary)
     return ExportList(
@@ -214,7 +214,9 @@ def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
     """Return the problem that a fold does not have a file, or not yet."""
     if row.over:
         reason = f" ({row.error['detail']})" if row.error else ""
-        return NotFound("no-such-artifact", f"This fold finished without its {what}{reason}.")
+        return NotFound(
+            "no-such-artifact", f"This fold ended as {row.status} and has no {what}{reason}."
+        )
     return Conflict(
         "not-ready",
         f"The {what} does not exist yet: the fold is {row.status}. Try again later.",

@@ -136,8 +136,8 @@ async def get_trajectory(
 ) -> StreamingResponse:
     """Return the fastest motion along the plan within the limits; it starts and ends at rest.
 
-    A rate is refused if it is so low that modules of a verified plan overlap between consecutive
-    rows.
+    A rate is refused if it gives so few rows per second that modules of a verified plan overlap
+    between consecutive rows.
     """
     from planner.exports.trajectory import export
 

@@ -291,20 +291,20 @@ class FoldChanges(Body):
 
 
 class KeyWanted(Body):
-    """The key that replaces another one."""
+    """The token that replaces another one."""
 
     model_config = ConfigDict(extra="forbid")
 
     owner_token: str | None = Field(default=None, pattern=TOKEN_PATTERN)
-    """New key, at least 24 characters. If you choose it yourself, you have it even if the response
-    is lost. Default: a random key."""
+    """New token, at least 24 characters. If you choose the token yourself, you have it even if the
+    response is lost. Default: a random token."""
 
 
 class KeyReplaced(Body):
-    """The new key, and the number of items that moved to it."""
+    """The new token, and the number of items that moved to it."""
 
     owner_token: str
-    """The new key; no later response contains it."""
+    """The new token; no later response contains it."""
     folds: int
     """Number of items moved."""
 

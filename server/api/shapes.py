@@ -44,7 +44,10 @@ async def previewed_in_form(
     shape: GalleryShape = None,
     preview: Annotated[
         str | None,
-        id_field("Id of an earlier preview. Its shape is previewed with these options."),
+        id_field(
+            "Instead of a file or a gallery shape: the id of an earlier preview. Its shape is "
+            "previewed with these options."
+        ),
     ] = None,
 ) -> Origin:
     """Return the origin of a preview that a form names."""
@@ -79,9 +82,10 @@ async def post_preview(
     origin: Annotated[Origin, Depends(previewed_in_form)],
     form: Annotated[tuple[PreviewRequest, bool], Depends(preview_in_form)],
 ) -> Preview:
-    """Return the voxels and a path through them, if there is one. `POST /api/folds` takes the id.
+    """Return the voxels and a path through them, if there is one.
 
-    With a token, the preview is listed in `GET /api/mine/previews`.
+    `POST /api/folds` takes the preview's id. With a token, the preview is listed in
+    `GET /api/mine/previews`.
     """
     options, full = form
     bounded(options, context.settings.max_modules)
@@ -120,8 +124,8 @@ async def post_offers(
     """Search for similar shapes: repaired, doubled, or with another number of modules.
 
     A doubled shape has 2×2×2 modules for each voxel. Send the options of the preview that found
-    no path on a table. The search may take as long as a preview, and limits count it as one. It
-    ends if the client disconnects.
+    no path on a table. The search may take as long as a preview, and the service's limits count it
+    as a preview. The search ends if the client disconnects.
     """
     options = replace(options, seed=seed)
     bounded(options, context.settings.max_modules)
@@ -178,11 +182,11 @@ async def asking(request: Request, context: Context) -> AsyncGenerator[Asker]:
 
 @router.get(
     "/{name}.json",
-    summary="Get the path file of a gallery shape",
+    summary="Get a gallery shape as a path file",
     responses={200: {"description": "A `foldback-path/1` file"}, **problems(404)},
 )
 def get_shape(name: str, context: Here) -> Response:
-    """Return the path file of a gallery shape, for example to edit it."""
+    """Return a gallery shape as a path file, for example to edit it."""
     shape = context.gallery.shape(name)
     if shape is None:
         raise NotFound("no-such-shape", "The gallery has no shape of this name.")

@@ -120,7 +120,9 @@ def submit(context: Context, submission: Submission) -> Receipt:
         if (known := _known(context, submission)) is not None:
             return known
         raise Conflict(
-            "changed-meanwhile", "The same fold has just finished; send the request again."
+            "changed-meanwhile",
+            "Another request for the same fold arrived first, but that fold has just ended; send "
+            "the request again.",
         )
     return Receipt(row=row, own=True, existing=False)
 

@@ -24,7 +24,7 @@ from words.fold import RUNNING_STATUSES
 from words.tour import draft_tour
 
 router = APIRouter(prefix="/api/folds/{fold_id}/tour", tags=["tours"])
-NOTHING_STORED: Final = "nothing can be stored with it"
+NOTHING_STORED: Final = "no tour and no numbers can be stored with it"
 
 
 class TourStop(Body):
@@ -77,7 +77,7 @@ def get_tour(
 ) -> JSONResponse:
     """Return the tour that the owner has stored, or a draft if there is none.
 
-    A draft is written automatically. Its figures are those of the certificate.
+    A draft is written automatically. Its numbers come from the fold's certificate.
     """
     found = context.store.find(fold_id)
     if found is None:
@@ -143,7 +143,8 @@ def frames_of_own(fold: FoldRow, context: Here, owner: RequiredOwner) -> int:
     if not context.store.owns(fold.id, owner):
         raise not_owner(NOT_FOLD_OWNER)
     if not fold.over:
-        detail = f"The fold is {fold.status}; a tour or numbers can be stored when it has ended."
+        detail = f"The fold is {fold.status}; a tour, or numbers for its modules, can be "
+        "stored when it has ended."
         raise Conflict("not-ready", detail, retry_after_s=1)
     frames = frames_promised(context.store.directory(fold.id))
     if not frames:

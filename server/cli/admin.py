@@ -1,4 +1,4 @@
-"""``foldback admin``: commands of operators for folds, backups and tables."""
+"""``foldback admin``: commands of operators for folds, backups and the database."""
 
 from __future__ import annotations
 
@@ -21,9 +21,6 @@ Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 DataDir = Annotated[Path | None, typer.Option(help="Data directory of the service.")]
 AsJson = Annotated[bool, typer.Option("--json", help="As JSON.")]
 Ids = Annotated[list[str], typer.Argument(help="Ids of the folds.")]
-Force = Annotated[
-    bool, typer.Option("--force", help="Also act in cases that are normally refused.")
-]
 BackupDirectory = Annotated[Path, typer.Argument(help="Directory of the backup.")]
 FOLD_LIST_COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
 PSEUDONYM_CHARACTERS: Final = 8
@@ -37,7 +34,7 @@ migration would change. Scripts can tell it from 0 (up to date) and 1 (error).""
 admin = typer.Typer(
     add_completion=False,
     no_args_is_help=True,
-    help="Manage the folds, backups and tables of a service.",
+    help="Manage the folds, backups and database of a service.",
 )
 
 
@@ -123,7 +120,9 @@ def expire(
         ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
-    force: Force = False,
+    force: Annotated[
+        bool, typer.Option("--force", help="Also delete pinned folds and gallery folds.")
+    ] = False,
     data_dir: DataDir = None,
 ) -> None:
     """Delete folds and their files. Pinned folds and gallery folds are kept."""
@@ -143,7 +142,11 @@ def expire(
 
 
 @admin.command()
-def requeue(ids: Ids, force: Force = False, data_dir: DataDir = None) -> None:
+def requeue(
+    ids: Ids,
+    force: Annotated[bool, typer.Option("--force", help="Also recompute verified folds.")] = False,
+    data_dir: DataDir = None,
+) -> None:
     """Recompute folds that failed, were cancelled or stopped responding."""
     with _tasks(data_dir) as tasks:
         _each(ids, lambda fold_id: tasks.requeue(fold_id, force=force), "queued")
@@ -201,14 +204,17 @@ def backup(directory: BackupDirectory, data_dir: DataDir = None) -> None:
     with _refusals():
         manifest = back_up(settings_of(data_dir=data_dir), directory)
     size = sum(file.bytes for file in (manifest.database, *manifest.files))
-    typer.echo(f"{directory}: {len(manifest.files)} files of folds, {size} bytes in all.")
+    typer.echo(f"{directory}: {len(manifest.files)} fold files, {size} bytes in total.")
 
 
 @admin.command()
 def restore(
     directory: BackupDirectory,
     replace: Annotated[
-        bool, typer.Option("--replace", help="Delete the data that the service has now.")
+        bool,
+        typer.Option(
+            "--replace", help="Delete the service's current data and replace it with the backup."
+        ),
     ] = False,
     data_dir: DataDir = None,
 ) -> None:
@@ -218,7 +224,7 @@ def restore(
     with _refusals():
         manifest = backup.restore(settings_of(data_dir=data_dir), directory, replace=replace)
     date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(manifest.created_at))
-    typer.echo(f"Restored the state of {date}: {len(manifest.files)} files of folds.")
+    typer.echo(f"Restored the state of {date}: {len(manifest.files)} fold files.")
 
 
 @admin.command()
@@ -232,7 +238,7 @@ def migrate(
     ] = False,
     data_dir: DataDir = None,
 ) -> None:
-    """Update all tables to this version of foldback, as the service does when it starts."""
+    """Update the database to this version of foldback, as the service does when it starts."""
     from server.admin.migration import pending_changes, run_migration
 
     settings = settings_of(data_dir=data_dir)
@@ -243,7 +249,7 @@ def migrate(
     for change in changes:
         typer.echo(f"{'would migrate' if check else 'migrated'} {change}")
     if not changes:
-        typer.echo("All tables are up to date.")
+        typer.echo("All database tables are up to date.")
     elif check:
         raise typer.Exit(PENDING_EXIT_CODE)
 

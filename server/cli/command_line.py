@@ -20,23 +20,23 @@ if TYPE_CHECKING:
 
 COMMANDS: Final = {
     "serve": "Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …).",
-    "worker": "Compute folds for a service that uses the same data.",
+    "worker": "Compute folds for a service, using the same data directory or database.",
     "fold": "Plan how a chain folds into a shape, and verify the plan.",
     "refold": "Unfold a folded chain and fold it into another shape.",
     "settings": "List the settings for `fold --set NAME=VALUE`.",
     "smooth": "Make a motion shorter and smoother without reducing its clearance.",
     "shape": "Find a path through a shape.",
-    "verify": "Check a plan's files and figures again, and replay it in plain MuJoCo.",
+    "verify": "Recheck a plan's files and figures; replay the plan in the simulator MuJoCo.",
     "play": "Show a fold in the browser.",
     "export": "Export a finished fold as URDF, MCAP, an animated scene and more.",
     "movie": "Make a movie of a fold: the straight chain folds into its shape.",
-    "site": "Write folds, the paper's experiments and benchmarks as a static website.",
+    "site": "Create a static website: folds, the published paper's experiments, benchmarks.",
     "tour": "Draft a tour of a fold: captions for its most important frames.",
     "retime": "Add time stamps to a plan so that it keeps to a robot's limits.",
     "servos": "List servos that are strong enough for a torque.",
     "table": "Check whether a plan works on a table, and compute the joint torques.",
     "doctor": "Check that this machine meets the requirements of the service.",
-    "admin": "Manage the folds, backups and tables of a service.",
+    "admin": "Manage the folds, backups and database of a service.",
 }
 """Commands of ``foldback`` with the first line of their help; the list of commands is printed
 without importing their modules."""

@@ -77,7 +77,12 @@ def movie(
     directory: FoldDirectory,
     out: Annotated[Path, typer.Option(help="The file to write: .mp4 or .gif.")] = Path("fold.mp4"),
     tour: Annotated[
-        bool, typer.Option("--tour", help="Pause at the stops of the tour and show its captions.")
+        bool,
+        typer.Option(
+            "--tour",
+            help="Pause at the stops of the fold's tour (see `foldback tour`) and show their "
+            "captions.",
+        ),
     ] = False,
     options: dict[str, Any],
     as_json: AsJson = False,
@@ -126,7 +131,7 @@ def _timeline_of(directory: Path) -> Path:
     if not timeline.is_dir():
         raise InputError(
             "no-directory",
-            "it contains no timeline; expected a folder that `foldback fold` wrote.",
+            "no timeline was found there; expected a folder that `foldback fold` wrote.",
             where=str(directory),
         )
     return timeline

@@ -85,7 +85,7 @@ def row_of(directory: Path) -> ShownFold:
     )
     verified = str(certificate.get("verdict")).startswith("verified")
     status = "verified" if verified else "failed"
-    reason = str(certificate.get("verdict") or "it has no plan")
+    reason = str(certificate.get("verdict") or "the fold has no plan")
     told: dict[str, Any] = {
         "status": status,
         "reason": None if verified else reason.removeprefix("failed: "),
@@ -160,8 +160,8 @@ def play(
         bool,
         typer.Option(
             "--viser",
-            help="Use a plain viser server, like web.viser.show. It streams poses, and all "
-            "viewers share one slider.",
+            help="Show the fold in the page of viser, a 3D viewer, instead of foldback's page. "
+            "All browsers that open it share one frame slider.",
         ),
     ] = False,
 ) -> None:

@@ -51,7 +51,7 @@ def site(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Write folds, the paper's experiments and benchmarks as a static website."""
+    """Create a static website: folds, the published paper's experiments, benchmarks."""
     try:
         if service is not None:
             _check_address(service)
@@ -109,8 +109,8 @@ def _folds_in(directory: Path) -> list[Path]:
     inside = sorted(directory.iterdir()) if directory.is_dir() else []
     if not (folds := [each for each in inside if result_path(each, TIMELINE).exists()]):
         detail = (
-            "it contains no fold; expected a folder that `foldback fold` wrote, or a folder with "
-            "several of these."
+            "no fold was found there; expected a folder that `foldback fold` wrote, or a folder "
+            "with several of these."
         )
         raise InputError("no-fold", detail, where=str(directory))
     return folds

@@ -36,7 +36,10 @@ def confinement(settings: Settings) -> CheckResult:
     if code or not words.startswith("free"):
         found = f"the sandbox could not be tested ({words})"
     elif free:
-        found = f"this kernel does not isolate them from {' and '.join(free)} of other programs"
+        found = (
+            "this Linux kernel does not isolate processes that read uploads from the "
+            f"{' and '.join(free)} of other programs"
+        )
     else:
         return ok(
             "isolated from other programs' files, signals and sockets by Landlock and seccomp"

@@ -103,7 +103,7 @@ def port(settings: Settings) -> CheckResult:
             )
         return problem(
             f"cannot listen at {place} ({error.strerror})",
-            "Set FOLDBACK_HOST to an address of this machine and FOLDBACK_PORT above 1023.",
+            "Set FOLDBACK_HOST to an address of this machine and FOLDBACK_PORT to 1024 or more.",
         )
     return ok(f"{place} is free")
 

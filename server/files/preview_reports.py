@@ -105,7 +105,8 @@ class PreviewReports:
         if self._previews.reports(preview_id, foreign=foreign) >= MAX_OPTION_SETS:
             raise TooMany(
                 "too-many-previews",
-                "This file was previewed with too many different options; send the file again.",
+                f"This file was previewed with {MAX_OPTION_SETS} different sets of options, the "
+                "maximum; send the file again to start a new preview.",
                 retry_after_s=60,
             )
         check_space(self._settings.previews_dir, self._settings.min_free_disk_bytes)

@@ -237,7 +237,7 @@ class Trajectories:
         )
         if told["overlap"]:
             enough = told["sufficient_rate_hz"]
-            advice = f"use rate={enough:g}" if enough else "request a higher rate, or no rate"
+            advice = f"use rate={enough:g}" if enough else "request a higher rate, or omit rate"
             raise Unusable(
                 "rows-overlap",
                 f"got a rate so low that modules overlap by {-told['min_clearance']:.2g} pitch "

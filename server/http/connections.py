@@ -110,7 +110,9 @@ class _CountingConnection(h11.Connection):
             fields = len(event.headers)
             self._protocol.charge(REQUEST_EVENTS + fields / HEADER_FIELDS_PER_EVENT, request=True)
             if fields > MAX_HEADER_FIELDS:
-                raise h11.RemoteProtocolError(f"got {fields} header fields")
+                raise h11.RemoteProtocolError(
+                    f"got {fields} header fields, expected at most {MAX_HEADER_FIELDS}"
+                )
         elif isinstance(event, h11.EndOfMessage):
             self._protocol.charge(1 + len(event.headers) / HEADER_FIELDS_PER_EVENT)  # of a trailer
         elif isinstance(event, h11.Data):

@@ -100,7 +100,7 @@ class LiveClass:
         """
         if self.followers >= MAX_FOLLOWERS:
             detail = (
-                f"{MAX_FOLLOWERS} people follow this class, which is the limit; try again later."
+                f"{MAX_FOLLOWERS} people are in this class, which is the maximum; try again later."
             )
             raise TooMany("class-full", detail, retry_after_s=OPEN_RETRY_S)
         self.change(followers=self.followers + 1)
@@ -142,7 +142,8 @@ class LiveClasses:
         found = self._by_code.get(code.upper())
         if found is None:
             raise NoSuch(
-                "no-class", "This class has ended, or its link is incomplete; ask for a new link."
+                "no-class",
+                "This class has ended, or its link is incomplete; ask the teacher for a new link.",
             )
         return found
 

@@ -270,6 +270,6 @@ def _refusal(error: Any) -> Unusable:
             return Unusable.of(refusal)
     where = ".".join(str(part) for part in error["loc"])
     if error["type"] == "value_error":  # text for a file; FastAPI's message names classes
-        detail = "got text, expected a file; send the field as a file with a name."
+        detail = "got text, expected a file; send this form field as a file with a file name."
         return Unusable("bad-request", detail, where=where)
     return Unusable("bad-request", f"{error['msg']}.", where=where)

@@ -296,7 +296,10 @@ class Execution:
             status = "verified" if result.get("status") == "verified" else "failed"
             error = None
             if status == "failed":
-                reason = str(result.get("reason") or "the plan could not be verified.")
+                reason = str(
+                    result.get("reason")
+                    or "the plan could not be verified, and no reason was recorded."
+                )
                 error = {"code": "not-verified", "detail": reason, "where": None}
             return Outcome(status=status, summary=result, error=error)
         # A plan that the certificate has refused is tried again in another way, a few times.

@@ -149,7 +149,7 @@ class Housekeeping:
                 freed = self._drop_exports(lacking)
                 self._drop_movies(lacking - freed)
             except StorageError as error:
-                log.warning("no storage could be freed: %s", error)
+                log.warning("storage could not be freed: %s", error)
 
     def _drop_exports(self, lacking: int) -> int:
         """Delete exports and pictures of folds, the longest unused first; return their bytes.

@@ -55,8 +55,9 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
     ):
         raise _full(
             f"{len(waiting)} folds are waiting ({len(near)} of them from your network). They take "
-            f"about {all_s:.0f} s and this one takes {wanted.cost_s:.0f} s. The queue has no room "
-            "for that"
+            f"about {all_s:.0f} s and this one takes {wanted.cost_s:.0f} s. The queue holds "
+            f"at most {settings.largest_queue} folds and {settings.largest_queue_seconds:g} s. One "
+            "network may fill half of the room that other networks leave"
         )
 
 

@@ -84,7 +84,7 @@ def _set_figures(rows: CollectorRegistry, found: Figures) -> None:
     _set(rows, "queue_oldest_seconds", words, found.oldest_queued_s)
     _set(rows, "workers", "Live workers.", found.workers)
     _set(rows, "storage_bytes", "Size of the files of all folds.", found.storage_bytes)
-    words = "Computing time of folds that ended within the last hour, s."
+    words = "Quantiles of the computing time of folds that ended within the last hour, s."
     last = len(found.computed_s) - 1
     seconds = {
         f"{quantile:g}": found.computed_s[min(int(quantile * (last + 1)), last)]
@@ -92,7 +92,7 @@ def _set_figures(rows: CollectorRegistry, found: Figures) -> None:
         if found.computed_s
     }
     _set_counts(rows, "fold_seconds_lately", words, "quantile", seconds)
-    words = "Folds that ended within the last hour, at most 500."
+    words = "Number of folds that ended within the last hour; at most 500 are counted."
     _set(rows, "folds_ended_lately", words, len(found.computed_s))
     words = "Failed folds among those that ended within the last hour, by error code."
     _set_counts(rows, "failures_lately", words, "code", found.failures)

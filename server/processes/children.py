@@ -506,7 +506,7 @@ class Pool:
             else:
                 self._keep(child)
                 return result
-        raise AssertionError("every try returns or raises")
+        raise AssertionError("unreachable: each attempt returns a result or raises an error")
 
     def close(self) -> None:
         """End all children."""

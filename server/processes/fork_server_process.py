@@ -159,7 +159,7 @@ class _Forks:
                     own = os.getpgid(pid) == pid
                     (os.killpg if own else os.kill)(pid, signal.SIGKILL)
             case _:
-                raise ValueError(f"got {asked!r}, expected to fork or to kill")
+                raise ValueError(f"got {asked!r}, expected a request to fork, to ping or to kill")
 
     def _fork(self, number: int, kind: str, limits: dict[str, Any], pipes: tuple[int, int]) -> None:
         stdin, stdout = pipes

@@ -22,8 +22,8 @@ NO_GL: Final = (
     "'libosmesa6')"
 )
 NO_FFMPEG: Final = (
-    "MP4 needs ffmpeg: install it (Debian: apt install ffmpeg), run pip install "
-    "'foldback[movies]', or request a .gif"
+    "MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or run pip install "
+    "'foldback[movies]'; otherwise, request a .gif"
 )
 
 

@@ -259,7 +259,9 @@ class Storage:
     def _write(self, key: str, name: str, directory: Path) -> None:
         path = directory / name
         if not path.resolve().is_relative_to(directory.resolve()):
-            raise StorageError(f"{self._name} holds {name!r}, which is outside its directory.")
+            raise StorageError(
+                f"{self._name} names a file {name!r}, expected a name within the fold's directory."
+            )
         data = self._get(f"{key}/{name}")
         if data is not None:
             _write_whole(path, data)

@@ -130,7 +130,7 @@ def test_compare_plays_and_turns_two_folds_together(
     page.keyboard.press("End")
     expect(page.locator("#r-folded")).to_have_text("100 %")
     for side in sides:
-        expect(side.locator(".side-now")).to_contain_text("Error")
+        expect(side.locator(".side-now")).to_contain_text("Joint error")
     page.keyboard.press("Home")
     page.keyboard.press("Shift+ArrowRight")
     expect(page.locator("#scrub")).to_have_value("10")

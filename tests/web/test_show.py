@@ -74,7 +74,7 @@ def test_frames_are_posed_as_in_the_timeline(shown: Shown, timeline_path: Path) 
 def test_colours_show_joint_errors_or_the_place_in_the_chain(shown: Shown, chain: Chain) -> None:
     shown.frame = 50
     assert (colours(shown) == linear(UNKNOWN_ERROR_RGB)).all()  # no errors during the explosion
-    assert "No joint error recorded" in shown._controls.text.content
+    assert "The joint error was not recorded" in shown._controls.text.content
     shown.frame = 199
     red = instance_colours(error_colours(np.array([FINAL_ERROR_RAD]), 5e-3))[0]
     assert colours(shown)[6].tolist() == red.tolist()

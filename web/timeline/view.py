@@ -249,9 +249,11 @@ class TimelineView:
             try:
                 yield
             except (OSError, ValueError, KeyError) as error:
-                raise TimelineError(f"{self.path} is being replaced: {error}") from error
+                raise TimelineError(
+                    f"{self.path} is being replaced; try again ({error})"
+                ) from error
             if self._stamp_now() != self._stamp and self._timeline.replaced:
-                raise TimelineError(f"{self.path} is being replaced.")
+                raise TimelineError(f"{self.path} is being replaced; try again.")
 
     def outline(self, columns: int = OUTLINE_COLUMNS) -> dict[str, Any]:
         """Return the bar's data: phases, and the largest error in each of ``columns`` columns."""

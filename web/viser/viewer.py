@@ -346,7 +346,7 @@ def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
     error = (
         f"Largest joint error {known.max():.2g} rad (full red: {scale_rad:g} rad)"
         if len(known)
-        else "No joint error recorded"
+        else "The joint error was not recorded"
     )
     at = f"**Frame {snapshot.frame + 1:.0f} of {last + 1}**"
     return f"{at}, {snapshot.phase}, {snapshot.time_s:.2f} s\n\n{error}"

@@ -163,7 +163,7 @@ def test_previews_report_the_compilation(idle: Service, monkeypatch: pytest.Monk
     monkeypatch.setattr(Leases, "preparing", lambda _: preparing)
     later = idle.preview("path.json", json.dumps(SNAKE))
     assert later["preparing"] == {"fraction": 0.42, "remaining_s": 70}
-    assert "preparing the solvers, 42 % done" in idle.http.get(before["links"]["page"]).text
+    assert "the folding software, 42 % done" in idle.http.get(before["links"]["page"]).text
 
 
 def test_busy_reader_says_when_to_try_again(idle: Service, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -244,7 +244,7 @@ def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     assert site.run("backup", tmp_path / "copy").exit_code == 0  # before the upgrade
     assert "foldback admin migrate" in site.run("list").stderr
     assert site.run("migrate").stdout == "migrated the tables of folds to version 0016\n"
-    assert site.run("migrate", "--check").stdout == "All tables are up to date.\n"
+    assert site.run("migrate", "--check").stdout == "All database tables are up to date.\n"
     with engine.begin() as connection:
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")
     engine.dispose()

@@ -40,5 +40,5 @@ def test_least_folding_time_of_a_plan(tmp_path: Path) -> None:
     row = foldback_json("servos", *arguments)["servos"][0]
     speed = (1.0 - row["need_nm"] / (3.0 * row["gives_nm"])) * 1.0472 / 0.09
     assert row["least_s"] == pytest.approx(total_turn_rad(plan.joint_angles_rad) / speed, rel=1e-3)
-    assert "Folds" in foldback("servos", *arguments).stdout
+    assert "Folding" in foldback("servos", *arguments).stdout
     assert "Folds" not in foldback("servos", *ARGUMENTS).stdout

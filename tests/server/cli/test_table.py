@@ -22,8 +22,8 @@ def test_shape_without_a_path_for_a_table_lists_versions_that_have_one(tmp_path:
     none = foldback(*command)
     assert none.returncode == 3 and not out.exists()
     assert none.stderr.splitlines()[1:] == [
-        "Has a path: --repair (9 modules)",
-        "Has a path: --method blocks (64 modules)",
+        "A similar shape has a path: --repair (9 modules)",
+        "A similar shape has a path: --method blocks (64 modules)",
     ]
     data = foldback_json(*command, "--repair")
     assert (data["modules"], data["offers"]) == (9, [])

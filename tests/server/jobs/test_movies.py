@@ -130,7 +130,7 @@ def test_movie_command_films_with_any_ffmpeg_and_gif_without(
     out.mkdir()
     failed = foldback("movie", directory, "--out", out / "fold.mp4", **without_ffmpeg)
     assert failed.returncode == 1
-    assert "no-encoder: MP4 needs ffmpeg: install it (Debian: apt install ffmpeg), run" in (
+    assert "no-encoder: MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or run" in (
         failed.stderr
     )
     assert "pip install 'foldback[movies]', or request a .gif." in failed.stderr

@@ -162,7 +162,7 @@ def test_times_of_offered_folds_name_the_compilation(
     assert "Takes less than a minute" in hints()
     preparing = Preparing(fraction=0.4, remaining_s=60.0)
     monkeypatch.setattr(Leases, "preparing", lambda _: preparing)
-    assert "Takes less than a minute, once the solvers are ready" in hints()
+    assert "Takes less than a minute, once the folding software is ready" in hints()
 
 
 def test_running_fold_shows_the_verdict_of_a_checked_plan(tmp_path: Path) -> None:

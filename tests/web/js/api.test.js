@@ -136,8 +136,8 @@ test("a refusal has the words of the service, its status and its code", async ()
   for (let k = 0; k < 4; k++) refusals.push(await ask("/x").catch((error) => error));
   assert.ok(refusals.every((error) => error instanceof Refusal));
   assert.deepEqual(refusals.map(({ message, status, code, final }) => [message, status, code, final]), [
-    ["Module 1 hangs", 422, "not-for-a-table", true], ["The request failed: the server answered with status 502.", 502, "", false],
-    ["The server cannot be reached. Check the connection and try again.", 0, "", false], ["The request failed: the server answered with status 429.", 429, "", false],
+    ["Module 1 hangs", 422, "not-for-a-table", true], ["The request failed: the server answered with status 502. Try again later.", 502, "", false],
+    ["The server cannot be reached. Check the connection and try again.", 0, "", false], ["The request failed: the server answered with status 429. Try again later.", 429, "", false],
   ]);
 });
 

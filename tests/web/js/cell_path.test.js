@@ -56,7 +56,7 @@ test("the editor says while you draw that a shape can have no path", () => {
   const star = [key(5, 5), ...neighbours(key(5, 5), SIZE)]; // one cell of a colour, five of the other
   const none = checked(painted(star));
   assert.equal(none.difference, 4);
-  assert.match(told(none).text, /^No path yet\. No path visits all cells/);
+  assert.match(told(none).text, /^No path yet\. No path visits all cells:/);
   const passedBy = checked(painted(row(6), [key(0, 2), key(0, 3)]));
   assert.deepEqual([passedBy.missing.length, passedBy.lost], [4, []]); // both ends can continue
   const left = checked(painted(row(6), [key(0, 0), key(0, 1)]));

@@ -16,7 +16,7 @@ test("the editor says what would be folded, and what is wrong with it", () => {
   assert.deepEqual(summary(painted(0)), ["", "", "", false, false]);
   assert.deepEqual(summary(painted(2)), ["16 modules", "", "Limit: 200 modules.", true, true]);
   assert.deepEqual(summary(painted(2, "yes")), ["2 modules. A fold needs at least 8.", "", "Limit: 200 modules.", false, true]);
-  assert.deepEqual(summary(painted(9, "no", 64)), ["72 modules are too many (at most 64). Paint fewer cells.", "bad", "", false, false]);
+  assert.deepEqual(summary(painted(9, "no", 64)), ["The shape needs 72 modules, but the limit is 64. Paint fewer cells.", "bad", "", false, false]);
   const apart = painted(2);
   apart.step(() => apart.painting.paint([key(5, 5)], true));
   assert.deepEqual(summary(apart), ["The shape has 2 separate pieces. Connect them face to face.", "bad", "Limit: 200 modules.", false, true]);

@@ -86,7 +86,7 @@ test("the module that was clicked can become the first, which can be undone", ()
 });
 
 test("a report is put into words", () => {
-  assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · match with your model: 99 %");
+  assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · similarity to your model: 99 %");
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
   assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "Knot determinant 3. Without a knot, it is 1." });
   assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "None"]);

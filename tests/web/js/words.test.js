@@ -10,7 +10,7 @@ import { vectors } from "./vectors.js";
 
 test("figures have two significant digits, and missing ones say so", () => {
   assert.equal(whole(1234567.4), "1\u2009234\u2009567");
-  assert.deepEqual([null, 0, 7.1e-6, 0.00123].map(radians), ["no data in this phase", "0 rad", "7.1 µrad", "1.2 mrad"]);
+  assert.deepEqual([null, 0, 7.1e-6, 0.00123].map(radians), ["no data for this frame", "0 rad", "7.1 µrad", "1.2 mrad"]);
   assert.deepEqual([Math.PI / 2, -0.5, -1e-9].map((v) => degrees(v)), ["90.0°", "−28.6°", "0.0°"]);
   assert.deepEqual([1.234, 3.4e-5, 501].map(newtonMetres), ["1.2 N·m", "34 µN·m", "500 N·m"]);
   assert.deepEqual([0.2, 89, 90, 5399, 7200].map(duration), ["about 1 s", "about 89 s", "about 2 min", "about 90 min", "about 2 h"]);
@@ -43,7 +43,7 @@ test("a refusal says what is wrong and where", () => {
   assert.equal(refusalWords({ detail: "got 3, expected 2", where: "seed" }, 422), "Seed: got 3, expected 2");
   assert.equal(refusalWords({ detail: "the module size is too large", where: "module_size" }, 422), "The module size is too large");
   assert.equal(refusalWords({ detail: "got an empty file, expected cells.", message: "This file is empty." }, 422), "This file is empty.");
-  assert.equal(refusalWords({}, 503), "The request failed: the server answered with status 503.");
+  assert.equal(refusalWords({}, 503), "The request failed: the server answered with status 503. Try again later.");
 });
 
 /**
@@ -71,7 +71,7 @@ test("the judgement of a motor is a sentence", () => {
 });
 
 test("while the share is unknown, the text does not mention a first start", () => {
-  assert.equal(preparingWords({ fraction: 0, remaining_s: null }), "Starting the solvers…");
-  assert.equal(verdictOf({ status: "queued", stage: null, summary: {}, progress: { preparing: { fraction: 0.42, remaining_s: 25 } } }).text, "Preparing the solvers: 42 %");
+  assert.equal(preparingWords({ fraction: 0, remaining_s: null }), "Starting the folding software…");
+  assert.equal(verdictOf({ status: "queued", stage: null, summary: {}, progress: { preparing: { fraction: 0.42, remaining_s: 25 } } }).text, "Preparing the folding software: 42 %");
   assert.match(preparingWords({ fraction: 0.42, remaining_s: 25 }), /^First start: .*, 42 % done\. .* · about 25 s left$/);
 });

@@ -18,6 +18,7 @@ export class NotProved extends Error {
 
 /** @type {(values: Float64Array) => number} largest of their sizes, Infinity if one is no number */
 const widest = (values) => values.reduce((most, x) => Math.max(most, Number.isNaN(x) ? Infinity : Math.abs(x)), 0);
+const degrees = (/** @type {number} */ angle) => `${Number((angle * (180 / Math.PI)).toFixed(4))}°`;
 /** @type {(a: ArrayLike<number>, b: ArrayLike<number>) => boolean} */
 const near = (a, b) => a.length === b.length && Array.prototype.every.call(a, (x, k) => Math.abs(x - b[k]) <= SLIP);
 /** @type {(values: Float64Array) => boolean} */
@@ -60,13 +61,14 @@ export class Plan {
     this.step = (certificate.max_joint_step_rad || Infinity) + 1e-9;
     this.windowed = arrays.has("first");
     const J = this.folded.length, frames = this.numbers(this.windowed ? "first" : "time_s").length;
-    readable(J === (this.n - 1) * this.module.hinges - this.pad && this.n >= 2, `${J} hinges do not match ${this.n} modules`);
+    const expected = (this.n - 1) * this.module.hinges - this.pad;
+    readable(J === expected && this.n >= 2, `got ${J} hinges for ${this.n} modules, expected ${this.n < 2 ? "at least 2 modules" : expected}`);
     /** In frame k hinges first[k] to last[k] stand at values[offsets[k]] and on, those before as folded, those behind at 0. */
     this.first = this.windowed ? this.numbers("first") : new Float64Array(frames);
     this.offsets = this.windowed ? this.numbers("offsets") : Float64Array.from({ length: frames + 1 }, (_, k) => k * J);
     this.last = this.first.map((a, k) => a + this.offsets[k + 1] - this.offsets[k]);
     readable(frames && this.offsets.length === frames + 1 && this.offsets[0] === 0 && rise(this.offsets)
-      && this.first.every((a, k) => a >= 0 && this.last[k] <= J), "a window extends beyond the chain");
+      && this.first.every((a, k) => a >= 0 && this.last[k] <= J), "the hinges listed for the frames do not match the chain");
     this.frames = frames;
     this.values = this.angles(J);
     readable(this.values.length === this.offsets[frames], "the number of angles does not match the hinges");
@@ -110,13 +112,13 @@ export class Plan {
     const count = (apart - 1) * (n - 1), exempt = said.exempt_pairs ?? { apart, count }, digest = told.claim?.angles_sha256;
     return {
       [`the plan is not verified; its verdict is "${said.verdict}"`]: String(said.verdict).startsWith("verified"),
-      "the module does not match its stated kind": !known || JSON.stringify(geometry) === JSON.stringify(known),
-      "the shape of the module is impossible": sound,
+      [`the modules have another shape than a ${told.chain.module}`]: !known || JSON.stringify(geometry) === JSON.stringify(known),
+      "a size or a direction in the description of the module is invalid": sound,
       "the module size or the clearance is out of range": size > 0 && size <= 1 && claim > 0 && Number.isFinite(claim),
       "the names of the hinges do not match the chain": JSON.stringify(names) === JSON.stringify(arrays.get("joint_names")?.values),
       "the angles are missing, or stored more than once": ["joint_angles_rad", "angles_rad", "angle_planes"].filter((name) => arrays.has(name)).length === 1,
-      "the exempt pairs do not match the module": exempt.apart === apart && exempt.count === count,
-      "an angle exceeds the limit": most <= limit + SLIP,
+      "the certificate and this check leave out different pairs of modules": exempt.apart === apart && exempt.count === count,
+      [`a hinge turns by ${degrees(most)}, expected at most ${degrees(limit)}`]: most <= limit + SLIP,
       "the number of frames differs from the certificate": [undefined, null, frames].includes(said.frames),
       "the times do not increase": times.length === frames && rise(times),
       "the first frame is not the start shape": near(this.frame(0).subarray(pad), start ? start.folded_rad : new Float64Array(folded.length)),

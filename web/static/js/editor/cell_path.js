@@ -89,7 +89,7 @@ export function told({ length, cells, gaps, repeats, missing, lost: apart, diffe
   if (length && !missing.length) return { text: `The path has only ${length} cells. It needs at least ${FEWEST}.`, tone: "" };
   const so = length ? `${length} of ${cells} cells, ${missing.length} to go.` : "No path yet.";
   if (difference > 1) {
-    return { text: `${so} No path visits all cells. If you colour the cells like a chessboard, there are ${difference} more of one colour than of the other.`, tone: "bad" };
+    return { text: `${so} No path visits all cells: a path alternates between the two colours of a chessboard, but one colour has ${difference} more cells than the other. Add or remove cells until the difference is at most 1.`, tone: "bad" };
   }
   if (apart.length) return { text: `${so} The path can no longer reach ${apart.length} of the remaining cells.`, tone: "bad" };
   return { text: so, tone: "" };

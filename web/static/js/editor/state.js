@@ -68,7 +68,7 @@ export class Editor {
     const few = !path && modules > 0 && modules < MIN_MODULES;
     const words = path && cells ? told(path) : { text: `${whole(modules)} modules${few ? `. A fold needs at least ${MIN_MODULES}.` : ""}`, tone: /** @type {const} */ ("") };
     if (pieces > 1) Object.assign(words, { text: `The shape has ${pieces} separate pieces. Connect them face to face.`, tone: "bad" });
-    if (large) Object.assign(words, { text: `${whole(modules)} modules are too many (at most ${whole(maxModules)}). Paint fewer cells.`, tone: "bad" });
+    if (large) Object.assign(words, { text: `The shape needs ${whole(modules)} modules, but the limit is ${whole(maxModules)}. Paint fewer cells.`, tone: "bad" });
     const visited = Boolean(path?.whole);
     return {
       cells, tone: words.tone, text: cells ? words.text : "", whole: visited,
@@ -194,7 +194,7 @@ export class Editor {
 
   /** @param {number} key */
   cutAt(key) {
-    if (!this.painting.path.includes(key)) { this.refused = "First touch the cell where the path should end."; return; }
+    if (!this.painting.path.includes(key)) { this.refused = "First select the cell where the path should end."; return; }
     this.step(() => this.follow(cut(this.drawn, key)));
   }
 

@@ -44,7 +44,7 @@ export class Refusal extends Error {
  * @param {number} status
  */
 export function refusalWords({ message, detail, where: place }, status) {
-  const text = countFromOne(message ?? detail ?? `The request failed: the server answered with status ${status}.`);
+  const text = countFromOne(message ?? detail ?? `The request failed: the server answered with status ${status}.${status === BUSY || status >= 500 ? " Try again later." : ""}`);
   const where = countFromOne(place ?? "");
   return sentence(text.includes(where) || text.includes(where.replaceAll("_", " ")) ? text : `${where}: ${text}`);
 }

@@ -51,7 +51,7 @@ export function number(value, digits = DIGITS) {
 export const pitches = (value) => `${number(value)} pitch`;
 
 /** @param {number | null | undefined} value */
-export const radians = (value) => value === null || value === undefined ? "no data in this phase" : si(value, "rad");
+export const radians = (value) => value === null || value === undefined ? "no data for this frame" : si(value, "rad");
 
 /** @param {number} value */
 export const newtonMetres = (value) => si(value, "N·m");

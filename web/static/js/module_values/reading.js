@@ -92,7 +92,7 @@ function byNumber({ rows, places }, modules) {
   const seen = new Set();
   rows.forEach(([module, value], k) => {
     if (!Number.isInteger(module) || module < from || module >= modules + from) throw new Error(`Line ${places[k]}: there is no module ${module}. Module numbers go from ${from} to ${modules + from - 1}.`);
-    if (seen.has(module)) throw new Error(`Line ${places[k]}: module ${module} appears twice. List each module once, and write decimals with a point, not a comma.`);
+    if (seen.has(module)) throw new Error(`Line ${places[k]}: module ${module} appears twice. List each module once. If your numbers have decimal commas, replace these commas with points.`);
     seen.add(module);
     row[module - from] = value;
   });
@@ -151,7 +151,7 @@ export function readValues(text, file, expected) {
   let [low, high] = [Infinity, -Infinity];
   for (const value of values) { if (value < low) low = value; if (value > high) high = value; }
   if (low > high) throw new Error("This file contains no numbers.");
-  return { name: name || "Own numbers", unit: typeof told.unit === "string" ? told.unit.slice(0, 20) : unit, rows: rows.length, values, low, high };
+  return { name: name || "Numbers from a file", unit: typeof told.unit === "string" ? told.unit.slice(0, 20) : unit, rows: rows.length, values, low, high };
 }
 
 // How many rows can be kept with a fold.

@@ -68,7 +68,7 @@ function check(ready) {
     const words = await exchanging(({ report, pathFile }) => report({ file: pathFile(editor.name, state), full: false }).then(
       ({ knot, expected_s: s, preparing }) => (knot?.verdict === "knotted"
         ? { text: "The path is knotted, so the chain cannot be pulled straight.", tone: "bad" }
-        : { text: `Computing the fold takes ${wholeTime(s, preparing) ?? `${duration(s)}, once the solvers are ready`}.`, tone: "" }),
+        : { text: `Computing the fold takes ${wholeTime(s, preparing) ?? `${duration(s)}, once the folding software is ready`}.`, tone: "" }),
       (error) => ({ text: wordsOf(error), tone: "bad" }),
     ));
     if (path === checkedPath && words) say("checked", words.text, words.tone);

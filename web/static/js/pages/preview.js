@@ -90,12 +90,12 @@ let searching = new AbortController();
 async function search() {
   searching = new AbortController();
   const { signal } = searching;
-  get("seeking").textContent = "Searching for a version that folds on a table…";
+  get("seeking").textContent = "Searching for a version of the shape that folds on a table…";
   /** @type {Api.TableOffers | null} */
   const answer = await ask("/api/shapes/offers", { body: formOf(preview.fields), signal }).catch(() => null);
   if (signal.aborted) return;
   preview.offers = answer?.offers ?? [];
-  get("seeking").textContent = !answer ? "The search for other versions failed." : preview.offers.length ? "" : "No version that folds on a table was found.";
+  get("seeking").textContent = !answer ? "The search for other versions of the shape failed." : preview.offers.length ? "" : "No version of the shape that folds on a table was found.";
   showOffers(preview, change);
   if (preview.report && picture.repaired) picture.show(preview.report);
 }

@@ -21,7 +21,7 @@ export function compare({ id, compare: others }) {
     event.preventDefault();
     const found = /(?:folds\/|^)([a-z0-9]{8,64})(?:[#?].*)?$/.exec(get("compare-link").value.trim());
     if (found) location.href = at(`/compare?a=${id}&b=${found[1]}`);
-    else toast("This is not a link to a fold");
+    else toast("This is not a link to a fold. Open the fold and copy the link under Share");
   };
   get("compare-dialog").showModal();
 }
@@ -36,7 +36,7 @@ export function compare({ id, compare: others }) {
 async function comparePublished(id, form, settable) {
   const settings = changed();
   get("compare-message").textContent = "";
-  if (settable === "must" && !settings.settings) { get("compare-message").textContent = "Change a setting below."; open(); return true; }
+  if (settable === "must" && !settings.settings) { get("compare-message").textContent = "Both folds would be the same. Change at least one of the settings below."; open(); return true; }
   try {
     location.href = at(`/compare?a=${id}&b=${(await requestFold({ ...form, ...settings })).id}`);
     return false;

@@ -80,7 +80,7 @@ async function follow(movie, token) {
     if (await stopping) { get("movie-state").textContent = "Stopped"; return; }
     now = await ask(now.links.self);
   }
-  if (now.status === "failed") throw new Error(now.problem?.detail ?? "The movie could not be created.");
+  if (now.status === "failed") throw new Error(now.problem?.detail ?? "The movie could not be created. Try again, or choose a smaller size.");
   get("movie-state").replaceChildren(element("a", { href: now.links.file, download: true, class: "button primary" }, `Download the ${now.format === "gif" ? "GIF" : "MP4"}`));
 }
 

@@ -112,7 +112,7 @@ export class KeyPanel {
   }
 
   async forget() {
-    const sure = await confirmed("Forget the keys?", "This removes the keys from this browser. Your folds and links stay until they expire, but without the key you cannot list, rename or delete them. Copy the key first if you may need it again.", "Forget");
+    const sure = await confirmed("Forget the keys?", "This removes the keys from this browser. Your folds and links stay until they expire, but without the keys you cannot list, rename or delete them. Copy your access key first if you may need it again.", "Forget");
     if (!sure) return;
     forgetKeys();
     this.say("Keys removed. You will get a new key with your next fold.");

@@ -127,10 +127,10 @@ export class ModulePanel {
     const column = (/** @type {string} */ of) => element("td", { "data-of": of });
     const rows = (/** @type {string} */ key, /** @type {string[]} */ of) => joints.map(({ name }) => element("tr", { [key]: name }, element("th", { scope: "row" }, hingeOf(name)), ...of.map(column)));
     get("module-joint").replaceChildren(...(joints.length
-      ? [table(["Hinge", "Now", "Folded", "Error"], rows("data-joint", ["now", "target", "error"])), table(["Hinge", "Speed", "Torque"], rows("data-motion", ["speed", "torque"]))]
+      ? [table(["Hinge", "Now", "Folded", "Joint error"], rows("data-joint", ["now", "target", "error"])), table(["Hinge", "Speed", "Torque"], rows("data-motion", ["speed", "torque"]))]
       : [element("p", { class: "hint" }, "This module has no joint.")]));
     get("module-heading").textContent = `Module ${index + 1} of ${modules}`;
-    this.write("end", index === 0 ? "first module of the chain" : index === modules - 1 ? "last module of the chain" : null);
+    this.write("end", index === 0 ? "first module" : index === modules - 1 ? "last module" : null);
     this.write("index", String(index));
     this.write("cell", cell && cell.join(", ").replaceAll("-", "−"));
     this.write("nearest", "–");

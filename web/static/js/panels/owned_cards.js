@@ -40,7 +40,7 @@ export function verdictOf({ status, stage, progress, summary }) {
   if (status === "verified") return { tone: "verified", text: sentence(certificate?.verdict ?? "verified") };
   if (status === "failed") return { tone: "failed", text: "Not verified" };
   if (status === "cancelled") return { tone: "off", text: "Cancelled" };
-  if (progress.preparing) return { tone: "running", text: `Preparing the solvers: ${Math.floor(100 * progress.preparing.fraction)} %` };
+  if (progress.preparing) return { tone: "running", text: `Preparing the folding software: ${Math.floor(100 * progress.preparing.fraction)} %` };
   if (status === "queued") return { tone: "running", text: "In the queue" };
   return { tone: "running", text: `${STAGES[stage ?? ""] ?? "Computing"} ${Math.floor(100 * (progress.fraction ?? 0))} %` };
 }
@@ -214,7 +214,7 @@ export class MovieLine extends Card {
 
   show() {
     const { status, frames_done: done, frames_total: total, problem, links, format } = this.movie;
-    const words = { queued: "Waiting in the queue", running: `Recording picture ${done} of ${total}`, ready: "", failed: sentence(problem?.detail ?? "The movie could not be created.") };
+    const words = { queued: "Waiting in the queue", running: `Recording picture ${done} of ${total}`, ready: "", failed: sentence(problem?.detail ?? "The movie could not be created. Create it again on the fold’s page.") };
     this.state.textContent = words[status];
     const file = status === "ready" ? [element("a", { class: "way", href: links.file, download: true, "aria-label": `Download ${format.toUpperCase()}: ${this.title}` }, "Download")] : [];
     this.ways.replaceChildren(...file, this.deletion(`movie of ${this.title}`, links.self, [`Delete the movie of “${this.title}”?`, "You can create it again on the fold’s page."]));

@@ -15,8 +15,8 @@ export function remaining(value) {
 /** @param {Api.PreparingBody} preparing */
 export function preparingWords({ fraction, remaining_s: left }) {
   const percent = Math.floor(100 * fraction);
-  if (!percent) return "Starting the solvers…"; // it is not known yet whether any are to be compiled
-  const words = `First start of foldback: preparing the solvers, ${percent} % done. This happens only once`;
+  if (!percent) return "Starting the folding software…"; // it is not known yet whether any are to be compiled
+  const words = `First start: preparing the folding software, ${percent} % done. This happens only once`;
   return left ? `${words} · ${remaining(left)}` : words;
 }
 

@@ -178,7 +178,7 @@ const percent = (/** @type {number} */ share) => `${Math.round(100 * share)} %`;
 /** @param {Api.Preview} report */
 export function verdictOf({ module, modules, iou, has_path: path }) {
   if (!path) return `${whole(modules)} cells, no path yet`;
-  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${iou === null ? "" : ` · match with your model: ${percent(iou)}`}`;
+  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${iou === null ? "" : ` · similarity to your model: ${percent(iou)}`}`;
 }
 
 // Numbers of modules that are near and possible, and a text that says why they are there.

@@ -84,7 +84,7 @@ export class Colouring {
     /** @type {Measured | null} */
     this.figures = null;
     /** @type {Required<Scale>} */
-    this.scale = { low: 0, ramp: "ramp_even", none: "no data in this phase", bad: () => false, ...scale };
+    this.scale = { low: 0, ramp: "ramp_even", none: "no data for this frame", bad: () => false, ...scale };
   }
 
   get high() {
@@ -166,7 +166,7 @@ export function colouring(key, timeline, figures) {
   const makers = {
     error: () => per(errors, radians, { high: () => timeline.errorScale, ramp: "ramp_error" }),
     "error-even": () => per(errors, radians, { high: () => timeline.errorScale }),
-    position: () => measured("position_error", pitches, { none: lacking ?? "no data in this phase" }),
+    position: () => measured("position_error", pitches, { none: lacking ?? "no data for this frame" }),
     speed: () => per((shown) => timeline.perModule(timeline.speeds(shown.frame)), (v) => si(v, "rad/s")),
     torque: () => measured("torque", newtonMetres, { none }),
     joint_torque: () => measured("joint_torque", (v) => withUnit(v, figures?.plots?.table?.unit_nm ?? 0), { none: "not computed for this frame" }),
