@@ -80,7 +80,8 @@ class Origin:
         str | None,
         id_field(
             "Instead of a shape: the id of a verified fold. The new fold makes the motion of "
-            "that fold shorter and smoother. Preset and strategy do not apply, because there is no new explosion."
+            "that fold shorter and smoother. Preset and strategy do not apply, because there is "
+            "no new explosion."
         ),
     ] = None
 
