@@ -37,7 +37,9 @@ refused, as no id is longer. A smaller value could refuse valid ids. Chosen."""
 OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
 Cells = list[list[int]]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
-GalleryShape = Annotated[str | None, Form(description="Or: the name of a gallery shape.")]
+GalleryShape = Annotated[
+    str | None, Form(description="Instead of a file: the name of a gallery shape.")
+]
 
 
 def id_field(description: str) -> Any:
