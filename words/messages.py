@@ -152,9 +152,8 @@ ASSUMPTION_PHRASES: Final = (
     (
         "The torque of a frame is the largest joint torque, minimised over all distributions of "
         "contact forces. This lower bound is exact",
-        "The contact forces can be distributed in many ways. The torque of a frame is the largest "
-        "joint torque for the distribution that makes it smallest. It is a lower bound, which is "
-        "exact",
+        "The contact forces are distributed so that the largest joint torque of a frame is as "
+        "small as possible. This torque is a lower bound, exact",
     ),
     (
         "Linked cubes do not touch: the parts that would touch are cut away.",
