@@ -75,7 +75,7 @@ PARAMETER_WORDS: Final = {
     "noise_rad": Words("Encoder noise", "rad"),
     "max_steps": Words("Step limit"),
     "pair_cap": Words("Largest approach of two modules per step", "pitch"),
-    "pair_cap_loose": Words("Largest approach of two modules per step, loose chain", "pitch"),
+    "pair_cap_loose": Words("Largest approach of two modules per step, loosened chain", "pitch"),
     "pitch_cm": Words("Module diameter", "cm"),
     "radial_gain": Words("Radial gain λ", "dyn"),
     "repulsion_cutoff": Words("Repulsion range", "pitch"),
