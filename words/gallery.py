@@ -36,7 +36,7 @@ CARD_STATUS_LABELS: Final = {
     "failed": "Failed",
     "new": "Not folded yet",
 }
-METHOD_LABELS: Final = {"direct": "direct servoing", "paper": "published method"}
+METHOD_LABELS: Final = {"direct": "joints turned directly", "paper": "method from the paper"}
 """Labels on a fold's card for presets of planner settings other than the default preset."""
 MAX_ZERO_TORQUE_WP: Final = 0.05
 """Joint torque of a fold on a table below which its gallery card says that it needs no motor

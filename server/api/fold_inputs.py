@@ -72,15 +72,16 @@ class Origin:
     refold: Annotated[
         str | None,
         id_field(
-            "The id of a finished fold. Its chain unfolds and then folds into the shape, which "
-            "must have the same number of modules of the same kind."
+            "Id of a finished fold. Its chain unfolds and then folds into the shape of this "
+            "request, which must have the same number of modules of the same kind."
         ),
     ] = None
     smooth: Annotated[
         str | None,
         id_field(
-            "Instead of a shape: the id of a verified fold. A new fold makes its motion shorter "
-            "and smoother. Preset and strategy do not apply, because there is no new explosion."
+            "Instead of a shape: the id of a verified fold. The new fold makes the motion of "
+            "that fold shorter and smoother. Preset and strategy do not apply, because there is "
+            "no new explosion."
         ),
     ] = None
 

@@ -49,7 +49,7 @@ OVER: Final = "over"
 
 @router.get("/c/{code}")
 async def join(request: Request, code: str) -> Response:
-    """Redirect to the fold that a class is watching."""
+    """Redirect to the fold that a class of viewers is watching."""
     found = context_of(request).classes.find(code)
     return RedirectResponse(f"/folds/{found.fold_id}?class={code.upper()}", status_code=303)
 

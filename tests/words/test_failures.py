@@ -81,10 +81,10 @@ def test_failure_lists_blocks_and_budgets() -> None:
     ]
     many = {**evidence, "turns": 30 * [turn]}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
-    assert shown is not None and shown["blocks"][-1] == "And 7 more blocked motions"
+    assert shown is not None and shown["blocks"][-1] == "7 more motions are blocked in the same way"
     budget = {"kind": "budget", "spent": "steps"}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
-    assert shown is not None and shown["heading"] == "Stalled: step limit reached"
+    assert shown is not None and shown["heading"] == "Stalled: too many simulation steps"
     assert set(get_args(SpentKind)) <= FAILURE_HEADINGS.keys()
 
 
@@ -154,4 +154,4 @@ def test_attempts_are_listed_with_strategy_and_outcome(tmp_path: Path) -> None:
     rows = attempts(tmp_path)
     assert {a["end"]: a["tone"] for a in rows} == ends
     assert rows[0]["strategy"] == "All at once"
-    assert rows[3]["how"] == "Path 2, seed 4, played back in smaller steps"
+    assert rows[3]["how"] == "Path 2, seed 4, played back in more and smaller steps"

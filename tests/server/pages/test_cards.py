@@ -85,8 +85,8 @@ def test_cards_show_the_torque_needed_on_a_table() -> None:
 def test_card_of_an_unusual_fold_shows_its_method() -> None:
     for preset, world, words in (
         ("default", "floating", ""),
-        ("direct", "floating", "direct servoing"),
-        ("paper", "floating", "published method"),
+        ("direct", "floating", "joints turned directly"),
+        ("paper", "floating", "method from the paper"),
         ("default", "table", "on a table"),
     ):
         assert method_of(preset, world) == words
