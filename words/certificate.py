@@ -384,7 +384,7 @@ def linked(certificate: CertificateFigures) -> str | None:
         overlap = math.ceil(bound * 100) / 100
         told += f", because full cubes would overlap by up to {overlap:.2f} module widths"
     return (
-        f"{told}. Round the edges of real modules towards each joint: no material may be more than "
+        f"{told}. Round the edges of real modules near each joint: no material may be more than "
         f"{radius:g} module widths from the joint. This removes "
         f"{100 * exempt['relief_share']:.0f} % of a module's volume."
     )

@@ -231,7 +231,7 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
         return {
             "modules": modules,
             "frame": place["frame"],
-            "words": f"at a module size of {size} pitch, {which} overlap by "
+            "words": f"at a module size of {size} × the cell width, {which} overlap by "
             f"{module_widths(-clearance)}",
         }
     return None

@@ -143,6 +143,7 @@ VERDICT_PHRASES: Final = (
         re.compile(r"(?<= \()friction ([\d.]+), (free|clamped) base(?=\))"),
         r"with friction μ = \1 and a \2 base",
     ),
+    (re.compile(r"\(module weight × pitch\)"), "(module weight × module width)"),
     (re.compile(r" \(RMS\)"), " on average (root mean square)"),
 )
 """Patterns in verdicts, and the words that replace them for people. Plans store the verdicts, and

@@ -56,7 +56,7 @@ async def join(request: Request, code: str) -> Response:
 
 @router.websocket("/api/class/lead")
 async def lead(websocket: WebSocket) -> None:
-    """Receive the views of a class's leader, and report the number of followers."""
+    """Receive what a class's leader sees, and report the number of followers."""
     context, asked = context_of(websocket), websocket.query_params
     if "key" in asked:
         await _lead(websocket, context.classes.find_led(asked.get("code", ""), asked["key"]))

