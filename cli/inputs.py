@@ -53,7 +53,7 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
         raise InputError(
             "no-file",
             f"the file cannot be read ({error.strerror}); expected a file, or the "
-            f"name of an example: there are {Gallery().nearest(shape)}.",
+            f"name of one of {Gallery().nearest(shape)}.",
             where=shape,
         ) from error
 

@@ -101,12 +101,13 @@ def _show(result: Verification, largest: tuple[float, str] | None) -> None:
     if result.reason is not None:
         holds = "confirmed" if result.reason.confirmed else "refuted"
         reason = verdict_for_people(result.reason.words)
-        console.print(f"Reason why the explosion stalled, {holds}: {reason}.", markup=False)
+        console.print(f"The reason why the explosion stalled is {holds}: {reason}.", markup=False)
     if result.replay is not None:
+        depth = result.replay.overlap
+        overlap = f"modules overlap by up to {module_widths(depth, 2)}" if depth else "no overlap"
         console.print(
             f"replay of {result.replay.frames} frames in MuJoCo: module positions differ from the "
-            f"plan's by at most {module_widths(result.replay.pose_difference, 1)}, and modules "
-            f"overlap by at most {module_widths(result.replay.overlap, 2)}"
+            f"plan's by at most {module_widths(result.replay.pose_difference, 1)}; {overlap}"
         )
     for line in result.checked:
         console.print(f"checked: {line}", markup=False)

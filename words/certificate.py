@@ -64,13 +64,15 @@ LARGEST_JOINT_ERROR: Final = Figure(
 )
 CLEARANCES: Final = (
     Figure("Module size in the clearance check", "module_size"),
-    Figure("Smallest clearance, plan", "min_clearance"),
-    Figure("Smallest clearance, simulated robots", "min_clearance_playback", of_simulation=True),
-    Figure("Smallest clearance, recorded explosion", "min_clearance_record"),
+    Figure("Smallest clearance in the plan", "min_clearance"),
+    Figure(
+        "Smallest clearance of the simulated robots", "min_clearance_playback", of_simulation=True
+    ),
+    Figure("Smallest clearance in the explosion", "min_clearance_record"),
 )
 MOTION_FIGURES: Final = (
     Figure(
-        "Average final position error (root mean square)",
+        "Average position error at the end (root mean square)",
         "rms_position_error",
         digits=CERTIFICATE_DIGITS,
         of_simulation=True,
@@ -145,7 +147,7 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
     return [
         (
             "Margin for the module size",
-            f"modules may have up to {rounded_down(size['value'])} of their full width; "
+            f"modules may be up to {rounded_down(size['value'])} of their full width; "
             f"{_limit(size)}",
         ),
         (
@@ -154,8 +156,9 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
         ),
         (
             "Margin for random errors in all hinges",
-            f"up to {degrees_down(each['value'])} in each hinge: modules then touch in at most "
-            f"{100 * found['failure_probability']:.0f} of 100 robots; {_limit(each)}",
+            f"up to {degrees_down(each['value'])} in each hinge; with such errors, modules "
+            f"touch in at most {100 * found['failure_probability']:.0f} of 100 robots; "
+            f"{_limit(each)}",
         ),
     ]
 
@@ -167,7 +170,7 @@ def _limit(margin: MarginFigures) -> str:
     assert modules is not None
     first, second = (module + 1 for module in modules)
     frame = round(place["frame"]) + 1
-    return f"modules {first} and {second} limit this near frame {frame} of the plan"
+    return f"modules {first} and {second} set this limit near frame {frame} of the plan"
 
 
 def degrees_down(angle_rad: float) -> str:
@@ -211,14 +214,14 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     needs = (
         f"its hinges need at most {largest}"
         if table.torque
-        else f"no hinge needs a torque {friction}"
+        else f"no hinge needs any torque ({friction})"
     )
     rests = f"the chain stays on the table; {needs}"
     fails = verdict_for_people(table.verdict.removeprefix("failed: "))
     text = sentence(rests if table.rests else fails)
     rows: list[tuple[str, str | None]] = [
         ("Frame with the highest torque", None if table.frame is None else str(table.frame + 1)),
-        ("1 w·p (module weight × pitch)", quantity(table.unit_nm, "N·m")),
+        ("1 w·p (module weight × module width)", quantity(table.unit_nm, "N·m")),
         ("Torque limit", None if table.bound is None else f"{table.bound:g} w·p"),
         ("Friction", "none" if table.friction == 0.0 else f"μ = {table.friction:g}"),
         ("Base", _base(table)),
@@ -227,7 +230,10 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     ]
     if record is not None:
         rows += [
-            ("How often the explosion went back to earlier frames", quantity(record.taken_back)),
+            (
+                "How often the simulation of the explosion went back to an earlier frame",
+                quantity(record.taken_back),
+            ),
             ("Torque limit in the explosion", _rose(record)),
         ]
     servos, named = _servos(table) if table.torque is not None else ("", [])
@@ -247,10 +253,12 @@ def _base(table: TableCertificate) -> str:
         return "the first module is clamped to the table"
     if table.friction == 0.0:
         return (
-            "free on the table (the simulation pins the first module, because without friction "
-            "everything would slide)"
+            "free on the table (in the simulation, the first module is fixed, because "
+            "without friction the chain would slide)"
         )
-    return "free on the table; the chain may drift, so position errors compare only its shape"
+    return (
+        "free on the table; the chain may drift, so position errors are measured for its shape only"
+    )
 
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
@@ -279,7 +287,7 @@ def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
     least = length_m(larger[0][0])
     text = (
         f"No servo in our list suits {modules}. "
-        f"If the modules are {least} wide or a little wider, these servos suit them:"
+        f"If the modules are at least {least} wide, but not much wider, these servos suit them:"
     )
     return text, [servo for pitch_m, servo in larger if pitch_m <= NEAR_PITCH_FACTOR * larger[0][0]]
 
@@ -337,8 +345,9 @@ def robots(certificate: CertificateFigures) -> str | None:
         return None
     least = min(one["min_clearance"] for one in found)
     return (
-        f"{len(found)} robot{'s' if len(found) > 1 else ''} with random errors; the view shows the "
-        f"robot with the largest errors. The smallest clearance is {rounded_down(least)} pitch"
+        f"{len(found)} robot{'s' if len(found) > 1 else ''} with random imperfections; "
+        "the view shows the robot with the largest errors. "
+        f"The smallest clearance is {rounded_down(least)} pitch"
     )
 
 
@@ -375,7 +384,7 @@ def linked(certificate: CertificateFigures) -> str | None:
         overlap = math.ceil(bound * 100) / 100
         told += f", because full cubes would overlap by up to {overlap:.2f} module widths"
     return (
-        f"{told}. Round the edges of real modules towards each joint: no material may be more than "
+        f"{told}. Round the edges of real modules near each joint: no material may be more than "
         f"{radius:g} module widths from the joint. This removes "
         f"{100 * exempt['relief_share']:.0f} % of a module's volume."
     )
@@ -400,7 +409,7 @@ def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -
         if str(certificate.get("verdict")).startswith("verified")
         else ""
     )
-    return f"In the recorded explosion, {' and '.join(told)}.{plan}"
+    return f"During the explosion, {' and '.join(told)}.{plan}"
 
 
 def baseline(strategy: object) -> str | None:

@@ -29,10 +29,10 @@ from words.quantities import STRATEGY_LABELS, module_widths, quantity, sentence
 FAILURE_HEADINGS: Final = {
     "knot": "The chain is knotted",
     "blocks": "Stalled: modules blocked each other",
-    "steps": "Stalled: step limit reached",
-    "pushes": "Stalled: random pushes did not help",
+    "steps": "Stalled: too many simulation steps",
+    "pushes": "Stalled: random pushes on the modules did not help",
     "retries": "The simulation failed",
-    "snapshots": "Stalled: snapshot limit reached",
+    "snapshots": "Stalled: too many recorded frames",
     "refusals": "Stalled: torque limit reached",
     "motion": "Stalled: nothing moved any more",
     "buried": "Stalled: the modules to be unfolded next were enclosed by others",
@@ -46,11 +46,11 @@ FAILURE_HEADINGS: Final = {
     "refused": "Not verified",
 }
 STAGE_WORDS: Final = {
-    "read": "the reading of the input",
+    "read": "reading the input",
     "explode": "the explosion",
     "play_back": "the playback",
     "certify": "the clearance check",
-    "export": "the writing of the plan",
+    "export": "writing the plan",
 }
 STAGES_WITH_MOTION: Final = ("explode", "play_back")
 """Stages in which the displayed chain moves, so that the reason of a failure names the frame."""
@@ -161,7 +161,7 @@ def _blocks(told: BlockFigures) -> list[str]:
         if more <= 0
         else [
             *lines[:MAX_BLOCKING_LINES],
-            f"And {more} more blocked motion{'s' if more > 1 else ''}",
+            f"{more} more motion{'s are' if more > 1 else ' is'} blocked in the same way",
         ]
     )
 
@@ -231,7 +231,7 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
         return {
             "modules": modules,
             "frame": place["frame"],
-            "words": f"at a module size of {size} pitch, {which} overlap by "
+            "words": f"at a module size of {size} × the cell width, {which} overlap by "
             f"{module_widths(-clearance)}",
         }
     return None
@@ -255,9 +255,9 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     if attempt.get("gentle"):
         how.append("with half the force")
     if (smooths := attempt.get("smooths")) is not None:
-        how.append(f"smoothed from attempt {smooths + 1}")
+        how.append(f"smoothed version of attempt {smooths + 1}")
     if "finer" in attempt:
-        how.append("played back in smaller steps")
+        how.append("played back in more and smaller steps")
     verdict = str(attempt.get("verdict", ""))
     status = str(attempt["status"])
     tone = "off"

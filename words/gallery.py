@@ -36,7 +36,7 @@ CARD_STATUS_LABELS: Final = {
     "failed": "Failed",
     "new": "Not folded yet",
 }
-METHOD_LABELS: Final = {"direct": "direct servoing", "paper": "published method"}
+METHOD_LABELS: Final = {"direct": "joints turned directly", "paper": "method from the paper"}
 """Labels on a fold's card for presets of planner settings other than the default preset."""
 MAX_ZERO_TORQUE_WP: Final = 0.05
 """Joint torque of a fold on a table below which its gallery card says that it needs no motor
@@ -57,9 +57,9 @@ def rest_of(torque_wp: float | None) -> str | None:
     if torque_wp is None:
         return None
     if torque_wp < MAX_ZERO_TORQUE_WP:
-        return "Can be folded on a table (needs no motor torque)"
+        return "Can be folded on a table (needs almost no motor torque)"
     times = f"{math.ceil(10 * torque_wp) / 10:.1f}"
-    return f"Can be folded on a table (a joint must hold the weight of {times} modules)"
+    return f"Can be folded on a table (joints must hold up to the weight of {times} modules)"
 
 
 def method_of(preset: str, world: str) -> str:

@@ -19,7 +19,7 @@ def kept_words(keep_days: float | None, *, limited: bool) -> str:
         limited: True if the folds may occupy only a limited part of the disk.
     """
     if keep_days is not None:
-        return f"A fold is stored for {time_words(86400.0 * keep_days)} after it was last viewed."
+        return f"A fold is stored for {time_words(86400.0 * keep_days)} after its last view."
     if limited:
         return (
             "A fold is stored while there is space; the folds that were viewed longest ago are "

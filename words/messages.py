@@ -27,13 +27,13 @@ MESSAGES: Final = (
     (re.compile(r"got an empty file\b.*"), "This file is empty."),
     (
         re.compile(r"got 0 angles, expected (?:at least \d+|\d+ angles? for each joint)\b.*"),
-        "Type at least one angle, using the signs 0, + or −.",
+        "Type at least one sign: 0 (straight), + or − (bent).",
     ),
     (
         re.compile(
             r"(?:character \d+: )?got (?P<sign>.+?) after \d+ angles, expected 0, \+ or -.*"
         ),
-        '"{sign}" isn\'t an angle. Use 0, + or − for each hinge.',
+        '"{sign}" isn\'t an angle. Use 0 (straight), + or − (bent) for each hinge.',
     ),
 )
 """Messages for people for the most frequent input errors: a pattern that matches the whole error
@@ -53,7 +53,7 @@ VERDICT_PHRASES: Final = (
             r"\bthe chain floats and does not rest on a table; laid down in each frame, it needs "
         ),
         "the chain floats, so a table does not support it. "
-        "If it is laid on a table in each frame, the largest torque of a hinge is ",
+        "If the chain rested on a table in each frame, the largest torque of a hinge would be ",
     ),
     (
         re.compile(r"\bthe chain needs (\S+ w·p .+?), expected at most (?=\S+ w·p)"),
@@ -71,7 +71,7 @@ VERDICT_PHRASES: Final = (
     (re.compile(r"\bhas numbers that are not finite\b"), "contains infinite or undefined numbers"),
     (
         re.compile(r"\bthe clearance between two frames could not be bounded\b"),
-        "it could not be proved that the modules stay apart from one frame to the next",
+        "it could not be proved that the modules stay apart between one frame and the next",
     ),
     (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
     (
@@ -86,14 +86,14 @@ VERDICT_PHRASES: Final = (
             r"(\S+) yielded: it is (off by \S+ rad) with motors of (\S+ w·p), "
             r"(\d+ % into the fold)"
         ),
-        r"the motor of \1 is too weak: it supplies at most \3 (module weight × pitch), and \4, "
-        r"the joint is \2",
+        r"the motor of \1 is too weak: it supplies at most \3 (module weight × "
+        r"module width), and \4, the joint is \2",
     ),
     (re.compile(r"(?<=\d %) into the fold\b"), " through the motion"),
     (re.compile(r"(?<=knotted) \(determinant 1\)"), ""),
     (
         re.compile(r"(?<=knotted \()determinant (\d+)(?=\))"),
-        r"the determinant of its knot is \1; without a knot, it is 1",
+        r"the knot has the determinant \1, and a chain without a knot has 1",
     ),
     (
         re.compile(r"\bdrawn as it stalled, with its ends extended outwards, it has (?=\d)"),
@@ -109,7 +109,7 @@ VERDICT_PHRASES: Final = (
     ),
     (
         re.compile(r"\ba playback of windows\b"),
-        "a playback that stores only the hinges in motion",
+        "a playback in which only the moving hinges are stored",
     ),
     (re.compile(r"\bangles in windows\b"), "angles of the hinges in motion"),
     (
@@ -124,7 +124,7 @@ VERDICT_PHRASES: Final = (
     (re.compile(r"\bthe playback of another robot\b"), "the playback of another simulated robot"),
     (
         re.compile(r"\bthe (\d+) hinges (bent .+?°) at (.+?) cannot straighten, each by itself: "),
-        r"none of the \1 hinges \2, at \3, can straighten by itself, "
+        r"none of the \1 hinges \2 (at \3) can straighten by itself, "
         "because modules would overlap: ",
     ),
     (
@@ -133,7 +133,7 @@ VERDICT_PHRASES: Final = (
     ),
     (
         re.compile(r"\b(modules \d+ to \d+), which come next, (cannot move in any .+?): "),
-        r"the part that would unfold next, \1, \2, because modules would overlap: ",
+        r"the part that would unfold next (\1) \2, because modules would overlap: ",
     ),
     (re.compile(r"\bmodule (\d+) against (?=\d)"), r"modules \1 and "),
     (re.compile(r"\b1 pairs more\b"), "1 more pair"),
@@ -143,6 +143,7 @@ VERDICT_PHRASES: Final = (
         re.compile(r"(?<= \()friction ([\d.]+), (free|clamped) base(?=\))"),
         r"with friction μ = \1 and a \2 base",
     ),
+    (re.compile(r"\(module weight × pitch\)"), "(module weight × module width)"),
     (re.compile(r" \(RMS\)"), " on average (root mean square)"),
 )
 """Patterns in verdicts, and the words that replace them for people. Plans store the verdicts, and
@@ -152,9 +153,8 @@ ASSUMPTION_PHRASES: Final = (
     (
         "The torque of a frame is the largest joint torque, minimised over all distributions of "
         "contact forces. This lower bound is exact",
-        "The contact forces can be distributed in many ways. The torque of a frame is the largest "
-        "joint torque for the distribution that makes it smallest. It is a lower bound, which is "
-        "exact",
+        "The contact forces are distributed so that the largest joint torque of a frame is as "
+        "small as possible. This torque is a lower bound, exact",
     ),
     (
         "Linked cubes do not touch: the parts that would touch are cut away.",

@@ -20,8 +20,8 @@ PLAN_COLUMNS: Final = (
     "Plan",
     "Folding time, s",
     "Torque",
-    "Torque at equal folding time",
-    "Clearance, pitch",
+    "Torque at the same folding time",
+    "Clearance, module widths",
     "Computing time, s",
 )
 """Column headings of the table that compares several plans of one fold: folding time, largest
@@ -168,7 +168,7 @@ class _Plan:
         parts = [STRATEGY_LABELS.get(strategy, strategy).partition(",")[0]]
         parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
         parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
-        parts += ["smaller steps"] if "finer" in attempt else []
+        parts += ["smaller playback steps"] if "finer" in attempt else []
         return ", ".join(parts)
 
 
@@ -197,7 +197,7 @@ def _gained(
         each["figures"]["seconds"] if "figures" in each else each.get("seconds", 0.0)
         for each in since
     )
-    cost = f"{number(more, 2)} s of further computing"
+    cost = f"{number(more, 2)} s of additional computing"
     if best is first:
         return f"The first plan that worked is still the best after {cost}."
     both = (best.figures, first.figures)
@@ -212,8 +212,9 @@ def _gained(
         what, unit = "allowed error in one hinge", ""
     else:
         after, before = (_room(each.clearance_bound) for each in both)
-        what, unit = "proved clearance", " pitch"
-    return f"The {what} is {after}{unit} instead of {before}{unit}. This took {cost}."
+        before = f"{before} module widths"
+        what, unit = "proved clearance", ""
+    return f"The {what} is {after}{unit} instead of {before}{unit}. Finding this plan took {cost}."
 
 
 def _told(value: float | None) -> str:

@@ -136,7 +136,10 @@ class _Fold:
             ("Module width", length_m(self.chain.get("pitch_m"))),
             ("Method", STRATEGY_LABELS.get(str(self.explosion.get("strategy")))),
             ("Preset", PRESET_LABELS.get(row.preset, row.preset)),
-            ("World", "In zero gravity" if row.world == FLOATING else "On a table, with gravity"),
+            (
+                "Environment",
+                "In zero gravity" if row.world == FLOATING else "On a table, with gravity",
+            ),
         ]
 
     def fold_rows(self) -> Rows:
@@ -234,7 +237,7 @@ def used_parameters(
     )
     robot = playback.get("robot")
     if simulated and controller == "robot" and robot:
-        heading = "Simulated robots (torques relative to the largest planned torque)"
+        heading = "Simulated robots (torques relative to the largest torque of the plan)"
         groups.append((heading, robot))
     return groups
 

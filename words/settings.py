@@ -24,9 +24,9 @@ SETTING_DIGITS: Final = 6
 values could be displayed rounded. Chosen."""
 PAPER_PRESET: Final = preset("paper")
 SOURCE_LABELS: Final[dict[Source, str]] = {
-    "published": "Value given in the paper.",
-    "named": "Named in the paper, but without a value.",
-    "ours": "Not in the paper.",
+    "published": "The paper gives this value.",
+    "named": "The paper names this setting, but gives no value.",
+    "ours": "The paper does not name this setting.",
 }
 
 

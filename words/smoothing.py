@@ -11,7 +11,7 @@ from words.quantities import number, quantity
 SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
     "frames": ("Frames", "", 3),
     "fold_time_s": ("Folding time", "s", 3),
-    "length_rad": ("Length of the motion", "rad", 3),
+    "length_rad": ("Path length of the motion", "rad", 3),
     "hinges_moving_mean": ("Hinges moving at once, mean", "", 3),
     "hinges_moving_most": ("Hinges moving at once, maximum", "", 3),
     "peak_speed_rad_s": ("Highest hinge speed", "rad/s", 2),
@@ -23,8 +23,10 @@ SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
 """Label, unit and number of significant digits of each figure of a plan that is compared before and
 after its smoothing."""
 SMOOTHING_NOTES: Final = {
-    SOFTENED: "More smoothing would have left too little clearance.",
-    RECORDED: "Any shorter motion would have left too little clearance, so only the timing is new.",
+    SOFTENED: "The motion was smoothed only a little: more smoothing would have left too little "
+    "clearance.",
+    RECORDED: "Only the timing of the motion is new: any shorter path would have left too little "
+    "clearance.",
 }
 
 

@@ -20,7 +20,7 @@ AGAIN_LABELS: Final = {
     "same": "Fold again",
     "preset": "Try with the default preset",
     "module_size": "Try the default module size",
-    "seed": "Try another seed",
+    "seed": "Try another random seed",
 }
 """Buttons that try a failed or cancelled fold again, by what changes."""
 RECORDED: Final = Button("Before smoothing", "The original plan")

@@ -63,7 +63,7 @@ def _start(row: ShownFold, moments: Moments) -> list[Stop]:
     if not (refold := row.summary.get("refold")):
         return [_stop(straight, moments.straight)]
     first = _stop(
-        f"The chain begins as another shape, {refold['start']}, and unfolds.", moments.plan
+        f"The chain starts in another shape, {refold['start']}, and unfolds.", moments.plan
     )
     if moments.straight == moments.plan:  # the frame at which it is straight is unknown
         return [first]
@@ -77,7 +77,8 @@ def _contact(moments: Moments) -> Stop | None:
     near = LINKS[CONTACT_LINKS - 1]
     text = (
         f"{sentence(_modules(met.modules))} are the first to come closer to each other than a "
-        f"tenth of a module width. Modules up to {near} links apart in the chain are not counted."
+        f"tenth of a module width. This does not count modules up to {near} links apart in the "
+        "chain."
     )
     return _meeting(text, met)
 
@@ -92,7 +93,7 @@ def _tightest(certificate: CertificateFigures, plan: int) -> Stop | None:
     text = f"The tightest place of the plan: {_modules((one, other))} {how}."
     proved = clearance(certificate)
     if proved and str(certificate.get("verdict")).startswith("verified"):
-        text += f" It is proved that {proved} during the whole motion."
+        text += f" The clearance check proved that {proved} during the whole motion."
     met = Meeting(frame=plan + int(place["frame"]), modules=(one, other))
     return _meeting(text, met, colour="clearance")
 

@@ -74,7 +74,8 @@ class Sweeper:
             if playback.simulated:
                 of_playback = self._sweep(playback.frames, "playback", 0.7)
                 of_others = tuple(
-                    self._sweep(one, "playback of another robot", 0.8) for one in others(playback)
+                    self._sweep(one, "playback of another simulated robot", 0.8)
+                    for one in others(playback)
                 )
         if record is not None:
             frames = None if playback is None else playback.frames

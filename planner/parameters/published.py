@@ -122,7 +122,7 @@ class PaperExplosionParameters:
     )
     stop_deg: float = setting(
         90.0,
-        label="Hinge stops",
+        label="Largest hinge angle",
         help="Largest angle of a hinge in the explosion, in both directions.",
         unit="°",
         range=(90.0, 92.0),

@@ -44,7 +44,7 @@ BYTE_ORDER_MARKS: Final = (
 )
 """Byte order marks with their encodings, tried in this order: the marks of UTF-32 come first, as
 that of little-endian UTF-32 begins like that of UTF-16."""
-READ_AS_VOXELS: Final = "if the order of the cells has no meaning, read them as voxels"
+READ_AS_VOXELS: Final = "if the order of the cells has no meaning, read the cells as voxels"
 
 
 def to_utf8(data: bytes) -> bytes:

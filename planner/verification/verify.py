@@ -306,7 +306,7 @@ def _replayed(plan: Plan, model: str, found: _Findings) -> Replay | None:
         return None
     where = "" if stride == 1 else f" (checked at one frame in {stride})"
     found.look(
-        f"plain MuJoCo has the same poses and finds no overlap{where}", replay_differs(replayed)
+        f"the replay in MuJoCo has the plan's poses and no overlap{where}", replay_differs(replayed)
     )
     return replayed
 

@@ -39,7 +39,7 @@ def back_up(settings: Settings, directory: Path) -> Manifest:
     schema = schema_of(settings)
     if schema.found is None:
         raise AdminError(
-            f"got no tables in the database of {settings.root}, so there is nothing to back up; "
+            f"got a database without tables for {settings.root}, expected tables to back up; "
             "check FOLDBACK_DATA_DIR and FOLDBACK_DATABASE_URL."
         )
     _make_empty(directory)
@@ -87,8 +87,8 @@ def restore(settings: Settings, directory: Path, *, replace: bool) -> Manifest:
         _check_digests(manifest, directory)
         if not replace and not _is_empty(database, stored):
             raise AdminError(
-                "got a service that already has data; delete the data with --replace, or name an "
-                "empty data directory, database and object store."
+                "got a service that already has data, expected an empty one; delete the data with "
+                "--replace, or name an empty data directory, database and object store."
             )
         database.check_unused()
         with open_inside(directory, database.file) as source:
@@ -139,8 +139,8 @@ def _read(directory: Path) -> Manifest:
             manifest = Manifest.read(file.read())
     except OSError:
         raise AdminError(
-            f"got no {MANIFEST} in {directory}; use a backup that `foldback admin backup` "
-            "completed."
+            f"got no {MANIFEST} in {directory}, expected a complete backup; create one with "
+            "`foldback admin backup`."
         ) from None
     known = Schema.of(None).known
     if manifest.schema not in known:

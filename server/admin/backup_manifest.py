@@ -89,8 +89,8 @@ class Manifest(
             found = msgspec.json.decode(text, type=cls)
         except (msgspec.DecodeError, RecursionError) as error:
             raise AdminError(
-                f"got a {MANIFEST} that cannot be read ({error}), expected one of format "
-                f"{BACKUP_FORMAT}; use a backup that `foldback admin backup` completed."
+                f"got a {MANIFEST} that cannot be read ({error}), expected a file in "
+                f"format {BACKUP_FORMAT}; create a backup with `foldback admin backup`."
             ) from None
         names = [one.name for one in (found.database, *found.files)]
         strange = [] if DATABASE_NAME.fullmatch(names[0]) else names[:1]

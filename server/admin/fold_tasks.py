@@ -135,7 +135,7 @@ class AdminTasks:
             raise AdminError(f"{fold_id} is verified; use --force to compute it again anyway.")
         if row.status not in ENDED:
             what = "waits in the queue" if row.status == "queued" else "is being computed"
-            raise AdminError(f"{fold_id} {what}; wait until it ends, or expire it.")
+            raise AdminError(f"{fold_id} {what}; wait until it ends, or delete it with `expire`.")
         self._check_inputs(row)
         # A worker that still holds it loses it first; after a crash it can be queued again. It ends
         # at this moment, so that no sweep deletes its files as those of an old cancelled fold.
@@ -201,6 +201,6 @@ class AdminTasks:
 
 def _no_input(fold_id: str) -> AdminError:
     return AdminError(
-        f"{fold_id} has no input file any more; it was deleted some time after the fold was "
-        "cancelled. Expire the fold, and fold the file again."
+        f"{fold_id} has no input file any more; the file was deleted some time after the fold was "
+        "cancelled. Delete the fold with `expire`, and upload the input again."
     )

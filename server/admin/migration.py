@@ -29,7 +29,7 @@ def pending_changes(settings: Settings) -> list[str]:
         NewerSchemaError: A newer foldback wrote the tables.
         SQLAlchemyError: The database does not answer.
     """
-    return [f"tables of folds: version {version}" for version in schema_of(settings).missing]
+    return [f"the tables of folds to version {version}" for version in schema_of(settings).missing]
 
 
 def run_migration(settings: Settings) -> None:

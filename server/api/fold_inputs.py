@@ -37,7 +37,9 @@ refused, as no id is longer. A smaller value could refuse valid ids. Chosen."""
 OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
 Cells = list[list[int]]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
-GalleryShape = Annotated[str | None, Form(description="Or: the name of a gallery shape.")]
+GalleryShape = Annotated[
+    str | None, Form(description="Instead of a file: the name of a gallery shape.")
+]
 
 
 def id_field(description: str) -> Any:
@@ -70,15 +72,16 @@ class Origin:
     refold: Annotated[
         str | None,
         id_field(
-            "The id of a finished fold. Its chain unfolds and then folds into the shape, which "
-            "must have the same number of modules of the same kind."
+            "Id of a finished fold. Its chain unfolds and then folds into the shape of this "
+            "request, which must have the same number of modules of the same kind."
         ),
     ] = None
     smooth: Annotated[
         str | None,
         id_field(
-            "Instead of a shape: the id of a verified fold. A new fold makes its motion shorter "
-            "and smoother. Preset and strategy do not apply, because there is no new explosion."
+            "Instead of a shape: the id of a verified fold. The new fold makes the motion of "
+            "that fold shorter and smoother. Preset and strategy do not apply, because there is "
+            "no new explosion."
         ),
     ] = None
 

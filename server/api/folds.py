@@ -39,7 +39,7 @@ from server.store.tables import FoldRow
 router = APIRouter(prefix="/api/folds", tags=["folds"])
 NOT_FOLD_OWNER: Final = (
     "This is not the token of the fold's owner. A gallery fold that several clients requested "
-    "has no owner."
+    "has no owner, so no client can change it."
 )
 
 Here = Annotated[Context, Depends(context_of)]
@@ -145,7 +145,7 @@ async def follower(request: Request, fold_id: str, context: Here) -> AsyncIterat
 async def get_events(
     fold_id: str, context: Here, response: Response
 ) -> AsyncIterator[ServerSentEvent]:
-    """Send server-sent events until the fold is over."""
+    """Stream server-sent events until the fold ends."""
     response.headers["Cache-Control"] = "no-store"
     async for event in context.fold_states.events(fold_id):
         yield event

@@ -49,14 +49,14 @@ OVER: Final = "over"
 
 @router.get("/c/{code}")
 async def join(request: Request, code: str) -> Response:
-    """Redirect to the fold that a class is watching."""
+    """Redirect to the fold that a class of viewers is watching."""
     found = context_of(request).classes.find(code)
     return RedirectResponse(f"/folds/{found.fold_id}?class={code.upper()}", status_code=303)
 
 
 @router.websocket("/api/class/lead")
 async def lead(websocket: WebSocket) -> None:
-    """Receive the views of a class's leader, and report the number of followers."""
+    """Receive what a class's leader sees, and report the number of followers."""
     context, asked = context_of(websocket), websocket.query_params
     if "key" in asked:
         await _lead(websocket, context.classes.find_led(asked.get("code", ""), asked["key"]))

@@ -26,7 +26,7 @@ CHOSEN_FOLDS: Final = r"^([A-Za-z0-9_-]{1,64}(,[A-Za-z0-9_-]{1,64}){0,49})?$"
 async def kiosk(
     request: Request, folds: Annotated[str, Query(pattern=CHOSEN_FOLDS)] = ""
 ) -> Response:
-    """Return the page; if no folds are chosen, it plays those that come with foldback."""
+    """Return the kiosk page; if no folds are chosen, it plays those that come with foldback."""
     shown = await asyncio.to_thread(_chosen, request, folds.split(",") if folds else [])
     if not shown:
         return not_found_page(*NO_FOLD, service=True)

@@ -61,7 +61,7 @@ async def featured_bundle(request: Request) -> Response:
 
 @router.get("/featured/picture.png")
 async def featured_picture() -> Response:
-    """Return the picture that chats show beside a link to the first page."""
+    """Return the picture that chat programs show beside a link to the first page."""
     return picture_answer(shipped_pictures()["featured.png"], listed=True)
 
 

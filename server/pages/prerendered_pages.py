@@ -36,7 +36,7 @@ async def api_page(request: Request) -> Response:
 
 @router.get("/my-folds", response_class=HTMLResponse)
 async def my_folds(request: Request) -> Response:
-    """Return the page *My folds*; its script asks the API for the folds of the browser's key."""
+    """Return the page *My folds*; its script requests the folds of the browser's owner token."""
     answer = _answer(request, "my_folds.html")
     # A browser that returns to the page must request it again, not restore its content.
     answer.headers["Cache-Control"] = "no-store"

@@ -58,7 +58,7 @@ def _next_scripts() -> list[str]:
 async def drawing_of_preview(
     request: Request, preview_id: str, key: str = "", repair: bool = False
 ) -> Response:
-    """Return the drawing of a preview for the options of ``key``, without any text from users."""
+    """Return a preview's drawing with the options that ``key`` names, without users' text."""
     previews = context_of(request).previews
 
     def drawn() -> str:

@@ -57,5 +57,5 @@ def chain_of(shape: GalleryShape) -> Chain:
             return Chain.from_path(path)
         case other:
             got = type(other).__name__.lower()
-            detail = f"{shape.name} is a {got}; gallery shapes are paths or chains."
+            detail = f"{shape.name} is a {got}, expected a path or a chain."
             raise InputError("not-a-path", detail)

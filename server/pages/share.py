@@ -48,7 +48,7 @@ SHARED_FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"
 
 @router.get("/embed/view")
 async def embedded_view(request: Request) -> Response:
-    """Return viser's client for the frame within an embed."""
+    """Return viser's page, which an embedded fold shows in an inner frame."""
     page = await asyncio.to_thread(view_page)
     policy = client().policy.replace("frame-ancestors 'self'", _ancestors(request))
     return page.response(request, {"Content-Security-Policy": policy})

@@ -88,7 +88,9 @@ class Site:
         elif name is None and (file := FILE_ADDRESS.fullmatch(address)):
             name = file[1]
         if name is None:
-            raise ValueError(f"a static website has no {address}")
+            raise ValueError(
+                f"got a link to {address}, expected a page or file of the static website"
+            )
         self.asked.add(name)
         return root + name
 

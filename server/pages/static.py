@@ -87,9 +87,9 @@ async def manifest() -> Response:
 async def static_file(request: Request, name: str) -> Response:
     """Return a style sheet, a script or a picture.
 
-    Browsers cache a script whose address contains the current version. If a page was opened before
-    an update, its addresses contain an earlier version: the browser then gets the current script,
-    and requests it again each time.
+    Browsers cache a script whose address contains the current version. A page that was opened
+    before an update requests scripts of an earlier version: the browser then gets the current
+    script, does not cache it, and requests it again each time.
     """
     headers = dict(INDEXED_HEADERS)
     if (versioned := re.fullmatch(rf"{VERSIONED}/([0-9a-f]+)/(js/.+\.js)", name)) is not None:

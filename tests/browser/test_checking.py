@@ -37,7 +37,7 @@ def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, w
     assert page.evaluate(WIDTH) <= 390
 
     check.get_by_role("button", name="Larger modules").click()
-    expect(status).to_contain_text("In this plan, the modules are 95.0 % as wide as their cells.")
+    expect(status).to_contain_text("In this plan, each module fills 95.0 % of its cell’s width.")
     page.evaluate("foldback.player.send({ do: 'select', module: 12 })")
     page.locator("#tab-properties").click()
     check.get_by_role("button", name="Turn a hinge by 1°").click()

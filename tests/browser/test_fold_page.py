@@ -76,8 +76,8 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     seek(page, high)
     assert redness(picture(page)) > 0.0
     error = page.locator("#r-error")
-    expect(error).to_have_text(re.compile(r"^Error [\d.]+ µrad$"))
-    shown = float(error.inner_text().split()[1])
+    expect(error).to_have_text(re.compile(r"^Joint error [\d.]+ µrad$"))
+    shown = float(error.inner_text().split()[2])
     assert shown == pytest.approx(1e6 * largest[high], rel=0.06)  # shown with two digits
     # Step, by button and by key, with the focus in the page or in the view.
     page.locator("#back").click()

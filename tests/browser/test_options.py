@@ -75,7 +75,7 @@ def test_fastest_plan_is_chosen_and_all_are_shown_as_dots_and_rows(
     expect(page.locator(".choice-dot.chosen")).to_have_count(1)
     expect(page.locator(".choice-table tbody tr")).to_have_count(len(plans))
     page.get_by_role("button", name="Clearance").click()
-    expect(page.locator(".choice-axis")).to_have_text("Clearance, pitch")
+    expect(page.locator(".choice-axis")).to_have_text("Clearance, module widths")
     assert page.evaluate(WIDTH) <= 375
     page.locator(".choice-play a", has_text="Play").first.click()
     page.wait_for_url(re.compile(f"/folds/{fold}-[0-9]+"))
@@ -114,7 +114,7 @@ def test_upload_folds_on_a_table(visit: Visit, service: Service) -> None:
     assert (np.abs(seen - TABLE).max(axis=-1) < 14).mean() > 0.2
     page.locator("#colour-by").select_option("pressed")
     pressed = picture(page)
-    expect(page.locator("#legend-high")).to_have_text(re.compile(r"^[\d.]+ × its weight$"))
+    expect(page.locator("#legend-high")).to_have_text(re.compile(r"^[\d.]+ × the module’s weight$"))
     assert np.abs(pressed - seen).max() > 40
 
     page.locator("#rests").click()

@@ -9,7 +9,7 @@ from words import certificate as certificate_words
 from words.certificate import clearance, headline, linked, on_table, record, rows, torque
 
 EXEMPT = {"apart": 2, "worst_overlap_bound": 0.2941, "relief_radius": 0.525, "relief_share": 0.219}
-FINAL_ERROR = "Average final position error (root mean square)"
+FINAL_ERROR = "Average position error at the end (root mean square)"
 SIMULATED: dict[str, Any] = {
     "verdict": "verified (simulated)",
     "simulated": True,
@@ -62,10 +62,10 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
         "independent_rad": {"value": 3.845e-5, "limited_by": place},
         "failure_probability": 0.05,
     }
-    limit = "modules 1 and 159 limit this near frame 43 of the plan"
+    limit = "modules 1 and 159 set this limit near frame 43 of the plan"
     shown = dict(rows(SIMULATED | {"margins": margins}))
     assert shown["Margin for the module size"] == (
-        f"modules may have up to 0.995 of their full width; {limit}"
+        f"modules may be up to 0.995 of their full width; {limit}"
     )
     assert (
         shown["Margin for an error in one hinge"]
@@ -79,7 +79,7 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
 def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:
     simulated, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
     unknown = dict(rows(SIMULATED | {"simulated": None, "rms_position_error": None}))
-    for label in ("Smallest clearance, simulated robots", FINAL_ERROR, "Largest joint error"):
+    for label in ("Smallest clearance of the simulated robots", FINAL_ERROR, "Largest joint error"):
         assert simulated[label] and simulated[label] != "not simulated"
         assert followed[label] == "not simulated"
     assert unknown[FINAL_ERROR] == certificate_words.NOT_KNOWN
@@ -113,7 +113,7 @@ def test_text_about_the_base_on_a_table() -> None:
     chain = line(7)
     motion = swing(chain, 1, -LIFTED)
     cases: tuple[tuple[float, Base, str, str], ...] = (
-        (0.0, "free", "without friction", "the simulation pins the first module"),
+        (0.0, "free", "without friction", "in the simulation, the first module is fixed"),
         (
             0.2,
             "free",

@@ -46,12 +46,12 @@ def test_text_has_gain_and_cost_of_the_chosen_plan(tmp_path: Path) -> None:
             2,
             "The torque at the same folding time of 100 s is 40 µN·m instead of 100 µN·m",
         ),
-        ("clearance", 2, "The proved clearance is 0.0312 pitch instead of 0.0400 pitch"),
+        ("clearance", 2, "The proved clearance is 0.0312 instead of 0.0400 module widths"),
         ("margin", 3, "The allowed error in one hinge is 0.57° instead of 0.11°"),
     )
     for prefer, chosen, text in cases:
         choice = choice_of(write_attempts(tmp_path, chosen, *ATTEMPTS), prefer)
-        assert choice["text"] == f"{text}. This took 11 s of further computing."
+        assert choice["text"] == f"{text}. Finding this plan took 11 s of additional computing."
         assert choice["seconds"] == 100.0, "of those that are verified"
         assert [plan["chosen"] for plan in choice["plans"]].count(True) == 1
         assert superlative(prefer, len(choice["plans"])) is not None
@@ -82,9 +82,6 @@ def test_command_line_prints_the_choice(tmp_path: Path, capsys: pytest.CaptureFi
     lines = capsys.readouterr().out.splitlines()
     (chosen,) = (line for line in lines if line.startswith("→"))
     assert "4. Plan 3, smoothed, seed 1" in chosen
-    assert (
-        lines[-1]
-        == "The folding time is 10 s instead of 100 s. This took 11 s of further computing."
-    )
+    assert "10 s instead of 100 s. Finding this plan took 11 s of additional" in lines[-1]
     show_choice(None)
     assert not capsys.readouterr().out

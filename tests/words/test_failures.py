@@ -81,10 +81,10 @@ def test_failure_lists_blocks_and_budgets() -> None:
     ]
     many = {**evidence, "turns": 30 * [turn]}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
-    assert shown is not None and shown["blocks"][-1] == "And 7 more blocked motions"
+    assert shown is not None and shown["blocks"][-1] == "7 more motions are blocked in the same way"
     budget = {"kind": "budget", "spent": "steps"}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
-    assert shown is not None and shown["heading"] == "Stalled: step limit reached"
+    assert shown is not None and shown["heading"] == "Stalled: too many simulation steps"
     assert set(get_args(SpentKind)) <= FAILURE_HEADINGS.keys()
 
 
@@ -107,8 +107,8 @@ def test_failure_by_an_overlap_has_its_frame() -> None:
     summary = {"certificate": certificate, "explosion": {"frames": 200}, "refold": None}
     shown = failure(row(), summary)
     assert shown is not None and shown["heading"] == "Modules overlap"
-    text = "At a module size of 1 pitch, modules 4 and 8 overlap by 1.19 % of a module width."
-    assert shown["text"] == text
+    text = "At a module size of 1 × the cell width, modules 4 and 8 overlap by 1.19 % of a"
+    assert shown["text"].startswith(text)
     assert (shown["modules"], shown["frame"]) == ([3, 7], 212.5)
     # Their timelines are those of their plans alone.
     for alone in ({"refold": {"start": "a"}}, {"smoothing": {"way": "smoothed"}}):
@@ -154,4 +154,4 @@ def test_attempts_are_listed_with_strategy_and_outcome(tmp_path: Path) -> None:
     rows = attempts(tmp_path)
     assert {a["end"]: a["tone"] for a in rows} == ends
     assert rows[0]["strategy"] == "All at once"
-    assert rows[3]["how"] == "Path 2, seed 4, played back in smaller steps"
+    assert rows[3]["how"] == "Path 2, seed 4, played back in more and smaller steps"

@@ -8,9 +8,9 @@ from words.certificate import headline
 from words.messages import message_for_people, verdict_for_people
 
 MESSAGES = {
-    "got 0 angles, expected at least 1.": ("Type at least one angle, using the signs 0, + or −."),
+    "got 0 angles, expected at least 1.": "Type at least one sign: 0 (straight), + or − (bent).",
     "got a after 0 angles, expected 0, + or - for each hinge.": (
-        '"a" isn\'t an angle. Use 0, + or − for each hinge.'
+        '"a" isn\'t an angle. Use 0 (straight), + or − (bent) for each hinge.'
     ),
     "this looks like a PDF document, expected a mesh (STL, OBJ) or cells.": (
         "This looks like a PDF document. Please use a mesh (STL, OBJ) or cells."
@@ -45,7 +45,7 @@ VERDICTS = {
     "failed: the chain floats and does not rest on a table; laid down in each frame, it needs "
     "2 w·p": (
         "failed: the chain floats, so a table does not support it. "
-        "If it is laid on a table in each frame, the largest torque of a hinge is 2 w·p"
+        "If the chain rested on a table in each frame, the largest torque of a hinge would be 2 w·p"
     ),
     "failed: the chain needs 3.2 w·p in frame 4 (without friction), expected at most 2 w·p": (
         "failed: a hinge needs a torque of 3.2 w·p in frame 4 (without friction), but the limit is "
@@ -53,8 +53,8 @@ VERDICTS = {
     ),
     "the chain is knotted (determinant 3): drawn as it stalled, with its ends extended outwards, "
     "it has 3 crossings": (
-        "the chain is knotted (the determinant of its knot is 3; without a knot, it is 1): a "
-        "drawing of the stalled chain, with both ends extended outwards, has 3 crossings"
+        "the chain is knotted (the knot has the determinant 3, and a chain without a knot has 1): "
+        "a drawing of the stalled chain, with both ends extended outwards, has 3 crossings"
     ),
     "the chain is knotted (determinant 1): drawn as it stalled, with its ends extended outwards, "
     "it has 11 crossings": (
@@ -75,9 +75,9 @@ VERDICTS = {
     "the 4 hinges bent by more than 6° at modules 1, 2 and 3 more cannot straighten, each by "
     "itself: module 1 against 9, module 2 against 8, and 1 pairs more; modules 5 to 7, which come "
     "next, cannot move in any of the six directions: module 5 against 2": (
-        "none of the 4 hinges bent by more than 6°, at modules 1, 2 and 3 more, can straighten by "
+        "none of the 4 hinges bent by more than 6° (at modules 1, 2 and 3 more) can straighten by "
         "itself, because modules would overlap: modules 1 and 9, modules 2 and 8, and 1 more pair; "
-        "the part that would unfold next, modules 5 to 7, cannot move in any of the six "
+        "the part that would unfold next (modules 5 to 7) cannot move in any of the six "
         "directions, because modules would overlap: modules 5 and 2"
     ),
     "the hinge at module 4 cannot straighten: module 4 against 9": (
@@ -94,8 +94,8 @@ VERDICTS = {
         "failed: the plan contains infinite or undefined numbers"
     ),
     "failed: in the plan, the clearance between two frames could not be bounded": (
-        "failed: in the plan, it could not be proved that the modules stay apart from one frame to "
-        "the next"
+        "failed: in the plan, it could not be proved that the modules stay apart between one frame "
+        "and the next"
     ),
     "failed: the frames have no plan": "failed: there is no plan for these frames",
     "failed: modules 2 and 9 overlap by 1.03 pitch at module size 0.95": (
@@ -112,7 +112,7 @@ VERDICTS = {
     "failed: the playback missed: joint_4 yielded: it is off by 0.3 rad with motors of 8 w·p, "
     "40 % into the fold.": (
         "failed: the motor of joint_4 is too weak: it supplies at most 8 w·p (module weight × "
-        "pitch), and 40 % through the motion, the joint is off by 0.3 rad."
+        "module width), and 40 % through the motion, the joint is off by 0.3 rad."
     ),
     "failed: the explosion stalled: ": "failed: the explosion stalled: ",
     "verified (simulated)": "verified (simulated)",

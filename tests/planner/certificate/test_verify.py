@@ -87,7 +87,7 @@ def test_untouched_fold_is_verified_again(
     larger = verify(directory, module_size=1.04)
     assert not larger.verified
     assert any("module size 1.04" in problem for problem in larger.problems)
-    note = "plain MuJoCo has the same poses and finds no overlap (checked at one frame in 2)"
+    note = "the replay in MuJoCo has the plan's poses and no overlap (checked at one frame in 2)"
     assert note in larger.checked
     assert any("not computed again: simulated torques" in line for line in found.checked)
     assert any("the only check of the plots in figures.zarr" in line for line in found.checked)

@@ -71,10 +71,10 @@ def test_fold_on_a_table_shows_its_torque_and_forces(service: Service) -> None:
     assert shown["text"].startswith("The chain stays on the table; its hinges need at most ")
     assert len(shown["assumptions"]) == len(table["assumptions"])
     assert ["Torque limit", "9 w·p"] in shown["rows"]
-    assert "How often the explosion went back to earlier frames" in [
+    assert "How often the simulation of the explosion went back to an earlier frame" in [
         label for label, _ in shown["rows"]
     ]
-    assert " wide or a little wider, these servos suit them:" in shown["servos"] and shown["named"]
+    assert " but not much wider, these servos suit them:" in shown["servos"] and shown["named"]
     (floating, other) = facts["compare"]
     assert floating["form"] == {"fold": resting["id"], "seed": 0, "settings": ""}
     assert (other["form"]["world"], other["form"]["settings"]) == ("table", "table_torque=9")

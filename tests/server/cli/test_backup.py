@@ -188,7 +188,7 @@ def test_restore_of_a_changed_backup_touches_nothing(small: Site, tmp_path: Path
             change(copy)
             refused = small.run("restore", "--replace", copy)
             assert refused.exit_code == 1
-            assert any(words in refused.stderr for words in ("use another", "completed"))
+            assert any(words in refused.stderr for words in ("use another", "admin backup"))
             assert {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")} == times
             assert not list(tmp_path.rglob("evil/*"))
 
@@ -234,16 +234,16 @@ def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     result = site.run("migrate", "--check")
     assert result.exit_code == 3 and "version 0001" in result.stdout
     assert not site.data_dir.exists()
-    assert "nothing to back up" in site.run("backup", tmp_path / "copy").stderr
+    assert "expected tables to back up" in site.run("backup", tmp_path / "copy").stderr
     site.settings.make_directories()
     engine = engine_for(site.settings.store_url)
     upgrade(engine, "0015")
     result = site.run("migrate", "--check")
     assert result.exit_code == 3
-    assert result.stdout == "would migrate tables of folds: version 0016\n"
+    assert result.stdout == "would migrate the tables of folds to version 0016\n"
     assert site.run("backup", tmp_path / "copy").exit_code == 0  # before the upgrade
     assert "foldback admin migrate" in site.run("list").stderr
-    assert site.run("migrate").stdout == "migrated tables of folds: version 0016\n"
+    assert site.run("migrate").stdout == "migrated the tables of folds to version 0016\n"
     assert site.run("migrate", "--check").stdout == "All database tables are up to date.\n"
     with engine.begin() as connection:
         connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")

@@ -119,7 +119,7 @@ def test_kinematic_fold_of_earlier_version_is_shown_as_such(tmp_path: Path, stor
     facts = fold_facts(failed_fold(tmp_path, 0, status="verified", summary=summary))
     assert facts["verdict"]["text"].startswith("Verified (kinematics only): modules stay at least")
     values = {row["label"]: row["value"] for group in facts["properties"] for row in group["rows"]}
-    assert values["Average final position error (root mean square)"] == "not simulated"
+    assert values["Average position error at the end (root mean square)"] == "not simulated"
     assert values["Largest torque found"] == (
         "9 mN·m, but it is unknown how many frames were checked"
     )
@@ -129,7 +129,7 @@ def test_kinematic_fold_of_earlier_version_is_shown_as_such(tmp_path: Path, stor
 def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
     """tests/server/contract checks the offers of other folds."""
     again = fold_facts(failed_fold(tmp_path, 0, seed=2**32 - 1))["again"]
-    assert again["text"] == "Try another seed" and again["form"]["seed"] == 0
+    assert again["text"] == "Try another random seed" and again["form"]["seed"] == 0
     plain = fold_facts(failed_fold(tmp_path, 0, status="verified", preset="paper"))["compare"]
     settable = {way["text"]: way["settable"] for way in plain if "settable" in way}
     assert settable == {"Published method, changed": "must"}

@@ -38,7 +38,7 @@ def test_privacy_page_shows_the_settings() -> None:
         keep_days=30, storage_bytes=64 * MIB_BYTES, preview_keep_s=7200, movies_of_fold=3,
         imprint_url="https://example.org/imprint?a=1&b=2",
     )  # fmt: skip
-    assert "A fold is stored for 30 days after it was last viewed." in bounded
+    assert "A fold is stored for 30 days after its last view." in bounded
     assert "never within 1 hour of the last view" in bounded
     assert "if it is not used for 2 hours" in bounded and "up to 3 movies" in bounded
     assert 'href="https://example.org/imprint?a=1&amp;b=2"' in bounded
@@ -50,9 +50,7 @@ def test_fold_page_shows_its_visibility_and_retention() -> None:
     mine, pinned = (ShownFold.of(a_fold("a", pinned=pinned)) for pinned in (False, True))
     who = "Only people with the link can see it."
     assert visibility(settings) == visibility(settings, mine)
-    assert visibility(settings, mine) == (
-        f"A fold is stored for 1 day after it was last viewed. {who}"
-    )
+    assert visibility(settings, mine) == (f"A fold is stored for 1 day after its last view. {who}")
     assert visibility(settings, pinned) == f"This fold is stored permanently. {who}"
     for bound in ("storage_bytes", "storage_of_visitor_bytes"):
         text = visibility(Settings.model_validate({bound: MIB_BYTES}))

@@ -66,7 +66,7 @@ test("what is not measured yet is grey", async () => {
   assert.equal(colouring("clearance", timeline, nothing).legend().none, "no data yet");
   assert.equal(colouring("clearance", timeline, { ...nothing, lacking: "not here" }).legend().none, "not here");
   const { timeline: peeled } = await recorded(vectors.peeled);
-  for (const key of ["torque", "clearance"]) assert.equal(colouring(key, peeled, nothing).legend().none, "known only for the whole chain");
+  for (const key of ["torque", "clearance"]) assert.equal(colouring(key, peeled, nothing).legend().none, "only the whole chain’s value is known");
   assert.equal(colouring("position", peeled, nothing).legend().none, "no data for this frame");
 });
 

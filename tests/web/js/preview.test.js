@@ -88,9 +88,9 @@ test("the module that was clicked can become the first, which can be undone", ()
 test("a report is put into words", () => {
   assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · similarity to your model: 99 %");
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
-  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "Knot determinant 3. Without a knot, it is 1." });
+  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "The knot has the determinant 3. A chain without a knot has 1." });
   assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "None"]);
-  assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the closest possible number to 65" });
+  assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the possible number of modules closest to 65" });
   assert.deepEqual(nearby(opened(), report({ below: 60, above: 72 })), { counts: [60, 72], text: "Also possible" });
   assert.deepEqual(nearby(opened("?world=table"), report({ below: 60 })), { counts: [], text: "" });
   const long = opened("?world=table");
@@ -105,9 +105,9 @@ test("the reason why there is no path comes with a remedy", () => {
   const { title, details, ways } = troubleOf(opened(), bad);
   assert.deepEqual([title, details], ["No path runs through all of these cells", ["why"]]);
   assert.deepEqual(ways, [
-    { text: "Repair: add one cell", primary: true, change: { repair: true, modules: 72 } }, { text: "Use blocks (2×2×2 modules per voxel)", change: { method: "blocks" } },
+    { text: "Repair: add one cell", primary: true, change: { repair: true, modules: 72 } }, { text: "Use 2×2×2 modules for each cell", change: { method: "blocks" } },
   ]);
-  assert.equal(oddWords(bad), "cells with the more common colour of a chessboard pattern");
+  assert.equal(oddWords(bad), "cells of the more common colour, if the cells are coloured like a chessboard");
   assert.equal(oddWords(report()), "");
   const apart = report({ has_path: false, feasibility: { feasible: false, problems: [problem("disconnected")], repairs: [] } });
   assert.deepEqual(troubleOf(opened(), apart).ways, []);

@@ -58,11 +58,11 @@ function motors(torque, peak) {
 }
 
 test("without a motor the answer is the required torque, not a refusal", () => {
-  assert.equal(motorWords(motors(null, 201)), "Motors of 201 N·m or more are strong enough. joint_2_y needs the highest torque: 201 N·m, 0.47 s after the start.");
+  assert.equal(motorWords(motors(null, 201)), "Motors with a torque of 201 N·m or more are strong enough. joint_2_y needs the highest torque: 201 N·m, 0.47 s after the start.");
 });
 
 test("required figures are rounded up", () => {
-  assert.match(motorWords(motors(null, 201.2)), /^Motors of 202 N·m or more/);
+  assert.match(motorWords(motors(null, 201.2)), /^Motors with a torque of 202 N·m or more/);
 });
 
 test("the judgement of a motor is a sentence", () => {

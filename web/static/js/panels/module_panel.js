@@ -175,7 +175,7 @@ export class ModulePanel {
     }
     if (row.nearest && row.clearance) this.showNearest(row.nearest[this.index], row.clearance[this.index]);
     const [pressed, off] = [row.pressed?.[this.index] ?? null, row.position_error?.[this.index] ?? NaN];
-    this.write("pressed", pressed === null ? null : Number.isFinite(pressed) ? `${number(pressed)} × its weight` : "–");
+    this.write("pressed", pressed === null ? null : Number.isFinite(pressed) ? `${number(pressed)} × the module’s weight` : "–");
     this.write("position", Number.isFinite(off) ? pitches(off) : "–");
   }
 

@@ -30,8 +30,8 @@ export function outcome(way, said) {
     return `This browser checked ${whole(modules)} modules without our server. Modules that share no joint stay at least ${percent(claim)} of a module width apart during the whole motion. The check took ${took(seconds)}.`;
   }
   if (way === "size") {
-    if (!touch || touch.size > FULL) return `In this plan, the modules are ${percent(size)} as wide as their cells. Even if they were exactly as wide, they would not overlap during the motion.`;
-    return `In this plan, the modules are ${percent(size)} as wide as their cells. At a width of ${percentUp(touch.size)}, ${pair(touch)} would touch. At a slightly smaller width, none would.`;
+    if (!touch || touch.size > FULL) return `In this plan, each module fills ${percent(size)} of its cell’s width. Even if the modules filled their cells completely, they would not overlap during the motion.`;
+    return `In this plan, each module fills ${percent(size)} of its cell’s width. If each module filled ${percentUp(touch.size)}, ${pair(touch)} would touch. If the modules were slightly narrower, they would not touch.`;
   }
   return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, no modules touch.`;
 }
@@ -45,7 +45,7 @@ const percentUp = (share) => `${(Math.ceil(10000 * share) / 100).toFixed(2)} %`;
  * @param {Refused} said
  */
 function refusal(way, { text, place, claim, joint }) {
-  if (place && place.gap >= claim) return `Not proved: the check cannot tell whether ${pair(place)} are far enough apart.`;
+  if (place && place.gap >= claim) return `Not proved: ${pair(place)} may be far enough apart, but the check cannot prove it.`;
   if (way === "hinge" && place) return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, ${pair(place)} touch.`;
   if (!place) return `Not proved: ${text}`;
   return `Not proved: ${pair(place)} come within ${percent(Math.max(place.gap, 0))} of a module width of each other.`;

@@ -43,9 +43,9 @@ function onTable(table) {
   }];
 }
 
-const SOME_FRAMES = "computed from the motion at some frames; lines connect these frames";
+const SOME_FRAMES = "computed from the motion at some frames; lines connect their values";
 // The certificate has the peak of the motors at every step, which inverse dynamics of frames does not give.
-const ALL_FRAMES = "computed from the motion between frames; for the peak torque of the simulated motors, see Properties";
+const ALL_FRAMES = "computed from the motion of the plan; for the highest torque in the simulation, see Peak torque in Properties";
 
 // The worst value in each of a few hundred columns; NaN where there is none.
 /**

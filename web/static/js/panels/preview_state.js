@@ -15,14 +15,14 @@ const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "se
 
 /** What the coloured cells of a shape without a path are. @type {Record<string, string>} */
 const ODD = {
-  parity: "cells with the more common colour of a chessboard pattern",
+  parity: "cells of the more common colour, if the cells are coloured like a chessboard",
   disconnected: "cells not connected to the largest part",
   "dead-ends": "cells with a single neighbour",
   overhang: "cells with nothing below them",
   parts: "a layer in several parts",
 };
 /** @type {Record<string, string>} */
-const KNOTS = { unknot: "None", knotted: "Knotted", undecided: "Undecided" };
+const KNOTS = { unknot: "None", knotted: "Knotted", undecided: "Unknown" };
 
 export class Preview {
   /**
@@ -187,7 +187,7 @@ export function verdictOf({ module, modules, iou, has_path: path }) {
  * @param {Api.Preview} report
  */
 export function nearby({ bound, onTable, maxModules }, { asked, modules, below, above }) {
-  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the closest possible number to ${whole(asked ?? modules)}`;
+  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the possible number of modules closest to ${whole(asked ?? modules)}`;
   // A neighbouring count may have no path for a table: the offers are those that were checked.
   const counts = onTable ? [] : [below, above].flatMap((n) => (n && n !== modules && n <= maxModules ? [n] : []));
   return { counts, text: [bound, nearest].filter(Boolean).join("; ") || (counts.length ? "Also possible" : "") };
@@ -198,7 +198,7 @@ export function figuresOf({ iou, candidates, knot }) {
   const { verdict = "", determinant = null } = knot ?? {};
   const knotted = verdict === "knotted";
   return {
-    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `Knot determinant ${determinant}. Without a knot, it is 1.` : "",
+    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `The knot has the determinant ${determinant}. A chain without a knot has 1.` : "",
     knot: knot ? `${KNOTS[verdict]}${knotted && determinant ? ` (${determinant})` : ""}` : "–",
   };
 }
@@ -217,7 +217,7 @@ export function troubleOf({ onTable, options: { method, module }, floating }, { 
     change: { repair: true, ...(doubled && { modules: needed }) },
   }));
   const apart = feasibility?.problems.some(({ code }) => code === "disconnected"); // so are their blocks
-  if (method !== "blocks" && module === "cube" && !apart) ways.push({ text: "Use blocks (2×2×2 modules per voxel)", change: { method: "blocks" } });
+  if (method !== "blocks" && module === "cube" && !apart) ways.push({ text: "Use 2×2×2 modules for each cell", change: { method: "blocks" } });
   return { title: feasibility?.feasible === false ? "No path runs through all of these cells" : "No path was found", details, ways };
 }
 

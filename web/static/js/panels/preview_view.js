@@ -125,7 +125,7 @@ export function showReport(preview, report, onChange) {
     trouble: path, odd: !odd, "odd-cells": !odd, "to-add": true, repaired: !repaired, unordered: !unordered, "notes-part": !others.length,
     legend: !path, "were-added": !report.added?.length, layers: false,
   });
-  get("nearest").replaceChildren(...counts.map((modules) => button("", whole(modules), () => onChange({ modules }), { title: "The closest number that may work" })));
+  get("nearest").replaceChildren(...counts.map((modules) => button("", whole(modules), () => onChange({ modules }), { title: "The closest number of modules that may work" })));
   get("notes").replaceChildren(...others.map((note) => element("li", {}, note)));
   get("iou-part").style.setProperty("--share", String(report.iou ?? 0));
   get("knot").title = knotHint;
@@ -213,7 +213,7 @@ export class Picture {
     const why = this.flat ? NO_WEBGL : this.failed ? "The 3D view could not be loaded" : "";
     write({
       "cover-text": why ? `${why}, so you see a drawing.` : "Starting the 3D view…",
-      "cover-more": why ? `The numbers are still correct${this.report?.has_path ? ", and you can fold the shape" : ""}.` : "",
+      "cover-more": why ? `The numbers on this page are still correct${this.report?.has_path ? ", and you can fold the shape" : ""}.` : "",
     });
   }
 
@@ -223,7 +223,7 @@ export class Picture {
     this.started = true;
     this.flat = !hasWebGL();
     if (!this.flat) { load(/** @type {HTMLIFrameElement} */ (get("view")), at("/view")); this.show3d(); return; }
-    if (get("drawing").hidden) cover("This browser cannot show 3D graphics", `${NO_WEBGL}. The numbers are still correct, and you can fold the shape.`);
+    if (get("drawing").hidden) cover("This browser cannot show 3D graphics", `${NO_WEBGL}. The numbers on this page are still correct, and you can fold the shape.`);
     else this.explain();
   }
 

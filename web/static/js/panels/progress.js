@@ -87,12 +87,12 @@ export class Progress {
     let text = advance.name();
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;
     if (this.cancelling) text = "Cancelling…";
-    else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then in the queue, behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
+    else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then this fold waits in the queue behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
     else if (now.status === "queued") {
       if (now.paused) text = now.message ?? "Paused";
       else text = queueWords(queue, now.running_before);
       if (now.wait_s != null) text += left;
-      else if (queue > 0) text += " · no worker is running right now";
+      else if (queue > 0) text += " · the server computes no folds right now, so this fold waits";
     } else if (now.message === READY) text = "Getting ready";
     else {
       const parts = [`${text} ${Math.floor(100 * advance.fraction)} %${advance.words()}${left}`];

@@ -54,7 +54,7 @@ function offerPicture(player) {
       await navigator.clipboard.write([new ClipboardItem({ "image/png": png() })]);
       toast("Picture copied");
     } catch {
-      toast("This browser does not let pages copy pictures");
+      toast("The picture could not be copied; save the picture instead");
     }
   };
 }

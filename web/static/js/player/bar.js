@@ -149,8 +149,8 @@ export class Bar {
     this.frame.show(state);
     this.range.show(state);
     get("r-time").textContent = state.time_s === null ? "" : seconds(state.time_s);
-    get("r-pace").textContent = state.pace === null ? "" : `${Number(state.pace.toPrecision(2))}× robot speed`;
-    get("r-error").textContent = state.error_rad === null ? "" : `Error ${radians(state.error_rad)}`;
+    get("r-pace").textContent = state.pace === null ? "" : `${Number(state.pace.toPrecision(2))}× real time`;
+    get("r-error").textContent = state.error_rad === null ? "" : `Joint error ${radians(state.error_rad)}`;
     this.scrub.setAttribute("aria-valuetext",
       `${PHASES[state.phase] ?? ""}, frame ${Math.round(state.frame) + 1} of ${state.frames}`);
   }

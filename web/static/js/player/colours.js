@@ -12,7 +12,7 @@ export const COLOURINGS = [
   ["error-even", "Joint error, colour-blind safe"],
   ["position", "Position error"],
   ["torque", "Torque"],
-  ["joint_torque", "Joint torque"],
+  ["joint_torque", "Torque on the table"],
   ["pressed", "Force on the table"],
   ["speed", "Joint speed"],
   ["clearance", "Clearance"],
@@ -150,7 +150,7 @@ export function colouring(key, timeline, figures) {
   };
   const lacking = figures?.lacking ?? null;
   // Of long folds clearances and torques are told of the whole chain, which the plots show.
-  const none = lacking ?? (timeline.windowed ? "known only for the whole chain" : "no data yet");
+  const none = lacking ?? (timeline.windowed ? "only the whole chain’s value is known" : "no data yet");
   const errors = (/** @type {Snapshot} */ shown) => timeline.perModule(shown.errors);
   /**
    * @param {FigureName} name
@@ -170,7 +170,7 @@ export function colouring(key, timeline, figures) {
     speed: () => per((shown) => timeline.perModule(timeline.speeds(shown.frame)), (v) => si(v, "rad/s")),
     torque: () => measured("torque", newtonMetres, { none }),
     joint_torque: () => measured("joint_torque", (v) => withUnit(v, figures?.plots?.table?.unit_nm ?? 0), { none: "not computed for this frame" }),
-    pressed: () => measured("pressed", (v) => (v ? `${number(v)} × its weight` : "0"), { none: "not computed for this frame" }),
+    pressed: () => measured("pressed", (v) => (v ? `${number(v)} × the module’s weight` : "0"), { none: "not computed for this frame" }),
     clearance: () => measured("clearance", pitches, { high: NEAR, bad: (v) => v < 0, none }),
     chain: () => per(() => Float32Array.from({ length: chain.modules }, (_, i) => i), (v) => `Module ${Math.round(v) + 1}`, { high: chain.modules - 1, none: null }),
   };

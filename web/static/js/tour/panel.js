@@ -7,7 +7,7 @@ import { Flight } from "./flight.js";
 import { MAX_CAPTION, TourState } from "./state.js";
 
 const STYLE = "/static/css/tour.css";
-const NOBODYS = "Only the owner of this fold can save its tour. You can download it.";
+const NOBODYS = "Only the owner of this fold can save its tour. You can download the tour instead.";
 
 /**
  * @typedef {object} Toured
