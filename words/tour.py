@@ -144,7 +144,7 @@ def _done(certificate: CertificateFigures, title: str, frames: int) -> Stop:
 
 
 def _failed(row: ShownFold, frames: int) -> tuple[Stop, ...]:
-    """Return the stops of a fold without a verified plan: its first frame, and that of the failure."""
+    """Return the stops of a fold without a verified plan: the first, and that of the failure."""
     first = _stop("This is the first frame that was computed.", 0)
     found = failure(row, row.summary)
     if found is None:
