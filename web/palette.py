@@ -1,7 +1,7 @@
-"""Palette: what a module's colour says, and the conversion that viser's instances need.
+"""Palette: the colours of modules, and their conversion for viser's mesh instances.
 
-Red alone means joint error, one blue alone means selected, one orange alone means that it sticks
-there, grey means nothing was recorded.
+Each colour has one meaning: red is a joint error, blue a selected module, orange a module at which
+a fold stalled, grey an error that was not recorded.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ MAX_ERROR_RGB: Final[Rgb] = (208, 10, 18)
 Chosen."""
 SELECTED_RGB: Final[Rgb] = (10, 84, 240)
 STALLED_RGB: Final[Rgb] = (255, 140, 0)
-"""Colour that marks the modules at which a failed fold got stuck, sRGB. Chosen."""
+"""Colour that marks the modules at which a failed fold stalled, sRGB. Chosen."""
 FIRST_MODULE_RGB: Final[Rgb] = (255, 255, 255)
 LAST_MODULE_RGB: Final[Rgb] = (38, 42, 50)
 
@@ -55,12 +55,12 @@ def srgb_from_linear(linear: Array) -> Array:
 
 
 def instance_colours(srgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(N, 3) sRGB bytes to the linear bytes that viser reads for mesh instances."""
+    """Convert (N, 3) sRGB bytes to the linear bytes that viser reads for mesh instances."""
     return _LINEAR_BYTE[srgb]
 
 
 def error_ramp(steps: int = RAMP_COLOURS) -> NDArray[np.uint8]:
-    """(steps, 3) sRGB bytes from no error to the end of the scale, even in linear light."""
+    """Return (steps, 3) sRGB bytes from no error to the largest, evenly spaced in linear light."""
     start, end = (linear_from_srgb(np.array(c) / 255.0) for c in (NO_ERROR_RGB, MAX_ERROR_RGB))
     t = np.linspace(0.0, 1.0, steps)[:, None]
     return np.rint(srgb_from_linear(start + (end - start) * t) * 255.0).astype(np.uint8)
@@ -95,7 +95,7 @@ def module_errors(joint_error_rad: Array, module: Module, modules: int) -> Array
         modules: Number of modules n.
 
     Returns:
-        (…, n) errors in rad, not negative; a module without a joint takes the nearest one's.
+        (…, n) non-negative errors in rad; a module without a joint has that of the nearest joint.
     """
     hinges = (*joint_error_rad.shape[:-1], -1, module.hinges_per_joint)
     by_joint = np.abs(joint_error_rad).reshape(hinges).max(axis=-1)

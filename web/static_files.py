@@ -24,17 +24,17 @@ def text_of(name: str) -> str:
 
 VERSIONED: Final = "version"
 """First directory in the addresses of scripts; the second one is their version, so that browsers
-may cache them for ever."""
+may cache them indefinitely."""
 COMMENTS: Final = re.compile(
     r"^[ \t]*(?:/\*\*(?:(?!\*/).)*\*/|//[^\n]*)[ \t]*\n|/\*\* @(?:(?!\*/).)*\*/ ?",
     re.MULTILINE | re.DOTALL,
 )
-"""Matches lines of a script that hold nothing but a comment, and types within lines; they are
-removed before the script is sent."""
+"""Matches comment lines of a script, and type annotations within lines; they are removed before
+the script is sent."""
 
 
 def code_of(name: str) -> str:
-    """Return a script without its comments and types, a quarter of it, which no browser needs."""
+    """Return a script without its comments and types, which are a quarter of its size."""
     return COMMENTS.sub("", text_of(name))
 
 
@@ -42,7 +42,7 @@ def code_of(name: str) -> str:
 def scripts_version() -> str:
     """Return the digest of all scripts, which is part of the addresses under which pages load them.
 
-    Modules import each other by relative addresses, so that all of a page have the same version.
+    Modules import each other by relative addresses, so all modules of a page have one version.
     """
     digest = sha256()
     for path in sorted((STATIC / "js").rglob("*.js")):
@@ -58,11 +58,11 @@ def imported(name: str, address: str) -> str:
 
 @cache
 def scripts_of(entry: str, *, later: bool = True) -> tuple[str, ...]:
-    """Return the paths of all scripts that one needs, itself first, none twice.
+    """Return the paths of a script and of all scripts that it imports, each once.
 
     Args:
-        entry: The one.
-        later: True to include those that are loaded on first use.
+        entry: Path of the script, which comes first.
+        later: True to include scripts that are loaded on first use.
     """
     found = [entry]
     for name in found:

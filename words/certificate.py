@@ -1,6 +1,6 @@
 """A certificate in words, as pages and the command line show it.
 
-What is proved is rounded to the side that claims less.
+Proved figures are rounded to the conservative side.
 """
 
 from __future__ import annotations
@@ -83,14 +83,14 @@ MOTION_FIGURES: Final = (
 
 
 def headline(certificate: CertificateFigures) -> str:
-    """Return the verdict, with the proved and the seen clearance of a verified plan."""
+    """Return the verdict, with the proved clearance of a verified plan."""
     verdict = verdict_for_people(str(certificate.get("verdict") or ""))
     told = clearance(certificate)
     return f"{verdict}: {told}" if told and verdict.startswith("verified") else verdict
 
 
 def clearance(certificate: CertificateFigures) -> str | None:
-    """Return the proved clearance as a share of a module's width; None where nothing is proved."""
+    """Return the proved clearance in % of a module's width; None if nothing is proved."""
     bound = certificate.get("clearance_bound")
     if bound is None or _seen(certificate) is None:
         return None
@@ -106,7 +106,7 @@ def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
 
 
 def main_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
-    """Return the figures that say most of a motion."""
+    """Return the most important figures of a motion."""
     return [
         ("Proved clearance", _at_least(certificate.get("clearance_bound"))),
         ("Folding time", _folding_time(certificate)),
@@ -139,7 +139,7 @@ def _row(certificate: CertificateFigures, figure: Figure) -> tuple[str, str | No
 
 
 def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
-    """Return the errors that the plan is proved to stand, and what limits each."""
+    """Return the errors that the plan is proved to tolerate, and what limits each."""
     found = certificate.get("margins")
     if found is None:
         return []
@@ -199,7 +199,7 @@ class TableWords(TypedDict):
 
 
 def on_table(certificate: CertificateFigures, record: TableRecord | None) -> TableWords | None:
-    """Return the requirements of a fold on a table and suitable servos; None of one that floats.
+    """Return the requirements of a fold on a table and suitable servos; None if it floats.
 
     Args:
         certificate: The fold's certificate.
@@ -339,7 +339,7 @@ def _rose(record: TableRecord) -> str:
 
 
 def robots(certificate: CertificateFigures) -> str | None:
-    """Return how many perturbed robots folded the plan, and the smallest clearance of them."""
+    """Return the number of perturbed robots that folded the plan, and their smallest clearance."""
     found = certificate.get("robots")
     if not found:
         return None
@@ -354,8 +354,8 @@ def robots(certificate: CertificateFigures) -> str | None:
 def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
     """Return the largest torque and its source, which differs from that of the plot.
 
-    It is a peak only if it is that of the motors at every step of a simulation. Plots show torques
-    that inverse dynamics computes from the recorded frames.
+    It is called a peak only if it comes from the motors at every step of a simulation. Plots show
+    torques that inverse dynamics computes from the recorded frames.
     """
     value = quantity(certificate.get("peak_torque_nm"), "N·m", CERTIFICATE_DIGITS)
     source = str(certificate.get("torque_source") or "")
@@ -413,7 +413,7 @@ def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -
 
 
 def baseline(strategy: object) -> str | None:
-    """Return the note for a plan of the baseline strategy; None of others."""
+    """Return the note for a plan of the baseline strategy; None for others."""
     return STRATEGY_LABELS[BASELINE].lower() if strategy == BASELINE else None
 
 
@@ -427,10 +427,10 @@ def _at_least(value: float | None) -> str | None:
 
 
 def rounded_down(value: float, digits: int = 3) -> str:
-    """Return a length rounded down to some decimals; a smaller one to two digits."""
+    """Return a length rounded down to some decimals, or to two digits if it is smaller."""
     if value == 0.0:
         return "0"
     if abs(value) < 10**-digits:
         digits = 1 - math.floor(math.log10(abs(value)))
-    # What is written as 0.049 shall stay that, whatever its last bit.
+    # A value such as 0.049 must keep its digits despite rounding errors.
     return f"{math.floor(value * 10**digits + 1e-9) / 10**digits:.{digits}f}"

@@ -1,4 +1,4 @@
-"""Failures: where a fold sticks and what was tried, in the words of its page."""
+"""Failures: the reason why a fold failed and its attempts, in the words of its page."""
 
 from __future__ import annotations
 
@@ -75,9 +75,9 @@ EXPLOSION_ENDS: Final = {
 
 
 class Failure(TypedDict):
-    """Reason of a failed fold: texts, its modules, and a frame; None is the last one.
+    """Reason of a failed fold: texts, its modules, and its frame, None for the last one.
 
-    ``blocks`` has a line for each blocked turn or move; a knot is drawn.
+    ``blocks`` has a line for each blocked turn or move; ``knot`` is the drawing of a knot.
     """
 
     heading: str
@@ -89,7 +89,7 @@ class Failure(TypedDict):
 
 
 class AttemptWords(TypedDict):
-    """One attempt in words, and how its end is coloured."""
+    """One attempt in words, and the colour class of its result."""
 
     strategy: str
     how: str
@@ -106,7 +106,7 @@ class _Overlap(TypedDict):
 
 
 def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
-    """Return where a failed fold stalled; None for others, those that were cancelled included."""
+    """Return the reason of a failed fold; None for others, including cancelled ones."""
     if row.status != "failed":
         return None
     frame: float | None = None
@@ -139,7 +139,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
 
 
 def _blocks(told: BlockFigures) -> list[str]:
-    """Return what blocks each turn and each move, in words."""
+    """Return a line for each blocked turn and each blocked move."""
     lines: list[str] = []
     for turn in told["turns"]:
         degrees, (a, b) = abs(np.rad2deg(turn["turned_rad"])), turn["modules"]
@@ -167,15 +167,15 @@ def _blocks(told: BlockFigures) -> list[str]:
 
 
 def exploding(summary: FoldSummary) -> int | None:
-    """Frames of the explosion, before those of the plan on a fold's timeline; None if unknown."""
-    # A refold's timeline is that of its plan alone, and so is a smoothed plan's.
+    """Return the number of explosion frames before the plan on a timeline; None if unknown."""
+    # The timeline of a refold or of a smoothed plan has no explosion.
     if summary.get("refold") or summary.get("smoothing"):
         return 0
     return (summary.get("explosion") or ExplosionFigures()).get("frames")
 
 
 def reason_for_people(reason: str, summary: FoldSummary) -> str:
-    """Return a verdict, or its reason, in words for people, which count modules and frames from 1.
+    """Return a verdict, or its reason, in words for people, with modules and frames from 1 on.
 
     Frames count along the whole timeline.
     """
@@ -183,8 +183,8 @@ def reason_for_people(reason: str, summary: FoldSummary) -> str:
 
     def on_the_timeline(found: re.Match[str]) -> str:
         if explosion is None:
-            return ""  # the percentage before it says where
-        # Rounded as the page rounds the frame that it shows: half a frame counts up.
+            return ""  # the percentage before it states the position
+        # Halves are rounded up, as for the frame that the page shows.
         return f" (frame {math.floor(explosion + float(found[1]) + 0.5) + 1})"
 
     frame = r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)"
@@ -192,7 +192,7 @@ def reason_for_people(reason: str, summary: FoldSummary) -> str:
 
 
 def count_from_one(text: str) -> str:
-    """Return a text of the planner, which counts modules and cells from 0, counting from 1.
+    """Return a text of the planner with modules and cells counted from 1 instead of 0.
 
     ``countFromOne`` in ``lib/api.js`` does the same.
     """
@@ -203,7 +203,7 @@ def count_from_one(text: str) -> str:
 
 
 def _stopped(row: ShownFold, words: str) -> str:
-    """Return the external reason that ended a fold, and its frame then."""
+    """Return the external reason that ended a fold, and its state at that time."""
     detail = (row.error or Fault()).get("detail")
     parts = [_plain(str(detail))] if detail else []
     if row.stage is None or row.stage in STAGES_WITH_MOTION:
@@ -212,7 +212,7 @@ def _stopped(row: ShownFold, words: str) -> str:
 
 
 def _plain(detail: str) -> str:
-    """Without the names of stages."""
+    """Replace the names of stages by words."""
     return re.sub(r"the stage '(\w+)'", lambda found: STAGE_WORDS.get(found[1], found[0]), detail)
 
 

@@ -63,7 +63,7 @@ class ShownFold:
 
 
 def shown_name(name: str) -> str:
-    """Return a name for people: ``wrench-160`` is a wrench, its size stands beside it."""
+    """Return a name for people: Wrench for ``wrench-160``, as pages also state the size."""
     if (sized := re.fullmatch(r"([a-z]+)-(\d+)", name)) is not None:
         return sized[1].capitalize()
     if (box := re.fullmatch(r"([a-z]+)-(\d+)x(\d+)x(\d+)", name)) is not None:

@@ -48,7 +48,7 @@ def who_and_how_long(fold: ShownFold | None, usual: str, *, cancelled_s: float) 
 
 
 def time_words(seconds: float) -> str:
-    """Return a time in its largest unit that leaves no rest of more than a tenth: ``30 days``."""
+    """Return a time in the largest unit that is accurate to a tenth: ``30 days``."""
     for length, name in TIME_UNITS:
         count = round(seconds / length)
         if count and abs(count * length - seconds) <= 0.1 * seconds:

@@ -1,4 +1,4 @@
-"""Pages of what is not there: their headings and explanations."""
+"""Missing pages: headings and explanations in place of what was not found."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import Final, NamedTuple
 
 
 class Missing(NamedTuple):
-    """Heading and explanation of a page in place of something that is not there."""
+    """Heading and explanation of a page in place of what was not found."""
 
     heading: str
     explanation: str

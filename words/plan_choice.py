@@ -1,4 +1,4 @@
-"""Plan choice: the plans of a fold that was asked for the best of several, gain and cost."""
+"""Plan choice: the plans among which a preference chose, and its gain and cost."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ plans. With fewer, different clearances would look equal. Chosen."""
 
 
 class PlanDot(TypedDict):
-    """One plan: its name, what it is drawn at, its cells under ``PLAN_COLUMNS``, and how it ended.
+    """One plan: its name, its values in the plot, its cells under ``PLAN_COLUMNS``, and its result.
 
-    ``torque_mnm`` is that of all plans taking as long as the slowest one, in mN·m; ``room`` is the
-    clearance that is proved, in pitches. What is not known is None. ``stored`` is the number of the
-    attempt, counted from 0, under which the plan can be played although it was not chosen.
+    ``torque_mnm`` is the torque if the plan took as long as the slowest one, in mN·m; ``room`` is
+    the proved clearance, in pitches. Unknown values are None. ``stored`` is the number of the
+    attempt, from 0, under which the plan can be played although it was not chosen.
     """
 
     label: str
@@ -69,7 +69,7 @@ class PlanDot(TypedDict):
 
 
 class Choice(TypedDict):
-    """All that was tried, and what the wish has gained and cost."""
+    """All plans of a fold, and the gain and cost of its preference."""
 
     prefer: Preference
     wish: str
@@ -121,7 +121,7 @@ def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) ->
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Plan:
-    """An attempt that has figures, and its place among all."""
+    """An attempt with figures, and its index among all attempts."""
 
     place: int
     attempt: AttemptFigures
@@ -174,7 +174,7 @@ class _Plan:
 
 def _stored(directory: Path, tried: list[AttemptFigures], place: int) -> int | None:
     """Return the number under which an attempt's plan is stored beside the chosen one, or None."""
-    while "finer" in tried[place]:  # played back again: its files are with those of the explosion
+    while "finer" in tried[place]:  # a repeated playback, stored with its explosion
         place -= 1
     return place if (directory / PLANS_DIR / str(place) / CHAIN).is_file() else None
 

@@ -1,4 +1,4 @@
-"""Properties: the rows that a fold's page shows of it, the most wanted first, in words."""
+"""Properties: the rows of values on a fold's page, the most important ones first."""
 
 from __future__ import annotations
 
@@ -78,8 +78,8 @@ CONTROLLER_PARAMETERS: Final[dict[str, tuple[str, ...]]] = {
 """Names of the playback parameters that a fold's page lists, by the controller of the simulated
 joints."""
 EXPLOSION_STRATEGIES: Final = ("simultaneous", "blocks")
-"""Explosion strategies (ways to let the folded chain come loose in simulation) whose parameters a
-fold's page lists as those of the explosion; the strategy ``peel`` has its own."""
+"""Explosion strategies (ways to unfold the folded chain in simulation) whose parameters a fold's
+page lists as those of the explosion; the strategy ``peel`` has its own."""
 Rows = list[tuple[str, object]]
 Values = Mapping[str, Any]
 
@@ -92,7 +92,7 @@ class Property(TypedDict):
 
 
 class Properties(TypedDict):
-    """A group of rows; pages fold all groups but the first."""
+    """A group of rows; pages collapse all groups but the first."""
 
     heading: str
     rows: list[Property]
@@ -100,7 +100,7 @@ class Properties(TypedDict):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Fold:
-    """A fold with all that its properties are derived from."""
+    """Data of a fold from which its properties are derived."""
 
     row: ShownFold
     summary: FoldSummary
@@ -181,7 +181,7 @@ class _Fold:
 def properties(
     row: ShownFold, summary: FoldSummary, certificate: CertificateFigures, directory: Path
 ) -> list[Properties]:
-    """Return groups of labels and values, the rows that most visitors want in the first."""
+    """Return groups of labels and values, with the most important rows in the first."""
     fold = _Fold(row=row, summary=summary, certificate=certificate, directory=directory)
     plan = fold.plan
     versions = plan.get("versions", {})
@@ -208,11 +208,11 @@ def properties(
 def used_parameters(
     parameters: Values, *, strategy: str, simulated: bool
 ) -> list[tuple[str, Values]]:
-    """Return headings and values of the parameters that a fold has used, and of no others.
+    """Return headings and values of those parameters that a fold has used.
 
     Args:
-        parameters: All parameters in a plan, nested as ``Parameters.as_dict`` has them.
-        strategy: Strategy of the explosion that the plan is made of.
+        parameters: All parameters in a plan, nested as in ``Parameters.as_dict``.
+        strategy: Strategy of the explosion from which the plan was made.
         simulated: False for a kinematic playback, which has no controller.
     """
     on_table = parameters.get("world") == "table"
@@ -280,7 +280,7 @@ def _settings_at(path: Path, changed_ns: int) -> dict[str, dict[str, Any]]:
 
 
 def _simulated_s(directory: Path) -> float | None:
-    """Return the simulated time of a timeline; looked up once for each length that it has had."""
+    """Return the simulated time of a timeline, s; it is cached until the timeline changes."""
     try:
         timeline = result_path(directory, TIMELINE)
         changed_ns = (timeline / "zarr.json").stat().st_mtime_ns

@@ -111,7 +111,7 @@ UNITS_BY_SUFFIX: Final = {
 
 
 def number(value: float, digits: int = SIGNIFICANT_DIGITS) -> str:
-    """Return a number with so many significant digits: 0.00382, 30000, 1.3×10⁻¹².
+    """Return a number as text, with ``digits`` significant digits: 0.00382, 30000, 1.3×10⁻¹².
 
     ``number`` in ``lib/text.js`` gives the same texts.
     """
@@ -144,12 +144,12 @@ def si(value: float, unit: str, digits: int = SIGNIFICANT_DIGITS) -> str:
 
 
 def _rounded(value: float, digits: int) -> Decimal:
-    """Return a value with so many significant digits; ties go away from zero, as in scripts."""
+    """Round a value to ``digits`` significant digits; ties go away from zero, as in scripts."""
     return Context(prec=digits, rounding=ROUND_HALF_UP).create_decimal(Decimal(value))
 
 
 def _plain(value: Decimal) -> str:
-    """Return a number without an exponent, without zeros at its end, and with a true minus."""
+    """Return a number as text, without exponent and trailing zeros, and with a minus sign (−)."""
     text = f"{value:f}"
     return (text.rstrip("0").rstrip(".") if "." in text else text).replace("-", "−")
 
@@ -191,7 +191,7 @@ def length_m(value: object) -> str | None:
 
 
 def parameters(values: Mapping[str, object]) -> list[tuple[str, str | None]]:
-    """Parameters as labels and values, in their order."""
+    """Return parameters as labels and values, in their order."""
     return [_parameter(name, value) for name, value in values.items()]
 
 
@@ -203,7 +203,7 @@ def _parameter(name: str, value: object) -> tuple[str, str | None]:
 
 
 def _words(name: str) -> Words:
-    """Return the words of a parameter that has none of its own: its unit ends its name."""
+    """Return words for a parameter without an entry, from its name and the unit at its end."""
     unit = next((u for end, u in UNITS_BY_SUFFIX.items() if name.endswith(end)), "")
     stem = re.sub(f"({'|'.join(UNITS_BY_SUFFIX)})$", "", name) if unit else name
     return Words(sentence(stem.replace("_", " ")), unit)

@@ -32,7 +32,7 @@ SOURCE_LABELS: Final[dict[Source, str]] = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SettingRow:
-    """One setting, for a form or a table; ``default`` is as it is written in a text of settings."""
+    """One setting, for a form or a table; ``default`` is written as in a text of settings."""
 
     name: str
     label: str
@@ -75,7 +75,7 @@ def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
         return []
     try:
         found, usual = read_settings(settings), preset(preset_name)
-    except InputError:  # what a fold of before could be asked for
+    except InputError:  # settings that only an earlier version accepted
         return [("Settings", settings)]
     return [
         (setting.label, f"{_told(found[setting.name], setting.unit)}, instead of {default}")

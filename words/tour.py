@@ -1,4 +1,4 @@
-"""A tour drafted from what is known of a fold; its figures are those of the certificate."""
+"""A draft of a fold's tour, with the figures of its certificate."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def draft_tour(row: ShownFold, frames: int, moments: Moments | None = None) -> T
     Args:
         row: Facts of the fold.
         frames: Number of frames of its timeline.
-        moments: Its moments; without them, only what the certificate says is shown.
+        moments: Moments of the fold; without them, the stops come from the certificate only.
     """
     if not frames:
         return None
@@ -50,7 +50,7 @@ def draft_tour(row: ShownFold, frames: int, moments: Moments | None = None) -> T
 
 
 def _bare(certificate: CertificateFigures, frames: int) -> Moments:
-    """Return what is known of a fold whose moments nobody has stored."""
+    """Return the moments of a fold for which none are stored: only those of its phases."""
     plan = max(0, frames - (certificate.get("frames") or frames))
     return Moments(plan=plan, straight=plan, frames=frames)
 
@@ -65,7 +65,7 @@ def _start(row: ShownFold, moments: Moments) -> list[Stop]:
     first = _stop(
         f"The chain starts in another shape, {refold['start']}, and unfolds.", moments.plan
     )
-    if moments.straight == moments.plan:  # when it is straight is unknown
+    if moments.straight == moments.plan:  # the frame at which it is straight is unknown
         return [first]
     return [first, _stop(straight, moments.straight)]
 
@@ -144,7 +144,7 @@ def _done(certificate: CertificateFigures, title: str, frames: int) -> Stop:
 
 
 def _failed(row: ShownFold, frames: int) -> tuple[Stop, ...]:
-    """Return the stops of a fold without a verified plan: its beginning, and where it ended."""
+    """Return the stops of a fold without a verified plan: the first, and that of the failure."""
     first = _stop("This is the first frame that was computed.", 0)
     found = failure(row, row.summary)
     if found is None:

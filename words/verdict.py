@@ -1,4 +1,4 @@
-"""The verdict on a fold in words, and why there is no plan, or none that is verified."""
+"""The verdict on a fold in words, and the reason why there is no verified plan."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ class Verdict(TypedDict):
 
 
 class Problem(TypedDict):
-    """Why there is no plan, or none that is verified."""
+    """Reason why there is no plan, or no verified one."""
 
     heading: str
     text: str
@@ -56,7 +56,7 @@ class Problem(TypedDict):
 def verdict_of(
     row: ShownFold, summary: FoldSummary, certificate: CertificateFigures, choice: Choice | None
 ) -> Verdict:
-    """Return the verdict on a fold, or how far it is."""
+    """Return the verdict on a fold, or its progress."""
     modules = f"{row.modules} modules" if row.modules else None
     if row.status == "verified":
         strategy = (summary.get("explosion") or {}).get("strategy")
@@ -83,7 +83,7 @@ def _verdict(tone: str, *parts: str | None) -> Verdict:
 
 
 def problem_of(row: ShownFold, summary: FoldSummary) -> Problem | None:
-    """Return why a fold failed or was cancelled; None for others."""
+    """Return the reason why a fold failed or was cancelled; None for others."""
     error = row.error or Fault()
     if row.status == "failed":
         text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
@@ -100,7 +100,7 @@ def problem_of(row: ShownFold, summary: FoldSummary) -> Problem | None:
 
 
 def damage_of(heading: str, files: Iterable[str]) -> Problem:
-    """Return what a page says of damaged files."""
+    """Return the problem that a page reports for damaged files."""
     return {
         "heading": heading,
         "text": f"Damaged files: {', '.join(files)}. The motion cannot be shown. The operator of "

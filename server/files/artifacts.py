@@ -1,4 +1,4 @@
-"""Artifacts: makes files of folds when they are first asked for, each once, a few at a time."""
+"""Artifacts: derived files of folds, computed once on first request, a few at a time."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ Thing = TypeVar("Thing")
 
 
 class Artifacts:
-    """See the module's description. Belongs to one event loop.
+    """Derived files of folds, computed on first request. Belongs to one event loop.
 
     Attributes:
         flight: Computations, with the limits of files.
@@ -34,8 +34,8 @@ class Artifacts:
         store: Store of the folds; None if one fold in a directory is shown.
         min_free_disk_bytes: Minimum of free disk space, bytes.
         total: Maximum number of files that are computed or wait for it.
-        per_visitor: Maximum number of one visitor's among them.
-        folder: Directory for the files; one beside those of their fold if None.
+        per_visitor: Maximum number of these for one visitor.
+        folder: Directory for the files; a subdirectory of their fold's directory if None.
     """
 
     def __init__(
@@ -72,17 +72,17 @@ class Artifacts:
         """Return the path of a derived file; compute it unless it is up to date.
 
         Args:
-            fold_id: The fold.
-            directory: Directory with its files.
+            fold_id: Id of the fold.
+            directory: Directory with the fold's files.
             name: Name of the file.
-            make: Makes its bytes, in a thread.
-            of: The fold's file that it is made of; it is made anew when that is newer.
-            edition: Letters and digits for all else that it is made of; the last one is kept.
+            make: Returns its bytes; called in a thread.
+            of: The fold's file that it is derived from; if that is newer, it is computed again.
+            edition: Letters and digits that stand for its other inputs; only the latest is kept.
             visitor: Visitor that requests it.
 
         Raises:
-            NoSuchFoldError: When there is no such fold.
-            ServiceError: When too many wait, or the disk is full.
+            NoSuchFoldError: If there is no such fold.
+            ServiceError: If too many wait, or the disk is full.
         """
         plain = (self._folder or directory / EXPORTS_DIR) / name
         path = plain.with_stem(f"{plain.stem}-{edition}") if edition else plain
@@ -116,7 +116,7 @@ class Artifacts:
         try:
             if self._store is not None:
                 self._store.fold(fold_id)
-        except NoSuchFoldError:  # just now; nothing of it may be left
+        except NoSuchFoldError:  # deleted just now; no file of it may remain
             shutil.rmtree(directory, ignore_errors=True)
             raise
 

@@ -29,15 +29,15 @@ async def export_file(
 
     Args:
         store: Store of the folds.
-        artifacts: Makes the file.
+        artifacts: Computes and stores the file.
         fold_id: The fold.
         export: Format of the file.
         visitor: Visitor that requests it.
 
     Raises:
-        NoSuchFoldError: When this is not an id.
-        ServiceError: When the plan has no such export or is too large to make it here,
-            too many are being made, or the disk is full.
+        NoSuchFoldError: If there is no such fold.
+        ServiceError: If the plan has no such export or is too large for the service, too many
+            exports are being computed, or the disk is full.
     """
     directory = await asyncio.to_thread(store.directory, fold_id)
     await asyncio.to_thread(check, directory, PLAN, export.filename)
@@ -55,10 +55,10 @@ async def export_file(
 
 
 def _written(path: Path, export: Export) -> bytes:
-    # It brings the physics along, which the start of the server need not wait for.
+    # Imported late, because it loads the physics, which would delay the start of the server.
     from planner.plan.plan import Plan
 
-    # A robot's model holds no frames; all the others do.
+    # Models of robots hold no frames; all other exports do.
     if (export.moving or export.name == "json") and (
         size := _unpacked(path)
     ) > MAX_EXPORTED_PLAN_BYTES:

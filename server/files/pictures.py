@@ -1,6 +1,6 @@
 """Pictures: social pictures of folds, drawn in a child process.
 
-Drawing needs compiled kernels, for which no page shall wait.
+Drawing needs compiled kernels, and pages must not wait for their compilation.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ value draws pictures again more often. Chosen."""
 def moment_of(
     caption: Mapping[str, str], view: str | None = None, timeline: TimelineView | None = None
 ) -> dict[str, Any]:
-    """Return what a picture shows, as the process that draws it reads it.
+    """Return the content of a picture, as the process that draws it reads it.
 
     Args:
         caption: Fields of ``web.pictures.caption.Caption``.
         view: Short form of ``web.pictures.picture_view.PictureView``.
-        timeline: The fold's frames; of the folded chain when None.
+        timeline: The fold's frames; the folded chain is drawn when None.
 
     Raises:
         TimelineError: If the timeline is damaged or is being replaced.
@@ -58,7 +58,7 @@ def moment_of(
 
 
 def recent_pictures() -> Cache[bytes | None]:
-    """Return a cache of the latest pictures of views, each under its key."""
+    """Return an empty cache for recent pictures."""
     return Cache(MAX_CACHED_PICTURES, lambda _: 1)
 
 
@@ -66,8 +66,8 @@ class Pictures:
     """Pictures that child processes draw. Thread-safe.
 
     Args:
-        settings: The directory in which they draw.
-        pool: Children that draw.
+        settings: Settings with the directory in which they draw.
+        pool: Child processes that draw.
     """
 
     def __init__(self, settings: Settings, pool: Pool) -> None:
@@ -83,13 +83,13 @@ class Pictures:
         """Return the picture of the chain in a file, as PNG.
 
         Args:
-            chain: The file.
+            chain: File with the chain.
             moment: Result of ``moment_of``.
 
         Raises:
-            OSError: When the file cannot be read, or the disk is full.
-            InputError: When it holds no chain.
-            ChildError: When the child crashed or went beyond a limit.
+            OSError: If the file cannot be read, or the disk is full.
+            InputError: If it holds no chain.
+            ChildError: If the child crashed or exceeded a limit.
         """
         with self._scratch.directory() as place:
             shutil.copyfile(chain, place / CHAIN)

@@ -1,4 +1,4 @@
-"""Preview reports: what comes of an upload with some options, computed once on request."""
+"""Preview reports: reports of uploads with given options, computed once on request."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ class Asker:
     """Client that waits for a report.
 
     Attributes:
-        visitor: Its pseudonym.
-        gone: Asked often whether it has disconnected.
+        visitor: Pseudonym of its visitor.
+        gone: Polled; returns True if it has disconnected.
     """
 
     visitor: str
@@ -48,11 +48,11 @@ class Asker:
 
 
 class PreviewReports:
-    """See the module's description. Safe to use from many threads.
+    """Reports of uploads with given options. Thread-safe.
 
     Args:
         settings: The settings.
-        previews: The uploads.
+        previews: Store of the uploads.
         reader: Processes that compute reports.
     """
 
@@ -69,8 +69,8 @@ class PreviewReports:
         """Store a visitor's upload; return its id, which cannot be guessed.
 
         Raises:
-            NoRoom: When the disk has no room for it.
-            StorageError: When the storage does not answer.
+            NoRoom: If the disk has no room for it.
+            StorageError: If the storage does not respond.
         """
         now = time.time()
         row = PreviewRow(
@@ -88,13 +88,13 @@ class PreviewReports:
         """Return the report of an upload with these options; it is computed once.
 
         Args:
-            preview_id: The upload's.
-            options: Options that turn it into a path.
+            preview_id: Id of the upload.
+            options: Options with which it is turned into a path.
             asker: Client that requests it.
 
         Raises:
-            NoSuchPreviewError: When there is no such upload.
-            ServiceError: When it cannot be used, took too long, or too many wait.
+            NoSuchPreviewError: If there is no such upload.
+            ServiceError: If it cannot be used, takes too long, or too many wait.
         """
         row = self._previews.row(preview_id)
         place = self._previews.place(preview_id, options.key)
@@ -128,16 +128,16 @@ class PreviewReports:
     def offers(self, preview_id: str, options: PreviewRequest, asker: Asker) -> dict[str, Any]:
         """Return versions of an upload that can fold on a table; searched once.
 
-        There are none for a world without gravity, and for a shape that has a path as it is.
+        There are none in a world without gravity, or if the shape has a path as it is.
 
         Args:
-            preview_id: The upload's.
-            options: The options of the preview that found no path.
-            asker: Client that requests them; once it has left, the search ends.
+            preview_id: Id of the upload.
+            options: Options of the preview that found no path.
+            asker: Client that requests them; the search ends when it disconnects.
 
         Raises:
-            NoSuchPreviewError: When there is no such upload.
-            ServiceError: When it cannot be used, took too long, or too many wait.
+            NoSuchPreviewError: If there is no such upload.
+            ServiceError: If it cannot be used, takes too long, or too many wait.
         """
         report = self.report(preview_id, options, asker)
         if options.world != "table" or report["has_path"]:
@@ -158,11 +158,11 @@ class PreviewReports:
         return found
 
     def _compute(self, task: str, place: Path, asker: Asker) -> None:
-        """Run a task of the processes in the directory of a report.
+        """Run a task in the directory of a report.
 
         Raises:
-            ServiceError: When the upload cannot be used, or too many wait.
-            TooSlow: When it took too long.
+            ServiceError: If the upload cannot be used, or too many wait.
+            TooSlow: If it takes too long.
         """
         try:
             self._reader.call(task, place, visitor=asker.visitor, cancelled=asker.gone)

@@ -1,7 +1,7 @@
 """Trajectories: retimed plans, computed in a child process, and cached.
 
-What the child has made is mapped from files that have no name any more by then: the parts of a long
-trajectory that nobody looks at take no memory, and its disk is free with its last user.
+The results are memory-mapped from files that are already unlinked. Unused parts of a long
+trajectory thus take no memory, and its disk space is freed with its last user.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ MAX_CACHED_CLEARANCES: Final = 1024
 """Maximum number of exported trajectories whose proved clearance between modules is cached. A
 smaller value computes clearances again more often. Chosen."""
 STREAMS, STREAMS_OF_ADDRESS = 8, 2
-"""Trajectories that are being sent, which may take those who take them a while; in all and to one
-address."""
+"""Maximum numbers of trajectories that are sent at the same time, in total and to one address.
+With larger values slow clients keep more trajectories in memory. Chosen."""
 MAX_MOTOR_TABLE_BYTES: Final = 32 * 2**20
 """Maximum size of the table of motor torques that a computing process returns, in bytes; a larger
 table is refused. The table of 12 000 modules has about 5 MB. Chosen."""
@@ -53,12 +53,12 @@ plans are left to the command line. A larger value lets one request take more me
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Wanted:
-    """Which trajectory: of which plan, within which bounds.
+    """Requested trajectory: a plan and the bounds of the motion.
 
     Attributes:
         plan: The plan's file.
         changed_ns: Time of its last change, ns since 1970.
-        size: Its bytes.
+        size: Size of the plan's file, bytes.
         max_speed: Bound of every joint's speed, in rad/s.
         max_acceleration: Bound of every joint's acceleration, in rad/s².
     """
@@ -74,8 +74,8 @@ class Wanted:
         """Return the request for a plan's file, with its current size and time.
 
         Raises:
-            OSError: When there is none.
-            TooLarge: When it is too large.
+            OSError: If there is no such file.
+            TooLarge: If it is too large.
         """
         found = plan.stat()
         if found.st_size > MAX_RETIMED_PLAN_BYTES:
@@ -100,15 +100,15 @@ class Wanted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorsWanted:
-    """Robot of a table of motors, and the table's format.
+    """Robot for a table of motors, and the table's format.
 
     Attributes:
-        module_mass_kg: Mass of a module.
-        pitch_m: Distance of neighbouring modules; the plan's when None.
-        gravity_m_s2: Gravity.
+        module_mass_kg: Mass of a module, kg.
+        pitch_m: Distance between neighbouring modules, m; the plan's when None.
+        gravity_m_s2: Gravitational acceleration, m/s².
         held: True if the root module is fixed.
         motor_torque_nm: Torque limit of a motor, N·m; None if not given.
-        form: ``csv`` or ``json``.
+        form: Format of the table: ``csv`` or ``json``.
     """
 
     module_mass_kg: float
@@ -129,11 +129,11 @@ class Retimed:
 
 
 class Trajectories:
-    """Cache of retimed plans. For one event loop; waiting requests hold no thread.
+    """Cache of retimed plans. Belongs to one event loop; waiting requests occupy no thread.
 
     Args:
         settings: Limits, and the directories of the computing processes and of their results.
-        pool: Children that retime.
+        pool: Child processes that retime plans.
         kept_bytes: Maximum size of cached trajectories that are not in use, bytes.
         used_bytes: Maximum size of all trajectories, with those in use, bytes.
     """
@@ -163,7 +163,7 @@ class Trajectories:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all trajectories that are kept or in use."""
+        """Total size of all trajectories that are cached or in use, bytes."""
         found = [retimed.trajectory for retimed in self._used.values()]
         shared = {id(t.path.frames): t.path.frames.nbytes for t in found}
         return sum(shared.values()) + sum(t.nbytes - t.path.frames.nbytes for t in found)
@@ -177,9 +177,9 @@ class Trajectories:
         """Return the requested trajectory; it is computed once for all concurrent requests.
 
         Raises:
-            ServiceError: When it takes too much, too many wait or are in use, or
-                the disk is full.
-            InputError: When the plan cannot be retimed.
+            ServiceError: If it needs too much time or memory, too many wait or are in use, or the
+                disk is full.
+            InputError: If the plan cannot be retimed.
         """
         known = self._used.get(wanted)
         if known is None:
@@ -203,7 +203,7 @@ class Trajectories:
 
         Raises:
             ServiceError: See ``of``.
-            InputError: When the plan cannot be retimed, or the motors cannot be built.
+            InputError: If the plan cannot be retimed, or the motors cannot be built.
         """
 
         def made() -> bytes:
@@ -220,11 +220,11 @@ class Trajectories:
     async def clearance(
         self, wanted: Wanted, rate_hz: float | None, visitor: str
     ) -> tuple[float, float]:
-        """Return least clearance and bound, in pitches, of rows joined by straight motions.
+        """Return the minimum clearance and its bound for straight motions between rows, pitches.
 
         Raises:
             ServiceError: See ``of``; ``rows-overlap`` if modules overlap between the rows.
-            InputError: When the plan cannot be retimed.
+            InputError: If the plan cannot be retimed.
         """
 
         def made() -> dict[str, Any]:
@@ -250,12 +250,12 @@ class Trajectories:
         """Return a permit to send a trajectory.
 
         Raises:
-            TooMany: When as many are being sent as there may be.
+            TooMany: If the maximum number is already being sent.
         """
         return self._streams.enter(address)
 
     def _shared(self, wanted: Wanted, made: Retimed) -> Retimed:
-        """With the corners of another trajectory of the same plan: they depend on no bounds."""
+        """Return a trajectory that shares its frames with others of the same plan, if any."""
         for other, known in self._used.items():
             if (other.plan, other.changed_ns) == (wanted.plan, wanted.changed_ns):
                 path = replace(made.trajectory.path, frames=known.trajectory.path.frames)
@@ -267,8 +267,8 @@ class Trajectories:
 
         with self._motions.directory() as place, self._scratch.directory() as kept:
             told = self._call("retime", place, wanted, wanted.request())
-            # Whoever has a file open may still change or cut it, and this process reads from it
-            # for as long as the trajectory is used.
+            # Copied, because the child may still change or truncate its own files, and this process
+            # reads from them for as long as the trajectory is used.
             for name in (FRAMES_FILE, REST_FILE):
                 _copy(place / name, kept / name, self._used_bytes)
             return Retimed(
@@ -281,8 +281,8 @@ class Trajectories:
         self, task: str, place: Path, wanted: Wanted, request: dict[str, Any]
     ) -> dict[str, Any]:
         (place / "request.json").write_text(json.dumps(request))
-        # The child touches nothing but this directory, so a copy of the plan comes into it: what it
-        # did to a link, it would do to the plan.
+        # The child can access only this directory. It gets a copy of the plan, because through a
+        # link it could change the plan itself.
         try:
             shutil.copyfile(wanted.plan, place / PLAN)
         except FileNotFoundError as error:
@@ -297,7 +297,7 @@ def _copy(source: Path, target: Path, most: int) -> None:
     """Copy a file that may still grow.
 
     Raises:
-        TooLarge: When it has more bytes than ``most``.
+        TooLarge: If it has more bytes than ``most``.
     """
     with open(source, "rb") as read, open(target, "wb") as written:
         while piece := read.read(TRAJECTORY_CHUNK_BYTES):
@@ -310,7 +310,7 @@ def _loaded(directory: Path, most: int) -> Trajectory:
     """Return the trajectory in a directory.
 
     Raises:
-        ServiceError: When it unpacks to more bytes than ``most``, or is none.
+        ServiceError: If it unpacks to more bytes than ``most``, or is invalid.
     """
     from planner.robot.trajectory import REST_FILE, Trajectory
 

@@ -1,7 +1,7 @@
-"""Uploads: on disk from the first bytes on, until they are accepted or removed.
+"""Uploads: files on disk from their first bytes on, until they are accepted or removed.
 
-Each process has a scratch directory under ``uploads_dir``; files of dead processes were never
-acknowledged, and are removed.
+Each process has a scratch directory under ``uploads_dir``. Files of ended processes were never
+acknowledged, so they are removed.
 """
 
 from __future__ import annotations
@@ -31,10 +31,10 @@ memory; a smaller one is slower. Chosen."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Upload:
-    """Something to be read, in a directory of its own: moved into its place when it is accepted.
+    """An uploaded file in a directory of its own, which is moved into the store when accepted.
 
     Attributes:
-        directory: Holds the file ``input``, which is safe on disk.
+        directory: Directory with the file ``input``, which is flushed to disk.
         filename: Name of the uploaded file, if any.
         digest: SHA-256 of the file.
     """
@@ -45,9 +45,9 @@ class Upload:
 
 
 class Uploads:
-    """Uploads of one process. Safe to use from many threads.
+    """Uploads of one process. Thread-safe.
 
-    Parts of forms are spooled beside them. On a read-only disk there are none.
+    Parts of forms are spooled beside them. A read-only service has no uploads.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -73,7 +73,7 @@ class Uploads:
         """Copy a file to the disk in chunks; remove it at the end unless it was moved.
 
         Raises:
-            NoRoom: When the disk has no room for it.
+            NoRoom: If the disk has no room for it.
         """
         directory = self._place / new_id()
         try:
@@ -101,7 +101,7 @@ def _copied(source: BinaryIO, path: Path) -> str:
 
 
 def not_read(error: ChildError) -> ServiceError:
-    """Return the refusal of an upload that a child could not read."""
+    """Return the error for an upload that a child process could not read."""
     if error.temporary:
         return Unavailable(error.code, error.detail, retry_after_s=BUSY_RETRY_S)
     return Unusable("unreadable", f"reading the file failed: {error.detail}")

@@ -1,4 +1,4 @@
-"""Cards: the example shapes as pages show them, and what has become of each on this service."""
+"""Cards: the example shapes as pages show them, and the status of each on this service."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ shortest to the longest."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Card(GalleryShape):
-    """One example shape in words; it does not hold the bytes of its file."""
+    """Texts of one example shape; the content of its file is left out."""
 
     data: bytes = b""
 
@@ -66,7 +66,7 @@ class Card(GalleryShape):
 
     @property
     def count(self) -> str:
-        """The number of modules in words."""
+        """Number of modules in words."""
         return module_count(self.modules, self.module)
 
     @property
@@ -82,8 +82,8 @@ class FoldStatus:
 
     Attributes:
         status: One of ``CARD_STATUS_LABELS``.
-        fold: The id of its fold; None when there is none to see.
-        method: Method of that fold in words, see ``method_of``; empty for the usual one.
+        fold: Id of the fold; None if there is none.
+        method: Method of that fold in words, see ``method_of``; empty for the default one.
     """
 
     status: str = "new"
@@ -95,7 +95,7 @@ class FoldStatus:
 class GalleryFilter:
     """Filter of the gallery's cards. An empty field, or None, accepts all.
 
-    Every one of the ``words`` must begin a word of the card.
+    Each of the ``words`` must be the beginning of a word of the card.
     """
 
     module: str = ""
@@ -158,7 +158,7 @@ def selected(gallery: Gallery) -> list[Card]:
 def kinds(gallery: Gallery) -> list[tuple[str, str]]:
     """Return the kinds of shape and their names, the most common first.
 
-    What the chain is made of is a choice of its own.
+    The kind of module is left out, because it is chosen separately.
     """
     counts = Counter(tag for card in cards(gallery) for tag in card.tags if tag != TETRAHEDRA_TAG)
     return [(tag, TAG_LABELS.get(tag) or tag.capitalize()) for tag, _ in counts.most_common()]

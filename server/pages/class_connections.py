@@ -38,11 +38,11 @@ network failures. Chosen."""
 LOST_LEADER_S: Final = 60.0
 """Time for which a class (a shared live 3D view of a fold) waits until its leader, whose connection
 is lost, connects again, in s; then it ends. A smaller value ends classes in short network failures;
-a larger one keeps followers waiting for nothing. Chosen."""
+a larger one makes followers wait longer in vain. Chosen."""
 DONE, REFUSED = 1000, 1008
 LEFT: Final = {1000, 1001}
-"""Codes with which a connection ends because its page ends it or is left (RFC 6455, section 7.4.1);
-any other, such as uvicorn's 1005, means that it is lost."""
+"""Codes with which a connection ends if its page closes it or is left (RFC 6455, section 7.4.1);
+any other, such as uvicorn's 1005, means that the connection is lost."""
 OVER: Final = "over"
 """Reason with which followers are disconnected when their class ends."""
 
@@ -66,7 +66,7 @@ async def lead(websocket: WebSocket) -> None:
         if not ADDRESS_ID.fullmatch(fold_id):
             raise NoSuchFoldError(fold_id)
         await asyncio.to_thread(context.store.fold, fold_id)
-        # The class counts for this visitor until it ends, also if its leader comes back meanwhile.
+        # The class counts for this visitor until it ends, even if its leader reconnects.
         with context.classes.begun(fold_id) as begun, contextlib.suppress(TimeoutError):
             async with asyncio.timeout(MAX_CLASS_S):
                 await _lead(websocket, begun)
@@ -85,7 +85,7 @@ async def follow(websocket: WebSocket) -> None:
 
 
 async def _lead(websocket: WebSocket, shown: LiveClass) -> None:
-    """Lead a class by a connection, until it is lost or replaced, or ends the class."""
+    """Let a connection lead a class until it is lost or replaced, or ends the class."""
     shown.change(leader=websocket)
     try:
         await websocket.accept()
@@ -101,7 +101,7 @@ async def _lead(websocket: WebSocket, shown: LiveClass) -> None:
 
 
 async def _take_views(websocket: WebSocket, shown: LiveClass) -> None:
-    """Take views; the class is over if one is none, they are too many, or the page is left."""
+    """Receive views; an invalid view, too many views, or leaving the page end the class."""
     clock = asyncio.get_running_loop().time
     second, count = 0, 0
     try:
@@ -119,7 +119,7 @@ async def _take_views(websocket: WebSocket, shown: LiveClass) -> None:
 
 
 async def _report(websocket: WebSocket, shown: LiveClass) -> None:
-    """Tell a leader the link and how it comes back, and how many follow."""
+    """Send a leader the link, the key for reconnecting, and the number of followers."""
     link = f"http{str(websocket.base_url)[2:].rstrip('/')}{BASE_PATH.get()}/c/{shown.code}"
     picture = segno.make_qr(link, error="m").svg_data_uri(scale=4, border=4, light="#fff")
     back = {"code": shown.code, "key": shown.key}
@@ -132,7 +132,7 @@ async def _report(websocket: WebSocket, shown: LiveClass) -> None:
 async def _send_changes(
     websocket: WebSocket, shown: LiveClass, text: Callable[[], str], *, sent: str | None = None
 ) -> None:
-    """Send a text whenever it has changed, until the class is over; the latest of several."""
+    """Send a text after each change, until the class is over; skip all but the latest."""
     while not shown.over:
         changed = shown.changed
         if (now := text()) == sent:

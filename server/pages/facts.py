@@ -1,4 +1,4 @@
-"""Facts: what a fold's page says about a fold, in the words of the page."""
+"""Facts: the data and texts about a fold that its page shows."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ SCRIPT_FACTS: Final = (
 """Facts that the scripts of pages use."""
 
 Form = dict[str, str | int | float]
-"""Fields of a form that asks for a fold."""
+"""Fields of a form that requests a fold."""
 
 
 class Suggestion(TypedDict):
@@ -109,7 +109,7 @@ class Download(TypedDict):
 
 
 class FoldFacts(TypedDict):
-    """All that a fold's page shows besides the timeline; ``Facts`` in ``web/types.d.ts``."""
+    """Everything that a fold's page shows besides the timeline; ``Facts`` in ``web/types.d.ts``."""
 
     id: str
     name: str
@@ -150,7 +150,7 @@ def script_facts(facts: FoldFacts) -> dict[str, object]:
 
 
 def takes_by_cost(row: FoldRow) -> str:
-    """Return the time of a fold in words, by the planner's expected cost."""
+    """Return the expected time of a fold in words, estimated from the planner's cost."""
     return about(expected_of_cost(row))
 
 
@@ -162,7 +162,7 @@ def fold_facts(
     kept: str | None = None,
     takes: Callable[[FoldRow], str] = takes_by_cost,
 ) -> FoldFacts:
-    """Return all that the page shows besides the timeline, as JSON values.
+    """Return everything that the page shows besides the timeline, as JSON values.
 
     Args:
         found: The fold.
@@ -217,7 +217,7 @@ def fold_facts(
 
 
 def _certificate(directory: Path, summary: FoldSummary, damaged: list[str]) -> CertificateFigures:
-    """Return the certificate of a fold: of its summary, or while it runs of its directory."""
+    """Return the certificate of a fold from its summary, or from its directory while it runs."""
     if known := summary.get("certificate"):
         return known
     stored = {} if CERTIFICATE in damaged else json_of(result_path(directory, CERTIFICATE))
@@ -225,7 +225,7 @@ def _certificate(directory: Path, summary: FoldSummary, damaged: list[str]) -> C
 
 
 def _downloads(row: ShownFold, summary: FoldSummary) -> list[Download]:
-    """Return the files that the plan of a fold can be downloaded as."""
+    """Return the formats in which the plan of a fold can be downloaded."""
     return [
         {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
         for export in exports_of(moving=has_motion(summary))
@@ -233,7 +233,7 @@ def _downloads(row: ShownFold, summary: FoldSummary) -> list[Download]:
 
 
 def _files(found: Found) -> list[Download]:
-    """Return the files that show a fold's motion; none of an alternative to its plan."""
+    """Return the files that show a fold's motion; none for an alternative to its plan."""
     if not frames_promised(found.directory) or found.alternative_to is not None:
         return []
     return [
@@ -243,7 +243,7 @@ def _files(found: Found) -> list[Download]:
 
 
 def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
-    """Return facts that say which data is damaged, and offer nothing that is made of it."""
+    """Return facts that report the damaged data, and offer nothing that is derived from it."""
     heading = damage_words(damaged)
     changed: FoldFacts = {
         **facts,
@@ -260,7 +260,7 @@ def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
 
 
 def _published(row: ShownFold) -> Form:
-    """Return the fields that request the published method as a fold does; none for others."""
+    """Return the fields that request a fold's published method; none for other presets."""
     request = FoldRequest(preset=row.preset, settings=row.settings)
     return request.changed() if row.preset == "paper" else {}
 
@@ -294,7 +294,7 @@ def _next_seed(row: ShownFold) -> int:
 
 
 def _compare(found: Found, takes: Callable[[FoldRow], str]) -> list[Suggestion]:
-    """Return the label and the form of the buttons that fold the same with another method."""
+    """Return the labels and forms of the buttons that fold the same input by another method."""
     row = found.row
     plain = FoldRequest(seed=row.seed, module_size=row.module_size)
     seed = _next_seed(row)
@@ -315,8 +315,8 @@ def _other_methods(
 ) -> list[Suggestion]:
     """Return the suggestions for a fold without a table: table, preference and presets.
 
-    The table comes after the others for chains that are so long that they usually get stuck there.
-    ``settable`` states that settings of the published method may be sent with it, or must.
+    For chains so long that they usually stall on a table, the table comes after the other presets.
+    ``settable`` states whether settings of the published method may or must be sent with it.
     """
     row = found.row
     cube = FoldRequest(module=row.module)
@@ -354,7 +354,7 @@ def _may_rest(row: ShownFold) -> bool:
 
 
 def _floating_settings(settings: str) -> str:
-    """Return the settings that a floating fold has."""
+    """Return the settings without those of a table."""
     names = {setting.name for setting in TABLE_SETTINGS}
     return ",".join(s for s in settings.split(",") if s.partition("=")[0] not in names)
 
@@ -371,7 +371,7 @@ def _on_table(row: ShownFold, directory: Path) -> TableRecord | None:
 
 
 def _smoothable(row: ShownFold, summary: FoldSummary) -> bool:
-    """Return True if smoothing is worthwhile: not twice, and not for too long plans."""
+    """Return True if a plan can be smoothed: it is not smoothed yet, and not too long."""
     if (
         row.status != "verified"
         or row.world != FLOATING
@@ -384,9 +384,9 @@ def _smoothable(row: ShownFold, summary: FoldSummary) -> bool:
 
 
 def _smoothing(found: Found | None, summary: FoldSummary) -> Smoothing | None:
-    """Return the changes by smoothing in words; None of a recorded plan.
+    """Return the changes by smoothing in words; None for a recorded plan.
 
-    Without a fold there are no links.
+    Without ``found``, there is no link to both plans.
     """
     if not (smoothing := summary.get("smoothing")):
         return None

@@ -68,7 +68,7 @@ def _fold_page(request: Request, fold_id: str) -> Response:
 
 
 def _asked_view(request: Request) -> str:
-    """Return the query of the picture of the view that a link asks for; empty without one."""
+    """Return the query string for a picture of the requested view; empty without one."""
     asked = request.query_params.get("view", "")
     return f"?view={asked}" if PictureView.from_short(asked) else ""
 
@@ -96,7 +96,7 @@ def drawing_in(directory: Path) -> str:
 
 @lru_cache(maxsize=256)
 def _drawing_of(path: Path, is_chain: bool) -> str:
-    """Return a drawing of a chain, or of the cells that were noted when the upload was read."""
+    """Return a drawing of a chain, or of the cells that were stored when the upload was read."""
     try:
         noted = json.loads(path.read_text(encoding="utf-8"))
         if is_chain:
@@ -104,7 +104,7 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
             return chain_svg(chain) if len(chain) <= MAX_DRAWN_MODULES else ""
         cells = np.array(noted, dtype=int).reshape(-1, 3)
     except (PlannerError, *UNREADABLE):
-        return ""  # a drawing is not worth an error
+        return ""  # the page is usable without a drawing
     return isometric_svg(cells) if 0 < len(cells) <= MAX_DRAWN_MODULES else ""
 
 
@@ -121,7 +121,7 @@ def _facts(request: Request, found: Found) -> FoldFacts:
 
 
 def takes(viewing: Viewing) -> Callable[[FoldRow], str]:
-    """Return what tells the time of a fold that somebody may request now."""
+    """Return a function that states the expected time of a fold if it is requested now."""
     estimates, leases = viewing.estimates, viewing.leases
     if estimates is None or leases is None:
         return takes_by_cost

@@ -19,7 +19,7 @@ from words.missing_pages import NO_FOLD
 
 router = APIRouter(include_in_schema=False)
 CHOSEN_FOLDS: Final = r"^([A-Za-z0-9_-]{1,64}(,[A-Za-z0-9_-]{1,64}){0,49})?$"
-"""Ids of at most 50 folds: each costs a query of the database."""
+"""Matches ids of at most 50 folds, because each needs a query of the database."""
 
 
 @router.get("/kiosk", response_class=HTMLResponse, dependencies=[Depends(in_list_rate)])

@@ -77,7 +77,7 @@ def _recorded() -> bytes:
 
 
 def warm_up(gallery: Gallery) -> None:
-    """Draw the shape of the first page, which loads what the 3D view and all pages need."""
+    """Draw the shape of the first page and load templates, so that first requests are fast."""
     bundle_of(_featured_chain(gallery))
     drawing_of(gallery, FEATURED_SHAPE, 480)
     for name in ("landing.html", "fold.html", "gallery.html"):

@@ -1,4 +1,4 @@
-"""A page: a template filled in, under the policy of all pages."""
+"""A page: a rendered template with the security policy of all pages."""
 
 from __future__ import annotations
 
@@ -48,25 +48,25 @@ def policy_of_pages() -> str:
 
 @cache
 def icon() -> str:
-    """Return the picture in a browser's tab, as an address that holds it."""
+    """Return the icon for browser tabs, as a data URL."""
     return "data:image/svg+xml," + quote(text_of("icon.svg"), safe=" =:/'")
 
 
 @cache
 def theme_script() -> Markup:
-    """Light, dark or as the system, in the head of every page."""
+    """Return the script element that sets the theme, for the head of every page."""
     return Markup("<script>{}</script>").format(Markup(code_of(THEME_SCRIPT)))
 
 
 @cache
 def script_addresses(page_name: str) -> tuple[str, ...]:
-    """Return the addresses of a page's entry module and of all that it imports at once."""
+    """Return the addresses of a page's entry script and of all its static imports."""
     names = scripts_of(f"js/pages/{page_name}.js", later=False)
     return tuple(f"/static/{VERSIONED}/{scripts_version()}/{name}" for name in names)
 
 
 def entry(page_name: str) -> Markup:
-    """Return the tags of a page's entry script and of all scripts that it needs at once."""
+    """Return the tags of a page's entry script and of all its static imports."""
     first, *others = script_addresses(page_name)
     preloads = (Markup('<link rel="modulepreload" href="{}">').format(at(name)) for name in others)
     script = Markup('<script type="module" src="{}"></script>').format(at(first))
@@ -90,10 +90,10 @@ TEMPLATE_VALUES: Final[dict[str, object]] = {
 def page(
     template: str, status_code: int = 200, /, *, listed: bool = False, **values: object
 ) -> Response:
-    """Return a page made of a template, under the policy of all pages.
+    """Return a page from a template, with the security policy of all pages.
 
     Args:
-        template: Its name.
+        template: Name of the template.
         status_code: HTTP status of the answer.
         listed: True if search engines may index it.
         values: Values for the template.
@@ -106,13 +106,13 @@ def page(
 
 
 def rendered(template: str, /, **values: object) -> str:
-    """Return a template filled in."""
+    """Render a template."""
     return templates().get_template(template, globals=TEMPLATE_VALUES).render(**values)
 
 
 @cache
 def templates() -> Environment:
-    """Return all templates."""
+    """Return the environment of all templates."""
     return Environment(
         loader=PackageLoader("web", "templates"),
         autoescape=select_autoescape(),
@@ -123,7 +123,7 @@ def templates() -> Environment:
 
 
 def drawing(svg: str, cache_control: str) -> Response:
-    """Return a drawing, in which no script may run; an empty one is not found."""
+    """Return the response with a drawing, in which no script can run; 404 if it is empty."""
     if not svg:
         return not_found()
     headers = {"Cache-Control": cache_control, "Content-Security-Policy": "default-src 'none'"}
@@ -131,7 +131,7 @@ def drawing(svg: str, cache_control: str) -> Response:
 
 
 def not_found() -> Response:
-    """Return the answer that there is no such file."""
+    """Return the response for a missing file."""
     return Response("not found", status_code=404, media_type="text/plain")
 
 
@@ -141,6 +141,6 @@ def origin_of(request: Request) -> str:
 
 
 def script_json(value: object) -> str:
-    """Return JSON that may stand inside a script element."""
+    """Return JSON that is safe inside a script element."""
     text = json.dumps(value, ensure_ascii=False)
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")

@@ -1,4 +1,4 @@
-"""The paper's experiments, run again: their page, films and pictures; ``make reproduction``."""
+"""The paper's experiments, run again: their page, films and pictures (``make reproduction``)."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ PICTURE_MEDIA_TYPE: Final = "image/webp"
 
 
 class Card(TypedDict):
-    """One experiment; its template reads more."""
+    """One experiment; the page's template reads further keys."""
 
     id: str
     film: bool
@@ -34,13 +34,13 @@ class Card(TypedDict):
 
 
 class Section(TypedDict):
-    """Experiments to one statement of the paper."""
+    """Experiments on one statement of the paper."""
 
     cards: list[Card]
 
 
 class PaperPage(TypedDict):
-    """Values that ``make reproduction`` writes; the page's template reads more of them."""
+    """Values that ``make reproduction`` writes; the page's template reads further keys."""
 
     sections: list[Section]
 
@@ -82,6 +82,6 @@ def paper_files() -> dict[tuple[str, str], Path]:
 
 @cache
 def paper_data(path: Path) -> bytes:
-    """Return the content of such a file; of a chain its scene bundle."""
+    """Return the content of a file of ``paper_files``; for a chain, its scene bundle."""
     data = path.read_bytes()
     return bundle_of(chain_from_attributes(json.loads(data))) if path.name == CHAIN else data

@@ -1,4 +1,4 @@
-"""Pictures: what networks show beside a link to a fold."""
+"""Pictures: previews of folds that social networks show beside a link."""
 
 from __future__ import annotations
 
@@ -80,10 +80,10 @@ async def picture_of_fold(
 
 
 def _changed_ns(found: Found, view: str | None) -> int:
-    """Return when the chain was written that a picture shows, ns since 1970; 0 without a chain.
+    """Return the time when the displayed chain was written, ns since 1970; 0 without a chain.
 
     Raises:
-        DamagedError: If what the picture shows of a finished fold is damaged.
+        DamagedError: If a file of a finished fold that the picture needs is damaged.
     """
     if found.row.status not in RUNNING_STATUSES:
         check(found.directory, CHAIN, *(() if view is None else (TIMELINE,)))
@@ -92,7 +92,7 @@ def _changed_ns(found: Found, view: str | None) -> int:
 
 
 def _drawn(context: Context, found: Found, view: str | None) -> bytes | None:
-    """Return the picture of a fold, seen as a link says; None where it cannot be drawn.
+    """Return the picture of a fold in the view of a link; None if it cannot be drawn.
 
     Raises:
         DamagedError: If its frames are damaged.
@@ -113,7 +113,7 @@ def _drawn(context: Context, found: Found, view: str | None) -> bytes | None:
 
 
 def caption_of(title: str, status: str) -> dict[str, str]:
-    """Return what a picture says of a fold: its name, and in a few words how it ended."""
+    """Return the caption of a fold's picture: its name, and its result in a few words."""
     verdict, tone = PICTURE_VERDICTS.get(status, COMPUTING_VERDICT)
     return {"name": title, "verdict": verdict, "tone": tone}
 
@@ -123,14 +123,14 @@ def picture_answer(data: bytes, *, listed: bool, over: bool = True) -> Response:
 
     Args:
         data: The PNG file.
-        listed: True if search engines may index it and caches hold it; otherwise only browsers may,
-            which ask each time.
-        over: False while another candidate may take the place of this one.
+        listed: True if search engines may index it and shared caches may store it; otherwise only
+            browsers may store it, and must revalidate it each time.
+        over: False while the fold is running, and its picture may change.
     """
     headers = {
         "Cache-Control": "private, no-cache",
         "Content-Security-Policy": "default-src 'none'",
-        "Cross-Origin-Resource-Policy": "cross-origin",  # it is made to be shown elsewhere
+        "Cross-Origin-Resource-Policy": "cross-origin",  # other sites are meant to show it
     }
     if listed:
         max_age_s = FINAL_PICTURE_AGE_S if over else RUNNING_PICTURE_AGE_S

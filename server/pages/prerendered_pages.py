@@ -38,7 +38,7 @@ async def api_page(request: Request) -> Response:
 async def my_folds(request: Request) -> Response:
     """Return the page *My folds*; its script requests the folds of the browser's owner token."""
     answer = _answer(request, "my_folds.html")
-    # A browser that comes back to it asks anew, and shows nothing of what was on it.
+    # A browser that returns to the page must request it again, not restore its content.
     answer.headers["Cache-Control"] = "no-store"
     return answer
 

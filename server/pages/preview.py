@@ -91,13 +91,13 @@ def _report(previews: Previews, preview_id: str, key: str, *, repair: bool) -> d
     """Return the report of a preview for the options of ``key``.
 
     Args:
-        previews: The previews.
-        preview_id: The preview.
+        previews: Store of the previews.
+        preview_id: Id of the preview.
         key: Key of the options.
         repair: True to add the cells of the offered repair.
 
     Raises:
-        NoSuchPreviewError: If there is none.
+        NoSuchPreviewError: If there is no such report.
     """
     if not OPTIONS_KEY.fullmatch(key):
         raise NoSuchPreviewError(preview_id)

@@ -1,4 +1,4 @@
-"""The page that says in words why there is nothing to see."""
+"""The page that explains a problem, such as a missing page."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ DRAWN_CELLS: Final = ((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 1, 1), (0,
 def not_found_page(
     heading: str, text: str, *, status_code: int = 404, service: bool = True
 ) -> Response:
-    """Return the page that explains why there is nothing to see.
+    """Return the page that explains a problem.
 
     Args:
         heading: Short heading.
@@ -40,7 +40,7 @@ def not_found_page(
 
 
 def no_such_page(request: Request, words: tuple[str, str]) -> Response:
-    """Return the page with a heading and a text, of a service or of a viewer of one directory."""
+    """Return a page with a heading and a text, in a service or a viewer of one directory."""
     return not_found_page(*words, service=viewing_of(request).settings is not None)
 
 

@@ -61,7 +61,7 @@ async def embedded(request: Request, fold_id: str) -> Response:
     if found is None:
         answer = no_such_page(request, NO_FOLD)
     else:
-        # Who may see the one need not have the link of the other.
+        # A client that may see this fold need not have the link of the recorded one.
         facts = await asyncio.to_thread(fold_facts, replace(found, recorded=None))
         answer = page(
             "embed.html", facts=facts, facts_json=script_json(script_facts(facts)), details=False
@@ -125,7 +125,7 @@ async def recording(request: Request, fold_id: str) -> Response:
 
 
 def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[], bytes]:
-    """Compute from a separate view, as the displayed one caches other frames."""
+    """Return a function that reads a separate view, because the shared one caches other frames."""
 
     def made() -> bytes:
         try:
@@ -167,12 +167,12 @@ def standalone_page(
 
 
 def _table(found: Found, timeline: TimelineView) -> TableTop | None:
-    """Return the table under a fold; None of one that floats."""
+    """Return the table under a fold; None if it floats."""
     return None if found.row.world == FLOATING else timeline.table()
 
 
 def _kept(store: FoldSource, found: Found) -> dict[str, Any]:
-    """Return the tour of a fold, and the numbers that are stored with it."""
+    """Return the tour of a fold, and the module values that are stored with it."""
     return {"tour": tour_of(store, found), "values": values_of(store, found)}
 
 
@@ -205,7 +205,7 @@ async def _finished(request: Request, fold_id: str) -> Found:
 
 def _file(path: Path, name: str, kind: str, media_type: str) -> Response:
     headers = {
-        # Opened in place it would run as a page of this origin.
+        # Displayed in the browser, it would run as a page of this origin.
         "Content-Security-Policy": "sandbox; default-src 'none'",
         "Cache-Control": "private, no-cache",
     }

@@ -1,7 +1,7 @@
 """A static website: gallery, folds, paper and benchmarks for any web host, or for a folder.
 
-The pages are those of the service. Their links are relative, and each address that a template asks
-for is noted, so that its file is written and no link leads to nothing.
+The pages are those of the service. Their links are relative, and each address that a template uses
+is recorded, so that its file is written and no link is broken.
 """
 
 from __future__ import annotations
@@ -60,12 +60,12 @@ FILE_ADDRESS: Final = re.compile(r"/((?:static|paper)/.+)")
 
 @dataclass(frozen=True, slots=True)
 class Site:
-    """One site that is written.
+    """A static website while it is written.
 
     Attributes:
-        out: Its directory.
+        out: Directory of the site.
         service: Address of a service that folds visitors' shapes; None without one.
-        asked: Files that pages refer to.
+        asked: Names of the files that pages refer to.
     """
 
     out: Path
@@ -76,11 +76,11 @@ class Site:
         """Return an address of the service as a page of the site refers to it.
 
         Args:
-            root: Way from the page's directory to the site's.
+            root: Relative path from the page's directory to the site's.
             address: Path in the service.
 
         Raises:
-            ValueError: A site has no such file.
+            ValueError: If a site has no such file.
         """
         name = FILES.get(address)
         if name is None and (fold := FOLD_ADDRESS.fullmatch(address)):
@@ -95,7 +95,7 @@ class Site:
         return root + name
 
     def rendered(self, template: str, root: str = "", /, **values: object) -> str:
-        """Return a page made of a template of the service."""
+        """Return a page rendered from a template of the service."""
         return rendered(template, **values, site=self, at=partial(self.at, root))
 
     def films(self, _page_name: str) -> Markup:
@@ -116,12 +116,12 @@ def write_site(out: Path, folds: Sequence[Found], service: str | None = None) ->
 
     Args:
         out: Directory of the site.
-        folds: Finished folds, each with an id of its own, of which its files are named.
+        folds: Finished folds with different ids, after which their files are named.
         service: Address of a service that folds visitors' shapes.
 
     Raises:
-        OSError: A file cannot be written.
-        PlannerError: The files of a fold cannot be read.
+        OSError: If a file cannot be written.
+        PlannerError: If the files of a fold cannot be read.
     """
     site = Site(out, service)
     for fold in folds:

@@ -29,7 +29,7 @@ ELEMENT_HEADERS: Final = {
     "Cross-Origin-Resource-Policy": "cross-origin",
     "Cache-Control": "public, max-age=86400",
 }
-"""Headers with which pages of other sites may load it, and keep it for a day."""
+"""Headers with which pages of other sites may load the element, and cache it for a day."""
 SWAGGER_FILES: Final = ("swagger-ui-bundle.js", "swagger-ui.css")
 """Files of the package ``fastapi_offline`` that this service offers as static files, for the API
 documentation without internet access."""

@@ -1,4 +1,4 @@
-"""Table check: whether the cells of a fold are known to have no path for a table."""
+"""Table check: quick tests that rule out a path for a table through the cells of a fold."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ def ruled_out_on_table(chain: Path) -> bool:
     Args:
         chain: Chain file of the fold. One that cannot be read counts as ruled out.
     """
-    # SciPy, which this needs, is not loaded before a page asks.
+    # Imported late, because these modules load SciPy.
     from planner.table_paths.base_sides import sides_of
     from planner.table_paths.no_table_path_proofs import ruled_out
 

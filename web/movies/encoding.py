@@ -43,7 +43,7 @@ _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 
 
 
 class EncodingError(Exception):
-    """The encoder did not do its work."""
+    """The encoder failed."""
 
 
 class NoEncoderError(EncodingError):
@@ -66,7 +66,7 @@ class Encoder(ABC):
 
     @abstractmethod
     def close(self, *, complete: bool) -> None:
-        """Finish the file; it is of no use unless it is complete."""
+        """Finish the file, which is unusable if ``complete`` is False."""
 
     def __enter__(self) -> Self:
         return self
@@ -79,7 +79,7 @@ def open_encoder(movie: Movie, out: Path) -> Encoder:
     """Return the encoder of a movie's format.
 
     Args:
-        movie: Size, pace and format.
+        movie: Size, frame rate and format.
         out: The file to write.
 
     Raises:
@@ -89,7 +89,7 @@ def open_encoder(movie: Movie, out: Path) -> Encoder:
 
 
 def find_ffmpeg() -> str:
-    """Return the path of ffmpeg: the one on PATH, else that of imageio-ffmpeg.
+    """Return the path of ffmpeg: from the environment, on PATH, or from imageio-ffmpeg.
 
     Raises:
         NoEncoderError: If there is none.
@@ -105,7 +105,7 @@ def find_ffmpeg() -> str:
 
 
 class Mp4Encoder(Encoder):
-    """Encode an MP4 file by ffmpeg, as ``Encoder`` has it."""
+    """Encoder of MP4 files with ffmpeg."""
 
     def __init__(self, movie: Movie, out: Path) -> None:
         """Start ffmpeg.
@@ -114,7 +114,7 @@ class Mp4Encoder(Encoder):
             EncodingError: If it cannot be started.
         """
         command = [find_ffmpeg(), *_options(movie), str(out)]
-        # ffmpeg's words go to a file: a pipe that nobody reads would stop it one day.
+        # ffmpeg logs to a file, because it would block on a full pipe that is not read.
         self._words: IO[bytes] = open(out.with_name(f"{out.name}.log"), "w+b")  # noqa: SIM115
         try:
             self._process = subprocess.Popen(
@@ -138,7 +138,7 @@ class Mp4Encoder(Encoder):
         try:
             if not complete:
                 self._process.kill()
-            with contextlib.suppress(BrokenPipeError):  # its exit code says more
+            with contextlib.suppress(BrokenPipeError):  # its exit code is more informative
                 self._process.stdin.close()
             code = self._process.wait()
             if complete and code:
@@ -157,11 +157,10 @@ class Mp4Encoder(Encoder):
 
 
 class GifEncoder(Encoder):
-    """Encode a GIF file by Pillow, as ``Encoder`` has it.
+    """Encoder of GIF files with Pillow.
 
-    All pictures share one palette, which depends on all of them: until the end they are held
-    compressed. An even pattern of dots shrinks better than noise, and does not swarm from frame to
-    frame.
+    All pictures share one palette, which depends on all of them, so they are held compressed until
+    the end. Ordered dither compresses better than noise and does not flicker from frame to frame.
     """
 
     def __init__(self, movie: Movie, out: Path) -> None:
@@ -185,12 +184,12 @@ class GifEncoder(Encoder):
             self._write()
 
     def _write(self) -> None:
-        from PIL import Image  # not for MP4
+        from PIL import Image  # MP4 does not need it
 
         samples = Image.fromarray(np.concatenate(self._samples))
         palette = samples.quantize(MAX_PALETTE_COLOURS, Image.Quantize.MEDIANCUT)
         pictures = (self._reduced(packed, palette) for packed in self._packed)
-        # A GIF counts hundredths of a second: each picture ends at the one nearest to its time.
+        # GIF times are hundredths of a second: each picture ends at the one nearest to its time.
         ends = [round(100 * k / self._movie.fps) for k in range(len(self._packed) + 1)]
         next(pictures).save(
             self._out,
@@ -218,7 +217,7 @@ def _options(movie: Movie) -> list[str]:
         *("-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", f"{movie.width}x{movie.height}"),
         *("-framerate", str(movie.fps), "-i", "-", "-an"),
         *("-c:v", "libx264", "-preset", X264_PRESET, "-crf", str(X264_CRF)),
-        # What all players read, in the colours that they take such a file to have.
+        # The pixel format that all players read, and the colour space that they assume.
         *("-vf", "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p"),
         *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),
         *("-movflags", "+faststart", "-f", "mp4"),

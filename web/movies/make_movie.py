@@ -1,4 +1,4 @@
-"""Movies of a timeline, picture by picture, without a simulation."""
+"""Movies of a timeline, drawn picture by picture without a simulation."""
 
 from __future__ import annotations
 
@@ -44,23 +44,23 @@ def make_movie(
     """Make a movie.
 
     Args:
-        directory: The timeline's.
+        directory: Directory of the timeline.
         movie: Options of the movie.
         out: The file to write.
-        on_table: True if the chain folds on a table, whose top is the ground then.
+        on_table: True if the chain folds on a table, whose top is then the ground.
         backend: ``egl`` or ``osmesa``.
-        progress: Told the number of pictures that are done.
-        cancelled: Asked often whether it is not wanted any more.
+        progress: Called with the number of finished pictures.
+        cancelled: Polled; returns True to cancel the movie.
 
     Returns:
-        Whether it is whole; False when it was cancelled.
+        True if the movie is complete; False if it was cancelled.
 
     Raises:
-        InputError: When the timeline does not have the frames.
-        TimelineError: When there is no timeline, or it is damaged.
-        NoGLError: When this backend cannot draw here.
+        InputError: If the timeline does not have the frames.
+        TimelineError: If there is no timeline, or it is damaged.
+        NoGLError: If this backend cannot draw on this machine.
         NoEncoderError: If the format is MP4 and there is no ffmpeg.
-        EncodingError: When the encoder fails.
+        EncodingError: If the encoder fails.
     """
     if movie.format == "mp4":
         find_ffmpeg()  # before the drawing starts, which takes seconds
@@ -91,10 +91,10 @@ def make_movie(
 def schedule(timeline: TimelineView, movie: Movie) -> tuple[Array, list[MovieStop | None]]:
     """Return the frame of the timeline and the stop of the tour that each picture shows.
 
-    The movie rests for a moment at both ends and at each stop, and moves evenly in between.
+    The movie pauses at both ends and at each stop, and moves evenly in between.
 
     Returns:
-        (K,) frames, not whole between two, and K stops: None before the first one.
+        (K,) frames, fractional between two recorded ones, and K stops, None before the first.
     """
     phases = timeline.outline(1)["phases"]
     playback = next((p["from"] for p in phases if p["name"] == "playback"), 0)
@@ -108,7 +108,7 @@ def schedule(timeline: TimelineView, movie: Movie) -> tuple[Array, list[MovieSto
         reading *= min(1.0, MAX_READING * movie.seconds / reading.sum())
     at = np.array([first, *(stop.frame for stop in stops), last], np.float64)
     rests = np.array([begin, *reading, end])
-    # Pictures are shown from t = 0 to `shown`; what the rests leave is shared out by distance.
+    # Pictures are shown from t = 0 to `shown`; the time besides the rests is divided by distance.
     shown = (movie.count - 1) / movie.fps
     moving = max(shown - float(rests.sum()), 1e-9)
     way = np.abs(np.diff(at, prepend=first)).cumsum()

@@ -57,8 +57,8 @@ class MovieStop:
 
     Attributes:
         frame: Frame of the timeline, from 0.
-        caption: The text that is shown from there on.
-        modules: Modules that are highlighted with it, from 0.
+        caption: Text that is shown from this frame on.
+        modules: Modules that are highlighted meanwhile, from 0.
     """
 
     frame: int
@@ -79,16 +79,16 @@ class Movie:
         format: ``mp4``, or ``gif``.
         width: Width of a picture, pixels; even.
         height: Height of a picture, pixels; even.
-        fps: Pictures a second.
+        fps: Pictures per second.
         seconds: Duration, s.
-        azimuth_deg: Direction that the end is seen from; chosen from the shape when None.
+        azimuth_deg: Azimuth of the camera at the end, degrees; chosen from the shape when None.
         elevation_deg: Elevation of the camera above the horizon, degrees.
-        turn_deg: Angle by which the camera goes around the chain, degrees.
+        turn_deg: Angle by which the camera orbits around the chain, degrees.
         theme: ``light``, or ``dark``.
-        first_frame: Frame of the timeline to begin with; of the playback's first when None.
-        last_frame: Frame to end with; the timeline's last when None. Before the first one, it runs
-            backwards.
-        stops: Stops of a tour, in the order of their frames; the movie rests at each.
+        first_frame: First frame of the timeline; the playback's first one when None.
+        last_frame: Last frame of the timeline; its last one when None. If it is before the first
+            frame, the movie runs backwards.
+        stops: Stops of a tour, in the order of their frames; the movie pauses at each.
     """
 
     format: Format = "mp4"
@@ -106,14 +106,14 @@ class Movie:
 
     @classmethod
     def of(cls, options: Mapping[str, Any], tour: Mapping[str, Any] | None = None) -> Self:
-        """Return a movie with what was wished for, the rest as is plain for its format.
+        """Return a movie with the given options and the defaults of its format.
 
         Args:
             options: Fields of the movie.
-            tour: Tour whose captions it shows. Unless given, the duration leaves time to read them.
+            tour: Tour whose captions it shows. The default duration leaves time to read them.
 
         Raises:
-            InputError: When it is beyond the bounds.
+            InputError: If an option is outside its bounds.
         """
         given = {name: value for name, value in options.items() if value is not None}
         plain = DEFAULT_OPTIONS.get(str(given.get("format", "mp4")), DEFAULT_OPTIONS["mp4"])
@@ -133,19 +133,19 @@ class Movie:
 
     @property
     def count(self) -> int:
-        """Number of its pictures."""
+        """Number of pictures."""
         return max(1, round(self.seconds * self.fps))
 
     @property
     def key(self) -> str:
-        """Return a key that is the same for the same options."""
+        """Key of the movie, equal for equal options."""
         return key_of_options(self)
 
     def check(self) -> None:
         """Check the bounds.
 
         Raises:
-            InputError: Saying what was got and what is expected.
+            InputError: If an option is outside its bounds.
         """
         _one_of("format", self.format, FORMATS)
         _one_of("theme", self.theme, MOVIE_THEMES)
@@ -176,11 +176,11 @@ class Movie:
         """Return the first and the last frame of a timeline that it shows.
 
         Args:
-            total: Frames that there are.
-            playback: The first one of the playback.
+            total: Number of frames of the timeline.
+            playback: First frame of the playback.
 
         Raises:
-            InputError: When the timeline does not have them.
+            InputError: If the timeline does not have these frames.
         """
         first = playback if self.first_frame is None else self.first_frame
         last = total - 1 if self.last_frame is None else self.last_frame

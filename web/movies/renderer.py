@@ -1,6 +1,6 @@
-"""Renderer of movies: a chain drawn offscreen by MuJoCo, in the look of the page.
+"""Renderer of movies: a chain drawn offscreen by MuJoCo, in the style of the page.
 
-Nothing is simulated: the modules are put into MuJoCo's scene where the timeline says they are.
+Nothing is simulated: the modules in MuJoCo's scene get the poses of the timeline.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ as modules turn; software OpenGL offers at most 4."""
 
 
 class NoGLError(Exception):
-    """There is no OpenGL that can draw without a screen."""
+    """No OpenGL is available that can draw without a screen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -49,7 +49,7 @@ class Shot:
 
     Attributes:
         positions: (m, 3) centres in pitches of the modules that are drawn.
-        wxyzs: (m, 4) their orientations.
+        wxyzs: (m, 4) orientations of these modules.
         colours: (m, 3) sRGB bytes.
         ends: (2, 7) centres and orientations of the first and of the last module.
         view: The camera, in pitches.
@@ -76,12 +76,12 @@ class MovieRenderer:
             module: The kind of module.
             modules: Maximum number of drawn modules.
             width: Width of a picture in pixels.
-            height: Its height.
-            theme: The colours of the ground and the light.
+            height: Height of a picture in pixels.
+            theme: Colours of the ground and the lights.
             backend: ``egl`` or ``osmesa``.
 
         Raises:
-            NoGLError: When this backend cannot draw here.
+            NoGLError: If this backend cannot draw on this machine.
         """
         self._theme = theme
         self._module = module
@@ -94,14 +94,14 @@ class MovieRenderer:
         self._scene = mujoco.MjvScene(self._model, maxgeom=modules * len(module_faces(module)) + 4)
         self._scene.flags[:] = 0
         self._pieces = module_faces(module)
-        # MuJoCo moves and turns meshes into a frame of its own; this is how it lies in theirs.
+        # MuJoCo stores each mesh in a frame of its own, whose pose in the mesh's frame this is.
         self._mesh_at = self._model.mesh_pos.copy()
         self._mesh_turn = matrix_from_wxyz(self._model.mesh_quat)
         self._ends = [self._mesh(len(self._pieces)) for _ in range(2)]
         for end, colour in zip(self._ends, (FIRST_MODULE_RGB, LAST_MODULE_RGB), strict=True):
             end.rgba[:3] = np.array(colour) / 255.0
         self._planes = self._plane(0), self._plane(1)
-        # They come last: what a picture does not need is cut off.
+        # They come last, so that a picture can leave out those that it does not need.
         self._before = self._scene.ngeom
         self._faces = [[self._mesh(k) for k in range(len(self._pieces))] for _ in range(modules)]
 
@@ -113,7 +113,7 @@ class MovieRenderer:
         self._gl.free()
 
     def draw(self, shot: Shot) -> Picture:
-        """(H, W, 3) sRGB bytes, from the top; the same array each time."""
+        """Return (H, W, 3) sRGB bytes, from the top; the array is reused."""
         turns = matrix_from_wxyz(shot.wxyzs)
         self._place_modules(shot, turns)
         self._place_ends(shot.ends)
@@ -142,7 +142,7 @@ class MovieRenderer:
     def _plane(self, material: int) -> Any:
         geom = self._geom(mujoco.mjtGeom.mjGEOM_PLANE, np.ones(3))
         geom.matid = material
-        # It shines by itself with the full strength of its texture, which no light then changes.
+        # It emits its texture at full brightness, so that the lights do not change it.
         geom.emission, geom.specular = 1.0, 0.0
         return geom
 
@@ -159,7 +159,7 @@ class MovieRenderer:
                 geom.rgba[:3] = colours[k, f]
 
     def _place_ends(self, ends: Array) -> None:
-        """Studs on the free faces: behind the first module, before the last one."""
+        """Place studs on the free faces: behind the first module, before the last one."""
         reach = DISPLAYED_MODULE_SIZE * float(np.abs(self._module.vertices[:, 0]).max())
         for geom, end, turn in zip(self._ends, ends, (_HALF_TURN, np.eye(3)), strict=True):
             frame = matrix_from_wxyz(end[3:]) @ turn
@@ -220,7 +220,7 @@ def _shine(light: Any, towards: Array, diffuse: Array) -> None:
 
 
 def _model(module: Module, theme: Theme, *, width: int, height: int) -> Any:
-    """Return a model of nothing but what is drawn: meshes and textures."""
+    """Return a model that contains only what is drawn: meshes and textures."""
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     spec.visual.quality.offsamples = SAMPLES_PER_PIXEL
@@ -251,6 +251,6 @@ def _context(backend: str, width: int, height: int) -> Any:
     try:
         context = importlib.import_module(f"mujoco.{backend}").GLContext(width, height)
         context.make_current()
-    except Exception as error:  # each part of the way down has its own kinds of error
+    except Exception as error:  # each layer below raises exceptions of its own
         raise NoGLError(f"{backend}: {type(error).__name__}: {error}") from error
     return context

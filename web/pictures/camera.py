@@ -59,14 +59,14 @@ class View:
 
     @property
     def position(self) -> Array:
-        """(3,) where the camera is."""
+        """(3,) position of the camera, pitches."""
         return self.target + self.distance * _outward(self.azimuth_rad, self.elevation_rad)
 
 
 def few_points(points: NDArray[np.floating[Any]]) -> Array:
-    """Up to some hundreds of points that stand for (n, 3) points.
+    """Return a few hundred of (n, 3) points that represent all of them in a view.
 
-    They are every so many-th, and where all end, either way, along each of ``_DIRECTIONS_13``.
+    They are every k-th point, and the extreme points in both directions along ``_DIRECTIONS_13``.
     """
     by = max(1, len(points) // MAX_FRAMED_POINTS)
     some = points[::by].astype(np.float64)
@@ -86,12 +86,12 @@ def straight_stretch(chain: Chain) -> int:
 def modules_framed(chain: Chain, last: int, stretch: int) -> int:
     """Return the number of modules, from the first on, that a camera shows of a long chain.
 
-    A chain of ten thousand that is shown whole is a line thinner than a pixel: the camera keeps to
-    what is folded or moves, and to a stretch of what is straight.
+    Shown whole, a chain of ten thousand modules would be thinner than a pixel. The camera therefore
+    shows the folded and moving modules and a part of the straight ones.
 
     Args:
         chain: The chain.
-        last: The hinge from which on all are straight.
+        last: Index of the hinge from which on all hinges are straight.
         stretch: Result of ``straight_stretch`` for the chain.
     """
     module = chain.module
@@ -110,15 +110,15 @@ def framing(
 ) -> View:
     """Return the nearest view that shows all points.
 
-    A long chain is looked at from its side, on a tall window from nearer its end.
+    A slim chain is shown from its side; in an upright window, from closer to its end.
 
     Args:
         points: (n, 3) centres.
         radius: Radius of a module around its centre, pitches.
-        aspect: Width of the window by its height.
-        azimuth_rad: Direction to look from; chosen from the points when None.
-        elevation_rad: Angle above the ground to look from.
-        margin: Shares of the window's width and height to fill.
+        aspect: Aspect ratio of the window, width / height.
+        azimuth_rad: Azimuth of the camera; chosen from the points when None.
+        elevation_rad: Elevation of the camera above the ground.
+        margin: Fractions of the window's width and height to fill.
     """
     some = few_points(points)
     if azimuth_rad is None:
@@ -131,7 +131,7 @@ def framing(
     tall = np.tan(FIELD_OF_VIEW_RAD / 2)
     wide = tall * aspect
     distance = radius
-    for _ in range(3):  # perspective shifts the middle; a few rounds centre the picture
+    for _ in range(3):  # perspective shifts the middle; a few iterations centre the picture
         x, y, z = (local - middle).T
         distance = max(
             float(((np.abs(x) + radius) / (wide * margin[0]) + z).max()),
@@ -152,7 +152,7 @@ def framing(
 
 
 def distance_needed(points: Array, view: View, *, radius: float, aspect: float) -> float:
-    """Return the least distance from which a view cuts nothing off, for the target that it has."""
+    """Return the minimum distance at which a view with this target shows all points."""
     out = _outward(view.azimuth_rad, view.elevation_rad)
     right = np.array([-np.sin(view.azimuth_rad), np.cos(view.azimuth_rad), 0.0])
     off = few_points(points) - view.target

@@ -1,7 +1,7 @@
 """Camera path: the camera of a whole movie, smoothed over past and future.
 
-A camera that follows a live view can only lag behind. This one is smoothed over the whole movie at
-once, the same forwards and backwards in time, and never cuts anything off.
+The camera of a live view can only lag behind. This one is smoothed over the whole movie,
+symmetrically in time, and never cuts anything off.
 """
 
 from __future__ import annotations
@@ -68,14 +68,14 @@ def camera_path(
     """Return the camera of a movie.
 
     Args:
-        pictures: K times (n, 3) centres of some or all modules.
-        lows: (K,) heights of the lowest centre of all.
+        pictures: (n, 3) centres of some or all modules, for each of K pictures.
+        lows: (K,) heights of the lowest module centre.
         radius: Radius of a module around its centre, pitches.
-        aspect: Width of a picture by its height.
-        fps: Pictures a second.
-        azimuth_rad: Direction that the last picture is seen from; chosen from the points when None.
-        elevation_rad: Angle above the ground to look from.
-        turn_rad: Angle by which the camera goes around, rad.
+        aspect: Aspect ratio of a picture, width / height.
+        fps: Pictures per second.
+        azimuth_rad: Azimuth of the camera in the last picture; chosen from the points when None.
+        elevation_rad: Elevation of the camera above the ground.
+        turn_rad: Angle by which the camera orbits around the chain, rad.
     """
     count = len(pictures)
     smooth = min(POSITION_SMOOTHING_S * fps, MAX_SMOOTHING_FRACTION * count)
@@ -105,7 +105,7 @@ def camera_path(
         )
         for points, view in zip(pictures, aimed, strict=True)
     ]
-    # In the logarithm, so that coming nearer looks as even as going away.
+    # In the logarithm, so that approaching and receding look equally smooth.
     distances = np.exp(_above(np.log(needed), smooth))
     return CameraPath(
         views=tuple(
@@ -116,14 +116,14 @@ def camera_path(
 
 
 def _smooth(values: Array, deviation: float) -> Array:
-    """(K, …) values smoothed along the first axis; at rest at both ends."""
+    """Smooth (K, …) values along the first axis, extended by the values at both ends."""
     return gaussian_filter1d(
         values, deviation, axis=0, mode="nearest", truncate=FILTER_TRUNCATION_SIGMA
     )
 
 
 def _above(values: Array, deviation: float) -> Array:
-    """Return (K,) smooth values that are nowhere below those given."""
+    """Return (K,) smooth values that are nowhere below ``values``."""
     reach = int(FILTER_TRUNCATION_SIGMA * deviation + 0.5)
     highest = maximum_filter1d(values, 2 * reach + 1, mode="nearest")
     return _smooth(highest, deviation)

@@ -54,8 +54,8 @@ class Caption:
 
     Attributes:
         name: Name of the fold.
-        verdict: A few words.
-        tone: "good", "bad" or something else.
+        verdict: Verdict in a few words.
+        tone: "good", "bad", or another word for a caption without a mark.
     """
 
     name: str
@@ -64,7 +64,7 @@ class Caption:
 
 
 def write_caption(picture: Image.Image, caption: Caption) -> None:
-    """Write a caption into an RGB picture; a failure gets a red band with a cross besides."""
+    """Draw a caption into an RGB picture; a failed fold also gets a red band with a cross."""
     pen = ImageDraw.Draw(picture)
     width, height = picture.size
     top = height - BAND_HEIGHT_PX
@@ -100,11 +100,11 @@ def caption_strip(text: str, *, width: int, height: int, dark: bool) -> Image.Im
     Args:
         text: The caption.
         width: Width of the movie, pixels.
-        height: Its height, pixels.
-        dark: True for light letters on a dark ground.
+        height: Height of the movie, pixels.
+        dark: True for light letters on a dark background.
 
     Returns:
-        An RGBA picture as wide as the movie that belongs at its lower edge.
+        An RGBA picture as wide as the movie, for its lower edge.
     """
     size = max(MIN_STRIP_FONT_PX, round(STRIP_FONT * min(width, height)))
     font, margin, step = _font(size), size, round(1.35 * size)
@@ -154,7 +154,7 @@ def _lines(text: str, font: ImageFont.FreeTypeFont, width: float) -> list[str]:
 
 
 def _fitting(text: str, font: ImageFont.FreeTypeFont, width: float) -> str:
-    """Return as much of a text as has room. Letters that the font lacks are left out."""
+    """Return as much of a text as fits a width. Letters that the font lacks are left out."""
     shown = _known(text)
     if font.getlength(shown) <= width:
         return shown
@@ -171,7 +171,7 @@ def _mark(
     tone: str,
     colour: tuple[int, int, int],
 ) -> None:
-    """A check or a cross around a place."""
+    """Draw a check mark or a cross centred at (x, y)."""
     wide = round(size / 2.5)
     if tone == "good":
         pen.line(

@@ -1,4 +1,4 @@
-"""Drawn modules: modules as a camera sees them, as triangles that are drawn without OpenGL."""
+"""Drawn modules: projected and shaded triangles of modules, for drawing without OpenGL."""
 
 from __future__ import annotations
 
@@ -38,16 +38,16 @@ class Camera:
         self._scale = height / 2 / float(np.tan(FIELD_OF_VIEW_RAD / 2))
 
     def seen(self, points: Array) -> Array:
-        """(…, 3) points to pixels from the left, from the top, and distances (…, 3)."""
+        """Project (…, 3) points to (…, 3) pixels from the left, pixels from the top, and depths."""
         local = (points - self._eye) @ self._axes.T
         flat = self._scale * local[..., :2] / local[..., 2:] + np.array(self.size) / 2
         return np.concatenate([flat, local[..., 2:]], axis=-1)
 
     def on_plane(self, corner: Array, along: Array, across: Array) -> tuple[float, ...]:
-        """Eight numbers that lead from a pixel to where it lies on a plane.
+        """Return the eight coefficients that map a pixel to the point (u, v) of a plane.
 
-        The point ``corner + u · along + v · across`` is seen at the pixel H (u, v, 1); the numbers
-        are those of H⁻¹, scaled so that the last one is 1, as Pillow takes them.
+        The point ``corner + u · along + v · across`` is seen at the pixel H (u, v, 1). The
+        coefficients are those of H⁻¹, scaled so that the last one is 1, as Pillow expects.
         """
         aim = np.array(self.size) / 2
         seen = np.diag([self._scale, self._scale, 1.0])
@@ -65,19 +65,19 @@ def module_triangles(
     camera: Camera,
     theme: Theme,
 ) -> tuple[Floats, Floats]:
-    """(T, 3, 3) corners of modules as a camera sees them and (T, 3, 3) their colours.
+    """Return the (T, 3, 3) projected corners of modules' triangles and their (T, 3, 3) colours.
 
     Args:
-        module: Their kind.
+        module: Kind of the modules.
         positions: (n, 3) centres in pitches.
         rotations: (n, 3, 3) orientations.
         colours: (n, 3) sRGB.
         camera: Camera of the picture.
-        theme: The light on them.
+        theme: Theme with the lights.
     """
     view = camera.view
     pieces = module_faces(module)
-    # What is behind the camera, or nearly, has no place in the picture.
+    # Modules behind the camera, or too close to it, cannot be projected.
     ahead = (positions - view.position) @ unit(view.target - view.position) > 2.0 * module.radius
     drawn = visible_modules(positions, module, target=view.target)
     drawn = drawn[ahead[drawn]]

@@ -1,7 +1,7 @@
-"""Ground shadow: the soft shadow of a chain on the ground, computed and not rendered.
+"""Ground shadow: the soft shadow of a chain on the ground, computed without rendering.
 
-A shadow map of OpenGL gives hard, jagged shadows. This one is that of a wide light: sharp where a
-module stands on the ground, the wider and the fainter the higher it is.
+A shadow map of OpenGL gives hard, jagged shadows. This shadow is that of an extended light: sharp
+where a module touches the ground, wider and fainter the higher the module is.
 """
 
 from __future__ import annotations
@@ -38,9 +38,9 @@ class GroundShadow:
     """A shadow on a square of the ground.
 
     Attributes:
-        middle: (2,) the middle of the square, in pitches.
-        side: Its length in pitches.
-        shade: (C, C) from 0, lit, to 1, dark; rows along y, columns along x. Its rim is lit.
+        middle: (2,) centre of the square, pitches.
+        side: Side length of the square, pitches.
+        shade: (C, C) darkness from 0 to 1, rows along y, columns along x. It is 0 at the edge.
     """
 
     middle: Array
@@ -51,13 +51,13 @@ class GroundShadow:
 def ground_shadow(positions: Array, *, ground: float, lean: Array) -> GroundShadow:
     """Return the shadow of modules on the ground.
 
-    Each module is a square, blurred by a Gaussian as wide as its height asks for; light gets past
-    all of them with the chance exp(-Σ).
+    Each module is a square, blurred by a Gaussian whose width grows with its height; the fraction
+    exp(-Σ) of the light passes all of them, where Σ is the sum of their coverages.
 
     Args:
         positions: (n, 3) centres of the modules in pitches.
         ground: Height of the ground.
-        lean: (2,) how far a shadow moves aside with each pitch of height.
+        lean: (2,) horizontal shift of a shadow per pitch of height, pitches.
     """
     height = np.maximum(positions[:, 2] - ground, 0.0)
     blur = MIN_BLUR_PITCH + BLUR_PER_HEIGHT * height
@@ -74,7 +74,7 @@ def ground_shadow(positions: Array, *, ground: float, lean: Array) -> GroundShad
 
 
 def _covered(off: Array, blur: Array) -> Floats:
-    """Return (n, C) coverage of a blurred bar of a module's width at these distances."""
+    """Return the (n, C) coverage of a blurred bar of a module's width at distances ``off``."""
     scale = 1.0 / blur[:, None]
     covered = ndtr((off + MODULE_WIDTH_PITCH / 2) * scale) - ndtr(
         (off - MODULE_WIDTH_PITCH / 2) * scale

@@ -30,8 +30,8 @@ DRAWING_MARGIN_PITCH: Final = 0.6
 smaller. Chosen."""
 SINE, COSINE = 0.5, math.sqrt(0.75)
 
-# Lit from above and from the left. Pages may restyle the classes; alone the file has these tones,
-# which stand on light and on dark grounds.
+# Light comes from above and from the left. Pages may restyle the classes; a separate file has these
+# tones, which suit light and dark backgrounds.
 FACE_COLOURS: Final = {
     "gap": "#646d79",
     "top": "#eceef1",
@@ -58,7 +58,7 @@ def isometric_svg(
     """Draw cells as cubes seen from (1, 1, 1), z upward.
 
     Args:
-        cells: (n, 3) whole numbers.
+        cells: (n, 3) integers.
         size: Width and height in CSS pixels; the drawing scales.
         title: Text for screen readers; without one the drawing counts as decoration.
         odd: Cells that prevent a path; they are red.
@@ -88,7 +88,7 @@ def isometric_svg(
 
 
 def svg_of(drawn: str, *, box: str, size: int, title: str | None) -> str:
-    """Return a drawing as an SVG file; one without a title says nothing to screen readers."""
+    """Return a drawing as an SVG file; without a title it is hidden from screen readers."""
     name = (
         f'role="img" aria-label="{escape(title)}"><title>{escape(title)}</title>'
         if title
@@ -101,7 +101,7 @@ def svg_of(drawn: str, *, box: str, size: int, title: str | None) -> str:
 
 
 def _stroke(tone: str) -> str:
-    """Return a line in the colour of the face, which rounds its corners."""
+    """Return the attributes of a stroke in the face's colour, which rounds its corners."""
     if tone == "gap":
         return ""
     return (
@@ -138,7 +138,7 @@ def _face_path(cell: Cell, axis: int, scale: float, corners: list[Point]) -> str
     points: list[Point] = []
     for da, db in ((-1, -1), (1, -1), (1, 1), (-1, 1)):
         place = [float(c) for c in cell]
-        # Faces of one module meet in its edges; the stroke then covers the rounding.
+        # Faces of one module meet at its edges; the stroke hides rounding errors there.
         place[axis] += half
         place[a] += half * da
         place[b] += half * db

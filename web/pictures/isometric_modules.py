@@ -15,7 +15,8 @@ from web.pictures.sketch import sketch_outline
 
 Array = NDArray[np.float64]
 AZIMUTH_RAD, ELEVATION_RAD = math.radians(33.0), math.radians(27.0)
-"""Not that of cells: from (1, 1, 1) some faces of a tetrahedron are seen edge on."""
+"""Direction of the camera, in rad. It differs from that of cells, because from (1, 1, 1) some faces
+of a tetrahedron are seen edge-on. Chosen."""
 RIGHT_DIRECTION: Final = np.array([-math.sin(AZIMUTH_RAD), math.cos(AZIMUTH_RAD), 0.0])
 EYE_DIRECTION: Final = np.array(
     [
@@ -56,12 +57,12 @@ def modules_svg(
     size: int = 320,
     title: str | None = None,
 ) -> str:
-    """Draw modules where they lie; see ``chain_svg``.
+    """Draw modules in given poses, as ``chain_svg`` does.
 
     Args:
-        module: Their kind.
-        positions: (n, 3) in pitches.
-        rotations: (n, 3, 3).
+        module: Kind of the modules.
+        positions: (n, 3) centres of the modules, pitches.
+        rotations: (n, 3, 3) orientations of the modules.
         size: Width and height in CSS pixels; the drawing scales.
         title: Text for screen readers; without one the drawing counts as decoration.
     """

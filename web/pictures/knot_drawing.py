@@ -1,8 +1,8 @@
 """Knot drawings: the diagram of a knot as strokes, with gaps where one goes under another.
 
-What a projection of a tight knot shows is hard to read. So it is laid out anew as Tutte does
-(1963): one face becomes a circle, and each vertex the mean of its neighbours, so that strands cross
-only where the diagram says so.
+A projection of a tight knot is hard to read. The diagram is therefore laid out by the method of
+Tutte (1963): one face becomes a circle, and each other vertex the mean of its neighbours, so that
+strands cross only at the crossings of the diagram.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def drawing_of(told: KnotFigures) -> KnotDrawing | None:
     count = len(told["diagram"])
     if not 0 < count <= MAX_DRAWN_CROSSINGS:
         return None
-    # Passes are the crossings in the order in which the strand comes to them, each of them twice.
+    # Passes are the crossings in their order along the strand, each of them twice.
     passes = sorted(
         (place, k, over)
         for k, crossing in enumerate(told["diagram"])
@@ -79,7 +79,7 @@ def _bends(arc: int, count: int) -> range:
 def _faces(told: KnotFigures, passes: list[tuple[float, int, bool]]) -> list[Face]:
     """Return the faces of a diagram, each as the vertices around it.
 
-    A side of arc ``a`` is ``2 a`` along it and ``2 a + 1`` against it.
+    The sides of arc ``a`` are numbered ``2 a`` (along it) and ``2 a + 1`` (against it).
     """
     count, arcs = len(told["diagram"]), len(passes)
     over, under = ([0] * count for _ in range(2))
@@ -110,7 +110,7 @@ def _faces(told: KnotFigures, passes: list[tuple[float, int, bool]]) -> list[Fac
 
 
 def _laid_out(crossing_at: list[int], faces: list[Face], count: int) -> Array:
-    """(v, 2) places of all vertices: the largest face around, all others inside."""
+    """Return the (v, 2) positions of all vertices: the largest face around all others."""
     outer = max(faces, key=len)
     vertices = count + VERTICES_PER_ARC * len(crossing_at)
     whole = vertices + len(faces)
@@ -118,7 +118,7 @@ def _laid_out(crossing_at: list[int], faces: list[Face], count: int) -> Array:
     for k, face in enumerate(faces):
         for one, two in zip(face, [*face[1:], face[0]], strict=True):
             weights[one, two] = weights[two, one] = 1.0
-            if face is not outer:  # its middle keeps it open
+            if face is not outer:  # a vertex at its centre keeps it open
                 weights[one, vertices + k] = weights[vertices + k, one] = 1.0
     turns = 2.0 * np.pi * np.arange(len(outer)) / len(outer)
     fixed = dict(zip(outer, np.stack([np.cos(turns), np.sin(turns)], axis=1), strict=False))
@@ -128,15 +128,15 @@ def _laid_out(crossing_at: list[int], faces: list[Face], count: int) -> Array:
         system[vertex] = 0.0
         system[vertex, vertex], wanted[vertex] = 1.0, place
     places = np.linalg.solve(system, wanted)[:vertices]
-    # Faces are walked with their inside at the left: the outer one clockwise, as angles with y
-    # pointing down grow. The other way around it would be the mirrored knot.
+    # Faces are traversed with their inside on the left, so the outer one clockwise, the direction
+    # of growing angles with y downwards. The opposite direction would draw the mirrored knot.
     return np.asarray(0.5 * DRAWING_SIDE + DRAWING_RADIUS * places, dtype=np.float64)
 
 
 def _strokes(points: Array, unders: list[int]) -> list[str]:
-    """Paths along a closed curve through (n, 2) points, cut where it goes under."""
+    """Return SVG paths of a closed curve through (n, 2) points, with gaps at ``unders``."""
     closed = np.concatenate([points, points[:1]])
-    from scipy.interpolate import CubicSpline  # late: few folds stick in a knot
+    from scipy.interpolate import CubicSpline  # imported late, because few folds fail at a knot
 
     curve = CubicSpline(np.arange(len(closed)), closed, bc_type="periodic")
     strokes: list[str] = []

@@ -1,4 +1,4 @@
-"""Lighting: where light comes from in pictures of a chain, and what each face gets of it."""
+"""Lighting: the lights in pictures of a chain, and the light that reaches each face."""
 
 from __future__ import annotations
 
@@ -40,15 +40,15 @@ radius of the module's inscribed ball. A larger value darkens neighbouring modul
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Theme:
-    """The colours of a ground and how light falls on modules.
+    """Colours of the ground and strengths of the lights.
 
     Attributes:
-        ground: Its colour.
-        shade: Its colour in full shadow.
+        ground: Colour of the ground.
+        shade: Colour of the ground in full shadow.
         key: Strength of the key light, 0 to 1.
-        fill: Strength of the light from the other side.
-        ambient: Strength of the light from everywhere.
-        dimmest: Fraction of a colour that remains without sky and light.
+        fill: Strength of the fill light.
+        ambient: Strength of the ambient light.
+        dimmest: Fraction of a colour that remains in full shadow.
     """
 
     ground: Rgb
@@ -60,7 +60,7 @@ class Theme:
 
     @property
     def key_colour(self) -> Array:
-        """(3,) the strength of the key light in red, green and blue."""
+        """(3,) strengths of the key light in red, green and blue."""
         return self.key * KEY_LIGHT_RGB
 
 
@@ -87,29 +87,29 @@ of ``js/viewer/sketch.js``."""
 
 
 def key_light(view: View) -> Array:
-    """Return (3,) unit vector towards the key light, which goes with the camera."""
+    """Return the (3,) unit vector towards the key light, which moves with the camera."""
     return _beside(view, KEY_LIGHT)
 
 
 def fill_light(view: View) -> Array:
-    """Return (3,) unit vector towards the other light."""
+    """Return the (3,) unit vector towards the fill light, which moves with the camera."""
     return _beside(view, FILL_LIGHT)
 
 
 def share_left(
     module: Module, positions: Array, turns: Array, *, view: View, theme: Theme
 ) -> Array:
-    """Return the fraction of each face's colour that other modules' shadows leave.
+    """Return the fraction of each face's colour that remains in the shadows of other modules.
 
     Args:
         module: Kind of the modules.
         positions: (n, 3) centres of the modules.
-        turns: (n, 3, 3) their orientations.
-        view: The camera, which the light goes with.
+        turns: (n, 3, 3) orientations of the modules.
+        view: The camera, with which the lights move.
         theme: Theme with the darkest tone.
 
     Returns:
-        (n, F) shares, 0 to 1, in the order of ``module_faces``.
+        (n, F) fractions, 0 to 1, in the order of ``module_faces``.
     """
     pieces = module_faces(module)
     middles = np.einsum("nij,fj->nfi", turns, np.array([piece.middle for piece in pieces]))
@@ -126,7 +126,7 @@ def share_left(
 
 
 def shade_colours(shadow: GroundShadow, theme: Theme) -> NDArray[np.uint8]:
-    """(C, C, 3) sRGB bytes of the ground with a shadow on it."""
+    """Return (C, C, 3) sRGB bytes of the ground with a shadow on it."""
     low, high = np.array(theme.ground, np.float64), np.array(theme.shade, np.float64)
     steps = np.rint(low + (high - low) * np.linspace(0, 1, 256)[:, None]).astype(np.uint8)
     return steps[np.rint(shadow.shade * 255.0).astype(np.uint8)]

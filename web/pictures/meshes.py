@@ -34,15 +34,15 @@ Chosen."""
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Mesh:
-    """Triangles: ``vertices`` (V, 3) and ``faces`` (F, 3), turning outwards."""
+    """Triangles: ``vertices`` (V, 3) and ``faces`` (F, 3), counterclockwise from outside."""
 
     vertices: Array
     faces: NDArray[np.int64]
 
 
 def module_mesh(module: Module) -> Mesh:
-    """Return a module's hull, shrunk to leave a gap, its edges and corners cut by a small bevel."""
-    from scipy.spatial import ConvexHull  # late: a service starts before anybody looks
+    """Return a module's hull, shrunk to leave a gap, with bevelled edges and corners."""
+    from scipy.spatial import ConvexHull  # imported late, so that the service starts faster
 
     corners = module.vertices * DISPLAYED_MODULE_SIZE
     hull = ConvexHull(corners)
@@ -84,7 +84,7 @@ def inset(ring: Array) -> Array:
 
 
 def hull_mesh(points: Array) -> Mesh:
-    """Return the convex hull of points, whose triangles turn outwards."""
+    """Return the convex hull of points; its triangles are counterclockwise from outside."""
     from scipy.spatial import ConvexHull  # as above
 
     hull = ConvexHull(points)

@@ -1,8 +1,8 @@
-"""Module faces: the drawn module face by face, so that each face can have a light of its own.
+"""Module faces: the mesh of a module, split by faces, so that each face can be lit separately.
 
-Together the pieces are the module of ``web.pictures.meshes``: shrunk to leave a gap, its edges
-bevelled. Each piece is a flat face with its halves of the bevels around it; normals turn evenly
-across a bevel, so that edges look round.
+Together the pieces form the mesh of ``web.pictures.meshes``: shrunk to leave a gap, with bevelled
+edges. Each piece is a flat face with half of each bevel around it; normals turn evenly across a
+bevel, so that edges look round.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ class Piece:
     """One face of a module with its part of the bevels.
 
     Attributes:
-        vertices: (V, 3) in pitches, in the module's frame.
-        normals: (V, 3) their unit normals.
-        triangles: (T, 3) vertices, turning outwards.
-        middle: (3,) middle of the flat face.
-        normal: (3,) its unit normal.
+        vertices: (V, 3) vertices in the module's frame, pitches.
+        normals: (V, 3) unit normals at the vertices.
+        triangles: (T, 3) indices of vertices, counterclockwise from outside.
+        middle: (3,) centre of the flat face.
+        normal: (3,) unit normal of the flat face.
     """
 
     vertices: Array
@@ -40,7 +40,7 @@ class Piece:
 
 
 def module_faces(module: Module) -> tuple[Piece, ...]:
-    """Return the pieces of a module; three faces meet in each of its corners."""
+    """Return the pieces of a module, at each corner of which three faces meet."""
     outline = sketch_outline(module, 1)
     corners: Array = np.array(outline["corners"])
     faces: list[list[int]] = outline["faces"]
@@ -56,7 +56,7 @@ def module_faces(module: Module) -> tuple[Piece, ...]:
             beside[corner, following] = face
 
     def shared(corner: int, *owners: int) -> tuple[Array, Array]:
-        """Return the point between faces at a corner, and its normal."""
+        """Return the point between faces at a corner, and its unit normal."""
         point = np.mean([drawn[face, corner] for face in owners], axis=0)
         normal = normals[list(owners)].sum(axis=0)
         return point, normal / np.linalg.norm(normal)
@@ -70,7 +70,7 @@ def module_faces(module: Module) -> tuple[Piece, ...]:
             before, after = ring[k - 1], ring[(k + 1) % count]
             ahead, back = beside[after, corner], beside[corner, before]
             at, following = len(points), (k + 1) % count
-            # The quarter of the corner, then the half of the bevel that leads to the next one.
+            # This face's part of the corner, then its half of the bevel to the next corner.
             points += [
                 shared(corner, face, back),
                 shared(corner, *meeting[corner]),

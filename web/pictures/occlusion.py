@@ -1,7 +1,7 @@
-"""Occlusion: the light that other modules keep from each face.
+"""Occlusion: the light that other modules block from each face.
 
-One number for each face, computed: no shadow map with its jagged edges, no second pass of drawing,
-and nothing that flickers from frame to frame.
+One number per face is computed without a shadow map: there are no jagged edges, there is no second
+rendering pass, and nothing flickers from frame to frame.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ def face_light(
 ) -> tuple[Floats, Floats]:
     """Return the fractions of sky light and of key light that reach each face.
 
-    Modules count as balls. A ball at distance d in the direction u keeps r²/d² (n·u) of an even sky
-    from a face with the normal n, as a ball far away does; of a light it covers as much of the wide
-    ray towards it as lies within its radius.
+    Modules are approximated by balls. A ball of radius r at distance d in direction u blocks the
+    fraction r²/d² (n·u) of a uniform sky from a face with normal n (far-field approximation). It
+    blocks the part of the wide ray towards the light that passes within its radius.
 
     Args:
-        middles: (n, F, 3) middles of the faces of the modules.
-        normals: (n, F, 3) their unit normals.
+        middles: (n, F, 3) centres of the faces of the modules.
+        normals: (n, F, 3) unit normals of the faces.
         positions: (n, 3) centres of the modules.
-        radius: Radius of the balls.
-        towards_light: (3,) unit vector.
+        radius: Radius of the balls, pitches.
+        towards_light: (3,) unit vector towards the key light.
 
     Returns:
-        (n, F) the share of the sky, and (n, F) the share of the light, that are left: 0 to 1.
+        (n, F) fractions of the sky light and (n, F) fractions of the key light, 0 to 1.
     """
     return _face_light(
         middles.astype(np.float32),

@@ -1,4 +1,4 @@
-"""Picture view: the frame and the camera of a link, as its ``view=`` says them in short."""
+"""Picture view: the frame and the camera that a link states in its ``view=``."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ chain touches the picture's edge. A larger value shows the chain smaller. Chosen
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PictureView:
-    """A moment of a fold and a camera relative to its chain.
+    """A frame of a fold and a camera relative to its chain.
 
     Attributes:
-        frame: Frame from 0.
-        azimuth_rad: Direction to look from; chosen from the chain when None.
-        elevation_rad: Angle above the ground to look from; the usual one when None.
-        zoom: Distance, as a multiple of the usual one.
+        frame: Frame, from 0.
+        azimuth_rad: Azimuth of the camera; chosen from the chain when None.
+        elevation_rad: Elevation of the camera above the ground; the default when None.
+        zoom: Distance of the camera, as a multiple of the default.
         aside: Offset of its target from the chain to the right and up, as multiples of the default
             distance; None if it follows.
     """
@@ -58,7 +58,7 @@ class PictureView:
 
     @classmethod
     def from_short(cls, text: str) -> PictureView | None:
-        """Return the view of a short form; None if it is none."""
+        """Return the view of a short form; None if the text is invalid."""
         if len(text) > MAX_SHORT_FORM_LENGTH or not re.fullmatch(
             SHORT_FORM_PATTERN, text, re.ASCII
         ):

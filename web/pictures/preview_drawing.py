@@ -1,4 +1,4 @@
-"""Drawings of previews: what a page shows until the 3D view is there, or instead of it."""
+"""Drawings of previews, which pages show until the 3D view has loaded, or instead of it."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ QUARTER_TURN: Final[NDArray[np.int64]] = np.array([[0, -1, 0], [1, 0, 0], [0, 0,
 
 
 def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) -> str | None:
-    """Draw the modules of a preview's report, or its cells where there is no chain.
+    """Draw the modules of a preview's report, or its cells if there is no chain.
 
     Without a path, the cells that prevent it are red, as in the 3D view.
 
@@ -37,7 +37,7 @@ def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) 
         added: Cells that an offered repair adds, to draw in blue.
 
     Returns:
-        None when there is nothing to draw, or too much.
+        The drawing; None when there is nothing to draw, or too much.
     """
     module = module_named(str(report["module"]))
     if module is not CUBE and report.get("wxyzs"):
@@ -58,5 +58,5 @@ def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) 
 
 
 def _turned(cells: Iterable[Sequence[int]]) -> set[Cell]:
-    """Return cells as drawings see them."""
+    """Return cells in the frame of drawings."""
     return {(-y, x, z) for x, y, z in cells}

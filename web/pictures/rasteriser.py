@@ -10,12 +10,12 @@ Floats = NDArray[np.float32]
 
 
 def draw_triangles(picture: NDArray[np.uint8], corners: Floats, colours: Floats) -> None:
-    """Draw triangles into a picture, over what is there.
+    """Draw triangles over a picture.
 
     Args:
         picture: (H, W, 3) sRGB bytes, changed in place.
-        corners: (T, 3, 3) pixels from the left, from the top, and distances from the camera. Those
-            that turn left as seen from the camera are drawn, the others are seen from behind.
+        corners: (T, 3, 3) pixels from the left, pixels from the top, and depths. Triangles that are
+            clockwise in the picture face away and are not drawn.
         colours: (T, 3, 3) sRGB values 0 to 255 at the corners.
     """
     nearness = np.zeros(picture.shape[:2], np.float32)
@@ -34,11 +34,11 @@ def _draw(picture, nearness, corners, colours):  # pyright: ignore
             corners[t, 2, 0],
             corners[t, 2, 1],
         )
-        # Rows go down, so that a left turn has a negative area.
+        # Rows count downwards, so the area of a counterclockwise triangle is negative.
         area = (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
         if area >= 0.0:
             continue
-        near = 1.0 / corners[t, :, 2]  # this, not the distance, is even across a picture
+        near = 1.0 / corners[t, :, 2]  # unlike depth, it is linear across a picture
         left, right = max(int(min(ax, bx, cx)), 0), min(int(max(ax, bx, cx)) + 1, width)
         top, bottom = max(int(min(ay, by, cy)), 0), min(int(max(ay, by, cy)) + 1, height)
         for row in range(top, bottom):

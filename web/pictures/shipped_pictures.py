@@ -1,6 +1,6 @@
-"""Shipped pictures: drawings of what comes with the package, made by ``examples/make_pictures.py``.
+"""Shipped pictures: drawings that come with the package, made by ``examples/make_pictures.py``.
 
-A page that shows them computes nothing. The test of that script draws them again and compares.
+Pages show them without computing anything. The test of that script draws them again and compares.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ ARCHIVE: Final = Path(__file__).parents[1] / "pictures.zip"
 
 @cache
 def shipped_pictures() -> dict[str, bytes]:
-    """Return the files of ``ARCHIVE`` by name; empty where the archive was not made yet."""
+    """Return the files of ``ARCHIVE`` by name; empty if the archive does not exist yet."""
     if not ARCHIVE.is_file():
         return {}
     with ZipFile(ARCHIVE) as archive:

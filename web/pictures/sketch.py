@@ -1,7 +1,7 @@
-"""Sketch: what a page needs to draw a fold by itself on a plain canvas.
+"""Sketch: the data with which a page draws a fold on a 2D canvas.
 
-The 3D view takes seconds to start on a slow machine and is not there at all without WebGL. The
-sketch is: the same playhead, poses, colours and camera, drawn by the browser's 2D canvas.
+The 3D view takes seconds to start on a slow machine and does not work without WebGL. The sketch
+shows the same frame, poses, colours and camera with the browser's 2D canvas.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ Array = NDArray[np.float64]
 
 
 def sketch_outline(module: Module, modules: int) -> dict[str, Any]:
-    """Return what is the same in all frames, as JSON: the drawn hull and the camera's lens.
+    """Return the data that all frames share, as JSON: the displayed hull and the field of view.
 
-    ``corners`` (V, 3) in pitches, ``faces`` lists of corners that turn outwards, one for each flat
-    face, ``normals`` (F, 3), ``field_of_view_rad`` from top to bottom.
+    ``corners`` (V, 3) are in pitches, ``faces`` lists the corners of each flat face,
+    counterclockwise from outside, ``normals`` is (F, 3), and ``field_of_view_rad`` is vertical.
     """
     corners = module.vertices * DISPLAYED_MODULE_SIZE
     faces: list[list[int]] = []
@@ -44,7 +44,7 @@ def sketch_outline(module: Module, modules: int) -> dict[str, Any]:
 
 
 def _around(corners: Array, normal: Array) -> NDArray[np.int64]:
-    """Return the order of the corners of a flat face, turning left about its outward normal."""
+    """Return the order of a flat face's corners, counterclockwise about its outward normal."""
     spread = corners - corners.mean(axis=0)
     right = spread[0] / np.linalg.norm(spread[0])
     up = np.cross(normal, right)

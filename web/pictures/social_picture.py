@@ -1,6 +1,6 @@
-"""Social picture: the folded shape as networks show it beside a link, in the look of the movies.
+"""Social picture: the preview of a fold's link in social networks, in the style of the movies.
 
-It is drawn without OpenGL, so that every link has one on every machine, and quickly.
+It is drawn without OpenGL, so that it is fast and available on every machine.
 """
 
 from __future__ import annotations
@@ -98,7 +98,7 @@ def social_picture(
 
 
 def _ground(positions: Array, camera: Camera, theme: Theme) -> Image.Image:
-    """Return the ground with the shadow on it."""
+    """Return a picture of the ground with the chain's shadow."""
     ground = float(positions[:, 2].min()) - 0.5 - GROUND_GAP_PITCH
     shadow = ground_shadow(
         positions, ground=ground, lean=-SHADOW_SHIFT_PER_HEIGHT * key_light(camera.view)[:2]

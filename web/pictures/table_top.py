@@ -1,4 +1,4 @@
-"""Table top: the table that a chain folds on, as it is drawn."""
+"""Table top: the displayed table that a chain folds on."""
 
 from __future__ import annotations
 
@@ -43,12 +43,12 @@ table. More are rounder. Chosen."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TableTop:
-    """A table. Lengths in pitches.
+    """A displayed table. Lengths are in pitches.
 
     Attributes:
-        height: Height of its top, pitches.
-        middle: Centre of its top, pitches.
-        sides: Its lengths along x and y.
+        height: Height of the top.
+        middle: Centre of the top.
+        sides: Lengths of the top along x and y.
     """
 
     height: float
@@ -61,8 +61,8 @@ class TableTop:
 
         Args:
             chain: The chain.
-            positions: (..., 3) where its modules get to; None when that is not known yet: it may
-                then lie straight any way.
+            positions: (..., 3) positions of its modules during the motion; None if not known yet:
+                the table then fits the straight chain in every direction.
         """
         if positions is None:
             folded = chain.folded_poses.positions
@@ -85,7 +85,7 @@ class TableTop:
         return max(MIN_THICKNESS_PITCH, THICKNESS_FRACTION * max(self.sides))
 
     def outline(self) -> Array:
-        """(k, 2) its rounded outline, counterclockwise."""
+        """Return the (k, 2) outline with rounded corners, counterclockwise."""
         radius = CORNER_RADIUS_FRACTION * min(self.sides)
         inner = np.array(self.sides) / 2 - radius
         turn = np.linspace(0.0, np.pi / 2, CORNER_STEPS)

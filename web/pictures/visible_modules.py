@@ -1,4 +1,4 @@
-"""Visible modules: which of a long chain have to be drawn for a picture."""
+"""Visible modules: the modules of a long chain that have to be drawn for a picture."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:
     Args:
         positions: (n, 3) centres.
         module: The kind of module.
-        target: (3,) what the camera looks at.
+        target: (3,) target of the camera.
     """
     found = np.arange(len(positions))
     if len(found) <= MAX_FULLY_DRAWN_MODULES:

@@ -17,8 +17,8 @@ class Cache(Generic[Thing]):
     """Least-recently-used values by key. Thread-safe.
 
     Args:
-        most_bytes: Maximum size of all values together; a larger one is not stored.
-        size: Bytes of a thing.
+        most_bytes: Maximum total size of all values, bytes; a larger value is not stored.
+        size: Returns the size of a value, bytes.
     """
 
     def __init__(self, most_bytes: int, size: Callable[[Thing], int]) -> None:
@@ -32,7 +32,7 @@ class Cache(Generic[Thing]):
 
     def keep(self, key: Hashable, thing: Thing) -> None:
         """Store a value under its key."""
-        with self._lock, suppress(ValueError):  # it is too large
+        with self._lock, suppress(ValueError):  # the value is too large
             self._things.pop(key, None)
             self._things[key] = thing
 
@@ -46,7 +46,7 @@ class Cache(Generic[Thing]):
 
     @property
     def nbytes(self) -> int:
-        """Size of all values together."""
+        """Total size of all values, bytes."""
         return int(self._things.currsize)
 
     def clear(self) -> None:

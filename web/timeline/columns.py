@@ -1,16 +1,15 @@
-"""Columns: arrays and a few words about them in one binary message, for a browser to take apart.
+"""Columns: named arrays and a JSON header in one binary message, which browsers decode.
 
-A message is a little-endian uint32 that tells the length of a JSON header, the header, and the
-arrays, each beginning at a multiple of eight bytes. The header's ``columns`` lists name, dtype,
-shape and place of each array, counted from the end of the (padded) header; all else in it is the
-sender's.
+A message is a little-endian uint32 with the length of a JSON header, the header, and the arrays,
+each aligned to eight bytes. The header's ``columns`` lists the name, dtype, shape and offset of
+each array, relative to the end of the (padded) header; all other entries are the sender's.
 
-Numbers that need not be exact can be packed. A column with a ``step`` holds whole steps: zigzag
-codes of their ``differences``-th differences from row to row, as plan files do
-(``planner.motion.angle_encoding``). One that is ``short`` holds the upper half of every single
-precision number. Both are taken apart into planes of bytes and deflated, ``size`` bytes long. A
-fold's joint angles shrink to a fifth or less of what compressing them alone gives. A column of a
-``size`` that is neither is as it was given, in such planes.
+Numbers that need not be exact can be packed. A column with a ``step`` holds integer numbers of
+steps: zigzag codes of their ``differences``-th differences from row to row, as in plan files
+(``planner.motion.angle_encoding``). A ``short`` column holds the upper half of each
+single-precision number. The bytes of both are split into planes and deflated to ``size`` bytes.
+The joint angles of a fold then take a fifth or less of what compression alone would give. A column
+with a ``size`` but neither of these holds its values unchanged, in such planes.
 """
 
 from __future__ import annotations
@@ -51,13 +50,13 @@ def encode(
     Args:
         header: Plain JSON values.
         columns: The arrays.
-        steps: Columns to pack in whole steps of this size; one with numbers that are too large for
-            that, or none, goes in single precision.
-        short: Columns to pack with a precision of 1 in 256.
-        planes: Columns to pack as they are.
+        steps: Columns to pack as integer numbers of this step; a column with NaN or values that
+            are too large for that is sent in single precision.
+        short: Columns to pack with a relative precision of 1 in 256.
+        planes: Columns to pack without loss.
 
     Raises:
-        TypeError: An array has a type that browsers do not have.
+        TypeError: If an array has a type that JavaScript lacks.
     """
     described: list[dict[str, Any]] = []
     parts: list[bytes] = []
@@ -70,11 +69,11 @@ def encode(
             array = np.rint(values.astype(np.float64) / steps[name]).astype("<i4")
             for _ in range(DIFFERENCE_ORDER):
                 array = np.diff(array, axis=0, prepend=np.zeros_like(array[:1]))
-            array = (array << 1) ^ (array >> 31)  # codes, as byte_planes has them
+            array = (array << 1) ^ (array >> 31)  # zigzag codes, as in byte_planes
         elif name in short:
             how = {"short": True}
             bits = np.ascontiguousarray(values, "<f4").view("<u4")
-            # Rounded to nearest; a NaN stays one, for its upper half has the quiet bit.
+            # Round to nearest. NaN is written explicitly, because rounding could change it.
             array = ((bits + 0x8000) >> 16).astype("<u2")
             array[np.isnan(values)] = 0x7FC0
         else:
@@ -106,4 +105,4 @@ def encode(
 def _countable(values: NDArray[Any], step: float) -> bool:
     """Return True if all values and their differences fit into integer numbers of steps."""
     largest = float(np.abs(values).max(initial=0.0))
-    return largest < MAX_STEP_COUNT * step  # False if one of them is not a number
+    return largest < MAX_STEP_COUNT * step  # False if a value is NaN

@@ -1,11 +1,11 @@
-"""Frame batch: a stretch of a timeline as one message, for a browser that computes the poses.
+"""Frame batch: a range of frames as one message, for a browser that computes the poses.
 
-A message (``web.timeline.columns``) tells in its header which timeline it is of (``id``), its
-``status`` (``growing``, ``complete`` or ``failed``), how many frames there are in ``total``, the
-stretch ``start``, ``stop`` and ``stride`` that the columns hold, and the timeline's outline. The
-columns are those of a dense motion: the time is exact, joint angles are within half a millionth of
-a radian, joint errors within a half per cent, so that little has to travel. A windowed timeline's
-are those of ``web.timeline.window_columns``.
+The header of a message (``web.timeline.columns``) holds the timeline's ``id``, its ``status``
+(``growing``, ``complete`` or ``failed``), its number of frames (``total``), the ``start``, ``stop``
+and ``stride`` of the frames in the columns, and the timeline's outline. The columns are those of a
+dense motion: the time is exact, joint angles are within half a millionth of a radian and joint
+errors within half a per cent, which keeps messages small. A windowed timeline has the columns of
+``web.timeline.window_columns``.
 """
 
 from __future__ import annotations
@@ -41,8 +41,8 @@ the only ones that such a frame stores. A batch of frames ends when their estima
 limit; a larger value makes the estimate larger."""
 WINDOWS_PER_READ: Final = 512
 """Number of frames of a long chain that are read at once until a batch is full; each frame stores
-only the section that moves, so their sizes are unknown before. A larger value reads more frames in
-vain. Chosen."""
+only the section that moves, so their sizes are not known in advance. A larger value reads more
+frames that are then not used. Chosen."""
 SIZE_SAMPLES: Final = 64
 """Number of frames, spread over a motion, from which its size in bytes is estimated. A larger value
 is more accurate and slower. Chosen."""
@@ -52,7 +52,7 @@ _BATCHES: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 def cached_batch(
     timeline: TimelineView, start: int = 0, stop: int | None = None, stride: int = 1
 ) -> bytes:
-    """``batch_of`` with its usual size; of a timeline that is over, the latest are cached.
+    """Return ``batch_of`` with its default size; recent batches of finished timelines are cached.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -77,20 +77,20 @@ def batch_of(
     largest: int = MAX_BATCH_BYTES,
     without: frozenset[str] = frozenset(),
 ) -> bytes:
-    """Frames from ``start`` on, as many as fit into one message of about a mebibyte.
+    """Return as many frames from ``start`` on as fit into one message.
 
     Args:
         timeline: Timeline of the frames.
-        start: The first one; one past the end is answered with no frames.
-        stop: Past the last one; the end when None.
-        stride: Every so many-th.
-        largest: About as many bytes of angles and errors as a batch may have when unpacked.
-        without: Columns of windows to leave out.
+        start: First frame; if it is past the end, the batch has no frames.
+        stop: End of the frames, exclusive; the timeline's end when None.
+        stride: Step between frames.
+        largest: Approximate maximum size of the angles and errors when unpacked, bytes.
+        without: Columns of a windowed timeline to leave out.
 
     Raises:
         TimelineError: When the timeline is being replaced.
     """
-    with timeline.reading():  # the header tells of the frames that are in the columns
+    with timeline.reading():  # so that header and columns agree
         total = len(timeline)
         start = min(start, total)
         end = total if stop is None else max(start, min(stop, total))
@@ -131,7 +131,7 @@ def unpacked_bytes(timeline: TimelineView) -> int:
 
 
 def _hinge(windows: Motion) -> int:
-    """Return bytes of an angle, and of its error where errors are told."""
+    """Return the bytes of one angle, with its error if errors are recorded."""
     return 4 if windows.errors_rad is None else 8
 
 

@@ -1,14 +1,14 @@
 """Metrics: the figures of a fold as messages for a browser, curves first, then stretch by stretch.
 
-Messages are those of ``web.timeline.columns``. The curves' header tells ``frames``, how many
-``rows`` a stretch has and the ``largest`` torque and position error; a stretch holds the
-clearances, nearest modules, torques and position errors of its frames, ``widths`` columns each. Of
-simulated windows there are position errors alone, of others no stretches.
+Messages are those of ``web.timeline.columns``. The curves' header holds the number of ``frames``,
+the number of ``rows`` per stretch and the ``largest`` torque and position error. A stretch holds
+the clearances, nearest modules, torques and position errors of its frames, ``widths`` columns each.
+Simulated windows have position errors only; other windows have no stretches.
 
-Of a fold on a table the torques are those of standing there, in w·p (``joint_torque``), with each
-module's push on the table in weights (``pressed``); the curve of the largest is ``table_torque``,
-and ``table`` in the header tells what 1 w·p is in N·m, what was allowed, what the explosion kept
-to, and the words about friction.
+For a fold on a table, torques are those of static equilibrium, in w·p (``joint_torque``), with each
+module's force on the table in module weights (``pressed``). The curve of the largest torques is
+``table_torque``, and ``table`` in the header holds 1 w·p in N·m, the permitted torque, the
+bound of the explosion, and a text about friction.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ _MESSAGES: Final[Cache[bytes]] = Cache(32 * 2**20, len)
 
 
 def cached_figures(directory: Path, part: int | None = None) -> bytes:
-    """``curves_of``, or ``stretch_of`` a part; those that were asked for lately are kept.
+    """Return ``curves_of``, or ``stretch_of`` a part; recent messages are cached.
 
     Raises:
         TimelineError: When there are no figures, or no such stretch.
@@ -77,21 +77,21 @@ def curves_of(directory: Path) -> bytes:
     total = len(timeline)
     error = 0.0
     if total and (reference := _reference(directory, timeline)) is not None:
-        # In one go: to ask a timeline for single frames takes ten times as long.
+        # All at once: reading single frames from a timeline takes ten times as long.
         found = _position_errors(timeline, 0, total, reference, -(-total // ERROR_SAMPLES))
         error = float(np.nan_to_num(found, nan=0.0).max(initial=0.0))
     forces = _forces(directory, timeline)
     columns = {f.name: _plain(getattr(curves, f.name)) for f in fields(Curves)}
     largest = _largest(curves.peak_torque_nm)
     if forces is not None:
-        del columns["peak_torque_nm"]  # of a chain that floats
+        del columns["peak_torque_nm"]  # computed for a floating chain
         columns["table_torque"] = _placed(forces.torque[:, None], 0, total, total)[:, 0]
         largest = _largest(forces.torque)
     header = {
         "frames": len(curves),
         "rows": _rows(timeline, forces),
         "table": None if forces is None else _table_told(directory),
-        # Of windows torques are worked out at some frames only, see
+        # For windows, torques are computed at some frames only: see
         # ``planner.certificate.frame_metrics``.
         "torque_at_some_frames": timeline.windowed,
         "largest": {
@@ -133,9 +133,9 @@ def stretch_of(directory: Path, part: int) -> bytes:
 
 
 def table_forces(directory: Path) -> bytes | None:
-    """Return torques and table forces of all frames in one stretch; None of floating folds.
+    """Return torques and table forces of all frames in one stretch; None for floating folds.
 
-    Torques and forces are within a half per cent, so that they take little.
+    Torques and forces are accurate to half a per cent, which keeps the message small.
 
     Raises:
         TimelineError: When there is no timeline.
@@ -150,7 +150,7 @@ def table_forces(directory: Path) -> bytes | None:
 
 
 def _forces(directory: Path, timeline: Timeline) -> TableForces | None:
-    """Return the forces of a fold on a table; None of one that floats, or where they don't fit."""
+    """Return the forces of a fold on a table; None if it floats or they do not match its frames."""
     path = result_path(directory, FORCES)
     try:
         forces = _FORCES.get_or_make(version_of(path), lambda: TableForces.load(path))
@@ -172,7 +172,7 @@ def _at_frames(
 
 
 def _placed(values: NDArray[np.float32], start: int, stop: int, total: int) -> NDArray[np.float32]:
-    """Return the rows of some frames; ``values`` end with the timeline, NaN before they begin."""
+    """Return the rows of some frames; ``values`` end with the timeline, earlier rows are NaN."""
     before = total - len(values)
     found = np.full((stop - start, values.shape[1]), np.nan, dtype=np.float32)
     first = max(before, start)
@@ -208,16 +208,16 @@ def _rows(timeline: Timeline, forces: TableForces | None) -> int:
 
 
 def _reference(directory: Path, timeline: Timeline) -> Motion | None:
-    """Return the playback's reference; None if there is none, or windows without errors.
+    """Return the playback's reference motion; None without one, or without recorded errors.
 
-    Its angles are read as they lie in the file: a whole plan would bring the physics along.
+    Only the angles are read, because loading a whole plan would import the physics.
     """
     if not timeline.tells_errors:
         return None
     path = directory / PLAN
     try:
         found = path.stat()
-        # Every stretch asks for them, of which a fold has many.
+        # Cached, because each of the fold's many stretches needs the reference.
         key = (path, found.st_ino, found.st_mtime_ns)
         reference = _REFERENCES.get(key)
         if reference is None:
@@ -235,9 +235,9 @@ def _position_errors(
     reference: Motion | None,
     stride: int = 1,
 ) -> Array:
-    """Return (F, N) distances of modules from their places without joint errors, in pitches.
+    """Return (F, N) distances of modules from their positions without joint errors, in pitches.
 
-    The root is taken to be in its place. NaN where no errors are recorded.
+    The root is assumed to have no error. NaN where no errors are recorded.
     """
     chain, frames = timeline.chain, timeline.frames(start, stop, stride)
     errors = np.full((len(frames), len(chain)), np.nan)

@@ -23,10 +23,10 @@ to be read, so a smaller value makes pages slower. Chosen."""
 
 @contextmanager
 def unless_replaced(*others: type[Exception]) -> Generator[None]:
-    """Leave the context if a timeline is missing or being replaced, but not if it is damaged.
+    """Suppress the error of a missing timeline, or of one being replaced, but not of a damaged one.
 
     Args:
-        others: Other errors that say so.
+        others: Further exceptions that mean the same.
     """
     try:
         yield
@@ -37,7 +37,7 @@ def unless_replaced(*others: type[Exception]) -> Generator[None]:
 
 
 class TimelineViews:
-    """See the module's description. Safe to use from several threads."""
+    """Open timeline views by path, shared while they are in use. Thread-safe."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -66,7 +66,7 @@ class TimelineViews:
         return view
 
     def _opened(self, key: str, opening: threading.Lock) -> TimelineView | None:
-        with opening:  # whoever wants another view need not wait
+        with opening:  # one lock per view: requests for other views do not wait
             with self._lock:
                 view = self._views.get(key)
             if view is None:

@@ -1,11 +1,9 @@
 """Timeline view: a timeline prepared for display, shared by all viewers of a fold.
 
-It holds the poses and errors of the frames lately asked for, computed chunk by chunk with
-vectorised kinematics, and a summary of all frames for the bar along the bottom of the page. It
-follows a timeline that still grows, and one that is begun anew.
-
-Of a long fold, whose timeline holds windows (``planner.motion.motion``), it holds those, and
-computes the poses of the one frame that is asked for.
+It caches recently requested frames in chunks, computes poses by forward kinematics on request, and
+holds a summary of all frames for the progress bar below the 3D view. It follows a timeline that is
+still growing, and one that is started anew. For a long fold, whose timeline holds windows
+(``planner.motion.motion``), the chunks hold windows.
 """
 
 from __future__ import annotations
@@ -63,17 +61,17 @@ Chosen."""
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Snapshot:
-    """One moment of a view.
+    """State of a chain at one frame.
 
     Attributes:
         frame: Frame number; fractional between two recorded frames.
-        time_s: Simulated time.
+        time_s: Simulated time, s.
         phase: ``explosion`` or ``playback``.
         positions: (n, 3) centres of the modules in pitches.
-        wxyzs: (n, 4) their orientations.
+        wxyzs: (n, 4) orientations of the modules, as quaternions.
         joint_angles_rad: (J,) hinge angles.
         joint_error_rad: (J,) hinge errors, NaN where none is recorded.
-        module_error_rad: (n,) what each module shows.
+        module_error_rad: (n,) joint error that each module displays.
         framed: Number of modules, from the first on, that a camera shows.
     """
 
@@ -89,7 +87,7 @@ class Snapshot:
 
 
 class TimelineView:
-    """See the module's description. Safe to use from several threads."""
+    """A timeline prepared for display. Thread-safe."""
 
     def __init__(self, path: str | Path) -> None:
         """Open the timeline at ``path``.
@@ -102,7 +100,7 @@ class TimelineView:
         self._begin()
 
     def _begin(self) -> None:
-        stamp = self._stamp_now()  # first: what is written from now on is seen to be newer
+        stamp = self._stamp_now()  # taken first, so that later writes are noticed
         self._timeline, self._stamp = Timeline.open(self.path), stamp
         self._chunks: Cache[Motion] = Cache(MAX_CHUNK_CACHE_BYTES, _bytes)
         self._table: TableTop | None = None
@@ -112,7 +110,7 @@ class TimelineView:
         self._time_s: Array = np.zeros(0)
         self._max_error: Array = np.zeros(0)
         self.stretch = straight_stretch(self.chain) if self.windowed else None
-        """Straight modules that a camera keeps in view; all of them when None."""
+        """Number of straight modules that a camera keeps in view; all of them when None."""
         self._summarise()
 
     def __len__(self) -> int:
@@ -125,12 +123,12 @@ class TimelineView:
 
     @property
     def edition(self) -> tuple[object, ...]:
-        """Edition, different after every flush of the timeline's writer; derived data expires."""
+        """Key of derived data; it changes with every flush of the timeline's writer."""
         return (self.path, self.id, self._stamp, self._summarised)
 
     @property
     def nbytes(self) -> int:
-        """Bytes that it holds, about."""
+        """Approximate memory of the view, bytes."""
         summary = self._phase.nbytes + self._time_s.nbytes + self._max_error.nbytes
         return VIEW_OVERHEAD_BYTES + summary + self._chunks.nbytes
 
@@ -151,7 +149,7 @@ class TimelineView:
 
     @property
     def status(self) -> str:
-        """``growing``, ``complete`` or ``failed``."""
+        """Status of the timeline: ``growing``, ``complete`` or ``failed``."""
         return self._timeline.status
 
     @property
@@ -162,7 +160,7 @@ class TimelineView:
             return error_scale(float(known.max()) if len(known) else 0.0)
 
     def refresh(self, *, at_once: bool = False) -> bool:
-        """Look for new frames, at most every ``REFRESH_INTERVAL_S``; True if there was a change."""
+        """Read new frames, at most every ``REFRESH_INTERVAL_S``; return True if there are any."""
         with self._lock:
             now = time.monotonic()
             if not at_once and now - self._refreshed < REFRESH_INTERVAL_S:
@@ -177,7 +175,7 @@ class TimelineView:
                 self._stamp = stamp
                 self._summarise()
             except (TimelineError, OSError, ValueError, KeyError):
-                # It is another one now, or about to be; what is shown stays until that is there.
+                # The timeline is being replaced; keep this one until the new one can be read.
                 try:
                     self._begin()
                 except (TimelineError, OSError, ValueError, KeyError):
@@ -185,7 +183,7 @@ class TimelineView:
             return before != (self._summarised, self._timeline.status)
 
     def snapshot(self, frame: float) -> Snapshot:
-        """Return the moment at ``frame``, interpolated when it is not whole.
+        """Return the snapshot at ``frame``, interpolated if it is not an integer.
 
         Raises:
             TimelineError: When the view holds no frame yet, or its timeline is being replaced.
@@ -201,16 +199,16 @@ class TimelineView:
             return self._between(low, share)
 
     def frames(self, start: int, stop: int, stride: int = 1) -> Motion:
-        """Frames as they were recorded.
+        """Return frames as they were recorded.
 
         Raises:
-            TimelineError: When they are not there, or the timeline is being replaced.
+            TimelineError: If there are no such frames, or the timeline is being replaced.
         """
         with self.reading():
             return self._timeline.frames(start, min(stop, self._summarised), stride)
 
     def table(self) -> TableTop:
-        """Return the table under a chain that folds on one: as large as the whole motion needs.
+        """Return the table that the chain folds on, large enough for the whole motion.
 
         Raises:
             TimelineError: When the timeline is being replaced.
@@ -232,18 +230,18 @@ class TimelineView:
         """Return windowed frames; otherwise like ``frames``.
 
         Raises:
-            TimelineError: There are no such frames, or the timeline is being replaced.
+            TimelineError: If there are no such frames, or the timeline is being replaced.
         """
         with self.reading():
             return self._timeline.windows(start, min(stop, self._summarised), stride)
 
     @contextmanager
     def reading(self) -> Generator[None]:
-        """All that is read in here is of one timeline as it was at one time.
+        """Ensure that all reads in the context see one state of one timeline.
 
         Raises:
-            TimelineError: When the timeline was replaced while it was read. What is then left of
-                it on disk reads as zeros.
+            TimelineError: If the timeline was replaced during the reads; removed chunks would read
+                as zeros.
         """
         with self._lock:
             try:
@@ -256,7 +254,7 @@ class TimelineView:
                 raise TimelineError(f"{self.path} is being replaced; try again.")
 
     def outline(self, columns: int = OUTLINE_COLUMNS) -> dict[str, Any]:
-        """Return the bar's data: phases, and the largest error in each of ``columns`` columns."""
+        """Return the progress bar's data: phases, and the largest error in each column."""
         with self._lock:
             total = self._summarised
             return {
@@ -320,7 +318,7 @@ class TimelineView:
 
     @property
     def _rows(self) -> int:
-        """Frames of a chunk."""
+        """Number of frames per chunk."""
         return CACHED_CHUNK_WINDOWS if self.windowed else CACHED_CHUNK_FRAMES
 
     def _exact(self, frame: int) -> Snapshot:
@@ -345,12 +343,12 @@ class TimelineView:
         )
 
     def _given(self, frame: int) -> tuple[Array, Array]:
-        """Return the pose that a frame tells: that of its root, or of the first module."""
+        """Return the recorded pose of a frame: that of the root, or of a window's first module."""
         motion, k = self._chunk(frame // self._rows), frame % self._rows
         return motion.anchor_position[k], motion.anchor_wxyz[k]
 
     def _chunk(self, index: int) -> Motion:
-        """Return frames as the motion has them, from ``index * rows`` on."""
+        """Return the chunk of frames from ``index * rows`` on."""
         start = index * self._rows
         stop = min(start + self._rows, self._summarised)  # the last chunk grows
 
@@ -372,14 +370,14 @@ def _mix(a: Array, b: Array, share: float) -> Array:
 
 
 def moment_of(chain: Chain, motion: Motion, k: int, *, frame: int, stretch: int | None) -> Snapshot:
-    """Return a recorded moment.
+    """Return the snapshot of a recorded frame.
 
     Args:
         chain: The chain.
-        motion: Its motion, or a part of it.
-        k: Index of the moment in ``motion``.
-        frame: Its number in the whole motion.
-        stretch: Straight modules that a camera keeps in view; all of them when None.
+        motion: Motion of the chain, or a part of it.
+        k: Index of the frame in ``motion``.
+        frame: Number of the frame in the whole motion.
+        stretch: Number of straight modules that a camera keeps in view; all of them when None.
     """
     angles = motion.angles(chain, k, k + 1)[0]
     errors = motion.joint_errors(chain, k, k + 1)[0]
@@ -402,7 +400,7 @@ def moment_of(chain: Chain, motion: Motion, k: int, *, frame: int, stretch: int 
 
 
 def _poses(chain: Chain, angles: Array, position: Array, wxyz: Array, *, windowed: bool) -> Poses:
-    """Return the poses of (J,) angles and the pose of the module that frames tell."""
+    """Return the poses for (J,) angles and the recorded pose of one module."""
     root = 0 if windowed else chain.root
     return forward_kinematics(
         chain.module, angles, root=root, root_position=position, root_wxyz=wxyz
@@ -410,7 +408,7 @@ def _poses(chain: Chain, angles: Array, position: Array, wxyz: Array, *, windowe
 
 
 def largest_errors(errors: Array) -> Array:
-    """Return (F,) the largest of (F, J) errors; NaN where none is recorded."""
+    """Return the (F,) largest magnitudes of (F, J) errors; NaN where none is recorded."""
     known = np.isfinite(errors)
     found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
     return np.where(known.any(axis=-1), found, np.nan)
@@ -422,7 +420,7 @@ class MotionMoments:
     growing = False
 
     def __init__(self, chain: Chain, motion: Motion, motion_id: str | None = None) -> None:
-        """Take a motion; ``motion_id`` is that of the timeline that it was read from, if any."""
+        """Store a motion and the id of the timeline that it was read from, if any."""
         self.id = motion_id or secrets.token_hex(8)
         self.chain = chain
         self._motion = motion
@@ -434,10 +432,10 @@ class MotionMoments:
         return len(self._motion)
 
     def snapshot(self, frame: float) -> Snapshot:
-        """Return the recorded moment nearest to ``frame``."""
+        """Return the snapshot of the recorded frame nearest to ``frame``."""
         k = min(max(round(frame), 0), len(self) - 1)
         return moment_of(self.chain, self._motion, k, frame=k, stretch=self.stretch)
 
 
 MotionSource = TimelineView | MotionMoments
-"""Motion that can be shown."""
+"""Motion that viewers can show."""

@@ -1,13 +1,13 @@
-"""Window columns: snapshots of a windowed motion as columns of a short message.
+"""Window columns: snapshots of a windowed motion as columns of a compact message.
 
 ``first`` and ``counts`` give each window's first hinge and its number of hinges, ``steps`` the
-angles of all windows one after the other. An angle is an integer number of ``SENT_ANGLE_STEP_RAD``,
+concatenated angles of all windows. An angle is an integer number of ``SENT_ANGLE_STEP_RAD``,
 stored as its difference from the same hinge's angle in the previous snapshot: from the folded angle
 if that window began later, from 0 if it had ended. Angles of the first snapshot are absolute.
 
-Where joint errors are recorded, ``errors_rad`` tells those of all windows and ``recorded`` which
-snapshots have some: all other hinges of these are off by nothing. Without them there are no such
-columns.
+If joint errors are recorded, ``errors_rad`` holds those of all windows and ``recorded`` marks the
+snapshots that have them; hinges outside the window then have no error. Otherwise these columns are
+absent.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ single-precision number only, a relative precision of 1 in 256."""
 
 
 def window_columns(windows: Motion, folded_rad: NDArray[np.floating[Any]]) -> dict[str, Any]:
-    """Return the columns of some snapshots of a chain that is folded at ``folded_rad``."""
+    """Return the columns of snapshots of a chain with the folded angles ``folded_rad``."""
     counts = np.diff(windows.offsets)
     changes = window_differences(
         windows.first, windows.offsets, whole_steps(windows.angles_rad), whole_steps(folded_rad)
@@ -58,6 +58,6 @@ def window_columns(windows: Motion, folded_rad: NDArray[np.floating[Any]]) -> di
 
 
 def whole_steps(angles_rad: NDArray[np.floating[Any]]) -> Ints:
-    """Angles in single precision as whole steps; a half is rounded up, as browsers do."""
+    """Return single-precision angles as integer steps; halves round up, as in browsers."""
     exact = angles_rad.astype(np.float32).astype(np.float64) / SENT_ANGLE_STEP_RAD
     return np.floor(exact + 0.5).astype(np.int64)

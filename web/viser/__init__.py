@@ -1,6 +1,6 @@
 """The 3D view: viser's client, scenes of previews and folds, and pages that work without a server.
 
-From a program or a notebook, ``show`` is all there is to know:
+Programs and notebooks show folds with ``show``:
 
     from planner import fold
     from web.viser import show
@@ -23,6 +23,6 @@ __all__ = ["Live", "Show", "Shown", "show"]
 def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from web.viser import show_fold  # late: pages need none of it
+    from web.viser import show_fold  # imported late, because pages do not need it
 
     return getattr(show_fold, name)

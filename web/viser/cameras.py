@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 
 
 class Cameras:
-    """Cameras that show the whole chain from where a client has turned them to.
+    """Cameras that show the whole chain, each from the direction that its client chose.
 
     Attributes:
         following: True if they follow the chain.
@@ -40,7 +40,7 @@ class Cameras:
         """Move all cameras, if they follow.
 
         Args:
-            points: (m, 3) what to have in view, in the scene's units.
+            points: (m, 3) points to keep in view, in the scene's units.
             radius: Radius of a module around its centre.
         """
         if not self.following:
@@ -51,7 +51,7 @@ class Cameras:
             self._server.initial_camera.position = view.position
             self._server.initial_camera.look_at = view.target
             for client in self._server.get_clients().values():
-                if client.client_id not in self._aspects:  # there was nothing to see yet
+                if client.client_id not in self._aspects:  # it connected before anything was shown
                     self._look(client)
                     continue
                 x, y, z = client.camera.position - client.camera.look_at
@@ -59,7 +59,7 @@ class Cameras:
                 self._look(client, float(azimuth), float(elevation))
 
     def _welcome(self, client: viser.ClientHandle) -> None:
-        """Aim a new client's camera, also when its window changes shape."""
+        """Aim a new client's camera, and again whenever its window's aspect ratio changes."""
 
         def fit(camera: viser.CameraHandle) -> None:
             with self._lock:

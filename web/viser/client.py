@@ -1,4 +1,4 @@
-"""Client: viser's own page, dressed for being framed by ours, and the policy it needs."""
+"""Client: viser's own page, adapted for a frame in the service's pages, and its policy."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Final
 
 from web.static_files import code_of
 
-# The page unpacks its own program into an inline script, and asks nobody for anything.
+# The page unpacks its program into an inline script and makes no requests.
 CONTENT_POLICY: Final = "; ".join(
     (
         "default-src 'none'",
@@ -22,8 +22,8 @@ CONTENT_POLICY: Final = "; ".join(
         "form-action 'none'",
     )
 )
-# The panel, the notices and the logo are viser's; the page has its own. The ground is painted by
-# the document, so the canvas above it stays see-through.
+# This hides viser's panel, notices and logo, because the page has its own. The document paints the
+# background, so the canvas above it stays transparent.
 CLIENT_STYLE: Final = """
 html { color-scheme: light dark !important; }
 html, body { background: radial-gradient(120% 90% at 50% 38%, light-dark(#fbfaf7, #23282f) 0%,
@@ -38,13 +38,13 @@ canvas:focus { outline: none; }
 
 @dataclass(frozen=True, slots=True)
 class Client:
-    """The page, and what it is served with.
+    """The page and its security policy.
 
     Attributes:
-        html: The page. It says itself what it may do, as far as a page can, for where it is not
-            served: in a page that was downloaded.
-        policy: Its Content-Security-Policy. The page has an origin of its own (``sandbox``): its
-            scripts reach nothing of ours.
+        html: The page. It also states its policy itself, as far as a page can, for downloaded
+            pages, which no server sends.
+        policy: Its Content-Security-Policy. The page has an origin of its own (``sandbox``), so its
+            scripts cannot access the service.
     """
 
     html: bytes
@@ -53,12 +53,12 @@ class Client:
 
 @cache
 def client() -> Client:
-    """Return the installed viser's client, told what to show by the page that frames it.
+    """Return the client of the installed viser, which the surrounding page controls.
 
-    See ``static/js/viewer/bridge.js``; read once.
+    The messages between them are in ``static/js/viewer/bridge.js``. The file is read once.
     """
     bridge = code_of("js/viewer/bridge.js")
-    # Found without importing it: the page alone needs none of its server.
+    # Located without importing it, because the page does not need viser's server.
     installed = find_spec("viser")
     assert installed is not None and installed.origin is not None
     source = Path(installed.origin).parent / "client" / "build" / "index.html"

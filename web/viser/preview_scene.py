@@ -1,6 +1,6 @@
 """Preview scene: a solid, the cells that stand for it, and the path through them.
 
-Like the scene bundle of a fold it is built by viser, taken down as messages, and handed to viser's
+Like the scene bundle of a fold, it is built by viser, captured as messages and passed to viser's
 client by the page, which shows and hides its layers: ``/solid``, ``/cells`` and ``/path``.
 """
 
@@ -73,13 +73,12 @@ IDENTITY_WXYZ: Final = (1.0, 0.0, 0.0, 0.0)
 def preview_scene_of(report: Mapping[str, Any]) -> bytes:
     """Return the scene of a preview's report, as one message of ``web.timeline.columns``.
 
-    The header holds the scene's ``messages`` as those of ``web.viser.scene_bundle``, a module's
-    ``hull`` as ``planner.chain.module`` tells it, the ``corners`` (8, 3) of what is shown and how
-    far a module reaches from its centre (``radius``), how the ``camera`` frames that, and
-    ``colours``: what is selected, and the ``ghost`` that cells become around a path. Lengths are in
-    the scene's units: it is the same size whatever the number of modules. The columns hold the
-    messages' arrays, the ``cells`` of the modules (n, 3), and their ``colours`` (n, 3) in sRGB
-    while they are no ghost.
+    The header holds the scene's ``messages`` as in ``web.viser.scene_bundle``, a module's ``hull``
+    in the terms of ``planner.chain.module``, the ``corners`` (8, 3) of the box to keep in view, the
+    ``radius`` of a module, the ``camera``, and the ``colours`` of the selected module and of the
+    translucent cells around a path (``ghost``). Lengths are in the scene's units: the shape has the
+    same size whatever its number of modules. The columns hold the messages' arrays, the ``cells``
+    of the modules (n, 3) and their ``colours`` (n, 3) when opaque, sRGB.
 
     Args:
         report: Full result of ``planner.pipeline.prepare.Preparation.report``.
@@ -153,7 +152,7 @@ class _PreviewScene:
     def _draw(self, report: Mapping[str, Any]) -> None:
         if report["has_path"]:
             self.colours = ramp_colours(np.linspace(0.0, 1.0, len(self.positions)))
-            # A path inside full modules would not be seen: they become a ghost around it.
+            # Opaque modules would hide the path, so they are translucent.
             ghost = np.tile(np.array(GHOST_RGB, np.uint8), (len(self.positions), 1))
             self._modules("/cells", ghost, opacity=GHOST_OPACITY)
             line = np.asarray(report["line"], dtype=np.float64)
@@ -162,11 +161,11 @@ class _PreviewScene:
         else:
             self._mark(report)
             self._modules("/cells", self.colours)
-        # Wherever the page puts it.
+        # The page moves it to the selected module.
         self._modules("/selected", np.array([SELECTED_RGB], np.uint8), visible=False)
 
     def _mark(self, report: Mapping[str, Any]) -> None:
-        """Cells that make trouble, and those that the repair would add, stand out."""
+        """Mark the cells that prevent a path, and those that the repair removes or adds."""
         state = report.get("feasibility") or {}
         index = {tuple(map(int, cell)): k for k, cell in enumerate(self.positions)}
         bad = [cell for problem in state.get("problems", ()) for cell in problem["cells"]]
@@ -200,7 +199,7 @@ class _PreviewScene:
     def _modules(
         self, name: str, colours: Bytes, *, opacity: float | None = None, visible: bool = True
     ) -> None:
-        """The first modules of the chain, one for each colour, where they are when folded."""
+        """Add the first modules of the folded chain, one for each colour."""
         mesh = module_mesh(self.module)
         count = len(colours)
         add_meshes(
@@ -241,13 +240,13 @@ class _PreviewScene:
 
 
 def _repair(report: Mapping[str, Any]) -> Mapping[str, Any]:
-    """Return the repair that comes first, if there is one."""
+    """Return the first repair; empty if there is none."""
     state = report.get("feasibility") or {}
     return next(iter(state.get("repairs", ())), {})
 
 
 def _bounds(cells: Array, mesh: Mapping[str, Any] | None) -> tuple[Array, Array]:
-    """Return the corners of the box around cells and solid."""
+    """Return the lowest and the highest corner of the box around cells and solid."""
     lows, highs = [np.full(3, np.inf)], [np.full(3, -np.inf)]
     if len(cells):
         lows.append(cells.min(axis=0) - 0.5)

@@ -29,7 +29,7 @@ the motion more slowly. Chosen."""
 
 
 def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes:
-    """Return the timeline as a recording of ``RECORDING_S`` seconds, thinned where it is long.
+    """Return a recording of ``RECORDING_S`` seconds; of long timelines frames are left out.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -52,8 +52,8 @@ def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes
 def look(server: viser.ViserServer, view: View) -> None:
     """Move the camera of all clients.
 
-    It goes with the poses, through the messages to all of them: those to one client are sent
-    apart, and chain and camera would not move together.
+    The messages are broadcast in order with the poses. viser sends messages to a single client
+    separately, so that chain and camera would not move together.
     """
     from viser._messages import SetCameraLookAtMessage, SetCameraPositionMessage
 
@@ -65,6 +65,6 @@ def look(server: viser.ViserServer, view: View) -> None:
 
 
 def _broadcast(server: viser.ViserServer, message: Message) -> None:
-    """Send a message to all clients of a server, in order with what its scene sends."""
+    """Send a message to all clients of a server, in order with those of its scene."""
     websocket: Any = server._websock_server  # pyright: ignore[reportPrivateUsage]
     websocket.queue_message(message)

@@ -1,4 +1,4 @@
-"""Scene: a chain of modules in one viser server, by viser's public names alone."""
+"""Scene: a chain of modules in one viser server, built with viser's public names only."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ SKY_LIGHT: Final = 1.7
 """Intensity of the light from the sky, in viser's units; a larger value makes shadows lighter.
 Chosen."""
 SHADOWS: Final = {"cast_shadow": True, "receive_shadow": True}
-"""Options of viser for what casts and shows shadows."""
+"""Options of viser for meshes that cast and receive shadows."""
 GROUND_SINK_S: Final = 0.05
 """Time constant with which the displayed ground follows the lowest module downwards, in s of
 playing time. With a larger value the chain dips below the ground for longer. Chosen."""
@@ -52,13 +52,13 @@ time. With a smaller value the ground moves more restlessly. Chosen."""
 
 
 def path_colours(modules: int) -> NDArray[np.uint8]:
-    """(modules - 1, 2, 3) sRGB bytes of the ends of a path's segments, from first to last."""
+    """Return (modules - 1, 2, 3) sRGB bytes of the ends of a path's segments, in order."""
     along = ramp_colours(np.linspace(0.0, 1.0, modules))
     return np.stack([along[:-1], along[1:]], axis=1)
 
 
 def add_lights(server: viser.ViserServer, *, sky: float, shadows: bool) -> None:
-    """Add one soft light from above, and a sky of some intensity that leaves the greys grey."""
+    """Add viser's default lights, a neutral sky of some intensity and a light from the side."""
     scene = server.scene
     scene.set_up_direction("+z")
     scene.configure_default_lights(True, cast_shadow=shadows)
@@ -108,7 +108,7 @@ def add_meshes(
 
 
 def _black(chain: Chain) -> NDArray[np.uint8]:
-    """Return a colour for each module of a chain, until another one is known."""
+    """Return black for each module of a chain, until its colour is known."""
     return np.zeros((len(chain), 3), np.uint8)
 
 
@@ -123,12 +123,12 @@ class Scene:
         stretch: int | None = None,
         table: TableTop | None = None,
     ) -> None:
-        """Builds the scene.
+        """Build the scene.
 
         Args:
             server: The viser server.
             chain: The chain.
-            stretch: That of ``web.timeline.view.TimelineView``.
+            stretch: Number of straight modules to keep in view; all of them when None.
             table: Table under the chain; None if it floats.
         """
         self._server = server
@@ -180,7 +180,7 @@ class Scene:
         )
 
     def _add_table(self, table: TableTop) -> None:
-        """The table, and for each module a disc on it that tells how hard it presses."""
+        """Add the table, and for each module a disc on it that shows its force on the table."""
         slab = table.mesh()
         self._server.scene.add_mesh_simple(
             "/table",
@@ -203,7 +203,7 @@ class Scene:
         )
 
     def show(self, snapshot: Snapshot, colours: NDArray[np.uint8]) -> None:
-        """Draw a snapshot, its modules in (n, 3) sRGB bytes, at one moment for whoever looks."""
+        """Draw a snapshot with modules in (n, 3) sRGB bytes, as one update for all clients."""
         self._last = snapshot
         with self._server.atomic():
             self._modules.batched_positions = snapshot.positions * np.float32(self.pitch)
@@ -216,12 +216,12 @@ class Scene:
 
         @self._modules.on_click
         def _(event: viser.SceneNodePointerEvent[viser.BatchedMeshHandle]) -> None:
-            # What a client says need not be so.
+            # Clients may send invalid numbers.
             if event.instance_index is not None and 0 <= event.instance_index < len(self._chain):
                 clicked(event.instance_index)
 
     def points(self, snapshot: Snapshot) -> Array:
-        """(m, 3) centres of the modules to have in view, in the scene's units."""
+        """Return the (m, 3) centres of the modules to keep in view, in the scene's units."""
         return snapshot.positions[: snapshot.framed].astype(np.float64) * self.pitch
 
     @property
@@ -230,7 +230,7 @@ class Scene:
         return self._chain.module.radius * self.pitch
 
     def _place_ends(self, snapshot: Snapshot) -> None:
-        """Studs on the free faces: behind the first module, before the last one."""
+        """Place studs on the free faces: behind the first module, before the last one."""
         wxyzs = snapshot.wxyzs[[0, -1]].astype(np.float64)
         w, x, y, z = wxyzs.T
         ahead = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
@@ -243,7 +243,7 @@ class Scene:
         self._ends.batched_wxyzs = wxyzs.astype(np.float32)
 
     def move_ground(self, seconds: float) -> None:
-        """Let the ground sink and rise to just below the chain."""
+        """Move the ground towards its place just below the chain, for some playing time."""
         if self._last is None or self._table is not None:
             return
         shown = self._last.positions[: self._last.framed]

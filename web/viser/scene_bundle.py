@@ -1,8 +1,8 @@
-"""Scene bundle: all that a browser needs to know of a fold once, before its frames.
+"""Scene bundle: the data of a fold that a browser needs once, before the frames.
 
-The 3D view is viser's own client. Its scene is built here by viser, taken down as the messages
-that a viser server would send, and handed to the client by the page itself: no server of its own
-stands behind a view, and the frames that follow are computed where they are shown.
+The 3D view is viser's own client. viser builds the scene here, the messages that its server would
+send are captured, and the page passes them to the client. A view thus needs no viser server, and
+the browser computes the frames that follow.
 """
 
 from __future__ import annotations
@@ -50,14 +50,14 @@ _BINARY: Final = "__binary_index"
 def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None = None) -> bytes:
     """Return the scene bundle of a fold of ``chain``, as one message of ``web.timeline.columns``.
 
-    The header holds the chain's geometry (``planner.chain.module`` tells the words), the scene's
-    ``messages`` with ``{"column": name}`` in place of arrays, what a ``sketch`` draws, the
-    ``camera``'s constants and the ``colours``; the columns hold their arrays, and as ``folded_rad``
-    and ``folded_positions`` where the chain is going.
+    The header holds the chain's geometry in the terms of ``planner.chain.module``, the scene's
+    ``messages`` with ``{"column": name}`` in place of arrays, the outline of the ``sketch``, the
+    ``camera``'s constants and the ``colours``. The columns hold these arrays, and the angles and
+    positions of the folded chain, ``folded_rad`` and ``folded_positions``.
 
     Args:
         chain: The chain.
-        stretch: That of the fold's ``web.timeline.view.TimelineView``.
+        stretch: Number of straight modules to keep in view; all of them when None.
         table: Table under the chain; None if it floats.
     """
     module, n = chain.module, len(chain)
@@ -78,10 +78,10 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
             "vertices": module.vertices.tolist(),
             "radius": module.radius,
             "hinge_names": list(module.hinge_names),
-            # Only cubes fill cells; what others are rounded to means nothing.
+            # Only cubes fill cells; rounded positions of other modules have no meaning.
             "cells": module is CUBE,
             "pitch_m": chain.pitch_m,
-            # Orientations of module 0 and of the root in the shape as it was drawn.
+            # Orientations of module 0 and of the root in the frame of the shape.
             "folded_wxyz": chain.folded_wxyz.tolist(),
             "folded_root_wxyz": chain.folded_poses.wxyzs[chain.root].tolist(),
         },
@@ -119,7 +119,7 @@ def bundle_of(chain: Chain, stretch: int | None = None, table: TableTop | None =
 
 
 def opened_scene(record: bytes) -> tuple[list[tuple[float, dict[str, Any]]], list[memoryview]]:
-    """Messages, each with its time, and binary buffers of a ``.viser`` recording."""
+    """Return the messages of a ``.viser`` recording, each with its time, and its buffers."""
     size = int.from_bytes(record[:8], "little")
     raw = zstandard.ZstdDecompressor().decompress(record[8:], max_output_size=size)
     length = int.from_bytes(raw[:8], "little")
@@ -139,7 +139,7 @@ _QUIET_LOCK: Final = threading.RLock()
 
 @contextlib.contextmanager
 def quiet() -> Generator[None]:
-    """Keep viser's banner off the terminal, which it prints whatever ``verbose`` says."""
+    """Suppress viser's banner in the terminal, which ``verbose`` does not control."""
     console = rich.get_console()
     with _QUIET_LOCK:
         before, console.quiet = console.quiet, True
@@ -151,8 +151,8 @@ def quiet() -> Generator[None]:
 
 @contextlib.contextmanager
 def viser_server() -> Generator[viser.ViserServer]:
-    """A viser server that nobody can connect to but from this machine, for a moment."""
-    import viser  # late: a service starts before anybody looks
+    """Run a viser server in the context, which only this machine can reach."""
+    import viser  # imported late, so that the service starts faster
 
     with _OPENING, quiet():
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
@@ -168,7 +168,7 @@ def viser_server() -> Generator[viser.ViserServer]:
 def viser_scene(
     chain: Chain, stretch: int | None = None, table: TableTop | None = None
 ) -> Generator[tuple[viser.ViserServer, Scene]]:
-    """The scene of a chain in such a server."""
+    """Run a viser server with the scene of a chain in the context."""
     with viser_server() as server:
         yield server, Scene(server, chain, stretch=stretch, table=table)
 
@@ -205,7 +205,7 @@ def _table_told(table: TableTop) -> dict[str, Any]:
 
 
 def _scene_key(chain: Chain, *place: object) -> tuple[object, ...]:
-    """Return a key of a scene: chains of the same kind and length have the same on a table."""
+    """Return the key of a scene, which chains of one module and length share."""
     return (chain.module.name, len(chain), *place)
 
 

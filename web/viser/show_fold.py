@@ -26,13 +26,13 @@ LAST_STAGE: Final = STAGES[-1]
 class Live(Shown):
     """A fold that is shown while it is computed: give it to ``planner.fold`` as its ``progress``.
 
-    It shows the newest frame until somebody moves the slider back. When the fold is over it holds
-    all of its frames itself, for the fold's directory may go. It may be given to one fold after the
-    other.
+    It shows the newest frame until a viewer moves the slider back. When the fold ends, it keeps all
+    frames in memory, because the fold's directory may be deleted. One object can show several
+    folds, one after the other.
     """
 
     def __init__(self, *, host: str, port: int, open_browser: bool) -> None:
-        """Start the server, which has nothing to show yet; ``show.live`` does so."""
+        """Start the server without a fold; ``show.live`` calls this."""
         self._views = TimelineViews()
         self._directory: FilePath | None = None
         self._whole: MotionSource | None = None
@@ -41,16 +41,16 @@ class Live(Shown):
         )
 
     def __call__(self, progress: Progress) -> None:
-        """Record the progress of the fold."""
+        """Show the progress of the fold."""
         if progress.directory is None:
             return
         directory = FilePath(progress.directory)
         if progress.stage == LAST_STAGE and progress.fraction >= 1.0:
             whole = self._whole
-            with suppress(TimelineError):  # then there is nothing to show; the fold goes on
+            with suppress(TimelineError):  # nothing can be shown, but the fold goes on
                 timeline = Timeline.open(result_path(directory, TIMELINE))
                 whole = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
-            with self._lock:  # what is told and what is shown change together
+            with self._lock:  # so that heading and frames change together
                 self._whole, self._directory = whole, None
                 self._controls.heading = "Done"
                 if not self._closed:
@@ -86,16 +86,16 @@ class Show:
         """Show a fold in a viser server of its own.
 
         Args:
-            fold: A plan; the directory of a fold; or a timeline, or where it is. Of a directory and
-                a timeline that still grow, what is new is shown too.
-            port: Port to listen on; the next free one when it is taken, any for 0.
-            host: Address to listen on. viser asks nobody who they are: whoever reaches the address
-                can look and move the slider.
+            fold: A plan, the directory of a fold, a timeline, or its path. While the timeline of a
+                directory or path grows, new frames are shown, too.
+            port: Port to listen on; the next free one if it is in use, any free one if 0.
+            host: Address to listen on. viser has no authentication: everybody who can reach the
+                address can view the fold and move the slider.
             open_browser: True to open a browser.
 
         Raises:
-            TimelineError: When there is no timeline there.
-            InputError: ``no-frames`` of a plan without any, ``no-such-address``.
+            TimelineError: If there is no timeline.
+            InputError: ``no-frames`` for a plan without frames, ``no-such-address``.
         """
         if isinstance(fold, Plan):
             if not len(fold.motion):

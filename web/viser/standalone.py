@@ -1,13 +1,13 @@
-"""Standalone: pages that play without a server, from a disk too.
+"""Standalone: pages that play without a server, also from a disk.
 
 A downloaded page holds a whole fold: the same scripts as the embedded one, viser's client, the
 scene bundle and a single batch of all frames. The pages of a static website share scripts and
-client instead. Scripts are named by an import map of data addresses: nothing bundles them. The map
-is compressed; ``js/unpack.js`` unpacks it and then imports the entry of the page. Only the checker,
-a worker, is one script of several: import maps do not reach into workers.
+client instead. An import map of data URLs names the scripts, which are not bundled. The map is
+compressed; ``js/unpack.js`` unpacks it and then imports the page's entry script. Only the checker
+is bundled into one script: it is a worker, and import maps do not apply to workers.
 
-The plan is there, too, for that checker: as much of it as its claim is about. If the timeline is a
-windowed plan backwards and then forwards, the angles of the frames are taken from the plan.
+For the checker, the page also holds the part of the plan that its claim covers. If the timeline is
+a windowed plan backwards and then forwards, the angles of the frames are taken from the plan.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ UNPACK_SCRIPT: Final = "js/unpack.js"
 WORKER_SCRIPT: Final = "js/viewer/sketch_worker.js"
 CHECKER_SCRIPT: Final = "js/check/worker.js"
 CHECKER_NAME: Final = "foldback/checker"
-"""Name of the whole checker in the import map, of whose scripts some are in the page as well."""
+"""Name of the bundled checker in the import map; some of its scripts are in the map as well."""
 THEME_SCRIPT: Final = "js/theme.js"
 STYLES: Final = ("css/base.css", "css/fold.css", "css/tour.css")
 UNESCAPED_CHARACTERS: Final = " !$&'()*+,-./:;=?@[]^_`{|}~"
@@ -56,7 +56,7 @@ larger motions frames are left out, and so are the plots and the plan. Chosen.""
 WINDOW_ANGLES: Final = frozenset({"first", "counts", "steps"})
 """Columns of a batch of windows that a page can take from the plan."""
 MODULE_WORDS: Final = re.compile(r"^import .*\n|^export ", re.MULTILINE)
-"""What makes a module of a script: its imports, each on one line, and what it exports."""
+"""Matches the module syntax of a script: imports, each on one line, and the word ``export``."""
 
 Render = Callable[..., str]
 
@@ -77,14 +77,14 @@ def standalone_html(
 
     Args:
         timeline: The fold's frames.
-        render: Fills the template ``standalone.html`` with the values it is given.
+        render: Fills the template ``standalone.html`` with the given values.
         facts: Facts of the fold, as for its own page.
         plan: The verified plan's ``.npz`` file, for the checker; None if there is nothing to check.
         curves: Data of the plots, from ``web.timeline.metrics``.
-        forces: ``web.timeline.metrics.table_forces``, of a fold on a table.
-        table: That table.
+        forces: Result of ``web.timeline.metrics.table_forces``, for a fold on a table.
+        table: Table under the chain; None if it floats.
         view: Address of viser's client, for pages that share it; None to put it into the page.
-        kept: ``tour`` and ``values`` of the fold, each None without one.
+        kept: ``tour`` and ``values`` of the fold, each None if there are none.
 
     Raises:
         TimelineError: When the timeline is being replaced.
@@ -144,9 +144,9 @@ def entry_of(name: str) -> str:
 
 @cache
 def packed_scripts(*entries: str) -> str:
-    """Return a script that holds all scripts of pages, and starts the one that its tag names.
+    """Return a script that holds all scripts of pages and imports the entry that its tag names.
 
-    It holds a compressed import map: names of the scripts, and addresses with their text.
+    It contains a compressed import map from the names of the scripts to data URLs with their code.
     """
     names = dict.fromkeys(name for entry in entries for name in scripts_of(entry))
     imports = {entry_of(name): _address_of(name) for name in names}
@@ -157,13 +157,13 @@ def packed_scripts(*entries: str) -> str:
 
 
 def _checker() -> str:
-    """Return the checker as one script without modules: what others import comes first."""
+    """Return the checker as one script without modules; imported scripts come first."""
     names = reversed(scripts_of(CHECKER_SCRIPT))
     return "".join(MODULE_WORDS.sub("", code_of(name)) for name in names)
 
 
 def _address_of(name: str) -> str:
-    """Return a script as an address, its imports by name."""
+    """Return a script as a data URL that imports other scripts by name."""
 
     def named(match: re.Match[str]) -> str:
         return f'{match[1]}"{entry_of(imported(name, match[2]))}"'
@@ -172,16 +172,16 @@ def _address_of(name: str) -> str:
 
 
 def _address(code: str) -> str:
-    """Return a script as an address; base64 would escape more of its characters."""
+    """Return a script as a data URL; percent-encoding it is shorter than base64."""
     return f"data:text/javascript,{quote(code, safe=UNESCAPED_CHARACTERS)}"
 
 
 def film_script(name: str, **parts: bytes) -> str:
-    """Return a script that holds a film, for pages that may fetch nothing.
+    """Return a script that holds a film, for pages that must not fetch anything.
 
     Args:
         name: Address of the film, as the page names it.
-        parts: Its scene bundle and batch.
+        parts: Scene bundle and batch of the film.
     """
     film = _script_json({part: _text(data) for part, data in parts.items()})
     return f"(window.foldbackFilms ??= {{}})[{json.dumps(name)}] = {film};\n"
@@ -192,6 +192,6 @@ def _text(data: bytes) -> str:
 
 
 def _script_json(value: Any) -> str:
-    """Return JSON that may stand inside a script element."""
+    """Return JSON that is safe inside a script element."""
     text = json.dumps(value, ensure_ascii=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace("\u2028", "\\u2028").replace("\u2029", "\\u2029")

@@ -1,7 +1,7 @@
 """Viewer: a fold in a viser server of its own, its poses streamed frame by frame.
 
-This is for people who write programs: all of it is made with viser's public names, and what its
-server shows can be added to. The pages of the service play a fold by themselves instead.
+This is for programs: it uses viser's public names only, and a program can add to the server's
+scene. The pages of the service play folds in the browser instead.
 """
 
 from __future__ import annotations
@@ -64,11 +64,11 @@ class _Playhead:
     """Position of the playback.
 
     Attributes:
-        follows: True to go to new frames as they come.
+        follows: True to go to new frames as they arrive.
         playing: True while it plays.
         frame: Displayed frame.
         place: Exact position in frames while it plays.
-        last: Last frame that there is; −1 without any.
+        last: Last existing frame; −1 without frames.
     """
 
     follows: bool
@@ -82,14 +82,14 @@ class _Controls:
     """Controls beside the view.
 
     Attributes:
-        heading: Text above the figures of the frame. No words that come from files: viser takes
-            them for Markdown, in which there can be more than text.
+        heading: Text above the figures of the frame. It must not hold text from files, because
+            viser renders it as Markdown.
         figures: Figures of the frame.
     """
 
     def __init__(self, gui: viser.GuiApi) -> None:
         gui.configure_theme(show_share_button=False)
-        gui.main_panel.dock_right()  # beside the chain, not before it
+        gui.main_panel.dock_right()  # beside the chain, not in front of it
         self.heading, self.figures = "", "Nothing to show yet."
         self.text = gui.add_markdown(self.figures)
         self.slider = gui.add_slider("Frame", min=1, max=2, step=1, initial_value=1)
@@ -104,20 +104,20 @@ class _Controls:
         self.module = gui.add_markdown(NO_MODULE_TEXT)
 
     def write(self) -> None:
-        """Write the heading and the figures where they have changed."""
+        """Write the heading and the figures if they have changed."""
         text = f"{self.heading}\n\n{self.figures}" if self.heading else self.figures
         if text != self.text.content:
             self.text.content = text
 
 
 class Shown:
-    """A fold in a viser server of its own; ``web.viser.show`` makes one.
+    """A fold in a viser server of its own; ``web.viser.show`` creates it.
 
-    There is one playhead for all who look: it is the server of whoever writes the program. In a
-    notebook the last expression of a cell shows it in place. Close it, or use it in a ``with``.
+    All clients share one playhead, because the server belongs to one program. In a notebook, the
+    view is displayed if it is the last expression of a cell. Close it, or use it in a ``with``.
 
     Attributes:
-        server: To add to what is shown, and to the controls beside it.
+        server: viser server, to whose scene and controls a program can add.
         url: Address of the view.
     """
 
@@ -133,7 +133,7 @@ class Shown:
         """Start the server.
 
         Args:
-            moments: Gives the motion as it is by now; None while there is none.
+            moments: Returns the current motion; None while there is none.
             host, port, open_browser: Same as for ``web.viser.show``.
             follows: True to start at the last frame and to follow new ones.
 
@@ -181,7 +181,7 @@ class Shown:
 
     @property
     def frame(self) -> int:
-        """Frame that is shown, from 0 on; set it to show another one, the nearest that there is."""
+        """Displayed frame, from 0; setting it displays the nearest existing frame."""
         return self._playhead.frame
 
     @frame.setter
@@ -190,19 +190,19 @@ class Shown:
             self._seek(frame)
 
     def play(self) -> None:
-        """Play on from the frame that is shown, from the first one when that is the last."""
+        """Play from the displayed frame, or from the first one if it is the last."""
         with self._lock:
             if self._playhead.frame >= self._playhead.last and not self._growing:
                 self._go(0)
             self._set_playing(True)
 
     def pause(self) -> None:
-        """Stays at the frame that is shown."""
+        """Stop at the displayed frame."""
         with self._lock:
             self._set_playing(False)
 
     def close(self) -> None:
-        """End the server and free its port; once more does nothing."""
+        """Stop the server and free its port; further calls do nothing."""
         with self._lock:
             if self._closed:
                 return
@@ -220,7 +220,7 @@ class Shown:
         @controls.slider.on_update
         def _(event: viser.GuiEvent[Any]) -> None:
             if event.client is None:
-                return  # moved by what is shown, not by somebody
+                return  # moved by the program, not by a client
             with self._lock:
                 self._set_playing(False)
                 self._seek(controls.slider.value - 1)
@@ -241,7 +241,7 @@ class Shown:
             draw(event)
 
     def _run(self) -> None:
-        """Play, and look for new frames, until it is closed."""
+        """Play and read new frames until the view is closed."""
         drawn = time.monotonic()
         while not self._closed:
             self._wake.wait(DRAW_INTERVAL_S if self._playhead.playing else FRAME_POLL_S)
@@ -317,7 +317,7 @@ class Shown:
         try:
             snapshot = moments.snapshot(self._playhead.frame)
         except TimelineError:
-            return  # it is being replaced: what is shown stays until that is there
+            return  # it is being replaced; the old display stays until then
         with self.server.atomic():
             scene.show(snapshot, self._painted(snapshot, moments.error_scale_rad))
             scene.move_ground(GROUND_SETTLING_S)
@@ -341,7 +341,7 @@ class Shown:
 
 
 def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
-    """Return a moment in words."""
+    """Return the figures of a frame, as Markdown."""
     known = np.abs(snapshot.joint_error_rad[np.isfinite(snapshot.joint_error_rad)])
     error = (
         f"Largest joint error {known.max():.2g} rad (full red: {scale_rad:g} rad)"
@@ -353,7 +353,7 @@ def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
 
 
 def _told_of(chain: Chain, module: int, snapshot: Snapshot) -> str:
-    """Return a module in words."""
+    """Return the figures of a module, as Markdown."""
     hinges = chain.module.hinges_per_joint
     joint = module - chain.module.rigid_links
     told = f"**Module {module + 1}** of {len(chain)}"
@@ -370,9 +370,9 @@ def _server(host: str, port: int) -> viser.ViserServer:
     """Return a viser server at an address, or the next free port.
 
     Raises:
-        InputError: ``no-such-address``; viser itself would wait for ever.
+        InputError: ``no-such-address``, for which viser itself would wait forever.
     """
-    import viser  # late: it takes a while to import
+    import viser  # imported late, because it takes long
 
     try:
         kind, _, _, _, (address, *_) = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
@@ -408,6 +408,6 @@ def _url(host: str, port: int) -> str:
         address = ipaddress.ip_address(host)
     except ValueError:
         return f"http://{host}:{port}"
-    if address.is_unspecified:  # all of this machine's, of which the nearest is shown
+    if address.is_unspecified:  # all addresses of this machine, one of which is loopback
         address = ipaddress.ip_address("127.0.0.1" if address.version == 4 else "::1")
     return f"http://[{address}]:{port}" if address.version == 6 else f"http://{address}:{port}"
