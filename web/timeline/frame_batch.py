@@ -30,7 +30,7 @@ from web.timeline.window_columns import (
 )
 
 MAX_BATCH_BYTES: Final = 2**20
-"""Maximum size of a batch of a motion's frames that a browser gets in one answer, in bytes before
+"""Maximum size of a batch of a motion's frames that a browser gets in one response, in bytes before
 compression. A larger value needs fewer requests, and each one takes longer. Chosen."""
 UNLIMITED_BYTES: Final = 2**40
 """Limit for the size of a batch of frames that is to hold a whole motion, in bytes: larger than any
@@ -52,7 +52,7 @@ _BATCHES: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 def cached_batch(
     timeline: TimelineView, start: int = 0, stop: int | None = None, stride: int = 1
 ) -> bytes:
-    """Return ``batch_of`` with its default size; recent batches of finished timelines are cached.
+    """Return a batch of the default size; recent batches of finished timelines are cached.
 
     Raises:
         TimelineError: When the timeline is being replaced.

@@ -35,10 +35,10 @@ from web.timeline.cache import Cache, version_of
 from web.timeline.columns import encode
 
 MAX_PLOT_ANSWER_NUMBERS: Final = 2**18
-"""Maximum count of numbers in one answer with the data of a fold's plots. A larger value needs
+"""Maximum count of numbers in one response with the data of a fold's plots. A larger value needs
 fewer requests, and each one takes longer. Chosen."""
 MAX_PLOT_ANSWER_FRAMES: Final = 128
-"""Maximum number of frames in one answer with the data of a fold's plots. A larger value needs
+"""Maximum number of frames in one response with the data of a fold's plots. A larger value needs
 fewer requests, and each one takes longer. Chosen."""
 ERROR_SAMPLES: Final = 48
 """Approximate number of frames, spread over a fold's motion, from which the largest position error

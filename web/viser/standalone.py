@@ -1,4 +1,4 @@
-"""Standalone: pages that play without a server, also from a disk.
+"""Standalone: pages that play without a server, also from a local disk.
 
 A downloaded page holds a whole fold: the same scripts as the embedded one, viser's client, the
 scene bundle and a single batch of all frames. The pages of a static website share scripts and
