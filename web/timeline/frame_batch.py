@@ -55,7 +55,7 @@ def cached_batch(
     """Return a batch of the default size; recent batches of finished timelines are cached.
 
     Raises:
-        TimelineError: When the timeline is being replaced.
+        TimelineError: If the timeline is being replaced.
     """
     with timeline.reading():
         key = (timeline.edition, start, stop, stride)
@@ -88,7 +88,7 @@ def batch_of(
         without: Columns of a windowed timeline to leave out.
 
     Raises:
-        TimelineError: When the timeline is being replaced.
+        TimelineError: If the timeline is being replaced.
     """
     with timeline.reading():  # so that header and columns agree
         total = len(timeline)
@@ -172,7 +172,7 @@ def thinned(timeline: TimelineView, stride: int) -> bytes:
     """Return a finished timeline in one batch: every ``stride``-th frame and the last.
 
     Raises:
-        TimelineError: When the timeline is being replaced.
+        TimelineError: If the timeline is being replaced.
     """
     if stride == 1:
         return batch_of(timeline, largest=UNLIMITED_BYTES)
@@ -187,7 +187,7 @@ def chosen(timeline: TimelineView, frames: NDArray[np.int64]) -> bytes:
     """Return some frames of a finished dense timeline in one batch, renumbered.
 
     Raises:
-        TimelineError: When the timeline is being replaced.
+        TimelineError: If the timeline is being replaced.
     """
     return _joined(timeline, [timeline.frames(0, len(timeline))[frames]])
 

@@ -93,7 +93,7 @@ class TimelineView:
         """Open the timeline at ``path``.
 
         Raises:
-            TimelineError: When there is none yet, or it is damaged.
+            TimelineError: If there is none yet, or it is damaged.
         """
         self.path = str(path)
         self._lock = threading.RLock()
@@ -186,7 +186,7 @@ class TimelineView:
         """Return the snapshot at ``frame``, interpolated if it is not an integer.
 
         Raises:
-            TimelineError: When the view holds no frame yet, or its timeline is being replaced.
+            TimelineError: If the view holds no frame yet, or its timeline is being replaced.
         """
         with self._lock:
             if not self._summarised:
@@ -211,7 +211,7 @@ class TimelineView:
         """Return the table that the chain folds on, large enough for the whole motion.
 
         Raises:
-            TimelineError: When the timeline is being replaced.
+            TimelineError: If the timeline is being replaced.
         """
         with self._lock:
             if self.growing or not self._summarised:

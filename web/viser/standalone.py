@@ -87,7 +87,7 @@ def standalone_html(
         kept: ``tour`` and ``values`` of the fold, each None if there are none.
 
     Raises:
-        TimelineError: When the timeline is being replaced.
+        TimelineError: If the timeline is being replaced.
     """
     stride = max(1, -(-unpacked_bytes(timeline) // MAX_STANDALONE_BYTES))
     if stride > 1:

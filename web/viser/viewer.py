@@ -389,7 +389,7 @@ def _free(kind: socket.AddressFamily, address: str, port: int) -> int:
     """Return the first free port from ``port`` on; 0 for 0.
 
     Raises:
-        OSError: When there is none, or the address is not of this machine.
+        OSError: If there is none, or the address is not of this machine.
     """
     while True:
         with socket.socket(kind, socket.SOCK_STREAM) as tried:
