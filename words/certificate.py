@@ -427,7 +427,7 @@ def _at_least(value: float | None) -> str | None:
 
 
 def rounded_down(value: float, digits: int = 3) -> str:
-    """Return a length rounded down to some decimals, or to two digits if it is smaller."""
+    """Return a length rounded down to some decimals; a smaller one to two significant digits."""
     if value == 0.0:
         return "0"
     if abs(value) < 10**-digits:

@@ -98,7 +98,7 @@ class AttemptWords(TypedDict):
 
 
 class _Overlap(TypedDict):
-    """Depth, modules and time of an overlap."""
+    """Modules, frame and description of an overlap."""
 
     modules: list[int] | None
     frame: float
@@ -175,7 +175,7 @@ def exploding(summary: FoldSummary) -> int | None:
 
 
 def reason_for_people(reason: str, summary: FoldSummary) -> str:
-    """Return a verdict, or its reason, in words for people, with modules and frames from 1 on.
+    """Return a verdict, or its reason, in words for people; modules and frames count from 1.
 
     Frames count along the whole timeline.
     """

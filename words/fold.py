@@ -43,7 +43,7 @@ class ShownFold:
 
     @property
     def called(self) -> str:
-        """Name for people, or the owner's name for it."""
+        """Name that the owner chose, or the name for people."""
         return self.name if self.renamed else shown_name(self.name)
 
     @property

@@ -63,6 +63,6 @@ def rest_of(torque_wp: float | None) -> str | None:
 
 
 def method_of(preset: str, world: str) -> str:
-    """Return the name of a fold that is not by the default method or not in zero gravity."""
+    """Return a fold's method in words; empty for the default method in zero gravity."""
     where = "on a table" if world == "table" else ""
     return ", ".join(filter(None, (METHOD_LABELS.get(preset, ""), where)))

@@ -80,7 +80,7 @@ class Choice(TypedDict):
 
 
 def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) -> Choice | None:
-    """Return the plans that a preference chose from; None without one or a verified plan.
+    """Return the plans from which a preference chose; None without preference or verified plan.
 
     Args:
         directory: Directory of the fold.

@@ -210,5 +210,5 @@ def _words(name: str) -> Words:
 
 
 def sentence(text: str) -> str:
-    """Return a text that begins with a capital."""
+    """Return a text with its first letter in upper case."""
     return text[:1].upper() + text[1:]

@@ -28,7 +28,7 @@ class Artifacts:
     """Derived files of folds, computed on first request. Belongs to one event loop.
 
     Attributes:
-        flight: Computations, with the limits of files.
+        flight: Pending computations and their limits.
 
     Args:
         store: Store of the folds; None if one fold in a directory is shown.

@@ -39,7 +39,7 @@ class Asker:
     """Client that waits for a report.
 
     Attributes:
-        visitor: Pseudonym of its visitor.
+        visitor: Pseudonym of the visitor.
         gone: Polled; returns True if it has disconnected.
     """
 

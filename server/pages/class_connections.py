@@ -38,7 +38,7 @@ network failures. Chosen."""
 LOST_LEADER_S: Final = 60.0
 """Time for which a class (a shared live 3D view of a fold) waits until its leader, whose connection
 is lost, connects again, in s; then it ends. A smaller value ends classes in short network failures;
-a larger one makes followers wait longer in vain. Chosen."""
+a larger one makes followers wait longer for a leader that has left. Chosen."""
 DONE, REFUSED = 1000, 1008
 LEFT: Final = {1000, 1001}
 """Codes with which a connection ends if its page closes it or is left (RFC 6455, section 7.4.1);

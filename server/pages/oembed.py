@@ -30,7 +30,7 @@ MAX_ADDRESS_CHARACTERS: Final = 2000
 """Maximum length of the address in an oEmbed request, in characters; a longer one is refused. A
 smaller value could refuse addresses of folds with a camera view. Chosen."""
 OEMBED_PICTURE_PX: Final = (1200, 630)
-"""Width and height of a fold's preview picture in oEmbed answers, in pixels: a copy of
+"""Width and height of a fold's preview picture in oEmbed responses, in pixels: a copy of
 ``SOCIAL_PICTURE_PX`` of ``web.pictures.social_picture``, whose import would load large libraries
 into the web process."""
 

@@ -94,7 +94,7 @@ def page(
 
     Args:
         template: Name of the template.
-        status_code: HTTP status of the answer.
+        status_code: HTTP status of the response.
         listed: True if search engines may index it.
         values: Values for the template.
     """

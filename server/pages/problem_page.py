@@ -30,7 +30,7 @@ def not_found_page(
     Args:
         heading: Short heading.
         text: Explanation in one or two sentences.
-        status_code: HTTP status of the answer.
+        status_code: HTTP status of the response.
         service: True if it can link to other pages.
     """
     drawing = isometric_svg(DRAWN_CELLS)

@@ -1,4 +1,4 @@
-"""Encoding: pictures into MP4 files by an installed ffmpeg, into GIF files by Pillow."""
+"""Encoding: pictures to MP4 files with an installed ffmpeg, or to GIF files with Pillow."""
 
 from __future__ import annotations
 

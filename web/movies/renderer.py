@@ -94,7 +94,7 @@ class MovieRenderer:
         self._scene = mujoco.MjvScene(self._model, maxgeom=modules * len(module_faces(module)) + 4)
         self._scene.flags[:] = 0
         self._pieces = module_faces(module)
-        # MuJoCo stores each mesh in a frame of its own, whose pose in the mesh's frame this is.
+        # MuJoCo moves each mesh to an inertial frame; these are its poses in the original frames.
         self._mesh_at = self._model.mesh_pos.copy()
         self._mesh_turn = matrix_from_wxyz(self._model.mesh_quat)
         self._ends = [self._mesh(len(self._pieces)) for _ in range(2)]

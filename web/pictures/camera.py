@@ -64,7 +64,7 @@ class View:
 
 
 def few_points(points: NDArray[np.floating[Any]]) -> Array:
-    """Return a few hundred of (n, 3) points that represent all of them in a view.
+    """Return some of (n, 3) points that represent all of them in a view.
 
     They are every k-th point, and the extreme points in both directions along ``_DIRECTIONS_13``.
     """

@@ -116,7 +116,7 @@ def camera_path(
 
 
 def _smooth(values: Array, deviation: float) -> Array:
-    """Smooth (K, …) values along the first axis, extended by the values at both ends."""
+    """Smooth (K, …) values along the first axis; the end values continue beyond both ends."""
     return gaussian_filter1d(
         values, deviation, axis=0, mode="nearest", truncate=FILTER_TRUNCATION_SIGMA
     )

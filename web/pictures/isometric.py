@@ -30,8 +30,8 @@ DRAWING_MARGIN_PITCH: Final = 0.6
 smaller. Chosen."""
 SINE, COSINE = 0.5, math.sqrt(0.75)
 
-# Light comes from above and from the left. Pages may restyle the classes; a separate file has these
-# tones, which suit light and dark backgrounds.
+# Light comes from above and from the left. Pages may restyle the classes; a file on its own has
+# these tones, which suit light and dark backgrounds.
 FACE_COLOURS: Final = {
     "gap": "#646d79",
     "top": "#eceef1",

@@ -72,7 +72,7 @@ def drawing_of(told: KnotFigures) -> KnotDrawing | None:
 
 
 def _bends(arc: int, count: int) -> range:
-    """Return the vertices on an arc; the crossings come before them."""
+    """Return the numbers of the vertices on an arc, which follow those of the crossings."""
     return range(count + VERTICES_PER_ARC * arc, count + VERTICES_PER_ARC * (arc + 1))
 
 

@@ -19,18 +19,18 @@ Array = NDArray[np.float64]
 
 UPWARD: Final = np.array([0.0, 0.0, 1.0])
 KEY_LIGHT: Final = (-0.5, 0.6, 1.0)
-"""Direction towards the main light, which casts shadows, in the camera's frame: right, towards the
+"""Direction towards the key light, which casts shadows, in the camera's frame: right, towards the
 camera, up. Chosen."""
 FILL_LIGHT: Final = (0.9, 0.6, 0.1)
-"""Direction towards the faint second light, which casts no shadows, in the camera's frame: right,
+"""Direction towards the faint fill light, which casts no shadows, in the camera's frame: right,
 towards the camera, up. Chosen."""
 KEY_LIGHT_RGB: Final = np.array([1.0, 0.985, 0.955])
-"""Colour of the main light as factors on linear red, green and blue: slightly warm. Chosen."""
+"""Colour of the key light as factors on linear red, green and blue: slightly warm. Chosen."""
 SHADOW_LOSS: Final = 0.35
-"""Fraction of its brightness that a face loses in the shadow of the main light, 0 to 1. A larger
+"""Fraction of its brightness that a face loses in the shadow of the key light, 0 to 1. A larger
 value makes shadows darker. Chosen."""
 SHADOW_SHIFT_PER_HEIGHT: Final = 0.25
-"""Factor on the horizontal direction of the main light, which gives the shift of a module's ground
+"""Factor on the horizontal direction of the key light, which gives the shift of a module's ground
 shadow in pitches per pitch of height. It is smaller than the light's angle demands, so that shadows
 stay near the modules. Chosen."""
 OCCLUDER_RADIUS_FACTOR: Final = 1.12

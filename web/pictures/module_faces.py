@@ -40,7 +40,7 @@ class Piece:
 
 
 def module_faces(module: Module) -> tuple[Piece, ...]:
-    """Return the pieces of a module, at each corner of which three faces meet."""
+    """Return the pieces of a module with three faces at each corner."""
     outline = sketch_outline(module, 1)
     corners: Array = np.array(outline["corners"])
     faces: list[list[int]] = outline["faces"]

@@ -1,7 +1,7 @@
 """Occlusion: the light that other modules block from each face.
 
-One number per face is computed without a shadow map: there are no jagged edges, there is no second
-rendering pass, and nothing flickers from frame to frame.
+One number per face is computed without a shadow map, which would have jagged edges, need a second
+rendering pass and flicker from frame to frame.
 """
 
 from __future__ import annotations

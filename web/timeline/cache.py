@@ -37,7 +37,7 @@ class Cache(Generic[Thing]):
             self._things[key] = thing
 
     def get_or_make(self, key: Hashable, make: Callable[[], Thing]) -> Thing:
-        """Return the value stored under a key, or make and store it."""
+        """Return the value stored under a key, or compute and store it."""
         thing = self.get(key)
         if thing is None:
             thing = make()

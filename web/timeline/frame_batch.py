@@ -30,7 +30,7 @@ from web.timeline.window_columns import (
 )
 
 MAX_BATCH_BYTES: Final = 2**20
-"""Maximum size of a batch of a motion's frames that a browser gets in one answer, in bytes before
+"""Maximum size of a batch of a motion's frames that a browser gets in one response, in bytes before
 compression. A larger value needs fewer requests, and each one takes longer. Chosen."""
 UNLIMITED_BYTES: Final = 2**40
 """Limit for the size of a batch of frames that is to hold a whole motion, in bytes: larger than any
@@ -52,10 +52,10 @@ _BATCHES: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 def cached_batch(
     timeline: TimelineView, start: int = 0, stop: int | None = None, stride: int = 1
 ) -> bytes:
-    """Return ``batch_of`` with its default size; recent batches of finished timelines are cached.
+    """Return a batch of the default size; recent batches of finished timelines are cached.
 
     Raises:
-        TimelineError: When the timeline is being replaced.
+        TimelineError: If the timeline is being replaced.
     """
     with timeline.reading():
         key = (timeline.edition, start, stop, stride)
@@ -88,7 +88,7 @@ def batch_of(
         without: Columns of a windowed timeline to leave out.
 
     Raises:
-        TimelineError: When the timeline is being replaced.
+        TimelineError: If the timeline is being replaced.
     """
     with timeline.reading():  # so that header and columns agree
         total = len(timeline)
@@ -172,7 +172,7 @@ def thinned(timeline: TimelineView, stride: int) -> bytes:
     """Return a finished timeline in one batch: every ``stride``-th frame and the last.
 
     Raises:
-        TimelineError: When the timeline is being replaced.
+        TimelineError: If the timeline is being replaced.
     """
     if stride == 1:
         return batch_of(timeline, largest=UNLIMITED_BYTES)
@@ -187,7 +187,7 @@ def chosen(timeline: TimelineView, frames: NDArray[np.int64]) -> bytes:
     """Return some frames of a finished dense timeline in one batch, renumbered.
 
     Raises:
-        TimelineError: When the timeline is being replaced.
+        TimelineError: If the timeline is being replaced.
     """
     return _joined(timeline, [timeline.frames(0, len(timeline))[frames]])
 

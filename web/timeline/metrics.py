@@ -35,10 +35,10 @@ from web.timeline.cache import Cache, version_of
 from web.timeline.columns import encode
 
 MAX_PLOT_ANSWER_NUMBERS: Final = 2**18
-"""Maximum count of numbers in one answer with the data of a fold's plots. A larger value needs
+"""Maximum count of numbers in one response with the data of a fold's plots. A larger value needs
 fewer requests, and each one takes longer. Chosen."""
 MAX_PLOT_ANSWER_FRAMES: Final = 128
-"""Maximum number of frames in one answer with the data of a fold's plots. A larger value needs
+"""Maximum number of frames in one response with the data of a fold's plots. A larger value needs
 fewer requests, and each one takes longer. Chosen."""
 ERROR_SAMPLES: Final = 48
 """Approximate number of frames, spread over a fold's motion, from which the largest position error
@@ -55,8 +55,8 @@ def cached_figures(directory: Path, part: int | None = None) -> bytes:
     """Return ``curves_of``, or ``stretch_of`` a part; recent messages are cached.
 
     Raises:
-        TimelineError: When there are no figures, or no such stretch.
-        OSError: When they are being replaced.
+        TimelineError: If there are no figures, or no such stretch.
+        OSError: If they are being replaced.
     """
     parts = [directory / FIGURES / "zarr.json", result_path(directory, TIMELINE) / "zarr.json"]
     parts += [path for path in (result_path(directory, FORCES),) if path.exists()]
@@ -70,7 +70,7 @@ def curves_of(directory: Path) -> bytes:
     """Return the data of a plot of all frames.
 
     Raises:
-        TimelineError: When there are no figures.
+        TimelineError: If there are no figures.
     """
     curves = Curves.load(directory / FIGURES)
     timeline = Timeline.open(result_path(directory, TIMELINE))
@@ -108,7 +108,7 @@ def stretch_of(directory: Path, part: int) -> bytes:
     """Return the figures of the modules and hinges in one stretch of frames.
 
     Raises:
-        TimelineError: When there are no figures, or no such stretch.
+        TimelineError: If there are no figures, or no such stretch.
     """
     timeline = Timeline.open(result_path(directory, TIMELINE))
     forces, total = _forces(directory, timeline), len(timeline)
@@ -138,7 +138,7 @@ def table_forces(directory: Path) -> bytes | None:
     Torques and forces are accurate to half a per cent, which keeps the message small.
 
     Raises:
-        TimelineError: When there is no timeline.
+        TimelineError: If there is no timeline.
     """
     timeline = Timeline.open(result_path(directory, TIMELINE))
     if (forces := _forces(directory, timeline)) is None:

@@ -93,7 +93,7 @@ class TimelineView:
         """Open the timeline at ``path``.
 
         Raises:
-            TimelineError: When there is none yet, or it is damaged.
+            TimelineError: If there is none yet, or it is damaged.
         """
         self.path = str(path)
         self._lock = threading.RLock()
@@ -118,7 +118,7 @@ class TimelineView:
 
     @property
     def id(self) -> str:
-        """Id, different for every timeline, also for one that replaces another."""
+        """Id of the timeline; one that replaces another at the same path has a different id."""
         return self._timeline.id
 
     @property
@@ -134,7 +134,7 @@ class TimelineView:
 
     @property
     def chain(self) -> Chain:
-        """The chain that is shown."""
+        """Displayed chain."""
         return self._timeline.chain
 
     @property
@@ -154,13 +154,13 @@ class TimelineView:
 
     @property
     def error_scale_rad(self) -> float:
-        """The joint error at which a module is fully red."""
+        """Joint error at which a module is fully red."""
         with self._lock:
             known = self._max_error[np.isfinite(self._max_error)]
             return error_scale(float(known.max()) if len(known) else 0.0)
 
     def refresh(self, *, at_once: bool = False) -> bool:
-        """Read new frames, at most every ``REFRESH_INTERVAL_S``; return True if there are any."""
+        """Read new frames, at most every ``REFRESH_INTERVAL_S``; return True after a change."""
         with self._lock:
             now = time.monotonic()
             if not at_once and now - self._refreshed < REFRESH_INTERVAL_S:
@@ -186,7 +186,7 @@ class TimelineView:
         """Return the snapshot at ``frame``, interpolated if it is not an integer.
 
         Raises:
-            TimelineError: When the view holds no frame yet, or its timeline is being replaced.
+            TimelineError: If the view holds no frame yet, or its timeline is being replaced.
         """
         with self._lock:
             if not self._summarised:
@@ -211,7 +211,7 @@ class TimelineView:
         """Return the table that the chain folds on, large enough for the whole motion.
 
         Raises:
-            TimelineError: When the timeline is being replaced.
+            TimelineError: If the timeline is being replaced.
         """
         with self._lock:
             if self.growing or not self._summarised:
@@ -350,7 +350,7 @@ class TimelineView:
     def _chunk(self, index: int) -> Motion:
         """Return the chunk of frames from ``index * rows`` on."""
         start = index * self._rows
-        stop = min(start + self._rows, self._summarised)  # the last chunk grows
+        stop = min(start + self._rows, self._summarised)  # the last chunk may still grow
 
         def read() -> Motion:
             with self.reading():

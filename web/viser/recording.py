@@ -32,7 +32,7 @@ def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes
     """Return a recording of ``RECORDING_S`` seconds; of long timelines frames are left out.
 
     Raises:
-        TimelineError: When the timeline is being replaced.
+        TimelineError: If the timeline is being replaced.
     """
     most = max(2, min(MAX_RECORDED_FRAMES, MAX_RECORDED_NUMBERS // (8 * len(timeline.chain))))
     frames = np.unique(

@@ -58,7 +58,7 @@ def path_colours(modules: int) -> NDArray[np.uint8]:
 
 
 def add_lights(server: viser.ViserServer, *, sky: float, shadows: bool) -> None:
-    """Add viser's default lights, a neutral sky of some intensity and a light from the side."""
+    """Add viser's default lights, a neutral sky of the given intensity and a side light."""
     scene = server.scene
     scene.set_up_direction("+z")
     scene.configure_default_lights(True, cast_shadow=shadows)
@@ -243,7 +243,7 @@ class Scene:
         self._ends.batched_wxyzs = wxyzs.astype(np.float32)
 
     def move_ground(self, seconds: float) -> None:
-        """Move the ground towards its place just below the chain, for some playing time."""
+        """Let the ground follow the chain for ``seconds`` of playing time."""
         if self._last is None or self._table is not None:
             return
         shown = self._last.positions[: self._last.framed]

@@ -151,7 +151,7 @@ def quiet() -> Generator[None]:
 
 @contextlib.contextmanager
 def viser_server() -> Generator[viser.ViserServer]:
-    """Run a viser server in the context, which only this machine can reach."""
+    """Run a viser server during the context; only this machine can reach it."""
     import viser  # imported late, so that the service starts faster
 
     with _OPENING, quiet():
@@ -168,7 +168,7 @@ def viser_server() -> Generator[viser.ViserServer]:
 def viser_scene(
     chain: Chain, stretch: int | None = None, table: TableTop | None = None
 ) -> Generator[tuple[viser.ViserServer, Scene]]:
-    """Run a viser server with the scene of a chain in the context."""
+    """Run a viser server with the scene of a chain during the context."""
     with viser_server() as server:
         yield server, Scene(server, chain, stretch=stretch, table=table)
 

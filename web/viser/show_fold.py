@@ -24,7 +24,7 @@ LAST_STAGE: Final = STAGES[-1]
 
 
 class Live(Shown):
-    """A fold that is shown while it is computed: give it to ``planner.fold`` as its ``progress``.
+    """A fold that is shown while it is computed: pass it to ``planner.fold`` as ``progress``.
 
     It shows the newest frame until a viewer moves the slider back. When the fold ends, it keeps all
     frames in memory, because the fold's directory may be deleted. One object can show several

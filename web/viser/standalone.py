@@ -1,4 +1,4 @@
-"""Standalone: pages that play without a server, also from a disk.
+"""Standalone: pages that play without a server, also from a local disk.
 
 A downloaded page holds a whole fold: the same scripts as the embedded one, viser's client, the
 scene bundle and a single batch of all frames. The pages of a static website share scripts and
@@ -87,7 +87,7 @@ def standalone_html(
         kept: ``tour`` and ``values`` of the fold, each None if there are none.
 
     Raises:
-        TimelineError: When the timeline is being replaced.
+        TimelineError: If the timeline is being replaced.
     """
     stride = max(1, -(-unpacked_bytes(timeline) // MAX_STANDALONE_BYTES))
     if stride > 1:

@@ -1,6 +1,6 @@
-"""Viewer: a fold in a viser server of its own, its poses streamed frame by frame.
+"""Viewer: a fold in a viser server of its own, with poses streamed frame by frame.
 
-This is for programs: it uses viser's public names only, and a program can add to the server's
+It is meant for programs: it uses viser's public names only, and a program can add to the server's
 scene. The pages of the service play folds in the browser instead.
 """
 
@@ -113,8 +113,8 @@ class _Controls:
 class Shown:
     """A fold in a viser server of its own; ``web.viser.show`` creates it.
 
-    All clients share one playhead, because the server belongs to one program. In a notebook, the
-    view is displayed if it is the last expression of a cell. Close it, or use it in a ``with``.
+    All clients share one playhead, because the server belongs to one program. A notebook displays
+    the view if it is the last expression of a cell. Close it, or use it in a ``with`` block.
 
     Attributes:
         server: viser server, to whose scene and controls a program can add.
@@ -317,7 +317,7 @@ class Shown:
         try:
             snapshot = moments.snapshot(self._playhead.frame)
         except TimelineError:
-            return  # it is being replaced; the old display stays until then
+            return  # the timeline is being replaced; keep the current display
         with self.server.atomic():
             scene.show(snapshot, self._painted(snapshot, moments.error_scale_rad))
             scene.move_ground(GROUND_SETTLING_S)
@@ -372,7 +372,7 @@ def _server(host: str, port: int) -> viser.ViserServer:
     Raises:
         InputError: ``no-such-address``, for which viser itself would wait forever.
     """
-    import viser  # imported late, because it takes long
+    import viser  # imported late, because the import is slow
 
     try:
         kind, _, _, _, (address, *_) = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
@@ -389,7 +389,7 @@ def _free(kind: socket.AddressFamily, address: str, port: int) -> int:
     """Return the first free port from ``port`` on; 0 for 0.
 
     Raises:
-        OSError: When there is none, or the address is not of this machine.
+        OSError: If there is none, or the address is not of this machine.
     """
     while True:
         with socket.socket(kind, socket.SOCK_STREAM) as tried:
@@ -408,6 +408,6 @@ def _url(host: str, port: int) -> str:
         address = ipaddress.ip_address(host)
     except ValueError:
         return f"http://{host}:{port}"
-    if address.is_unspecified:  # all addresses of this machine, one of which is loopback
+    if address.is_unspecified:  # it stands for all addresses; loopback is always among them
         address = ipaddress.ip_address("127.0.0.1" if address.version == 4 else "::1")
     return f"http://[{address}]:{port}" if address.version == 6 else f"http://{address}:{port}"
