@@ -77,7 +77,7 @@ def test_half_written_files_of_killed_processes_are_removed(store: Store) -> Non
     stale, fresh = [place / name for name in names], place / ".plan.json.ff.partial"
     later = place / ".figures.zarr.b1.partial"
     tidy = housekeeping(store)
-    for paths in ((*stale, fresh), (later,)):  # a process may be killed between two sweeps
+    for paths in ((*stale, fresh), (later,)):  # a process may be killed after the first sweep, too
         for path in paths:
             path.mkdir()
             if path != fresh:

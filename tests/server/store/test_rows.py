@@ -56,7 +56,7 @@ def test_ended_or_cancelled_fold_keeps_its_status(store: Store) -> None:
     assert store.cancel(verified.id, OWNER)
     assert store.fold(verified.id).status == "verified"
     assert store.cancel(cancelled.id, OWNER)
-    # a later report of its worker changes nothing
+    # a later report of its worker does not change the status
     assert store.finish(cancelled.id, "verified", summary={"status": "verified"}, size=10)
     ended = store.fold(cancelled.id)
     assert (ended.status, ended.summary, ended.error, ended.bytes) == ("cancelled", {}, None, 10)
