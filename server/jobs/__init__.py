@@ -1,1 +1,1 @@
-"""Jobs: the queue, the worker that computes folds and movies, and the cleanup."""
+"""Jobs: the queue, the worker that computes folds and movies, and the clean-up."""
