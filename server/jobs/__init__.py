@@ -1,1 +1,1 @@
-"""Jobs: the queue, the worker that computes folds and movies, and the clean-up."""
+"""Jobs: the queue, the worker that computes folds and movies, and the cleanup."""
