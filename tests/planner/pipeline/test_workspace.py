@@ -64,8 +64,7 @@ def stall_after_first(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_refused_plan_is_shown_though_later_attempts_stick_and_stages_run_twice(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A stage runs twice if the process is killed after its last file but before its end is
-    noted."""
+    """A stage runs twice if the process is killed after its last file, before its end is noted."""
     refuse_first_plan(monkeypatch)
     stall_after_first(monkeypatch)
     directory = write_request(tmp_path, write_path(SQUARE), strategy="simultaneous")
