@@ -1,4 +1,4 @@
-"""Meshes into cells: overlap of cells and solid, and the cost from a large mesh file to a path."""
+"""Voxelisation: overlap of cells and solid, and the cost from a large mesh file to a path."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def meshes(reference_seconds: float) -> Section:
 
 
 def _voxelised(section: Section, forms: dict[str, Callable[[], Mesh]], which: str) -> None:
-    """Measure the IoU of some meshes; no parameter was tuned with the held-out ones."""
+    """Measure the IoU of some meshes; the held-out ones were not used to tune parameters."""
     rows: list[dict[str, object]] = []
     ious: list[tuple[float, float]] = []
     held: list[bool] = []

@@ -1,4 +1,4 @@
-"""Strangers: how much a few visitors slow others down, with simulated robots and first views."""
+"""Strangers: slowdown of others by a few visitors with simulated robots and first views."""
 
 from __future__ import annotations
 

@@ -97,7 +97,7 @@ def _phases(film: TimelineView) -> list[Ints]:
 
 
 def _spread(film: TimelineView, count: int, also: int | None) -> Ints:
-    """Return frame numbers, ``count`` of each phase, and one that must be among them."""
+    """Return frame numbers: ``count`` from each phase, and one required frame."""
     parts = [_evenly(film, frames, count) for frames in _phases(film)]
     if also is not None:
         parts.append(np.array([also]))

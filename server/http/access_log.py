@@ -1,4 +1,4 @@
-"""Access: what every request leaves behind, a line in the log and a place in the figures."""
+"""Access log: one line and one entry in the metrics for every request."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ log = logging.getLogger("foldback.access")
 class Access:
     """Middleware that gives every request an id (``X-Request-ID``), logs and counts it.
 
-    One that comes in is kept when it is sane, so that a proxy's log and this one can be joined. The
-    query is never logged, nor who asked; of the path, which route it is. Only where there is no
-    such route the path itself is told.
+    A valid id in the request is reused, so that this log can be joined with a proxy's. Neither the
+    query nor the visitor is logged. The path is logged as the template of its route, or itself if
+    no route matches.
     """
 
     def __init__(self, app: ASGIApp, *, metrics: Metrics) -> None:
@@ -49,7 +49,7 @@ class Access:
         came = Headers(scope=scope).get(REQUEST_ID_HEADER, "")
         request_id = came if REQUEST_ID_PATTERN.fullmatch(came) else uuid.uuid4().hex
         scope.setdefault("state", {})["request_id"] = request_id
-        # Not taken back at the end: what the server says of a failure is said outside of here.
+        # Not reset at the end: the server logs failures outside of this middleware.
         from_now_on_about(request=request_id)
         status = 500
         cut = True
@@ -97,6 +97,6 @@ def route_of(scope: Scope) -> str:
 
 
 def request_id_of(scope: Scope) -> dict[str, str]:
-    """Return the header that names a request, for an answer that is made outside of ``Access``."""
+    """Return the header with a request's id, for responses created outside of ``Access``."""
     found = scope.get("state", {}).get("request_id")
     return {REQUEST_ID_HEADER: found} if found else {}

@@ -1,4 +1,4 @@
-"""Base path: path prefix of the addresses of a service that shares its host with other sites."""
+"""Base path: path prefix of a service that shares its host with other sites."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ def at(path: str) -> str:
 
 
 class BelowPath:
-    """Middleware that takes the base path off the address of each request.
+    """Middleware that removes the base path from the address of each request.
 
-    All that follows sees the addresses of a service at the root, also where the proxy has taken the
-    base path off. Redirects lead below it.
+    Inner applications see the addresses of a service at the root, also if the proxy has already
+    removed the base path. Redirects get the base path again.
 
     Args:
         app: Inner ASGI application.
@@ -58,7 +58,7 @@ class BelowPath:
             BASE_PATH.reset(token)
 
     def _below(self, location: str, host: str) -> str:
-        """Return where a redirect of the service leads."""
+        """Return the location of a redirect with the base path added."""
         address = urlsplit(location)
         if address.netloc not in ("", host) or not address.path.startswith("/"):
             return location

@@ -1,4 +1,4 @@
-"""Addresses: the visitor that a request comes from, as bounds on visitors count it."""
+"""Client address: the visitor that a request counts for in limits per visitor."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Connections: how many there may be, and how long each may be silent or take nothing."""
+"""Connections: limits on their number, and on the time without requests or reads."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ log = logging.getLogger("foldback.serve")
 
 
 class Connections:
-    """Counts of connections by visitor and network."""
+    """Open connections, counted by visitor and network."""
 
     def __init__(self, settings: Settings) -> None:
         self.settings = settings
@@ -63,19 +63,19 @@ class Connections:
         )
 
     def visitor(self, host: str) -> str | None:
-        """Return the visitor at the other end of a connection, None for a trusted proxy."""
+        """Return the visitor at the other end of a connection; None for a trusted proxy."""
         try:
             address = ip_address(host)
         except ValueError:
-            return None  # a socket in the file system: a proxy of the same machine
+            return None  # a Unix socket: a proxy on the same machine
         proxied = any(address in network for network in self._proxies)
         return None if proxied else visitor_at(host)
 
     def opened(self, visitor: str | None, transport: GatedTransport) -> tuple[Permit | None, bool]:
-        """Count one more connection.
+        """Count a new connection.
 
         Returns:
-            Its permit, None when there may be no more; and whether it is one of the spare ones.
+            The connection's permit, or None if the limit is reached; True if it is a spare one.
         """
         for quota in (self._open, self._spare):
             try:
@@ -86,7 +86,7 @@ class Connections:
 
 
 def protocol_of(settings: Settings) -> type[H11Protocol]:
-    """Return the protocol that speaks HTTP within the bounds of the settings."""
+    """Return an HTTP protocol with the limits of the settings."""
     connections = Connections(settings)
 
     class BoundedProtocol(_BoundedProtocol):
@@ -96,7 +96,7 @@ def protocol_of(settings: Settings) -> type[H11Protocol]:
 
 
 class _CountingConnection(h11.Connection):
-    """Parses no events while its protocol is held."""
+    """Parser that counts events, and parses none while its protocol is held."""
 
     def __init__(self, protocol: _BoundedProtocol, most_bytes: int) -> None:
         super().__init__(h11.SERVER, most_bytes)
@@ -121,13 +121,13 @@ class _CountingConnection(h11.Connection):
 
 
 class _BoundedProtocol(H11Protocol):
-    """Hangs up on clients that say nothing, or take nothing, for too long."""
+    """HTTP protocol that closes connections of clients that send or read nothing for too long."""
 
     bounds: Connections
     pace: Pace
 
     def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
-        """Look after a new connection from here on."""
+        """Count a new connection and start its timeouts."""
         gate = GatedTransport(transport, self.loop)
         super().connection_made(cast("Any", gate))
         host = self.client[0] if self.client else ""
@@ -152,7 +152,7 @@ class _BoundedProtocol(H11Protocol):
         self._look()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Give the permit of the connection back."""
+        """Return the permit of the connection."""
         super().connection_lost(exc)
         self.pace.end()
         self._look_no_more()
@@ -160,19 +160,19 @@ class _BoundedProtocol(H11Protocol):
             self._permit.leave()
 
     def data_received(self, data: bytes) -> None:
-        """Parse what has come as far as the rate of events allows."""
+        """Parse received data as far as the event rate permits."""
         self.charge(1)
         super().data_received(data)
 
     def charge(self, events: float, *, request: bool = False) -> None:
-        """Count events of the visitor that the connection, or its last request, comes from."""
+        """Count events for the visitor of the connection, or of its last request."""
         visitor = self._visitor
         if visitor is None and (cycle := cast("Any", self.cycle)) and cycle.scope["client"]:
-            visitor = visitor_at(cycle.scope["client"][0])  # as the proxy names it
+            visitor = visitor_at(cycle.scope["client"][0])  # as reported by the proxy
         self.pace.charge(visitor, events, request=request)
 
     def handle_websocket_upgrade(self, event: Any) -> None:
-        """Leave a connection, with its permit, to the protocol of websockets."""
+        """Hand a connection and its permit over to the websocket protocol."""
         self._look_no_more()
         if self._spare or self._permit is None:
             self.transport.abort()
@@ -192,7 +192,7 @@ class _BoundedProtocol(H11Protocol):
         settings, now = self.bounds.settings, self.loop.time()
         cycle = cast("Any", self.cycle)
         if cycle is not self._answered or not (cycle is None or cycle.response_complete):
-            # It has asked for something since the last look, however quickly that was answered.
+            # There was a request since the last check, even if it is already answered.
             self._since, self._answered = now, cycle
         elif now - self._since > settings.header_seconds:
             self.transport.abort()
@@ -212,7 +212,7 @@ class _BoundedProtocol(H11Protocol):
 
 
 def _only_health(app: Any) -> Any:
-    """Return an application that answers ``/health`` alone."""
+    """Return an application that serves only ``/health``."""
 
     async def answer(scope: Any, receive: Any, send: Any) -> None:
         await (app if scope["path"] == EXEMPT_PATH else service_unavailable)(scope, receive, send)
@@ -221,7 +221,7 @@ def _only_health(app: Any) -> Any:
 
 
 def _bound_unacknowledged(transport: asyncio.Transport, seconds: float) -> None:
-    """Have the kernel end a connection whose peer acknowledges nothing for some time."""
+    """Let the kernel close a connection whose peer acknowledges no data for some time."""
     handle = transport.get_extra_info("socket")
     if handle is not None and handle.family in (socket.AF_INET, socket.AF_INET6):
         handle.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, round(1e3 * seconds))

@@ -1,8 +1,8 @@
-"""Downloads: files with the name of their fold, and answers that browsers revalidate.
+"""Downloads: files named after their fold, and responses that browsers revalidate.
 
-Files that are the same for all are compressed once. Answers that are made for one question are left
-to what stands in front of the service. Where a secret and a stranger's words share an answer, its
-packed length tells of the secret; what is packed here holds neither.
+Files that are the same for all visitors are compressed once. Compressing responses to individual
+requests is left to the reverse proxy: if a response contains both a secret and text of a stranger,
+its compressed length reveals the secret. Files that are compressed here contain neither.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ BINARY_MEDIA_TYPE: Final = "application/octet-stream"
 def download_stem(name: str) -> str:
     """Return a fold's name as the name of a file, without its ending.
 
-    Letters, digits and combining marks of all scripts stay; everything else becomes a hyphen, so
-    that no separator, quote or control character is left. Responses send what is not ASCII as
-    ``filename*`` (RFC 6266).
+    Letters, digits and combining marks of all scripts stay; all other characters become hyphens, so
+    that no separator, quote or control character remains. Responses send names that are not ASCII
+    as ``filename*`` (RFC 6266).
     """
     composed = unicodedata.normalize("NFC", name)
     stem = "".join(c if c.isalnum() or unicodedata.combining(c) else "-" for c in composed)
@@ -49,14 +49,14 @@ def download(
     ending: str,
     headers: Mapping[str, str] | None = None,
 ) -> FileResponse:
-    """Return a file that a browser saves under the name of its fold.
+    """Return a response that a browser saves as a file named after its fold.
 
     Args:
         path: The file.
-        media_type: Its media type.
+        media_type: Media type of the file.
         fold_name: Name of the fold.
         ending: Rest of the file's name.
-        headers: Headers besides.
+        headers: Additional headers.
     """
     filename = f"{download_stem(fold_name)}{ending}"
     return FileResponse(path, media_type=media_type, filename=filename, headers=headers)
@@ -81,7 +81,7 @@ def revalidated(
         request: The request.
         data: Body of the answer.
         media_type: Its media type.
-        headers: Headers besides, or instead of ``Cache-Control: no-cache``.
+        headers: Additional headers; may replace ``Cache-Control: no-cache``.
         etag: Entity tag of the data; computed if None.
     """
     tag = f'"{etag or etag_of(data)}"'
@@ -97,9 +97,9 @@ class Asset:
 
     Attributes:
         data: The uncompressed bytes.
-        packed: The bytes compressed by gzip; None if they are hardly smaller.
-        kind: Its media type.
-        etag: Changes with its content.
+        packed: The gzip-compressed bytes; None if they are hardly smaller.
+        kind: Media type.
+        etag: Entity tag, which changes with the content.
     """
 
     data: bytes
@@ -119,7 +119,7 @@ class Asset:
         )
 
     def response(self, request: Request, headers: Mapping[str, str] | None = None) -> Response:
-        """Return the answer, or 304 if the client has it; with ``headers`` besides its own."""
+        """Return the response, or 304 if the client has the file; ``headers`` are added."""
         takes = "gzip" in request.headers.get("accept-encoding", "")
         packed = self.packed if takes else None
         vary = {} if self.packed is None else {"Vary": "Accept-Encoding"}

@@ -1,10 +1,10 @@
-"""Event rates: how many protocol events a connection, a visitor and all of them may cause.
+"""Event rates: limits on the protocol events of a connection, a visitor and all visitors.
 
 Parsing costs processor time per event (a chunk, a frame, a request, a header field), not per byte:
 256 kB hold 43 000 chunks of one byte. After ``SLICE_EVENTS`` events a connection waits for the next
-turn of the event loop; beyond its rate it is not read from for a while, which TCP passes on to the
-peer. Both protocols parse in Python: httptools parses faster, but a whole read at once and without
-a bound on heads.
+turn of the event loop. Above its rate it is not read for a while; TCP flow control then slows the
+peer. Both protocols parse in Python: httptools is faster, but parses a whole read at once and does
+not limit the size of headers.
 """
 
 from __future__ import annotations
@@ -50,10 +50,10 @@ visitor's limit. Chosen."""
 
 
 class EventBudget(SharedBuckets):
-    """Tokens of visitors, their networks and all of them together. Belongs to one event loop.
+    """Token buckets for events of visitors, networks and all visitors. For one event loop.
 
     Args:
-        settings: Supply the rate of requests of a visitor.
+        settings: Contains the request rate of a visitor.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -65,12 +65,12 @@ class EventBudget(SharedBuckets):
 
 
 class GatedTransport:
-    """A transport that reads only while its protocol wants to and nothing holds it.
+    """Transport that reads only while its protocol wants to read and no hold is set.
 
     Attributes:
         reading: True while bytes are read.
-        close_s: Seconds after ``close`` until the connection is aborted if the peer does not take
-            the rest; None for no bound.
+        close_s: Seconds from ``close`` until the connection is aborted if the peer does not read
+            the remaining data; None for no limit.
     """
 
     def __init__(self, transport: Any, loop: asyncio.AbstractEventLoop) -> None:
@@ -90,22 +90,22 @@ class GatedTransport:
         self._apply()
 
     def resume_reading(self) -> None:
-        """Read again on behalf of the protocol, as soon as nothing holds the connection."""
+        """Resume reading on behalf of the protocol, as soon as no hold is set."""
         self._wanted = True
         self._apply()
 
     def hold(self, reason: str) -> None:
-        """Stop reading until the reason is released."""
+        """Stop reading until this hold is released."""
         self._holds.add(reason)
         self._apply()
 
     def release(self, reason: str) -> None:
-        """Read again, unless there is another reason or the protocol wants no more."""
+        """Release a hold; resume reading unless another is set or the protocol has paused."""
         self._holds.discard(reason)
         self._apply()
 
     def close(self) -> None:
-        """Close the connection once what was written has been sent, or after ``close_s``."""
+        """Close the connection once all written data are sent, or after ``close_s``."""
         closing = self._transport.is_closing()
         self._transport.close()
         if self.close_s is not None and not closing:
@@ -125,8 +125,8 @@ class Pace:
     Args:
         transport: The connection.
         loop: Its event loop.
-        budget: Tokens of all visitors.
-        proceed: Handles what has been received but not parsed, once the hold is over.
+        budget: Token buckets of all visitors.
+        proceed: Parses the data received during a hold, once the hold is released.
     """
 
     def __init__(
@@ -154,9 +154,9 @@ class Pace:
         """Count events of a visitor.
 
         Args:
-            visitor: The visitor, None if unknown.
+            visitor: The visitor; None if unknown.
             events: Number of events.
-            request: True if they are a request; those have no rate of the connection.
+            request: True for the events of a request; these do not count for the connection.
         """
         wait_s = self._budget.charge(visitor, events)
         if not request:
@@ -171,7 +171,7 @@ class Pace:
             self._timer = self._loop.call_later(max(0.0, wait_s), self._release)
 
     def end(self) -> None:
-        """Forget the connection."""
+        """Cancel the timer of the connection."""
         if self._timer is not None:
             self._timer.cancel()
 

@@ -1,4 +1,4 @@
-"""HEAD wherever there is GET: the headers of the answer, without its body."""
+"""HEAD requests: the headers of the response to GET, without its body."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 
 class HeadAsGet:
-    """Answer a HEAD request as the GET of the same address, and end it where the body would begin.
+    """Middleware that answers HEAD requests like GET, and ends the response before its body.
 
-    What makes the body is cancelled, so that a long file or an endless stream costs nothing.
+    The task that produces the body is cancelled, so that long files and endless streams cost
+    nothing.
     """
 
     def __init__(self, app: ASGIApp) -> None:
@@ -27,7 +28,7 @@ class HeadAsGet:
 
         async def send_head(message: Message) -> None:
             if message["type"] == "http.response.start":
-                if "route" in asked:  # logs name routes: addresses may be secrets
+                if "route" in asked:  # the log contains routes, because addresses may be secrets
                     scope["route"] = asked["route"]
                 await send(message)
                 return
@@ -42,4 +43,4 @@ class HeadAsGet:
         finally:
             making.cancel()
             with suppress(asyncio.CancelledError):
-                await making  # raises what it raised
+                await making  # re-raises errors of the application

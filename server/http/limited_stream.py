@@ -1,4 +1,4 @@
-"""Limited streams: responses that hold a permit of a quota, and are sent within a maximum time."""
+"""Limited streams: streaming responses with a permit of a quota and a maximum duration."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from server.limits.concurrency_quota import Permit
 
 
 class LimitedStream(StreamingResponse):
-    """An answer that is computed as it is sent.
+    """Response that is computed while it is sent.
 
     Args:
-        parts: The answer.
-        permit: Its permit of a quota.
-        media_type: Its media type.
-        headers: Further headers.
-        longest_s: Maximum time to send it, s.
+        parts: Parts of the body.
+        permit: Permit of a quota; returned when the response ends.
+        media_type: Media type.
+        headers: Additional headers.
+        longest_s: Maximum time for sending the response, s.
     """
 
     def __init__(
@@ -38,7 +38,7 @@ class LimitedStream(StreamingResponse):
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Send the response."""
-        # Who takes it too slowly is hung up on; not to send the end does that.
+        # Without an end of the body the server closes the connections of clients that read slowly.
         with self._permit, contextlib.suppress(TimeoutError):
             async with asyncio.timeout(self._longest_s):
                 await super().__call__(scope, receive, send)

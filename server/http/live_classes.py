@@ -1,8 +1,8 @@
-"""Live classes: a leader's view, live for all who follow.
+"""Live classes: a leader's view, shared live with followers.
 
-A view is the part of an address that says what is seen (docs/links.md); nothing else is passed on.
-A class is in the memory of the web process that its leader is connected to. It ends with the page
-of its leader; one whose connection is lost has some time to come back.
+A view is the part of an address that selects frame, camera and colours (docs/links.md); only views
+are passed on. A class exists in the memory of the web process that its leader is connected to. It
+ends when the leader closes the page; after a lost connection the leader has some time to return.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from server.limits.concurrency_quota import OPEN_RETRY_S, Quota
 from server.settings import Settings
 
 CODE_LETTERS: Final = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"
-"""Characters of a code: those that people do not confuse, as codes are read aloud."""
+"""Characters of a code. Similar ones are left out, because codes are read aloud."""
 CODE_LENGTH: Final = 12
 """Number of characters of the code in the link to a class (a leader whose 3D view of a fold others
 see live), of 32 letters and digits: 60 bits. A smaller value makes codes easier to guess.
@@ -40,23 +40,23 @@ VIEW_WORDS: Final = {
     "path": re.compile(r"1"),
     "follow": re.compile(r"0"),
 }
-"""Words of a view and their values; the page that shows a view reads them as strictly."""
+"""Parameters of a view and their permitted values; the pages' scripts check them as strictly."""
 
 
 @dataclass(slots=True, eq=False)
 class LiveClass:
-    """One class: what its leader sees now.
+    """State of one class.
 
     Attributes:
-        fold_id: Its fold.
+        fold_id: Id of its fold.
         code: Code with which followers join it.
-        key: Secret with which its leader comes back.
-        leader: Connection of its leader; None while it is lost.
-        lost_at: Time at which the leader was lost last, in s of the event loop.
-        view: The view; empty for that of the page.
+        key: Secret with which its leader reconnects.
+        leader: Connection of its leader; None while disconnected.
+        lost_at: Time of the leader's last disconnection, in s of the event loop.
+        view: The leader's current view; empty for the initial view of the page.
         followers: Number of followers.
-        over: True once it has ended.
-        changed: Set at the next change of these values, which replaces it.
+        over: True once the class has ended.
+        changed: Event that is set, and replaced by a new one, when these values change.
     """
 
     fold_id: str
@@ -70,19 +70,19 @@ class LiveClass:
     changed: asyncio.Event = field(default_factory=asyncio.Event)
 
     def change(self, **values: Any) -> None:
-        """Change values, and wake all that wait for a change."""
+        """Change values, and wake all tasks that wait for a change."""
         for name, value in values.items():
             setattr(self, name, value)
         before, self.changed = self.changed, asyncio.Event()
         before.set()
 
     async def wait_without(self, leader: object) -> None:
-        """Wait until the class is over, or led by another connection than one."""
+        """Wait until the class is over or has another leader than the given connection."""
         while not self.over and self.leader is leader:
             await self.changed.wait()
 
     async def wait_abandoned(self, patience_s: float) -> None:
-        """Wait until the class is over, or has been without a leader for some seconds."""
+        """Wait until the class is over or has been without a leader for ``patience_s``."""
         while not self.over:
             end = self.lost_at + patience_s if self.leader is None else None
             try:
@@ -96,7 +96,7 @@ class LiveClass:
         """Count a follower.
 
         Raises:
-            TooMany: If there are as many as there may be.
+            TooMany: If the class has ``MAX_FOLLOWERS`` followers.
         """
         if self.followers >= MAX_FOLLOWERS:
             detail = (
@@ -111,7 +111,7 @@ class LiveClass:
 
 
 class LiveClasses:
-    """Classes of one web process, by their codes. Belongs to one event loop."""
+    """Classes of one web process, by code. For one event loop."""
 
     def __init__(self, settings: Settings) -> None:
         self.leaders = Quota(
@@ -124,7 +124,7 @@ class LiveClasses:
 
     @contextlib.contextmanager
     def begun(self, fold_id: str) -> Generator[LiveClass]:
-        """Begin a class, which ends with the context."""
+        """Start a class that ends with the context."""
         code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
         begun = self._by_code[code] = LiveClass(fold_id, code)
         try:
@@ -134,7 +134,7 @@ class LiveClasses:
             begun.change(over=True)
 
     def find(self, code: str) -> LiveClass:
-        """Return the class of a code.
+        """Return the class with a code.
 
         Raises:
             NoSuch: If there is none.
@@ -148,7 +148,7 @@ class LiveClasses:
         return found
 
     def find_led(self, code: str, key: str) -> LiveClass:
-        """Return the class that a leader comes back to.
+        """Return the class that a leader reconnects to.
 
         Raises:
             NoSuch: If there is none, or it has another key.
@@ -160,7 +160,7 @@ class LiveClasses:
 
 
 def is_view(text: str | bytes) -> TypeGuard[str]:
-    """Return True if a message is a view: known words, each once, with proper values."""
+    """Return True if a message is a view: known parameters, each once, with valid values."""
     if not isinstance(text, str):
         return False
     if not text:

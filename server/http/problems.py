@@ -1,4 +1,4 @@
-"""Problems: how the API says that something is wrong (RFC 9457, ``application/problem+json``)."""
+"""Problems: error responses of the API (RFC 9457, ``application/problem+json``)."""
 
 from __future__ import annotations
 
@@ -78,20 +78,20 @@ HANDLED_ERRORS: Final = (
     *(ServiceError, InputError, DamagedError, StorageError, HTTPException),
     *(RequestValidationError, SQLAlchemyError, OSError),
 )
-"""Errors that a route may end with; each other one is a fault of the service."""
+"""Errors that a route may raise; any other error is a fault of the service."""
 PROBLEM_CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Problem:
-    """An answer that is a problem.
+    """Error response.
 
     Attributes:
         status: The HTTP status.
-        code: Short stable word for programs.
-        detail: Value found, value expected, remedy.
+        code: Short stable identifier for programs.
+        detail: Actual value, expected value, remedy.
         where: Position in the input, or None.
-        headers: Further headers of the answer.
+        headers: Additional headers of the response.
     """
 
     status: int
@@ -139,12 +139,12 @@ class Problem:
 
 
 def response_of(error: ServiceError) -> JSONResponse:
-    """Return the answer of middleware outside of the application's error handlers."""
+    """Return an error response, for middleware outside of the application's error handlers."""
     return Problem.of(error).response()
 
 
 class Guard:
-    """Middleware that answers some requests and websockets with a refusal.
+    """Base class of middleware that refuses some requests and websockets.
 
     Args:
         app: Inner ASGI application.
@@ -168,7 +168,7 @@ class Guard:
 def answer_of(
     request: HTTPConnection, problem: Problem, page: Callable[[Problem], Response]
 ) -> Response:
-    """Return the answer that is a problem: a page where a browser asks for one, else JSON."""
+    """Return the response for a problem: a page if the client accepts HTML, else JSON."""
     asked = request.headers.get("accept", "")
     if request.url.path.startswith("/api/") or "text/html" not in asked:
         return problem.response()
@@ -176,7 +176,7 @@ def answer_of(
 
 
 def of_trouble(error: BaseException | None) -> ServiceError | None:
-    """Return the error that the database does not answer or the disk is full, or None."""
+    """Return a service error if the database is unavailable or the disk is full, else None."""
     if isinstance(error, OperationalError) and "disk is full" in str(error.orig):
         return _disk()
     if isinstance(error, OperationalError) and "readonly database" in str(error.orig):
@@ -204,13 +204,13 @@ def install(app: FastAPI, page: Callable[[Problem], Response]) -> None:
 
     Args:
         app: The application.
-        page: Makes a page of one, for people who asked for a page.
+        page: Creates the error page for browsers.
     """
 
     async def on_error(request: Request, error: Exception) -> Response:
         problem = _problem_of(error, request.url.path)
         if isinstance(error, NoSuch | StorageError):
-            return problem.response()  # pages say it themselves; what else asks downloads files
+            return problem.response()  # pages handle these errors; other requests are downloads
         return answer_of(request, problem, page)
 
     async def on_anything(request: Request, error: Exception) -> Response:
@@ -228,7 +228,7 @@ def _problem_of(error: Exception, path: str) -> Problem:
     """Return the problem of one of ``HANDLED_ERRORS``, and log faults of the service.
 
     Raises:
-        Exception: It is an error of the database or the disk that should not occur.
+        Exception: If it is an unexpected error of the database or the disk.
     """
     match error:
         case ServiceError() | InputError():
@@ -251,7 +251,7 @@ def _problem_of(error: Exception, path: str) -> Problem:
                 headers=error.headers or {},
             )
         case _:
-            # Where a form came in, the framework has wrapped it.
+            # The framework wraps errors that occur while it reads a form.
             cause = error.__cause__ if isinstance(error, HTTPException) else error
             if (trouble := of_trouble(cause)) is None:
                 raise error
@@ -260,11 +260,11 @@ def _problem_of(error: Exception, path: str) -> Problem:
 
 
 def _refusal(error: Any) -> Unusable:
-    """Return the refusal of a parameter; an option's is worded as on the command line."""
+    """Return the refusal of a parameter; options have the messages of the command line."""
     place, name = error["loc"][0], str(error["loc"][-1])
     if place == "body" and name in options_of(FoldRequest):
         try:
-            with suppress(TypeError):  # not even a text
+            with suppress(TypeError):  # not a string
                 FoldRequest.of(**{name: error["input"]}).check()
         except InputError as refusal:
             return Unusable.of(refusal)

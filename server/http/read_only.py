@@ -1,4 +1,4 @@
-"""Read-only disk: reading works; every change is refused before its body is read."""
+"""Read-only disk: changes are refused before their body is read; all else works."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from server.http.security import SAFE_METHODS
 
 
 class ReadOnly:
-    """Refuses all requests that would change something.
+    """Middleware that refuses all requests that would change something.
 
     Args:
-        app: Application behind it.
-        page: Maker of a page that says what is wrong, for browsers.
+        app: Inner ASGI application.
+        page: Creates the error page for browsers.
     """
 
     def __init__(self, app: ASGIApp, *, page: Callable[[Problem], Response]) -> None:

@@ -1,4 +1,4 @@
-"""Rates: how many requests a visitor may make, by a token bucket for each."""
+"""Request rates: a limit on the requests of each visitor, by token buckets."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ EXEMPT_PATH: Final = "/health"
 
 
 class RequestRate(Guard):
-    """Refuses the requests of a visitor that come faster than they may.
+    """Middleware that rejects a visitor's requests above the rate limit.
 
     Args:
         app: Inner ASGI application.
-        rate: Requests a second.
-        burst: Requests at once, after a while without any.
+        rate: Permitted requests per second.
+        burst: Permitted number of requests at once after a pause.
     """
 
     def __init__(self, app: ASGIApp, *, rate: float, burst: int) -> None:
@@ -33,7 +33,7 @@ class RequestRate(Guard):
         self._buckets = TokenBuckets(rate, burst)
 
     def refusal(self, scope: Scope) -> ServiceError | None:
-        """Return the refusal of one request too many."""
+        """Return the refusal of a request above the rate limit."""
         if scope["path"] == EXEMPT_PATH:
             return None
         visitor = address_of(HTTPConnection(scope))

@@ -1,9 +1,9 @@
-"""Response cache: what was answered within the last second is answered again.
+"""Response cache: repeated requests within a second get the same response.
 
-A link that many have opened is asked for the same things many times a second, and a verified fold
-changes no more. So a route may mark its answer as one of a verified fold; others then get the same
-bytes, without a thread, a database or a route. Who deletes a fold here has it gone at once; through
-another process it is gone after that second.
+A link that many visitors have opened causes many equal requests per second, and a verified fold no
+longer changes. A route may therefore mark its response as one of a verified fold. Other clients
+then get the same bytes, without a thread, a database query or a route. A fold that is deleted
+through this process disappears at once; through another process, after at most a second.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class _Answer:
     headers: dict[str, str]
     body: bytes
     known: dict[str, Any]
-    """Of the scope: the route, for who counts requests."""
+    """Entries of the scope that access log and metrics read, such as the route."""
 
 
 def mark(request: HTTPConnection, row: Any) -> None:
@@ -50,7 +50,7 @@ def mark(request: HTTPConnection, row: Any) -> None:
 
 
 class ResponseCache:
-    """See the module's description.
+    """Middleware that caches responses of verified folds; see the module's description.
 
     Args:
         app: Inner ASGI application.
@@ -60,7 +60,7 @@ class ResponseCache:
     def __init__(self, app: ASGIApp, *, clock: Callable[[], float] = time.monotonic) -> None:
         self._app = app
         self._clock = clock
-        # One that is a little too old is still there for all others while one of them asks anew.
+        # Expired responses remain for other clients while one request computes a new one.
         self._answers: TTLCache[Key, _Answer, float] = TTLCache(
             MAX_RESPONSE_CACHE_BYTES, 2 * RESPONSE_CACHE_S, clock, lambda answer: len(answer.body)
         )
@@ -91,7 +91,7 @@ class ResponseCache:
             headers = {k: v for k, v in found.headers.items() if not same or k != "content-length"}
             await Response(body, status, headers)(scope, receive, send)
             return
-        if found is not None:  # the first to come finds out whether it is still so, for all others
+        if found is not None:  # only the first request computes it again; others get the old one
             self._answers[key] = replace(found, until=self._clock() + RESPONSE_CACHE_S)
         start: Message = {}
 
@@ -110,7 +110,7 @@ class ResponseCache:
     def _keep(self, key: Key, scope: Scope, start: Message, body: bytes) -> None:
         fold_id = scope.get("state", {}).get(CACHEABLE_FOLD)
         headers = {k.decode("latin-1"): v.decode("latin-1") for k, v in start["headers"]}
-        whole = headers.get("content-length") == str(len(body))  # and not the last of many pieces
+        whole = headers.get("content-length") == str(len(body))  # not the last part of a stream
         if (
             fold_id is None
             or start["status"] != 200

@@ -1,4 +1,4 @@
-"""Security: headers of every answer, and the sites whose pages may call the service."""
+"""Security: headers of all responses, and checks of hosts, addresses and origins."""
 
 from __future__ import annotations
 
@@ -30,24 +30,24 @@ PAGE_POLICY: Final = "; ".join(
 SECURITY_HEADERS: Final = {
     "X-Content-Type-Options": "nosniff",
     "X-Frame-Options": "SAMEORIGIN",
-    # Nor does a site that a page leads to learn its link.
+    # Linked sites do not learn the address of the page, which may be secret.
     "Referrer-Policy": "same-origin",
     "Cross-Origin-Opener-Policy": "same-origin",
     "Cross-Origin-Resource-Policy": "same-origin",
     "Permissions-Policy": "camera=(), geolocation=(), microphone=(), payment=(), usb=()",
-    # Links are secrets: no search engine tells them.
+    # Links are secrets, so search engines must not index them.
     "X-Robots-Tag": "noindex, nofollow",
 }
 INDEXED_HEADERS: Final = {"X-Robots-Tag": "all"}
-"""Header of public answers, such as those of the gallery, that permits search engines to index
-them; all other answers forbid it."""
+"""Header of public responses, such as those of the gallery, that permits search engines to index
+them; all other responses forbid it."""
 CONTROL_CHARACTERS: Final = re.compile(r"[\x00-\x1f\x7f]")
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 
 
 class SecurityHeaders:
-    """Adds the headers to every answer; a route may set its own instead."""
+    """Middleware that adds security headers to every response, unless the route has set them."""
 
     def __init__(self, app: ASGIApp) -> None:
         self._app = app
@@ -64,7 +64,7 @@ class SecurityHeaders:
                 for name, value in SECURITY_HEADERS.items():
                     headers.setdefault(name, value)
                 headers.setdefault("Content-Security-Policy", PAGE_POLICY)
-                # Links are secrets: what is behind them is nothing for caches that many share.
+                # Links are secrets, so shared caches must not store their pages.
                 headers.setdefault("Cache-Control", "private, no-cache")
             await send(message)
 
@@ -72,11 +72,11 @@ class SecurityHeaders:
 
 
 class AllowedHosts(Guard):
-    """Refuses requests under names that are not the service's own.
+    """Middleware that refuses requests under host names that are not the service's own.
 
-    Without it a page of another site could have its name point here (DNS rebinding), and would then
-    count as one of ours. The address to which a connection was made is the service's own: no name
-    leads there under it.
+    Otherwise another site could let its name point to this service (DNS rebinding), and its pages
+    would count as the service's own. The IP address to which the connection was made is permitted,
+    because no other name can stand for it.
     """
 
     def __init__(self, app: ASGIApp, *, hosts: Iterable[str]) -> None:
@@ -103,13 +103,14 @@ class AllowedHosts(Guard):
 
 
 class PrintingAddresses(Guard):
-    """Refuses paths and queries with characters that do not print, which no link of ours has.
+    """Middleware that refuses paths and queries with control characters.
 
-    Databases and file systems choke on some of them, logs are garbled by others.
+    No link of the service contains any. Some cause errors in databases and file systems, others
+    garble logs.
     """
 
     def refusal(self, scope: Scope) -> ServiceError | None:
-        """Return the refusal of an address that cannot be printed."""
+        """Return the refusal of an address with control characters."""
         if scope["type"] == "http" and CONTROL_CHARACTERS.search(scope["path"] + _query(scope)):
             return Malformed(
                 "bad-address", "got an address with characters that cannot be printed; remove them."
@@ -130,11 +131,11 @@ def host_name(host: str) -> str:
 
 
 def hosts_of(host: str, allowed: Iterable[str] = ()) -> tuple[str, ...]:
-    """Return the names that a service answers to.
+    """Return the host names that a service accepts.
 
     Args:
-        host: The address it listens on.
-        allowed: Names that an operator has set. None, on an address that others reach, is any.
+        host: The address that it listens on.
+        allowed: Names set by the operator. If there are none, a public address accepts all names.
     """
     allowed = tuple(host_name(name) for name in allowed)
     if not allowed and host not in LOOPBACK and not host.startswith("127."):
@@ -143,9 +144,9 @@ def hosts_of(host: str, allowed: Iterable[str] = ()) -> tuple[str, ...]:
 
 
 class SameOrigin(Guard):
-    """Refuses websockets and changes that come from pages of other sites.
+    """Middleware that refuses websockets and changes from pages of other sites.
 
-    Programs other than browsers send no Origin and are let through: they act for nobody else.
+    Requests without Origin are permitted: programs other than browsers act only for their user.
     """
 
     def __init__(self, app: ASGIApp, origins: Iterable[str] = ()) -> None:
@@ -153,7 +154,7 @@ class SameOrigin(Guard):
         self._origins = frozenset(origins)
 
     def refusal(self, scope: Scope) -> ServiceError | None:
-        """Return the refusal of a page of another site."""
+        """Return the refusal of a request from a page of another site."""
         acts = scope["type"] == "websocket" or scope["method"] not in SAFE_METHODS
         if not acts or self._allowed(Headers(scope=scope)):
             return None

@@ -1,4 +1,4 @@
-"""Upload limits: bytes and time of a body, parts of a form, and uploads at once."""
+"""Upload limits: size and duration of a body, parts of a form, and concurrent uploads."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ class BodyLimit:
 
         async def receive_counted() -> Message:
             nonlocal got, more
-            if not more:  # what comes after the body is only the end of the connection
+            if not more:  # the only message after the body is the disconnection
                 return await receive()
             left = min(self._idle_s, deadline - loop.time())
             message = await asyncio.wait_for(receive(), max(0.0, left))
@@ -94,8 +94,8 @@ class BodyLimit:
         async def receive_bounded() -> Message:
             try:
                 message = await receive_counted()
-                # What is said to come counts at once: a parser that meets its own limit
-                # in the first part of it would give another answer.
+                # The stated length counts at once; otherwise a parser that reaches its own limit
+                # in the first part would cause a different response.
                 if max(got, told) > most + FORM_OVERHEAD_BYTES:
                     if more:
                         await forget(receive)
@@ -116,7 +116,7 @@ def announced(headers: Headers) -> int:
 async def forget(receive: Receive) -> None:
     """Read the rest of a refused body, within limits.
 
-    Clients read the answer only when they could send.
+    Many clients read the response only after they have sent the whole body.
     """
     got = 0
     try:
@@ -131,11 +131,11 @@ async def forget(receive: Receive) -> None:
 
 
 class UploadsAtOnce:
-    """Bounds how many forms come in and are worked on at once, in all and of one visitor.
+    """Middleware that limits concurrent uploads of forms, in total and per visitor.
 
     Args:
         app: Inner ASGI application.
-        settings: They say how many.
+        settings: Contain the limits.
     """
 
     def __init__(self, app: ASGIApp, *, settings: Settings) -> None:
@@ -155,7 +155,7 @@ class UploadsAtOnce:
                 self._check_room(scope)
                 await self._app(scope, receive, send)
         except ServiceError as refusal:
-            if "expect" not in Headers(scope=scope):  # who waits for a word sends nothing yet
+            if "expect" not in Headers(scope=scope):  # a client that waits for 100 sends no body
                 await forget(receive)
             await response_of(refusal)(scope, receive, send)
 

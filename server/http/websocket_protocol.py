@@ -1,4 +1,4 @@
-"""Websockets: the bounds of a connection after its upgrade."""
+"""Websocket protocol: limits of a connection after its upgrade."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ processor time. Chosen."""
 
 
 class _CountingServer(ServerProtocol):
-    """Websocket server that counts the frames it parses."""
+    """Websocket server that counts parsed frames."""
 
     frames = 0
 
@@ -42,12 +42,12 @@ class _CountingServer(ServerProtocol):
 
 
 class BoundedWebSocket(WebSocketsSansIOProtocol):
-    """Websocket that holds its connection's permit, and bounds the frames it parses.
+    """Websocket protocol that holds its connection's permit and limits the rate of frames.
 
     Args:
         permit: Permit of the connection.
-        pace: Counts events of the connection.
-        visitor: Peer of the connection, None if it is a proxy.
+        pace: Event count of the connection.
+        visitor: Visitor at the other end; None for a proxy.
         more: Arguments of uvicorn's protocol.
     """
 
@@ -68,35 +68,35 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         super().connection_made(transport)  # type: ignore[arg-type]
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Give the permit back."""
+        """Return the permit."""
         super().connection_lost(exc)
         self._pace.end()
         self._permit.leave()
 
     def pause_writing(self) -> None:
-        """Read nothing from a peer that takes nothing: each ping would add to what waits."""
+        """Stop reading from a peer that does not read: each ping would add a waiting pong."""
         super().pause_writing()
         self._gate.hold("unread")
 
     def resume_writing(self) -> None:
-        """Read again."""
+        """Resume reading."""
         super().resume_writing()
         self._gate.release("unread")
         self._parse()
 
     async def receive(self) -> ASGIReceiveEvent:
-        """Return the next event; the frames after it are parsed once it has been taken."""
+        """Return the next event; the frames after it are parsed only then."""
         event = await super().receive()
         self._parse()
         return event
 
     async def send(self, message: ASGISendEvent) -> None:
-        """Send what the application says; a refusal instead of the handshake completes it."""
+        """Send a message; a refusal instead of the handshake completes the handshake."""
         await super().send(message)
         self.handshake_complete = self.handshake_complete or self.close_sent
 
     def data_received(self, data: bytes) -> None:
-        """Parse what has come as far as the rate of events allows."""
+        """Parse received data as far as the event rate permits."""
         self._unparsed += data
         self._charge(1)
         self._parse()
@@ -114,7 +114,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         return self.transport
 
     def _parse(self) -> None:
-        first = not self.handshake_initiated  # uvicorn hands the whole head over at once
+        first = not self.handshake_initiated  # uvicorn passes the whole request head at once
         while self._unparsed and (first or self._gate.reading):
             if self.transport.is_closing():
                 self._unparsed.clear()
@@ -128,7 +128,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
 
     def _charge(self, events: float) -> None:
         known = getattr(self, "scope", None)
-        # Behind a proxy the visitor is known once the application has been called.
+        # Behind a proxy the visitor is known only once the application has been called.
         client = known["client"] if known is not None else None
         visitor = visitor_at(client[0]) if self._visitor is None and client else self._visitor
         self._pace.charge(visitor, events)

@@ -1,4 +1,4 @@
-"""Websockets of routes: their messages, and works that run side by side while one is open."""
+"""Websockets of routes: messages, and concurrent tasks of an open connection."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ async def receive(websocket: WebSocket) -> str | bytes:
     """Return the next message.
 
     Raises:
-        WebSocketDisconnect: If the peer is gone.
+        WebSocketDisconnect: If the peer has disconnected.
     """
     message = await websocket.receive()
     if message["type"] == "websocket.disconnect":
@@ -23,7 +23,7 @@ async def receive(websocket: WebSocket) -> str | bytes:
 
 
 async def first_of(*works: Coroutine[Any, Any, object]) -> None:
-    """Wait until one of some works ends or the peer is gone, and cancel the others."""
+    """Run coroutines until one ends or the peer disconnects, then cancel the others."""
     tasks = [asyncio.ensure_future(work) for work in works]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

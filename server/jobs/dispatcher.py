@@ -1,4 +1,4 @@
-"""Dispatcher: takes jobs from the queue as places become free, and computes each in a thread."""
+"""Dispatcher: takes jobs from the queue as slots become free, and computes each in a thread."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ log = logging.getLogger("foldback.worker")
 
 
 class Dispatcher:
-    """Threads that compute what this worker has claimed.
+    """Threads that compute the jobs that this worker has claimed.
 
     Args:
         queue: The queue.
         runner: Computes folds.
         movies: Makes movies.
         worker: Name of this worker.
-        places: Number of jobs of each lane that are computed at the same time.
+        places: Maximum number of jobs of each lane that are computed at the same time.
     """
 
     def __init__(
@@ -54,17 +54,17 @@ class Dispatcher:
         self._closed = False
 
     def start(self) -> None:
-        """Start to take jobs."""
+        """Start taking jobs."""
         threading.Thread(target=self._take_jobs, name="dispatcher", daemon=True).start()
 
     def close(self) -> None:
-        """Take no more jobs; those that were taken continue."""
+        """Take no more jobs; running ones continue."""
         with self._changed:
             self._closed = True
             self._changed.notify_all()
 
     def wait_idle(self, timeout_s: float) -> bool:
-        """Wait until no job is being computed; False if the time ends first."""
+        """Wait until no job is running; return False on a timeout."""
         with self._changed:
             return self._changed.wait_for(lambda: self.active == 0, timeout_s)
 
@@ -93,7 +93,7 @@ class Dispatcher:
                     self._changed.wait(QUEUE_POLL_S)
 
     def _take(self, lane: Lane) -> bool:
-        """Start the next job of a lane; False if there is no free place or no job."""
+        """Start the next job of a lane; return False if there is no free slot or no job."""
         with self._changed:
             if self._closed or not self._free[lane]:
                 return False
@@ -119,7 +119,7 @@ class Dispatcher:
             if not isinstance(error, NotFinishedError):
                 log.exception("job %s goes back to the queue", claim.execution)
                 time.sleep(QUEUE_POLL_S)
-            # Nothing changes where it is another's by now, or is back already.
+            # No effect if another execution has the job or it is already in the queue.
             retry_until_available(lambda: self._queue.hand_back(claim))
         finally:
             with self._changed:

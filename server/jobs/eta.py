@@ -1,7 +1,7 @@
-"""ETA: estimated remaining time of a fold, from durations measured here.
+"""ETA: estimated remaining time of a fold, from measured durations.
 
 Typical durations of stages come from ``server.store.estimates``. The running stage also reports its
-progress: the farther it is, the more its own pace counts, also for the stages after it.
+progress: as it advances, its measured pace gains weight, also for the stages after it.
 """
 
 from __future__ import annotations
@@ -59,15 +59,15 @@ class QueueEstimate:
     """Estimate of a fold's position in the queue and of its remaining time.
 
     Attributes:
-        place: Position in the queue, 1 for the next; 0 if it does not wait.
-        running: Number of folds that are computed now in its lane, while it waits.
-        wait_s: About how long it waits, with what is left of ``preparing``; None when it does not
-            wait, when nobody computes, or when that is not known.
-        remaining_s: About how long until it is over, with the wait; 0 when it takes longer than
-            usual, None while its modules are not counted, nobody computes, or nobody knows how
-            long ``preparing`` lasts.
-        preparing: Progress of the workers while none of them can compute yet, or of the fold that
-            compiles kernels: this one, or one that it waits for; None otherwise.
+        place: Position in the queue, from 1; 0 if the fold does not wait.
+        running: Number of folds in its lane that are being computed while it waits.
+        wait_s: Estimated wait, including the rest of ``preparing``, s; None if the fold does not
+            wait, there is no worker, or the wait is unknown.
+        remaining_s: Estimated time to the end, including the wait, s; 0 if it takes longer than
+            usual; None if its modules are not counted yet, there is no worker, or the duration of
+            ``preparing`` is unknown.
+        preparing: Progress of the workers while none of them can compute yet, or of the kernels
+            that this fold, or one that it waits for, compiles; None otherwise.
     """
 
     place: int
@@ -82,8 +82,8 @@ class EtaEstimator:
 
     Args:
         store: Store with the rows.
-        leases: Knows the workers.
-        estimates: Expected times of folds; its own if None.
+        leases: Leases of the workers.
+        estimates: Expected times of folds; a new object if None.
         clock: Seconds since 1970.
     """
 
@@ -131,16 +131,16 @@ class EtaEstimator:
         )
 
     def _left_s(self, row: FoldRow, wait: float | None) -> float | None:
-        """Seconds until the end; 0 beyond the usual time, None when nobody knows."""
+        """Return the seconds to the end; 0 beyond the usual time, None if unknown."""
         usual = self._estimates.stages_s(row)
         if usual is None:
             return None
         if row.status == "queued":
-            # A fold that is paused begins the stage again that was cut off, and none before it.
+            # A paused fold repeats its interrupted stage, but none before it.
             ahead = STAGES[STAGES.index(row.stage or STAGES[0]) :]
             return None if wait is None else wait + sum(usual.get(stage, 0.0) for stage in ahead)
         told, now = row.progress, self._clock()
-        begun = told.get("stage") == row.stage  # else it is still what the stage before has said
+        begun = told.get("stage") == row.stage  # otherwise the report is of the previous stage
         return left_s(
             usual,
             stage=row.stage or STAGES[0],
@@ -151,7 +151,7 @@ class EtaEstimator:
         )
 
     def _smoothed(self, fold_id: str, left: float | None) -> int | None:
-        """Return the shown time: it counts down and approaches the estimate gradually."""
+        """Return the displayed time: it counts down and approaches the estimate gradually."""
         now = self._clock()
         with self._lock:
             if not left:
@@ -183,12 +183,12 @@ def left_s(
         usual: Typical seconds of each stage.
         stage: The running stage.
         fraction: Its reported progress, 0 to 1.
-        spent_s: Seconds that it and other stages have taken so far, without this run of it.
-        elapsed_s: Seconds of this run.
+        spent_s: Seconds of each stage so far, without the current run.
+        elapsed_s: Seconds of the current run.
         chooses: True if several plans are computed, so that stages are repeated.
     """
     place = STAGES.index(stage)
-    # The first stage says nothing of the machine's pace: it may have waited for compiled loops.
+    # The first stage does not show the machine's pace: it may have waited for compilation.
     before = STAGES[1:place]
     least = PACE_PRIOR * sum(usual.values())
     known = least + sum(usual.get(other, 0.0) for other in before)

@@ -1,4 +1,4 @@
-"""Execution: one attempt of a worker at computing a fold, from its checkpoint to its end."""
+"""Execution: a worker's computation of a fold, from its checkpoint to its end."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ class Outcome:
         status: Status of the fold.
         following: The next stage; None if the fold has ended.
         summary: Figures of the result.
-        error: ``code``, ``detail``, ``where`` of what went wrong, or None.
-        repeatable: True if the same upload would end the same way.
-        files: The epoch of its files.
-        size: Bytes of its files; None if unknown.
+        error: ``code``, ``detail`` and ``where`` of the error, or None.
+        repeatable: True if the same upload would have the same result.
+        files: Epoch of the fold's files.
+        size: Total size of these files, bytes; None if unknown.
     """
 
     status: str
@@ -65,7 +65,7 @@ class Outcome:
 
 
 class NotFinishedError(Exception):
-    """An execution that ends before its fold; nothing more is stored of it."""
+    """The execution ends before its fold and must store nothing more."""
 
 
 class LeaseLostError(NotFinishedError):
@@ -73,19 +73,19 @@ class LeaseLostError(NotFinishedError):
 
 
 class StoppingError(NotFinishedError):
-    """The worker stops: another one continues the fold."""
+    """The worker stops; another one continues the fold."""
 
 
 class PausedError(NotFinishedError):
-    """The fold is back in the queue, as others wait and its slice is over."""
+    """The fold is back in the queue, because its slice is over and others wait."""
 
 
 class CancelledError(Exception):
-    """The fold was cancelled while something was waited for."""
+    """The fold was cancelled during a wait."""
 
 
 def internal_failure(error: Exception, stage: str | None) -> Outcome:
-    """Return the outcome of an error of the service itself."""
+    """Return the outcome of an internal error of the service."""
     detail = f"an error occurred inside the service ({type(error).__name__}); try again."
     return Outcome(
         status="failed",
@@ -95,14 +95,14 @@ def internal_failure(error: Exception, stage: str | None) -> Outcome:
 
 
 class Execution:
-    """Computes one fold, in a child process with limits.
+    """Computation of one fold in a child process with limits.
 
     Args:
-        claim: The fold, and where it continues.
+        claim: The fold, and the stage at which it continues.
         store: Rows and files.
         children: Processes that compute stages.
         stage_seconds: Maximum duration of a stage, in s.
-        stopping: Set once the worker stops.
+        stopping: Event that is set once the worker stops.
     """
 
     def __init__(
@@ -125,7 +125,7 @@ class Execution:
         self._slice: Slice | None = None
 
     def run(self) -> None:
-        """Compute the fold to its end, and store that.
+        """Compute the fold to its end, and store the result.
 
         Raises:
             NotFinishedError: When it does not end here.
@@ -144,11 +144,11 @@ class Execution:
             self._release_child()
 
     def compute(self, stage: str, files: int) -> Outcome:
-        """Compute one stage and store its files. Any failure of it is an outcome.
+        """Compute one stage and store its files. Failures are returned as outcomes.
 
         Args:
             stage: The stage.
-            files: The epoch of the files that it starts from.
+            files: Epoch of the files that it starts from.
 
         Raises:
             NotFinishedError: When it does not end here.
@@ -170,13 +170,13 @@ class Execution:
             return replace(outcome, files=epoch, size=size)
         except CancelledError:
             self._close()
-            return replace(self._unwanted(), files=files)  # what it has made is kept nowhere
+            return replace(self._unwanted(), files=files)  # the files of this stage are dropped
 
     def finish(self, outcome: Outcome) -> None:
         """Store the result of the fold in its row, or clean up after a deleted one.
 
         Raises:
-            LeaseLostError: When another execution has the fold.
+            LeaseLostError: If another execution has the fold.
         """
         known = self._wait_for(
             lambda: self._store.finish(
@@ -197,7 +197,7 @@ class Execution:
         if outcome.status != "cancelled":
             self._wait_for(lambda: self._store.folders.leave(self._fold_id, outcome.files))
         else:
-            # Who has cancelled it wants the worker for something else: no waiting.
+            # No retries: the visitor may be waiting for the worker to start another fold.
             with contextlib.suppress(StorageError, SQLAlchemyError, NoSuchFoldError):
                 self._store.folders.leave(self._fold_id, outcome.files)
                 limit_cancelled(self._store, self._store.fold(self._fold_id).visitor)
@@ -211,7 +211,7 @@ class Execution:
         """Check that no other execution has the fold.
 
         Raises:
-            LeaseLostError: When one has.
+            LeaseLostError: If another execution has it.
         """
         with contextlib.suppress(NoSuchFoldError):
             row = self._wait_for(lambda: self._store.fold(self._fold_id))
@@ -235,7 +235,7 @@ class Execution:
             self._release_child()
             place = self._store.folders.place(self._fold_id)
             if stage in REPEATED_STAGES and any_verified(place):
-                # What was tried for a better plan went wrong: the best one so far is the fold's.
+                # The attempt at a better plan failed, so the best plan so far is the result.
                 return Outcome(status="running", following=STAGES[-1])
             told = {"code": error.code, "detail": error.detail, "where": stage}
             return Outcome(status="failed", error=told, repeatable=False)
@@ -245,7 +245,7 @@ class Execution:
             return internal_failure(error, stage)
 
     def _concluded(self, outcome: Outcome, stage: str, files: int) -> Outcome:
-        """Close what a fold that ends has left open; add its last known state if it failed."""
+        """Close the child and timeline of a fold that ends; add its last state if it failed."""
         outcome = replace(outcome, files=files)
         self._check_stopping()
         self._close()
@@ -278,7 +278,7 @@ class Execution:
         took_s = round(spent_s.get(stage, 0.0) + ended_at - started_at, 3)
         progress.take({"stage_s": {**spent_s, stage: took_s}, "began_at": ended_at})
         wanted = self._wait_for(progress.last)
-        # A stage that was told to stop may have a result all the same, of what there was by then.
+        # A cancelled stage may still return a result, computed from its data until then.
         if part.ended and wanted and self._wait_for(part.pause):
             raise PausedError(self._fold_id)
         if part.ended or result.get("status") == "cancelled" or not wanted:
@@ -302,12 +302,12 @@ class Execution:
                 )
                 error = {"code": "not-verified", "detail": reason, "where": None}
             return Outcome(status=status, summary=result, error=error)
-        # A plan that the certificate has refused is tried again in another way, a few times.
+        # After a plan that the certificate has refused, the fold retries with other settings.
         following = result.get("again") or STAGES[STAGES.index(stage) + 1]
         return Outcome(status="running", following=following)
 
     def _report(self, epoch: int, fields: dict[str, Any] | None) -> bool:
-        """Store the progress of a stage; False if the fold is no longer wanted."""
+        """Store the progress of a stage; return False if the fold is no longer wanted."""
         if fields is not None:
             place = self._store.folders.place(self._fold_id)
             fields = {**fields, "frames": frames_promised(place)}
@@ -321,12 +321,12 @@ class Execution:
         on_progress: Callable[[dict[str, Any]], None],
         cancelled: Callable[[], bool],
     ) -> dict[str, Any]:
-        """Compute a stage in the child of this execution; one that dies gets a successor.
+        """Compute a stage in the child of this execution; replace a child that crashes.
 
         Raises:
-            InputError: If the input is at fault.
-            ChildError: If a limit was exceeded, or ``MAX_CRASHES`` children died.
-            StoppingError: When the worker stops.
+            InputError: If the input is invalid.
+            ChildError: If a limit was exceeded, or ``MAX_CRASHES`` children crashed.
+            StoppingError: If the worker stops.
         """
         deaths = 0
         while True:
@@ -356,7 +356,7 @@ class Execution:
                 return {"status": "cancelled", "reason": "cancelled"}
 
     def _advised(self, error: InputError) -> InputError:
-        """Return the refusal, with shapes that a refold may end in instead."""
+        """Return the refusal, extended by shapes into which a refold is possible."""
         if error.code != "refold-differs":
             return error
         place = self._store.folders.place(self._fold_id)
@@ -367,7 +367,7 @@ class Execution:
         """Return the outcome of a fold that was cancelled or deleted.
 
         Raises:
-            LeaseLostError: When another execution has the fold.
+            LeaseLostError: If another execution has the fold.
         """
         self._check_held()
         return Outcome(status="cancelled", repeatable=False)
@@ -376,16 +376,16 @@ class Execution:
         """Call ``do`` until the database, the storage and the disk answer.
 
         Raises:
-            StoppingError: When the worker stops meanwhile.
+            StoppingError: If the worker stops meanwhile.
         """
         return retry_until_available(do, wait=self._wait)
 
     def _unless_cancelled(self, epoch: int, do: Callable[[], Answer]) -> Answer:
-        """Call ``do`` until the storage answers, but give up on a cancelled fold.
+        """Call ``do`` until the storage answers or the fold is cancelled.
 
         Raises:
-            CancelledError: When the fold was cancelled or taken over meanwhile.
-            StoppingError: When the worker stops meanwhile.
+            CancelledError: If the fold was cancelled or taken over meanwhile.
+            StoppingError: If the worker stops meanwhile.
         """
 
         def wait(seconds: float) -> None:
@@ -401,12 +401,12 @@ class Execution:
         self._check_stopping()
 
     def _check_stopping(self) -> None:
-        # Its child was ended by us: whatever it has answered is no result.
+        # The worker has ended the child, so its answer is not a result.
         if self._stopping.is_set():
             raise StoppingError(self._fold_id)
 
     def _close(self) -> None:
-        """Release the child, and close the timeline of a stage that was killed before it could."""
+        """Release the child, and close the timeline if the stage was killed before closing it."""
         self._release_child()
         path = result_path(self._store.folders.place(self._fold_id), TIMELINE)
         with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
@@ -416,7 +416,7 @@ class Execution:
     def _last_state(self) -> dict[str, Any]:
         """Return the last known state of a fold that did not finish: its frame and its attempts."""
         try:
-            # The physics: only when a fold's end was missed.
+            # This loads the simulation, which is needed only if the end of a fold was missed.
             from planner.pipeline.workspace import Workspace
 
             return Workspace(self._store.folders.place(self._fold_id)).settle()
@@ -432,7 +432,7 @@ class Execution:
 
 @contextlib.contextmanager
 def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
-    """Upload growing files while a stage computes, so that other machines see them."""
+    """Upload growing files while a stage computes, so that other machines can read them."""
     folders = store.folders
     if folders.storage is None:
         yield

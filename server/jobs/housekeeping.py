@@ -1,13 +1,13 @@
-"""Housekeeping: deletion of unused folds, of files that can be computed again, and of leftovers.
+"""Housekeeping: deletion of unused folds, derived files, and orphaned files.
 
 Unfinished, pinned and gallery folds stay. Others expire after ``keep_days`` without access. If the
-folds of a visitor, or of all, exceed their limit of disk space, the longest unused ones go. Derived
-files go before any fold: exports, pictures and movies. They count separately, since everyone with a
-link may request them.
+folds of a visitor, or all folds, exceed their limit of disk space, the least recently used ones are
+deleted. Derived files (exports, pictures and movies) are deleted before any fold. They count
+separately, because every client with the link may request them.
 
-Cancelled folds stay for an hour, since many are folded again with other options. Of one visitor the
-last one keeps its files and the others a few bytes, so that cancelled uploads fill no disk. Failed
-gallery folds go once a later one has ended.
+Cancelled folds stay for an hour, because many are folded again with other options. A visitor's last
+one keeps its files; the files of the others are limited, so that cancelled uploads do not fill the
+disk. Failed gallery folds are deleted once a later fold of the same shape has ended.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ _EXPIRING: Final = (
 
 
 class Housekeeping:
-    """See the module's description. Several may sweep at once.
+    """Regular deletion of files and folds. Several workers may sweep at once.
 
     Args:
         settings: The settings.
@@ -107,10 +107,10 @@ class Housekeeping:
         self._counted_apart = False
         self._orphans_at = -ORPHAN_SWEEP_S
         self._names: Iterator[str] | None = None
-        """Rest of the round through all files; None if there is none under way."""
+        """Remaining names of the current round through all files; None between rounds."""
         self._suspects: set[str] = set()
         self._found: set[str] = set()
-        """Files without a row in the last round, and in this one."""
+        """Names without a row in the last round, and in the current one."""
 
     def sweep(self) -> int:
         """Sweep once; return the number of expired folds."""
@@ -152,7 +152,7 @@ class Housekeeping:
                 log.warning("storage could not be freed: %s", error)
 
     def _drop_exports(self, lacking: int) -> int:
-        """Delete exports and pictures of folds, the longest unused first; return their bytes.
+        """Delete exports and pictures of the least recently used folds; return their bytes.
 
         Args:
             lacking: Number of bytes to free.
@@ -171,7 +171,7 @@ class Housekeeping:
             if gone:
                 log.info("deleting exports of fold %s", fold_id, extra={"fold": fold_id})
                 freed += gone
-            # Several processes may have made the same file, each of which has counted it.
+            # Several processes may have created the same file, and each of them has counted it.
             self._store.set_derived(fold_id, left)
         return freed
 
@@ -204,7 +204,7 @@ class Housekeeping:
                 lacking -= row.bytes
 
     def _forget_superseded(self) -> int:
-        """Remove gallery folds that failed through the service's fault and were repeated."""
+        """Delete gallery folds that failed by an internal error and were computed again."""
         later = aliased(FoldRow)
         failed = sa.select(FoldRow.id, FoldRow.seen_at).where(
             FoldRow.public,
@@ -221,7 +221,7 @@ class Housekeeping:
         return sum(_forget(self._store, fold_id, seen) for fold_id, seen in rows)
 
     def _expire(self) -> int:
-        """Forget folds that are unseen for too long, or that there is no room for."""
+        """Delete folds that have expired or exceed the limits of disk space."""
         settings = self._settings
         gone = 0
         if settings.keep_days is not None:
@@ -243,7 +243,7 @@ class Housekeeping:
         return gone
 
     def _forget_unused(self, since: float, *which: sa.ColumnElement[bool]) -> int:
-        """Delete folds without access since then; return their number."""
+        """Delete folds without access since a time; return their number."""
         gone = 0
         for _ in range(MAX_DELETION_BATCHES):
             batch = self._unused(since, *which)
@@ -253,10 +253,10 @@ class Housekeeping:
         return gone
 
     def _forget_until(self, limit: int, *whose: sa.ColumnElement[bool]) -> int:
-        """Forget folds, the longest unseen first, until the others take at most so many bytes.
+        """Delete the least recently used folds until the rest take at most ``limit`` bytes.
 
         Returns:
-            Number of folds that were forgotten.
+            Number of deleted folds.
         """
         total = int(self._store.scalar(sa.select(sa.func.sum(FoldRow.bytes)).where(*whose)) or 0)
         gone = 0
@@ -272,7 +272,7 @@ class Housekeeping:
         return gone
 
     def _unused(self, since: float, *which: sa.ColumnElement[bool]) -> Sequence[_Unused]:
-        """Return folds without access since then, the longest unused first."""
+        """Return folds without access since a time, least recently used first."""
         return self._store.rows(
             sa.select(FoldRow.id, FoldRow.seen_at, FoldRow.bytes)
             .where(*which, FoldRow.seen_at < since)
@@ -281,9 +281,9 @@ class Housekeeping:
         )
 
     def sweep_orphans(self) -> None:
-        """Remove half-written files, and files of folds that have no row; a part of all at a time.
+        """Delete temporary files and files of folds without a row; a part of them per call.
 
-        What is found so in one round goes when it is found again in the next one.
+        Files of folds without a row are deleted when two successive rounds find them.
         """
         if self._names is None:
             self._names = self._files()
@@ -305,24 +305,24 @@ class Housekeeping:
         self._found |= orphans - self._suspects
 
     def _files(self) -> Iterator[str]:
-        """Yield the names of the folds that there are old files of."""
+        """Yield the names of folds with old files."""
         folders, settings = self._store.folders, self._settings
         for directory in (settings.folds_dir, settings.work_dir):
             if not directory.is_dir():
                 continue
             with os.scandir(directory) as entries:
                 for entry in entries:
-                    with suppress(OSError):  # somebody else removes it just now
+                    with suppress(OSError):  # another process has just removed it
                         if time.time() - entry.stat().st_mtime > MIN_ORPHAN_AGE_S:
                             yield entry.name
         if folders.storage is not None:
             yield from folders.storage.below("folds")
             yield from folders.storage.below("movies")
-        yield from folders.copied()  # of folds that were forgotten on another machine
+        yield from folders.copied()  # copies of folds that another machine may have deleted
 
 
 def limit_cancelled(store: Store, visitor: str) -> None:
-    """Delete what a visitor's cancelled folds take beyond the limits.
+    """Delete cancelled folds of a visitor, or their files, beyond the limits.
 
     Args:
         store: Rows and files.
@@ -376,7 +376,7 @@ def _remove_files(store: Store, fold_id: str) -> None:
 
 
 def _count_derived_apart(store: Store) -> None:
-    """Count derived files apart if an earlier version has counted them as the folds' own, once."""
+    """Count derived files separately, once, if an earlier version has counted them as folds'."""
     done = store.get(CounterRow, COUNTED_FLAG) is not None
     if done or store.folders.storage is not None:
         return
@@ -392,5 +392,5 @@ def _count_derived_apart(store: Store) -> None:
             .where(FoldRow.id == fold_id, *uncounted)
             .values(bytes=own, derived_bytes=made)
         )
-    with suppress(IntegrityError), store.changing() as session:  # another worker was quicker
+    with suppress(IntegrityError), store.changing() as session:  # another worker was faster
         session.add(CounterRow(name=COUNTED_FLAG, value=1))

@@ -1,7 +1,8 @@
-"""Movie jobs: the worker's end of movies.
+"""Movie jobs: computation of movies by a worker.
 
-A job may be done again by another worker when the first is gone, and even while it is not: what it
-makes has a name of its own, is put in its place whole, and its row turns ``ready`` once, last.
+Another worker may repeat a job whose worker has disappeared, even if that one is still running.
+Each job therefore writes a file with its own name, moves it into place atomically, and only then
+changes its row to ``ready``.
 """
 
 from __future__ import annotations
@@ -37,7 +38,7 @@ log = logging.getLogger("foldback.worker")
 
 
 class MovieJobs:
-    """Jobs of movies."""
+    """Movie jobs of one worker."""
 
     def __init__(self, settings: Settings, store: Store) -> None:
         self._settings = settings
@@ -46,7 +47,7 @@ class MovieJobs:
         self._scratch.sweep()
 
     def make(self, claim: MovieClaim) -> None:
-        """Make one movie. Errors are stored in its row; none is raised."""
+        """Create one movie. Errors are stored in its row instead of raised."""
         fold_id, movie_id, job = claim.fold_id, claim.movie_id, claim.job
         if claim.losses >= MAX_LOSSES:
             self._fail(job, INTERRUPTED["code"], INTERRUPTED["detail"], None)
@@ -70,7 +71,7 @@ class MovieJobs:
     def _make(self, fold_id: str, job: str) -> None:
         row = retry_until_available(lambda: self._row(job))
         if row is None or row.status not in UNFINISHED_MOVIE_STATUSES:
-            return  # nobody wants it any more, or it was made before
+            return  # it is no longer wanted, or already exists
         movie = Movie.of(row.wishes)
         with self._scratch.directory() as place:
             progress = JobProgress(lambda fields: self._report(job, fields), {"steps": 0})
@@ -84,7 +85,7 @@ class MovieJobs:
             def take(event: dict[str, Any]) -> None:
                 progress.take(event)
                 with contextlib.suppress(OSError):
-                    os.utime(files)  # a copy that is in use is not dropped
+                    os.utime(files)  # so that the copy in use is not deleted
 
             whole = run_movie(
                 place,
@@ -97,7 +98,7 @@ class MovieJobs:
                 log.info("created a movie of %d pictures", movie.count)
 
     def _report(self, job: str, fields: dict[str, Any] | None) -> bool:
-        """Store the number of drawn pictures; False if the movie is no longer wanted."""
+        """Store the number of drawn pictures; return False if the movie is no longer wanted."""
         if fields is None:
             return self._store.scalar(_making(job)) is not None
         return self._update(job, status="running", frames_done=int(fields["steps"]))
@@ -106,7 +107,7 @@ class MovieJobs:
         return self._store.scalar(sa.select(MovieRow).where(MovieRow.job == job))
 
     def _kept(self, fold_id: str, job: str, movie: Movie, path: Path) -> bool:
-        """Publish a finished movie; False if it is no longer wanted."""
+        """Publish a finished movie; return False if it is no longer wanted."""
         ready = {"status": "ready", "frames_done": movie.count, "bytes": path.stat().st_size}
 
         def keep() -> bool:
@@ -125,14 +126,14 @@ class MovieJobs:
         retry_until_available(lambda: self._update(job, status="failed", problem=problem))
 
     def _update(self, job: str, **values: Any) -> bool:
-        """Change the row of a running movie; False if there is none."""
+        """Change the row of an unfinished movie; return False if there is none."""
         changed = sa.update(MovieRow).where(
             MovieRow.job == job, MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES)
         )
         return bool(self._store.change(changed.values(**values)))
 
     def _clear_up(self, fold_id: str, job: str) -> None:
-        """Remove the files of a movie, or of a fold, that was deleted meanwhile."""
+        """Delete the files of the movie, or of its fold, if it was deleted meanwhile."""
 
         def clear() -> None:
             if self._row(job) is not None:

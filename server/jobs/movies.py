@@ -1,7 +1,7 @@
-"""Movies: those that were asked for, each a row named after its options.
+"""Movies: requested movies, each a row named after its options.
 
-The row says what is wanted, by whom, the name of its job, and how far that is. Deleting the row
-stops the work (``server/jobs/movie_runner.py``).
+The row contains the options, the visitor, the name of the job and its progress. Deleting the row
+stops the job (``server/jobs/movie_runner.py``).
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ INTERRUPTED: Final = {
     "code": "interrupted",
     "detail": "this movie was interrupted; request it again.",
 }
-"""Problem of a movie whose file is gone, or that was lost with its worker too often."""
+"""Problem of a movie whose file is missing, or whose workers have died too often."""
 
 log = logging.getLogger("foldback.web")
 
@@ -57,7 +57,7 @@ class NoSuchMovieError(NoSuch):
 
 
 class Movies:
-    """The service's end of movies. Safe to use from many threads, and in many processes."""
+    """Requests for movies. Safe for use by several threads and processes."""
 
     def __init__(self, settings: Settings, store: Store) -> None:
         self._settings = settings
@@ -85,9 +85,9 @@ class Movies:
             The movie, and True if it is a new one.
 
         Raises:
-            NoSuchFoldError: When there is no such fold.
-            ServiceError: When the fold has no timeline or is not over, or there is too much
-                to do already, or no room.
+            NoSuchFoldError: If there is no such fold.
+            ServiceError: If the fold has no timeline or is not over, too many movies wait, or the
+                disk is full.
         """
         row = self._store.fold(fold_id)
         if not row.over:
@@ -126,7 +126,7 @@ class Movies:
         """Return the row of a movie.
 
         Raises:
-            NoSuchMovieError: When there is no such movie.
+            NoSuchMovieError: If there is no such movie.
         """
         row = self._store.get(MovieRow, (fold_id, movie_id))
         if row is None:
@@ -147,11 +147,11 @@ class Movies:
             return [(movie, fold) for movie, fold in session.execute(wanted)]
 
     def file(self, fold_id: str, movie_id: str) -> Path | None:
-        """Return the path of a finished movie.
+        """Return the path of a movie; None if it is not finished or its file is missing.
 
         Raises:
-            NoSuchMovieError: When there is no such movie.
-            StorageError: When the storage does not answer.
+            NoSuchMovieError: If there is no such movie.
+            StorageError: If the storage does not answer.
         """
         row = self.state(fold_id, movie_id)
         if row.status != "ready":
@@ -169,8 +169,8 @@ class Movies:
         """Delete a movie, and stop its job.
 
         Raises:
-            NoSuchMovieError: When there is no such movie.
-            StorageError: When the storage does not answer; the movie is forgotten all the same.
+            NoSuchMovieError: If there is no such movie.
+            StorageError: If the storage does not answer; the row is deleted all the same.
         """
         row = self.state(fold_id, movie_id)
         with self._store.changing() as session:
@@ -201,11 +201,11 @@ class Movies:
             gone = self._delete(session, MovieRow.job.in_(old))
         try:
             self._clear([*failed, *gone])
-        except StorageError as error:  # the movie that was asked for is on its way all the same
+        except StorageError as error:  # the requested movie is queued all the same
             log.warning("files of older movies could not be deleted: %s", error)
 
     def _check_room(self, session: Session, visitor: str) -> None:
-        """Check the limits of unfinished movies, with the one just added."""
+        """Check the limits of unfinished movies, including the one just added."""
         settings = self._settings
         making = session.scalars(
             sa.select(MovieRow.visitor).where(MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES))
@@ -235,7 +235,7 @@ class Movies:
         check_space(settings.root, settings.min_free_disk_bytes)
 
     def _take_over(self, fold_id: str, movie_id: str) -> None:
-        """Hand a movie to the owner; the visitor who requested it can no longer delete it."""
+        """Make a movie the fold owner's; the visitor that requested it can no longer delete it."""
         self._store.change(
             sa.update(MovieRow)
             .where(MovieRow.fold_id == fold_id, MovieRow.id == movie_id)
@@ -243,7 +243,7 @@ class Movies:
         )
 
     def _delete(self, session: Session, *which: sa.ColumnElement[bool]) -> list[tuple[str, str]]:
-        """Delete rows; return the fold and the job of each."""
+        """Delete rows; return the fold and job of each."""
         deleted = sa.delete(MovieRow).where(*which).returning(MovieRow.fold_id, MovieRow.job)
         return [(fold_id, job) for fold_id, job in session.execute(deleted)]
 

@@ -1,4 +1,4 @@
-"""Progress of jobs: written to a row at a bounded rate; tells when a job is cancelled."""
+"""Progress of jobs: rate-limited reports to the database, which also detect cancellations."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class JobProgress:
     """Progress of a job, written to its row at a bounded rate.
 
     Args:
-        report: Writes the fields, or nothing if they are None because none has changed; returns
-            False if the job is no longer wanted.
+        report: Writes the fields (None if they have not changed); returns False if the job is no
+            longer wanted.
         fields: Fields at the start of the job.
     """
 
@@ -38,7 +38,7 @@ class JobProgress:
         self._at = 0.0
 
     def take(self, event: dict[str, Any]) -> None:
-        """Take the fields that an event changes; others in it are ignored."""
+        """Update the fields that an event contains; its other entries are ignored."""
         self._fields = {key: event.get(key, value) for key, value in self._fields.items()}
         self._changed = True
 
@@ -50,11 +50,11 @@ class JobProgress:
             except SQLAlchemyError as error:
                 if not passes(error):
                     raise
-                self._at = time.monotonic()  # it goes on meanwhile
+                self._at = time.monotonic()  # the job continues without the database
         return not self._going
 
     def last(self) -> bool:
-        """Report at once; False if the job is no longer wanted."""
+        """Report at once; return False if the job is no longer wanted."""
         self._going = self._report(self._fields if self._changed else None)
         self._changed = False
         self._at = time.monotonic()

@@ -1,12 +1,13 @@
-"""Queue: workers take folds and movies from it, keep what they have computed, and hand back.
+"""Queue: folds and movies that workers claim, checkpoint and return.
 
-The rows of the database are the queue. A fold that is not over and has no ``worker`` waits, the
-least ``turn`` first; one statement gives it to one execution, so that no two workers get the same.
-An execution has a name that is never used again, and writes to the row only while ``worker`` is its
-name: who has lost a fold writes nothing.
+The rows of the database are the queue. A fold that is not over and has no ``worker`` waits; the
+smallest ``turn`` is next. A single statement assigns it to one execution, so that no two workers
+get the same fold.
+An execution has a unique name and writes to the row only while ``worker`` is this name, so an
+execution that has lost its fold writes nothing.
 
-A fold continues after its last finished stage: ``checkpoint`` holds the stage that follows, and the
-epoch of the files that this stage starts from.
+A fold continues after its last finished stage: ``checkpoint`` contains the next stage and the epoch
+of the files that this stage starts from.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ that are restarted often. Chosen."""
 
 
 class Lane(StrEnum):
-    """Parts of the queue; each worker computes several jobs of each lane at a time."""
+    """Part of the queue; each worker has separate slots for each lane."""
 
     LONG = "long"
     QUICK = "quick"
@@ -41,13 +42,13 @@ class Lane(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class FoldClaim:
-    """A fold that one execution computes.
+    """Fold that is assigned to an execution.
 
     Attributes:
         fold_id: The fold.
         execution: Name of the execution.
         stage: The next stage.
-        files: The epoch of the files that this stage starts from.
+        files: Epoch of the files that this stage starts from.
         losses: Number of executions since the last finished stage whose worker died.
     """
 
@@ -60,12 +61,12 @@ class FoldClaim:
 
 @dataclass(frozen=True, slots=True)
 class MovieClaim:
-    """A movie that one execution makes.
+    """Movie that is assigned to an execution.
 
     Attributes:
         fold_id: Its fold.
-        movie_id: The key of its options.
-        job: The name of its file and row, unique among all movies.
+        movie_id: Key of its options.
+        job: Name of its file and row, unique among all movies.
         execution: Name of the execution.
         losses: Number of executions whose worker died.
     """
@@ -81,7 +82,7 @@ Claim = FoldClaim | MovieClaim
 
 
 class Queue:
-    """The workers' end of the queue. Safe to use from many threads.
+    """Workers' access to the queue. Safe for use by several threads.
 
     Args:
         store: Rows of the folds and movies.
@@ -91,11 +92,11 @@ class Queue:
         self._store = store
 
     def has_work(self) -> bool:
-        """Return True if a job waits: one query, for those who ask again and again."""
+        """Return True if a job waits; a single query, suitable for polling."""
         return bool(self._store.scalar(_HAS_WORK))
 
     def claim(self, lane: Lane, worker: str) -> Claim | None:
-        """Claim the next job of a lane for a worker; None if none waits."""
+        """Claim the next job of a lane for a worker; return None if none waits."""
         execution = f"{worker}:{secrets.token_hex(6)}"
         waits = _waiting(lane)
         claim = self._claim_movie if lane is Lane.MOVIES else self._claim_fold
@@ -106,7 +107,7 @@ class Queue:
                     return None
                 if (claimed := claim(session, row, execution)) is not None:
                     return claimed
-            # Another worker was quicker, or it was cancelled just now.
+            # Another worker was faster, or the job has just been cancelled.
 
     def _claim_fold(self, session: Session, row: sa.Row[Any], execution: str) -> FoldClaim | None:
         kept = row.checkpoint or {"stage": STAGES[0], "files": 0}
@@ -137,14 +138,14 @@ class Queue:
         return bool(self._store.change(kept))
 
     def hand_back(self, claim: Claim) -> None:
-        """Put a job back into the queue that its execution does not finish."""
+        """Put an unfinished job back into the queue."""
         if isinstance(claim, FoldClaim):
             self._store.change(_FOLD_BACK.where(*_held_by(claim)))
         else:
             self._store.change(_MOVIE_BACK.where(MovieRow.worker == claim.execution))
 
     def release(self, claim: FoldClaim) -> None:
-        """Store that nothing is left to do for a fold that has ended."""
+        """Clear the worker of a fold that has ended."""
         self._store.change(sa.update(FoldRow).where(*_held_by(claim)).values(worker=None))
 
     def holders(self) -> set[str]:
@@ -160,11 +161,10 @@ class Queue:
 
         Args:
             worker: Name of the worker.
-            lost: True if the worker died; False if it stops in good order.
+            lost: True if the worker died; False if it stops regularly.
 
         Returns:
-            Folds that it has ended without giving up its own files of them, each with the epoch of
-            the files that stay.
+            Folds that it has ended but not released, each with the epoch of the files that stay.
         """
         more = int(lost)
         theirs = FoldRow.worker.startswith(f"{worker}:", autoescape=True)
@@ -198,7 +198,7 @@ def _waiting(lane: Lane) -> sa.Executable:
 
 
 def _held_by(claim: FoldClaim) -> tuple[sa.ColumnElement[bool], ...]:
-    """Return the conditions that a fold is still the one of an execution."""
+    """Return the conditions for an execution to still hold its fold."""
     return (FoldRow.id == claim.fold_id, FoldRow.worker == claim.execution)
 
 
@@ -219,14 +219,14 @@ _FOLD_BACK: Final = (
     .where(FoldRow.status == "running")
     .values(
         status=sa.case((FoldRow.cancel_requested, "cancelled"), else_=FoldRow.status),
-        # When it was cancelled: that counts as a look at it.
+        # The time of the cancellation, which counts as an access.
         ended_at=sa.case((FoldRow.cancel_requested, FoldRow.seen_at)),
         worker=None,
     )
 )
-"""Puts running folds back into the queue; those that are cancelled end. The others stay ``running``
-for their visitors: they continue before all folds of a later turn."""
+"""Statement that puts running folds back into the queue; cancelled ones end. The others are still
+displayed as ``running``: they continue before all folds with a later turn."""
 _MOVIE_BACK: Final = (
     sa.update(MovieRow).where(MovieRow.status == "running").values(status="queued", worker=None)
 )
-"""Puts running movies back into the queue."""
+"""Statement that puts running movies back into the queue."""

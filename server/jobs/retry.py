@@ -1,4 +1,4 @@
-"""Retries: writes that wait until the database and the storage answer again."""
+"""Retries: calls that are repeated until the database and the storage answer again."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def retry_until_available(
     """Call ``do`` and return its result; repeat it while database, storage or disk fail.
 
     Args:
-        do: May be called any number of times.
+        do: Function that may be called any number of times.
         wait: Waits for the given seconds before the next attempt.
     """
     told = False

@@ -15,7 +15,7 @@ from server.store.folds import Store
 
 
 class Runner:
-    """Children of the folds that are being computed, one for each.
+    """Child processes of running folds, one for each.
 
     Args:
         settings: The settings.
@@ -30,14 +30,14 @@ class Runner:
         self._stopping = threading.Event()
 
     def prewarm(self) -> None:
-        """Load what the first fold would wait for, unless the settings forbid it."""
+        """Load libraries and kernels for the first fold, unless the settings forbid it."""
         if self._settings.prewarm:
             self._fork_server.start()
 
     def preparing(self) -> float | None:
         """Return the compiled fraction of the kernels, 0 to 1; None unless they are compiling.
 
-        It is 0 while the fork server starts: only then it is known whether anything is to compile.
+        It is 0 while the fork server starts, because it is not yet known if kernels must compile.
         """
         told = self._fork_server.told
         if told is None:

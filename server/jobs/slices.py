@@ -1,9 +1,9 @@
-"""Slices: time that a fold computes before it makes room for others that wait.
+"""Slices: time that a fold computes before it is paused for others that wait.
 
-After a first slice a fold makes room for cheaper ones, after several times its expected cost for
-any. It goes on for as long as none waits. Otherwise it goes back to the queue, and its next slice
-is several times as long: less is computed in vain than in the end. It then begins the stage again
-that was cut off; the stages before it are not repeated.
+After its first slice a fold is paused for cheaper ones; after several times its expected cost, for
+any other. It continues as long as none waits. A paused fold goes back to the queue, and its next
+slice is several times as long, so that less than half of its computing time is wasted. It then
+repeats the interrupted stage, but not the stages before it.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Slice:
         store: Rows of the folds.
         fold_id: The fold.
         epoch: Epoch of the execution.
-        clock: Seconds that only rise.
+        clock: Monotonic clock in seconds.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class Slice:
         """True once ``over`` has returned True."""
 
     def over(self) -> bool:
-        """Return True once the fold has to make room for another one."""
+        """Return True once the fold must be paused for another one."""
         now = self._clock()
         if not self.ended and now >= self._look_at:
             self._look_at = now + SLICE_POLL_S
@@ -63,5 +63,5 @@ class Slice:
         return self.ended
 
     def pause(self) -> bool:
-        """Put the fold back into the queue; False if it is cancelled or not ours any more."""
+        """Put the fold back into the queue; return False if it is cancelled or taken over."""
         return self._store.pause(self._fold_id, self._epoch, spent_s=self._clock() - self._begun)

@@ -1,6 +1,6 @@
 """Worker: a process that takes folds and movies from the queue and computes them.
 
-It sends heartbeats, and puts the jobs of workers that send none back into the queue.
+It sends heartbeats, and puts jobs of workers without heartbeats back into the queue.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ log = logging.getLogger("foldback.worker")
 
 
 def _hold_leash(on_end: Callable[[], None]) -> None:
-    """Call back when standard input ends: the parent of this worker is gone."""
+    """Call ``on_end`` when standard input ends, because the parent process has ended."""
 
     def wait() -> None:
         while os.read(0, 1024):
@@ -85,7 +85,7 @@ class _LeaseMonitor:
         self._name = name
         self._leases = Leases.of(settings, store)
         self._housekeeping = Housekeeping(settings, store)
-        self._preparing: float | None = -1.0  # what an earlier worker of this name noted is wrong
+        self._preparing: float | None = -1.0  # so that the note of an earlier worker is replaced
         self._swept_at = time.monotonic()
 
     def heartbeat(self) -> None:
@@ -96,7 +96,7 @@ class _LeaseMonitor:
         )
 
     def tell_preparing(self) -> None:
-        """Note how far this worker has compiled its kernels; nothing once that is done."""
+        """Store the compiled fraction of this worker's kernels, if it has changed."""
         fraction = self._runner.preparing()
         if fraction != self._preparing:
             self._leases.note_preparing(self._name, fraction)
@@ -112,7 +112,7 @@ class _LeaseMonitor:
             self._store.folders.leave(fold_id, kept)
 
     def recover_and_sweep(self) -> None:
-        """Requeue jobs of expired workers; sweep if it is due."""
+        """Put jobs of expired workers back into the queue; sweep if due."""
         holders = self._queue.holders()
         for dead in self._leases.expired(holders) - {self._name}:
             if dead in holders:
@@ -149,7 +149,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     """
     keep_secrets()
     set_up_logs(settings)
-    if not leashed:  # who holds the leash has said so
+    if not leashed:  # otherwise the parent process has already warned
         warn_of_unknown_names(log)
     with starting("worker"):
         if settings.read_only:
@@ -162,7 +162,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         start_tracing(settings)
         queue = Queue(store)
         monitor = _LeaseMonitor(settings, store, queue, runner, identity.name)
-        monitor.take_back(identity.name)  # what an earlier process of this name has left
+        monitor.take_back(identity.name)  # jobs of an earlier process of this name
     told = _signals(leashed=leashed)
     dispatcher = Dispatcher(
         queue,
@@ -172,7 +172,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         places={
             Lane.LONG: settings.folds_per_worker,
             Lane.QUICK: settings.folds_per_worker,
-            # One at a time: software OpenGL and the encoder keep all cores of a small machine busy.
+            # One at a time: software OpenGL and the encoder occupy all cores of a small machine.
             Lane.MOVIES: 1,
         },
     )
@@ -205,7 +205,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
 
 
 def _signals(*, leashed: bool) -> threading.Semaphore:
-    """Return what is released once for each SIGTERM and SIGINT, and twice if the leash ends."""
+    """Return a semaphore, released once per SIGTERM or SIGINT, and twice if the leash ends."""
     told = threading.Semaphore(0)
 
     def tell(number: int = 0, frame: FrameType | None = None) -> None:

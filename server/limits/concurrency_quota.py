@@ -1,12 +1,13 @@
 """Concurrency quotas: limits on concurrent use, in total, per visitor and per network.
 
-Three rules share a quota out:
+Three rules divide a quota:
 
-- A visitor holds at most ``per_visitor``, and each network around it (``server.limits.networks``)
-  at most half of the total.
+- A visitor holds at most ``per_visitor`` permits, and each network around it
+  (``server.limits.networks``) at most half of the total.
 - When the total is reached, a newcomer displaces the newest permit of the network that holds the
-  most, as long as that network then still holds no less than the newcomer's.
-- Permits that wait begin in turn: networks one after the other, and within a network visitors.
+  most, provided that this network then still holds no fewer than the newcomer's network.
+- Waiting permits become active in turn: round-robin among networks, and among the visitors of a
+  network.
 """
 
 from __future__ import annotations
@@ -49,11 +50,11 @@ class Holder(StrEnum):
 
 
 class Permit:
-    """A share of a quota, until it is given back or displaced.
+    """Permit of a quota, until it is returned or displaced.
 
     Attributes:
         visitor: Its holder; None for operators and proxies.
-        displaced: True once a newcomer has got its place.
+        displaced: True once a newcomer has displaced it.
     """
 
     def __init__(
@@ -74,7 +75,7 @@ class Permit:
         self.displaced = False
 
     def leave(self) -> None:
-        """Give the permit back; a second call does nothing."""
+        """Return the permit; a second call does nothing."""
         self._quota.leave(self)
 
     def __enter__(self) -> Permit:
@@ -89,13 +90,13 @@ class Quota:
 
     Args:
         what: Name of what the permits are for, in the plural.
-        total: Maximum number of permits, waiting ones included; unbounded when None.
-        per_visitor: Maximum of one visitor; operators have no such bound.
-        at_once: Maximum number that are active at once while the others wait; all when None.
-        at_once_per_visitor: Maximum of one visitor's that are active at once; all when None. One
-            network then leaves at least one place to others.
-        timeout_s: Longest wait in ``turn``.
-        refuse: Makes the error for a full quota from the number of permits and their holder.
+        total: Maximum number of permits, including waiting ones; None for no limit.
+        per_visitor: Maximum number of permits of one visitor; operators have no such limit.
+        at_once: Maximum number of active permits; the others wait. None for no limit.
+        at_once_per_visitor: Maximum number of active permits of one visitor; None for no limit.
+            If it is set, one network leaves at least one active permit to others.
+        timeout_s: Maximum wait in ``turn``, s.
+        refuse: Creates the error for a full quota from the number of permits and their holder.
     """
 
     def __init__(
@@ -120,7 +121,7 @@ class Quota:
         self._lock = threading.Lock()
         self._count = self._going_count = 0
         self._held: Counter[str] = Counter()
-        """Permits of each visitor and each network."""
+        """Number of permits of each visitor and each network."""
         self._going: Counter[str] = Counter()
         self._line: OrderedDict[str | None, OrderedDict[str | None, deque[Permit]]] = OrderedDict()
         """Waiting permits by widest network and visitor; the least recently served comes first."""
@@ -142,10 +143,10 @@ class Quota:
 
         Args:
             visitor: Its holder.
-            begin: Called with the permit when its turn has come; must not wait.
-            end: Called when a newcomer displaces the permit; must not wait, and may be called in
-                another thread. Without it a permit is never displaced. Where permits wait for
-                their turn, active ones are never displaced.
+            begin: Called with the permit when it becomes active; must not block.
+            end: Called when a newcomer displaces the permit; must not block, and may be called in
+                another thread. Without it a permit is never displaced. If ``at_once`` is set,
+                active permits are never displaced.
 
         Raises:
             ServiceError: If the quota is full.
@@ -176,8 +177,8 @@ class Quota:
             unwanted: Polled during the wait; the wait ends once it returns True.
 
         Raises:
-            ServiceError: If the quota is full, the wait takes too long, is no longer wanted, or
-                its place went to a visitor of another network.
+            ServiceError: If the quota is full, the wait takes too long or is no longer wanted, or
+                a visitor of another network has displaced the permit.
         """
         begun = threading.Event()
         with self.enter(visitor, lambda _: begun.set(), end=begun.set) as permit:
@@ -192,17 +193,17 @@ class Quota:
             yield
 
     def leave(self, permit: Permit) -> None:
-        """Give a permit back, waiting or active."""
+        """Return a waiting or active permit."""
         with self._lock:
             if permit.held:
                 self._remove(permit)
                 self._admit()
 
     def _check(self, newcomer: Permit) -> Permit | None:
-        """Return the permit that a newcomer displaces, None if there is room.
+        """Return the permit that a newcomer displaces; None if the quota is not full.
 
         Raises:
-            ServiceError: If there is neither.
+            ServiceError: If the quota is full and no permit may be displaced.
         """
         if newcomer.groups:
             own = self._held[newcomer.groups[-1]]
@@ -218,7 +219,7 @@ class Quota:
         return victim
 
     def _full_group(self, newcomer: Permit) -> tuple[str | None, Holder | None]:
-        """Return the narrowest full network around a newcomer, else that the total is reached."""
+        """Return the narrowest full network around a newcomer, or ALL if the total is reached."""
         for network in reversed(newcomer.groups[:-1]):
             if self._per_network is not None and self._held[network] >= self._per_network:
                 return network, Holder.NETWORK
@@ -229,8 +230,8 @@ class Quota:
         """Return the permit that a newcomer displaces, if there is one.
 
         Args:
-            newcomer: The permit that finds no room.
-            network: The network that is full; None for the total.
+            newcomer: The permit for which the quota is full.
+            network: The network whose limit is reached; None for the total.
         """
         heaviest: tuple[tuple[int, ...], Permit] | None = None
         for permits in self._displaceable.values():
@@ -249,7 +250,7 @@ class Quota:
         return None if heaviest is None else heaviest[1]
 
     def _remove(self, permit: Permit) -> None:
-        """Forget a permit; called with the lock held."""
+        """Remove a permit; the caller holds the lock."""
         permit.held = False
         self._count -= 1
         self._held.subtract(permit.groups)
@@ -272,7 +273,7 @@ class Quota:
                 del self._displaceable[permit.visitor]
 
     def _admit(self) -> None:
-        """Begin the permits whose turn has come; called with the lock held."""
+        """Activate the permits whose turn has come; the caller holds the lock."""
         while self._at_once is None or self._going_count < self._at_once:
             permit = self._next()
             if permit is None:
@@ -285,7 +286,7 @@ class Quota:
             permit.begin(permit)
 
     def _next(self) -> Permit | None:
-        """Take the permit whose turn has come out of the line."""
+        """Remove the next permit from the waiting ones and return it."""
         for site, visitors in self._line.items():
             for visitor, waiting in visitors.items():
                 permit = waiting[0]
@@ -327,12 +328,12 @@ class Quota:
 
 
 def network_share(total: int | None, per_visitor: int) -> int | None:
-    """Return the number of permits that one network may hold, None for no bound."""
+    """Return the number of permits that one network may hold; None for no limit."""
     return None if total is None else max(per_visitor, total // NETWORK_DIVISOR)
 
 
 def _first_difference(one: tuple[str, ...], other: tuple[str, ...]) -> int | None:
-    """Return the index of the first group that two visitors do not share; None if all are."""
+    """Return the index of the first group that two visitors do not share; None if none."""
     for k, group in enumerate(one):
         if k >= len(other) or group != other[k]:
             return k

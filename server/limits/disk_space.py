@@ -1,4 +1,4 @@
-"""Disk space of the service, of which a minimum stays free."""
+"""Disk space: free bytes, and the minimum that the service leaves free."""
 
 from __future__ import annotations
 
@@ -9,12 +9,12 @@ from server.errors import no_room
 
 
 def free_space(path: Path) -> int:
-    """Return the free bytes on the disk of a path."""
+    """Return the number of free bytes on the disk of a path."""
     return shutil.disk_usage(path).free
 
 
 def check_space(path: Path, min_free_bytes: int, *, needed: int = 0) -> None:
-    """Check that a disk keeps its minimum of free space.
+    """Check that a disk has its minimum of free space.
 
     Args:
         path: Path on the disk.
@@ -22,7 +22,7 @@ def check_space(path: Path, min_free_bytes: int, *, needed: int = 0) -> None:
         needed: Number of bytes that will be written.
 
     Raises:
-        NoRoom: If the disk has less.
+        NoRoom: If the disk has too little free space.
         OSError: If the path cannot be examined.
     """
     if free_space(path) < min_free_bytes + needed:

@@ -1,15 +1,15 @@
 """Fair queue: the order in which folds are computed, and which of them are accepted.
 
 Self-clocked fair queueing (Golestani, INFOCOM 1994): a fold's turn is the virtual time at which it
-would be over if all networks that wait were served at the same rate, and within a network all its
-visitors. A visitor who asks for many folds waits for them behind those who ask for one, a short
-fold goes before a long one, and nobody waits for ever, because virtual time goes on.
+would be over if all waiting networks were served at the same rate, and within a network all its
+visitors. A visitor's many folds wait behind the single folds of others, short folds go before long
+ones, and no fold waits forever, because virtual time advances.
 
-Two lanes have places of their own in each worker, so that quick folds never wait for long ones. A
-fold whose slice is over makes room for others (``server.jobs.slices``).
+Each worker has separate slots for two lanes, so that quick folds never wait for long ones. A fold
+whose time slice is over is paused for others (``server.jobs.slices``).
 
-The queue is shared by dynamic thresholds (Choudhury and Hahne, IEEE/ACM ToN 1998): a network may
-hold no more than what is still free. One network alone fills half of the queue, two a third each,
+The queue is divided by dynamic thresholds (Choudhury and Hahne, IEEE/ACM ToN 1998): a network may
+hold no more than is still free. One network alone fills half of the queue, two fill a third each,
 and the one that holds the most is refused first.
 """
 
@@ -46,7 +46,7 @@ cheaper folds wait longer. Chosen."""
 
 
 def ticks(cost_s: float) -> int:
-    """Return the virtual time of a fold of some expected cost."""
+    """Return the expected cost of a fold in ticks of virtual time."""
     return max(1, round(TICKS_PER_SECOND * cost_s))
 
 
@@ -56,13 +56,13 @@ def is_quick(cost_s: float) -> bool:
 
 
 def slice_s(cost_s: float, pauses: int, first_s: float, *, for_cheaper: bool = False) -> float:
-    """Return the seconds that a fold computes before it makes room for others that wait.
+    """Return the seconds for which a fold computes before it is paused for waiting folds.
 
     Args:
         cost_s: Expected cost of the fold.
-        pauses: Number of times that it has made room before.
-        first_s: The time for the first slice before it makes room for cheaper folds.
-        for_cheaper: True for others that are expected to cost less.
+        pauses: Number of times that it has been paused before.
+        first_s: Length of the first slice before a pause for cheaper folds, s.
+        for_cheaper: True for a pause for cheaper folds; False for any.
     """
     whole = max(first_s / FIRST_SLICE_DIVISOR, SLICE_COST_FACTOR * cost_s)
     return min(whole, first_s * SLICE_GROWTH**pauses) if for_cheaper else whole
@@ -77,10 +77,10 @@ def admits(held: float, wanted: float, *, total: float, limit: float) -> bool:
     """Return True if a network may hold more of a queue.
 
     Args:
-        held: Part of the queue that the network holds.
-        wanted: Part that it asks for.
-        total: Part that all hold.
-        limit: Size of the queue, in the same unit.
+        held: Amount that the network holds, in folds or in seconds.
+        wanted: Amount that it requests.
+        total: Amount that all networks hold.
+        limit: Size of the queue. All four have the same unit.
     """
     return held + wanted <= limit - total
 
@@ -91,11 +91,11 @@ def virtual_finish_time(
     """Return the turn of a fold.
 
     Args:
-        now: Virtual time, which is the latest turn that has come since nobody waited.
-        last_own: Latest turn of the same visitor's folds that wait, if there are some.
+        now: Virtual time: the latest turn that was reached since the queue was last empty.
+        last_own: Latest turn of the visitor's waiting folds; None if there are none.
         cost_s: Expected cost of the fold.
-        sharers: Number of visitors of its network that wait, its own included.
-        first: True if it goes before all others, as those of the gallery do.
+        sharers: Number of waiting visitors in the visitor's network, including the visitor.
+        first: True if the fold goes before all others, such as a gallery fold.
     """
     if first:
         return now
@@ -104,11 +104,11 @@ def virtual_finish_time(
 
 
 def wait_s(*, ahead_s: float, running_s: float, at_once: int) -> float | None:
-    """Return the estimated wait of a fold in s; None if no worker computes.
+    """Return the estimated wait of a fold in s; None if there is no worker.
 
     Args:
         ahead_s: Expected cost of the folds before it, s.
         running_s: Remaining cost of running folds, s.
-        at_once: Folds that are computed at once.
+        at_once: Number of folds that are computed at once.
     """
     return None if at_once == 0 else (ahead_s + running_s) / at_once

@@ -1,8 +1,8 @@
 """Fair threads: threads for short work, in which visitors take turns.
 
-A plain pool works in the order of arrival: 200 requests of one visitor then hold up the next page
-of everybody else. Here networks take turns, and within a network visitors; one of them leaves at
-least one thread to others.
+A plain pool processes calls in the order of arrival: 200 requests of one visitor would delay the
+pages of all others. Here networks take turns, and within a network visitors; each of them leaves
+at least one thread to others.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ Result = TypeVar("Result")
 
 
 class FairThreads(ThreadPoolExecutor):
-    """See the module's description.
+    """Thread pool in which visitors take turns; see the module's description.
 
     Args:
-        count: Number of threads, 2 at least.
+        count: Number of threads, at least 2.
     """
 
     def __init__(self, count: int = MAX_REQUEST_THREADS) -> None:
@@ -46,7 +46,7 @@ class FairThreads(ThreadPoolExecutor):
     def submit(
         self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
     ) -> Future[Result]:
-        """Return the result of a call, which is made in the turn of the ``CURRENT_VISITOR``."""
+        """Return the future of a call, made when it is the turn of ``CURRENT_VISITOR``."""
         made: Future[Result] = Future()
 
         def work(permit: Permit) -> None:

@@ -1,7 +1,7 @@
 """Networks: the visitor that an address belongs to, and the networks around it.
 
 A visitor's name lists its networks from the widest to the narrowest and ends with the visitor
-itself, with ``|`` between: ``2001:db8:1::/48|2001:db8:1::/56|2001:db8:1:2::/64`` or
+itself, separated by ``|``: ``2001:db8:1::/48|2001:db8:1::/56|2001:db8:1:2::/64`` or
 ``203.0.113.0/24|203.0.113.7``. Every prefix that ends before a ``|`` names a network, so a table
 with a column of visitors needs no column of networks.
 """
@@ -32,7 +32,7 @@ value could exceed the database column: with the digits of the visitor's two net
 
 
 def visitor_at(host: str) -> str:
-    """Return the name of the visitor at an address; anything else names itself."""
+    """Return the name of the visitor at an IP address; other names are returned as they are."""
     try:
         address = ipaddress.ip_address(host.partition("%")[0])
     except ValueError:
@@ -45,7 +45,7 @@ def visitor_at(host: str) -> str:
 
 
 def _embedded(address: ipaddress.IPv6Address) -> ipaddress.IPv4Address | None:
-    """Return the IPv4 address that an IPv6 address stands for, None for others.
+    """Return the IPv4 address that an IPv6 address contains; None for others.
 
     A translator maps all IPv4 visitors into one /64, and 6to4 gives each IPv4 address a whole /48.
     Counted as IPv6, the former would be one visitor, and each of the latter could be many.
@@ -56,13 +56,13 @@ def _embedded(address: ipaddress.IPv6Address) -> ipaddress.IPv4Address | None:
 
 
 def networks_of(visitor: str) -> tuple[str, ...]:
-    """Return the names of the networks around a visitor, the widest first; none if unknown."""
+    """Return the names of the networks around a visitor, widest first; empty if unknown."""
     parts = visitor.split(PSEUDONYM_SEPARATOR)
     return tuple(PSEUDONYM_SEPARATOR.join(parts[: k + 1]) for k in range(len(parts) - 1))
 
 
 def hidden(visitor: str, secret: bytes) -> str:
-    """Return a name of the same form that does not reveal the addresses."""
+    """Return a pseudonym of the same form that does not reveal the addresses."""
 
     def digest(name: str, digits: int) -> str:
         return hmac.new(secret, name.encode(), hashlib.sha256).hexdigest()[:digits]

@@ -1,6 +1,6 @@
-"""Queue room: refuses folds that a visitor, a network or the queue has no room for.
+"""Queue room: limits of the queue, in total, per network and per visitor.
 
-Room is counted twice: in folds, and in seconds that computing them is expected to take.
+Each limit applies to the number of folds and to their expected computing time.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ smaller value brings more requests that are refused again. Chosen."""
 
 
 class Waiting(NamedTuple):
-    """A fold that is queued or running, as far as others need to know.
+    """Queued or running fold, as counted by the limits of the queue.
 
     Attributes:
-        visitor: Visitor who asked for it.
-        cost_s: Its expected cost in seconds.
+        visitor: Visitor that requested it.
+        cost_s: Expected computing time, s.
     """
 
     visitor: str
@@ -30,12 +30,12 @@ class Waiting(NamedTuple):
 
 
 def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) -> None:
-    """Refuse a fold that there is no room for.
+    """Refuse a fold for which the queue has no room.
 
-    A visitor who has no fold in the queue may add one of any cost that the queue has room for.
+    A visitor without folds in the queue may add one of any cost, if the queue has room for it.
 
     Raises:
-        TooMany: ``queue-full``.
+        TooMany: If a limit is exceeded (``queue-full``).
     """
     own = [fold.cost_s for fold in waiting if fold.visitor == wanted.visitor]
     if len(own) >= settings.largest_queue_of_visitor:

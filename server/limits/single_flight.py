@@ -1,7 +1,7 @@
 """Single flight: concurrent requests for the same slow result share one computation.
 
-It has threads of its own, so that those of the event loop stay free for what is quick, and whoever
-waits holds none. Visitors take turns.
+It has its own threads, so that those of the event loop stay free for quick work, and waiting
+requests occupy none. Visitors take turns.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ Thing = TypeVar("Thing")
 
 
 class SingleFlight:
-    """See the module's description. Belongs to one event loop.
+    """Shared computations; see the module's description. For one event loop.
 
     Args:
-        what: Name of the results for messages, in the plural.
-        at_once: Number of results that are computed at the same time.
-        total: Maximum number that is computed or waits for it.
-        per_visitor: Maximum number of one visitor's among them.
+        what: Name of the results in messages, in the plural.
+        at_once: Maximum number of results that are computed at the same time.
+        total: Maximum number of results that are being computed or wait.
+        per_visitor: Maximum number of these for one visitor.
     """
 
     def __init__(self, what: str, *, at_once: int, total: int, per_visitor: int) -> None:
@@ -50,7 +50,7 @@ class SingleFlight:
         self._making: dict[Hashable, asyncio.Future[Any]] = {}
 
     def close(self) -> None:
-        """Start no further computation."""
+        """Cancel waiting computations and start no more."""
         for making in self._making.values():
             making.cancel()
         self._threads.shutdown(wait=False, cancel_futures=True)
@@ -66,13 +66,13 @@ class SingleFlight:
         """Return the result of ``make``; concurrent calls with the same key share one result.
 
         Args:
-            key: Name of the result.
-            make: Makes it, in a thread.
-            visitor: Visitor that requests it.
-            cache: Cache of recent results; each call makes a new one if None.
+            key: Key of the result.
+            make: Computes the result; called in a thread.
+            visitor: Visitor that requests the result.
+            cache: Cache of recent results; if None, results are not cached.
 
         Raises:
-            ServiceError: When too many of the visitor's wait, or of all.
+            ServiceError: If too many results wait, of the visitor or in total.
         """
         if cache is not None:
             if (known := cache.get(key)) is not None:
@@ -81,11 +81,11 @@ class SingleFlight:
         if key not in self._making:
             making = self._making[key] = asyncio.ensure_future(self._made(make, visitor))
             making.add_done_callback(partial(self._forget, key))
-        # Who goes away does not take it from the others that wait for it.
+        # A client that disconnects does not cancel the result for the others.
         return await asyncio.shield(self._making[key])
 
     async def _made(self, make: Callable[[], Thing], visitor: str | None) -> Thing:
-        """Wait for the visitor's turn, and make a result in a thread."""
+        """Wait for the visitor's turn, and compute a result in a thread."""
         loop = asyncio.get_running_loop()
         turn: asyncio.Future[Permit] = loop.create_future()
 
@@ -99,4 +99,4 @@ class SingleFlight:
     def _forget(self, key: Hashable, making: asyncio.Future[Any]) -> None:
         del self._making[key]
         if not making.cancelled():
-            making.exception()  # whoever waited was told; nobody may be left
+            making.exception()  # marks it as retrieved: all clients may have disconnected

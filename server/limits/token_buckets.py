@@ -1,4 +1,4 @@
-"""Token buckets: rates of visitors and of the networks around them."""
+"""Token buckets: rate limits of visitors and of the networks around them."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ NETWORK_RATE_FACTOR: Final = 2.0
 """Rate limit and burst of a network of IP addresses, as a multiple of one visitor's. A larger value
 permits more to a school behind one network, and to an attacker with many addresses. Chosen."""
 VISITORS_AT_FULL_RATE: Final = 4
-"""Rate limit and burst of all visitors together, as a multiple of one visitor's, where they share
-one. Beyond it the visitors that have used half of their own tokens have to wait. A larger value
-lets floods from many addresses take more processor time. Chosen."""
+"""Rate limit and burst of all visitors together, as a multiple of one visitor's, for limits that
+visitors share. Beyond it the visitors that have used half of their own tokens have to wait. A
+larger value lets floods from many addresses take more processor time. Chosen."""
 ALL_VISITORS: Final = "all"
 
 
 class TokenBuckets:
-    """A bucket of tokens for each visitor and each network around it. Belongs to one thread.
+    """Token bucket of each visitor and of each network around it. For one thread.
 
     Args:
         rate: Tokens per second of a visitor; a network gets ``NETWORK_RATE_FACTOR`` times as many.
         burst: Tokens in a visitor's full bucket.
-        most: Maximum number of buckets that are remembered.
+        most: Maximum number of stored buckets.
         clock: Returns the time in seconds.
     """
 
@@ -46,7 +46,7 @@ class TokenBuckets:
         self._burst = burst
         self._clock = clock
         self._buckets: LRUCache[str, tuple[float, float]] = LRUCache(most)
-        """Tokens and when they were counted, by visitor and network."""
+        """Tokens and the time of their count, by visitor and network."""
 
     def __len__(self) -> int:
         return len(self._buckets)
@@ -55,7 +55,7 @@ class TokenBuckets:
         """Take one token of a visitor and its networks.
 
         Returns:
-            0, or the seconds until all of them have one; then none is taken.
+            0, or the seconds until all buckets have a token; then none is taken.
         """
         now = self._clock()
         buckets = self._tokens(visitor, now)
@@ -65,10 +65,10 @@ class TokenBuckets:
         return wait_s
 
     def charge(self, visitor: str, amount: float) -> float:
-        """Take tokens for what has happened already, also if there are too few.
+        """Take tokens for events that have already happened, even if there are too few.
 
         Returns:
-            The seconds until no bucket is in debt.
+            Seconds until no bucket is negative.
         """
         now = self._clock()
         wait_s = 0.0
@@ -78,7 +78,7 @@ class TokenBuckets:
         return wait_s
 
     def tokens(self, visitor: str) -> float:
-        """Return the number of a visitor's tokens; negative in debt."""
+        """Return the number of a visitor's tokens; negative if it has used too many."""
         return next(tokens for _, tokens, _ in self._tokens(visitor, self._clock()))
 
     def _tokens(self, visitor: str, now: float) -> list[tuple[str, float, float]]:
@@ -93,7 +93,7 @@ class TokenBuckets:
 
 
 class SharedBuckets:
-    """Token buckets of visitors and their networks, and one of all together. For one thread.
+    """Token buckets of visitors and networks, and one of all visitors. For one thread.
 
     Args:
         rate: Tokens per second of a visitor.
@@ -106,15 +106,15 @@ class SharedBuckets:
         self._light = burst / 2
 
     def charge(self, visitor: str | None, amount: float) -> float:
-        """Take tokens for what has happened already; None is an unknown visitor.
+        """Take tokens for events that have already happened; None is an unknown visitor.
 
         Returns:
-            The seconds that the visitor has to wait.
+            Seconds that the visitor has to wait.
         """
         shared_s = self._all.charge(ALL_VISITORS, amount)
         if visitor is None:
             return 0.0
         own_s = self._visitors.charge(visitor, amount)
-        # A visitor that has half its tokens left does not pay for the debt of the others.
+        # A visitor with at least half of its tokens does not wait for the others.
         busy = self._visitors.tokens(visitor) < self._light
         return max(own_s, shared_s) if busy else own_s

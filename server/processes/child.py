@@ -1,4 +1,4 @@
-"""Child: the process that computes. Requests come in on standard input, events go out on output."""
+"""Child: a computing process with requests on standard input and events on standard output."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ waits for their results."""
 FULL_DISK_ERRNOS: Final = (errno.ENOSPC, errno.EDQUOT)
 FAILED_DISK_ERRNOS: Final = (errno.EROFS, errno.EIO)
 NO_THREAD: Final = "can't start new thread"
-"""Message of the ``RuntimeError`` by which Python says that no memory is left for the stack of a
+"""Message of the ``RuntimeError`` that Python raises if no memory is left for the stack of a
 thread."""
 COMPUTING_LIBRARIES: Final = (
     "mujoco",
@@ -57,7 +57,7 @@ Work = Callable[[Path, Cancelled], dict[str, Any]]
 
 
 class _Parent:
-    """The other end: its requests, its wish to cancel, and its end."""
+    """Connection to the parent process: its requests, cancellations and end."""
 
     def __init__(self, events: BinaryIO) -> None:
         self._events = events
@@ -65,14 +65,14 @@ class _Parent:
         self._cancel = threading.Event()
 
     def first_request(self) -> dict[str, Any]:
-        """Wait for the first request without a thread, which could not be confined later."""
+        """Wait for the first request, without starting a thread that could not be confined."""
         line = sys.stdin.buffer.readline()
         if not line:
             os._exit(1)
         return json.loads(line)
 
     def listen(self) -> None:
-        """Hears the other requests, and the wish to cancel, in a thread of its own."""
+        """Receive further requests and cancellations in a separate thread."""
         threading.Thread(target=self._listen, daemon=True).start()
 
     def request(self) -> dict[str, Any]:
@@ -85,7 +85,7 @@ class _Parent:
         return self._cancel.is_set()
 
     def tell(self, event: str, **values: object) -> None:
-        """Send an event; end the process if the parent is gone."""
+        """Send an event; end the process if the parent has ended."""
         try:
             self._events.write(json.dumps({"event": event, **values}).encode() + b"\n")
             self._events.flush()
@@ -126,9 +126,9 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
     seconds = int(cpu_s) + 1
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    # What is resident is watched by the parent; this stops one huge request for memory. It counts
-    # address space: libraries and the stacks of their threads reserve far more than they touch.
-    reserved = getattr(psutil.Process().memory_info(), "data", 0)  # only Linux tells it
+    # The parent monitors resident memory; this limit stops a single huge allocation. It counts
+    # address space: libraries and the stacks of their threads reserve far more than they use.
+    reserved = getattr(psutil.Process().memory_info(), "data", 0)  # only on Linux
     data = reserved + 2 * memory_bytes
     resource.setrlimit(resource.RLIMIT_DATA, (data, data))
     for name, most in (
@@ -144,8 +144,8 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
 def _end_without_memory(parent: _Parent, memory_bytes: int) -> None:
     """End this process when one of its threads runs out of memory.
 
-    Whoever waits for that thread would wait until the time limit: ``Thread.start`` itself waits for
-    ever for a thread that dies before it runs.
+    Code that waits for that thread would wait until the time limit: ``Thread.start`` itself waits
+    forever for a thread that dies before it runs.
     """
 
     def hook(default: Callable[[Any], object]) -> Callable[[Any], None]:
@@ -164,7 +164,8 @@ def _end_without_memory(parent: _Parent, memory_bytes: int) -> None:
 def _step_back(niceness: int) -> None:
     """Lower this process's priority."""
     os.nice(niceness)
-    # Where the sessions share the processor, that counts within one only; this is for all of it.
+    # With autogroup scheduling, niceness has an effect only within a session; this lowers the
+    # priority of the whole session.
     with suppress(OSError):
         Path("/proc/self/autogroup").write_text(str(niceness))
 
@@ -178,12 +179,12 @@ def _stages(progress: Report, directory: Path | None, *, warm: bool) -> Task:
         warm_up(progress, soon=True, directory=directory)
 
     def run(stage: str, directory: Path, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
-        os.chdir(directory)  # libraries that write logs beside them shall do so there
-        # A child of a worker that was killed may still be ending: one at a time in a directory.
+        os.chdir(directory)  # some libraries write logs to the current directory
+        # The child of a killed worker may still be ending: only one may use the directory.
         with open(directory / ".lock", "w") as lock:
             flock(lock, LOCK_EX)
             result = dict(run_stage(stage, directory, progress=progress, cancelled=cancelled))
-            # Once it is noted that a stage is over, its files must outlast a power cut, too.
+            # Once a stage is recorded as finished, its files must survive a power failure.
             settle(directory)
             return result
 
@@ -191,19 +192,19 @@ def _stages(progress: Report, directory: Path | None, *, warm: bool) -> Task:
 
 
 def _load(*names: str) -> None:
-    """Load libraries that the planner loads late; a confined process cannot load them."""
+    """Load libraries that the planner imports lazily; a confined process cannot load them."""
     for name in names:
         import_module(name)
 
 
 def _confined(works: Mapping[str, Work], *, beside: Collection[str] = ()) -> Task:
-    """Return a task whose works each run in a thread that touches their own directory alone.
+    """Return a task that runs each call in a thread confined to the call's directory.
 
-    One process works for many visitors.
+    This separates visitors, because one process works for many of them.
 
     Args:
-        works: Works by their names.
-        beside: Those that read or write beside their directory, too.
+        works: Functions by task name.
+        beside: Names of tasks that also read or write the parent of their directory.
     """
 
     def run(task: str, directory: Path, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
@@ -234,7 +235,7 @@ def _reader(*, warm: bool) -> Task:
 def _preparer(*, warm: bool) -> Task:
     from planner.pipeline.warm_up_paths import warm_up_paths
 
-    # So that the first preview need not wait for it.
+    # So that the first preview does not wait for these imports.
     _load(
         "planner.pipeline.prepare",
         "planner.shapes.decimation",
@@ -248,7 +249,7 @@ def _preparer(*, warm: bool) -> Task:
 
 
 def _movies(*, warm: bool) -> Task:
-    del warm  # it draws, and computes nothing
+    del warm  # movies need no kernels
     from planner.errors import TimelineError
     from web.movies.encoding import EncodingError, NoEncoderError
     from web.movies.make_movie import make_movie
@@ -303,7 +304,7 @@ def _retimer(*, warm: bool) -> Task:
 
 
 def _pictures(*, warm: bool) -> Task:
-    del warm  # a confined process cannot keep a kernel that it compiles
+    del warm  # always, because a confined process cannot store a kernel that it compiles
     from server.processes.picture_task import draw, warm_up
 
     warm_up()
@@ -312,7 +313,7 @@ def _pictures(*, warm: bool) -> Task:
 
 
 def _work(kind: str, directory: Path, folders: Sequence[str]) -> Allowed:
-    """Load the libraries that a child's requests need."""
+    """Return the files and directories that a child may access."""
     if kind == "movies":
         timeline = request_in(directory)["timeline"]
         return Allowed(readable=(Path(timeline),), writable=(directory,))
@@ -320,13 +321,13 @@ def _work(kind: str, directory: Path, folders: Sequence[str]) -> Allowed:
 
 
 def task_of(kind: str, *, warm: bool, progress: Report, directory: Path | None = None) -> Task:
-    """Return the task of a kind of child, and load all that it needs for it.
+    """Load the libraries of a kind of child and return its task.
 
     Args:
         kind: Kind of child.
-        warm: Run each kernel that it needs once.
+        warm: True to run each kernel once.
         progress: Called while kernels are compiled.
-        directory: Directory of the compilation's locks; beside the compiled kernels if None.
+        directory: Directory of the compilation's locks; if None, that of the compiled kernels.
     """
     kinds = {
         "stages": partial(_stages, progress, directory),
@@ -340,18 +341,18 @@ def task_of(kind: str, *, warm: bool, progress: Report, directory: Path | None =
 
 
 def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) -> None:
-    """Serve requests until the parent is gone.
+    """Serve requests until the parent has ended.
 
     Args:
         kind: Kind of this child.
-        limits: Those of ``ChildLimits``.
-        load: Loads the task of this kind; reports its progress.
+        limits: Fields of ``ChildLimits``.
+        load: Loads the task of this kind; reports progress to its argument.
     """
     setproctitle(f"foldback {kind}")
     if kind in LOW_PRIORITY_KINDS:
         _step_back(int(limits["niceness"]))
     events = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what a library prints must not get between the events
+    os.dup2(2, 1)  # output that libraries print must not mix with the events
     parent = _Parent(events)
     _offer()
     try:
@@ -380,7 +381,7 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
 
 
 def _answer(parent: _Parent, task: Task, request: Mapping[str, Any], memory_bytes: int) -> None:
-    """Run the task of a request, and send its result or its error."""
+    """Run the task of a request, and send its result or error."""
     try:
         result = task(
             request["task"], Path(request["directory"]), parent.progress, parent.cancelled
@@ -418,7 +419,7 @@ def _problem(error: Exception, task: str) -> tuple[str, str]:
 
 
 def main() -> None:
-    """Load, and serve requests until the parent is gone."""
+    """Load the task, and serve requests until the parent has ended."""
     kind, limits = sys.argv[1], json.loads(sys.argv[2])
     serve(kind, limits, lambda progress: task_of(kind, warm=limits["warm"], progress=progress))
 

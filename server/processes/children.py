@@ -1,8 +1,8 @@
-"""Children: processes that compute, each within limits, one fold to a process.
+"""Children: computing processes with limits, one for each fold.
 
-A child speaks JSON lines: requests on its standard input, events on its standard output. When its
-standard input ends, its parent is gone and it ends too (``server/processes/child.py`` is its other
-side).
+Messages are JSON lines: requests on the child's standard input, events on its standard output. When
+its standard input ends, its parent has ended, and it ends too. The child's side is
+``server/processes/child.py``.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ CHILD_EXIT_S: Final = 1.0
 """Time that a computing process may take to exit after it has closed its output, in s; then it is
 killed. A larger value reports a crash later. Chosen."""
 BUSY_FACTOR: Final = 6.0
-"""Maximum wall time of a short task, such as a preview, as a multiple of its time limit, where the
+"""Maximum wall time of a short task, such as a preview, as a multiple of its time limit, if the
 machine is too busy to give it that much processor time. With a smaller value shapes are refused
 because of the work of others; with a larger one clients wait longer for an answer. Chosen."""
 NO_START: Final = "no-start"
@@ -93,10 +93,10 @@ messages are invalid."""
 
 
 class ChildError(Exception):
-    """A child that did not come to a result.
+    """A child did not return a result.
 
     Attributes:
-        code: Short stable word for programs.
+        code: Short stable identifier for programs.
         detail: Description and remedy.
         temporary: True if the input is not the cause, and another attempt may succeed.
     """
@@ -109,7 +109,7 @@ class ChildError(Exception):
 
 
 class _Spawned(subprocess.Popen[bytes]):
-    """A child that was started by itself; as ``Forked`` otherwise."""
+    """Child that is started without a fork server; same interface as ``Forked``."""
 
     told: Final = None
     begun: Final = True
@@ -142,12 +142,12 @@ class _Spawned(subprocess.Popen[bytes]):
 
 
 class Child:
-    """One child process, from its start to its end.
+    """Child process.
 
     Args:
         kind: Kind of its tasks.
         limits: Its resource limits.
-        fork_server: Server that forks it; without one it is started anew, which takes seconds.
+        fork_server: Server that forks it; if None, a new interpreter starts, which takes seconds.
         environment: Additional environment variables of a child that is not forked.
     """
 
@@ -168,7 +168,7 @@ class Child:
         )
         self._ready = False
         self.calls = 0
-        """How many tasks it was given."""
+        """Number of tasks that it has been given."""
         self._reading = threading.Thread(target=self._read, name="child-events", daemon=True)
         self._reading.start()
 
@@ -195,17 +195,18 @@ class Child:
         """Run one task and wait for its result.
 
         Args:
-            task: A stage of the planner, or ``check``.
-            directory: The fold's directory.
+            task: Name of the task, such as a stage of the planner.
+            directory: Directory of the task's files.
             wall_s: Limit of wall time, s.
-            busy_factor: Multiple of ``wall_s`` that the task may take for as long as it has used
-                less processor time than ``wall_s``.
-            on_progress: Told every progress event.
-            cancelled: Asked often; once True, the child is asked to stop, then made to.
+            busy_factor: Multiple of ``wall_s`` that the task may take as long as it has used less
+                processor time than ``wall_s``.
+            on_progress: Called with every progress event.
+            cancelled: Polled; once it returns True, the child is asked to stop, and killed after
+                ``CANCEL_GRACE_S``.
 
         Raises:
-            InputError: When the input is at fault.
-            ChildError: When the child crashed, or went beyond a limit.
+            InputError: If the input is invalid.
+            ChildError: If the child crashed or exceeded a limit.
         """
         if not self._wait_ready(on_progress, cancelled):
             return {"status": "cancelled", "reason": "cancelled"}
@@ -246,18 +247,19 @@ class Child:
         self._process.kill_group()
         try:
             self._process.wait(KILL_S)
-        except subprocess.TimeoutExpired:  # the fork server, which kills it, does not react
+        except subprocess.TimeoutExpired:  # the fork server, which kills it, does not respond
             self._process.end_server()
             self._process.wait()
 
     def close(self) -> None:
         """End the child and close its pipes."""
         self.kill()
-        # Who reads may wait for room; or, where nothing is forked yet, until that is done with.
+        # The reading thread may be waiting for room in the queue. If the child is not forked yet,
+        # the thread ends later.
         while self._reading.is_alive() and self._process.begun:
             with contextlib.suppress(queue.Empty):
                 self._events.get(timeout=CHILD_POLL_S)
-        with contextlib.suppress(queue.Full):  # whoever still waits learns of its end
+        with contextlib.suppress(queue.Full):  # wakes callers that still wait for an event
             self._events.put_nowait(None)
         if self._process.stdin is not None:
             with contextlib.suppress(BrokenPipeError):
@@ -268,7 +270,7 @@ class Child:
         on_progress: Callable[[dict[str, Any]], None] | None,
         cancelled: Callable[[], bool] | None,
     ) -> bool:
-        """Wait for imports and compiled kernels; False when cancelled meanwhile."""
+        """Wait for imports and compiled kernels; return False if cancelled meanwhile."""
         deadline = time.monotonic() + MAX_START_S
         told = None
         while not self._ready:
@@ -298,7 +300,7 @@ class Child:
     def _cpu_s(self) -> float:
         try:
             times = psutil.Process(self._process.pid).cpu_times()
-        except psutil.Error:  # whoever waits for its events learns of its end
+        except psutil.Error:  # the process has ended; reading its events raises the error
             return 0.0
         return times.user + times.system
 
@@ -308,7 +310,7 @@ class Child:
             self._process.stdin.write(json.dumps(message).encode() + b"\n")
             self._process.stdin.flush()
         except BrokenPipeError:
-            pass  # its end is noticed by whoever waits for its events
+            pass  # the process has ended; reading its events raises the error
 
     def _next(self, timeout_s: float) -> dict[str, Any] | None:
         try:
@@ -328,7 +330,7 @@ class Child:
         with self._process.stdout as output:
             while line := output.readline(MAX_EVENT_BYTES):
                 self._events.put(line)
-                if not line.endswith(b"\n"):  # it is too long, or the end
+                if not line.endswith(b"\n"):  # the line is too long, or the last one
                     break
         self._events.put(None)
 
@@ -372,7 +374,7 @@ def _too_slow(task: str, wall_s: float, *, slowed: bool) -> ChildError:
 
 
 def _event(line: bytes) -> dict[str, Any] | None:
-    """Return the event in a line; None where it is none, as of a child that was taken over."""
+    """Return the event in a line; None if it is invalid, as from a compromised child."""
     try:
         event = json.loads(line)
         told = isinstance(event.get("result", {}), dict) and EVENTS[event["event"]] <= event.keys()
@@ -382,12 +384,12 @@ def _event(line: bytes) -> dict[str, Any] | None:
 
 
 class Children:
-    """Children of one kind, forked by one server where there is any, and ended together.
+    """Children of one kind that are ended together.
 
     Args:
         kind: Kind of their tasks.
         limits: Resource limits of each.
-        fork_server: Server that forks them.
+        fork_server: Server that forks them; None to start them without one.
     """
 
     def __init__(self, kind: Kind, limits: ChildLimits, fork_server: ForkServer | None) -> None:
@@ -402,7 +404,7 @@ class Children:
         """Return a child for exclusive use; return it with ``release``.
 
         Raises:
-            ChildError: When all were ended.
+            ChildError: If ``close`` was called.
         """
         with self._lock:
             if self._closed:
@@ -412,7 +414,7 @@ class Children:
             return child
 
     def release(self, child: Child) -> None:
-        """End a child that was taken."""
+        """End a child that ``take`` has returned."""
         with self._lock:
             self._all.discard(child)
         child.close()
@@ -427,16 +429,16 @@ class Children:
 
 
 class Pool:
-    """Children that do one task after the other, each replaced when a task was too much for it.
+    """Children that are reused for short tasks; a child whose task fails is replaced.
 
-    There are as many as there are calls at once. Safe to use from many threads.
+    There is one for each concurrent call. Safe for use by several threads.
 
     Args:
         kind: Kind of their tasks.
         limits: Resource limits of each.
         wall_s: Limit of a task's wall time, s.
-        fork_server: Server that forks them.
-        quota: Turns of visitors; calls do not wait for each other if None.
+        fork_server: Server that forks them; None to start them without one.
+        quota: Quota in which visitors take turns; if None, calls do not wait for each other.
     """
 
     def __init__(
@@ -465,18 +467,18 @@ class Pool:
         """Run one task when it is the visitor's turn.
 
         Args:
-            task: One that this kind of child knows.
+            task: Name of a task of this kind of child.
             directory: Directory with the input.
             visitor: Visitor that requests it.
-            cancelled: Asked often; once True nobody wants the result, and the child is ended.
+            cancelled: Polled; once it returns True, the task is stopped.
 
         Returns:
-            The task's result; ``{"status": "cancelled"}`` when nobody wanted it.
+            Result of the task; its ``status`` is ``cancelled`` if it was stopped.
 
         Raises:
-            InputError: When the input can't be used.
-            ChildError: When the child crashed or went beyond a limit.
-            ServiceError: When too many of the visitor's wait, or of all.
+            InputError: If the input is invalid.
+            ChildError: If the child crashed or exceeded a limit.
+            ServiceError: If too many calls wait, of the visitor or in total.
         """
         if self._quota is None:
             return self._run(task, directory, cancelled)
@@ -522,8 +524,8 @@ class Pool:
         return self._children.take()
 
     def _keep(self, child: Child) -> None:
-        # Its limit of processor time is for all that it ever does; and it may have been ended,
-        # since nobody wanted what it did.
+        # The limit of processor time applies to the child's whole life. A cancellation may have
+        # ended the child.
         if child.calls >= MAX_CALLS_PER_CHILD or not child.alive:
             self._children.release(child)
             return

@@ -1,8 +1,8 @@
-"""Fork server: one process that has loaded what children need; each child is a fork of it.
+"""Fork server: a process that has loaded the children's libraries; children are its forks.
 
-Loading takes seconds and hundreds of megabytes; a fork takes neither. Requests and their answers
-are JSON lines on a pair of streams; the pipes of a child go along with its request. The process at
-the other end is ``server/processes/fork_server_process.py``.
+Loading takes seconds and hundreds of megabytes; a fork takes neither. Requests and responses are
+JSON lines on a socket pair; the pipes of a child are sent with its request. The server's side is
+``server/processes/fork_server_process.py``.
 """
 
 from __future__ import annotations
@@ -35,21 +35,21 @@ CHILD_ENVIRONMENT: Final = {
 and gain nothing at these matrix sizes), no OpenGL in MuJoCo, as only movies draw with it, and no
 process title in the environment's memory."""
 PING_INTERVAL_S: Final = 1.0
-"""Time without a message from the fork server after which a client that waits for a child asks
-whether it still answers, in s. A smaller value sends more messages. Chosen."""
+"""Time without a message from the fork server after which a waiting thread sends it a ping, in s. A
+smaller value sends more messages. Chosen."""
 MAX_SILENCE_S: Final = 30.0
-"""Time within which the fork server must answer that question, in s; otherwise it counts as hung,
-and another one replaces it. It answers in milliseconds, but loads compiled kernels for some
-seconds. With a larger value clients wait longer for a hung one. Chosen."""
+"""Time within which the fork server must answer a ping, in s; otherwise it counts as hung, and
+another one replaces it. It answers in milliseconds, but loads compiled kernels for some seconds.
+With a larger value clients wait longer for a hung one. Chosen."""
 
 
 def environment_with(more: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment of a computing process or its fork server, with ``more``."""
+    """Return the environment of a computing process or fork server, extended by ``more``."""
     return {**environment_of_child(os.environ), **CHILD_ENVIRONMENT, **more}
 
 
 class Forked:
-    """A child that was forked, with what Child asks of a process. Made by ``ForkServer.fork``."""
+    """Forked child, with the interface of ``Popen`` that ``Child`` uses."""
 
     def __init__(self, server: _Running, stdin: BinaryIO, stdout: BinaryIO) -> None:
         self.stdin = stdin
@@ -59,7 +59,7 @@ class Forked:
         self._code: int | None = None
         self._ended = threading.Event()
         self.lost = False
-        """True once the fork server has ended, and with it this child."""
+        """True once this child has ended because the fork server has."""
 
     @property
     def pid(self) -> int:
@@ -73,16 +73,16 @@ class Forked:
 
     @property
     def stalled(self) -> bool:
-        """True if the fork server was ready and no longer answers."""
+        """True if the fork server was ready and no longer responds."""
         return self._code is None and self._server.stalled()
 
     def end_server(self) -> None:
-        """End the fork server, with all its children; the next child starts another one."""
+        """End the fork server and all its children; the next child starts another one."""
         self._server.close()
 
     @property
     def told(self) -> dict[str, Any] | None:
-        """Progress event of the fork server while the child waits for it."""
+        """Latest progress event of the fork server while it starts."""
         return self._server.told
 
     def poll(self) -> int | None:
@@ -90,10 +90,10 @@ class Forked:
         return self._code
 
     def wait(self, timeout: float | None = None) -> int:
-        """Wait for its end.
+        """Wait for the end of the child and return its exit code.
 
         Raises:
-            subprocess.TimeoutExpired: When it does not end in time.
+            subprocess.TimeoutExpired: If it does not end in time.
         """
         if not self._ended.wait(timeout):
             raise subprocess.TimeoutExpired("a forked child", timeout or 0.0)
@@ -101,7 +101,7 @@ class Forked:
         return self._code
 
     def kill_group(self) -> None:
-        """Kill the child and its descendants. One that is not forked yet ends at its start."""
+        """Kill the child and its descendants. A child that is not forked yet ends at its start."""
         if self._pid is None:
             self.stdin.close()
             self.end(-signal.SIGKILL)
@@ -119,14 +119,14 @@ class Forked:
             self._ended.set()
 
     def lose(self) -> None:
-        """Note that it ended with the fork server."""
+        """Record that the child has ended with the fork server."""
         if self._code is None:
             self.lost = True
         self.end(-signal.SIGKILL)
 
 
 class _Running:
-    """One process of the fork server, from its start to its end."""
+    """Running process of a fork server."""
 
     def __init__(self, asked: Mapping[str, Any], environment: Mapping[str, str]) -> None:
         mine, theirs = socket.socketpair()
@@ -149,7 +149,7 @@ class _Running:
         self._forked: dict[int, Forked] = {}
         self._failed = False
         self.told: dict[str, Any] | None = None
-        """The progress that it told last, for as long as it is not ready."""
+        """Latest reported progress; None once it is ready."""
         self.ready = False
         self._heard_at = 0.0
         self._pinged_at: float | None = None
@@ -166,10 +166,10 @@ class _Running:
         return not self._failed and self._process.poll() is None
 
     def fork(self, kind: Kind, limits: ChildLimits) -> Forked | None:
-        """Request a child without waiting for it; None if none can be forked.
+        """Request a child without waiting for it; return None if none can be forked.
 
         Raises:
-            OSError: When the system has no more files.
+            OSError: If there are too many open files.
         """
         with self._lock:
             if not self.alive:
@@ -181,7 +181,7 @@ class _Running:
             self._asked[number] = child
             asked = {"fork": number, "kind": kind, "limits": asdict(limits)}
             line = json.dumps(asked).encode() + b"\n"
-            # Should it end just now, whoever waits for the child learns of it by its output.
+            # If the server ends now, the end of the child's output reports this.
             with contextlib.suppress(OSError):
                 socket.send_fds(self._control, [line], [theirs_in, theirs_out])
             os.close(theirs_in)
@@ -189,15 +189,15 @@ class _Running:
             return child
 
     def kill(self, pid: int) -> None:
-        """End a child with all that it has started.
+        """Kill a child and its descendants.
 
-        It is the fork server that does so: it alone knows that the number is still the child's.
+        The fork server does this, because only it knows that the process id is still the child's.
         """
         with self._lock, contextlib.suppress(OSError):
             self._control.sendall(json.dumps({"kill": pid}).encode() + b"\n")
 
     def stalled(self) -> bool:
-        """Return True if it was ready and has not answered a ping for ``MAX_SILENCE_S``."""
+        """Return True if the server was ready and has not answered a ping in ``MAX_SILENCE_S``."""
         with self._lock:
             now = time.monotonic()
             if not self.ready or not self.alive or now < self._heard_at + PING_INTERVAL_S:
@@ -236,7 +236,7 @@ class _Running:
                     self.told = None
                     self.ready = True
                 case {"failed": _}:
-                    # Whoever has asked is told why; whoever asks from now on, asks another one.
+                    # Requested children receive the reason; further requests go to a new process.
                     self._failed = True
                     self._control.shutdown(socket.SHUT_WR)
                 case {"forked": number, "pid": pid}:
@@ -251,13 +251,13 @@ class _Running:
 
 
 class ForkServer:
-    """Starts the process when the first child is wanted, and anew when it has ended.
+    """Fork server that starts with the first child, and again after it has ended.
 
     Args:
         kinds: Kinds of children that it forks.
-        warm: True to run every compiled loop once, so that no child has to load it.
-        directory: Directory of the compilation's locks; beside the compiled kernels if None.
-        environment: Variables besides those of every child.
+        warm: True to run every kernel once, so that no child has to load it.
+        directory: Directory of the compilation's locks; if None, that of the compiled kernels.
+        environment: Additional environment variables.
     """
 
     def __init__(
@@ -281,12 +281,12 @@ class ForkServer:
 
     @property
     def told(self) -> dict[str, Any] | None:
-        """The progress that it told last; None once it is ready, and before it is started."""
+        """Latest reported progress; None before the start and once it is ready."""
         return None if self._running is None else self._running.told
 
     @property
     def starting(self) -> bool:
-        """True from its start until it can fork."""
+        """True from the start until it can fork."""
         running = self._running
         return running is not None and running.alive and not running.ready
 
@@ -296,10 +296,10 @@ class ForkServer:
             self._started()
 
     def fork(self, kind: Kind, limits: ChildLimits) -> Forked:
-        """Return a child of a kind, without waiting until it is forked.
+        """Request a child and return it, without waiting until it is forked.
 
         Raises:
-            OSError: When the system has no more processes or files, or the server was closed.
+            OSError: If there are too many processes or open files, or the server was closed.
         """
         while True:
             with self._lock:

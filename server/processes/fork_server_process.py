@@ -1,7 +1,7 @@
-"""Process of a fork server: it loads what children need, and forks them.
+"""Fork server process: loads the children's libraries and kernels, and forks the children.
 
-It reads no visitor's data. It has one thread only, because other threads would be missing in a
-child. Each child applies its own limits and sandbox after the fork.
+It reads no data of visitors. It has only one thread, because a fork does not copy other threads.
+Each child applies its own limits and sandbox after the fork.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ PREPARER: Final = "preparer"
 
 
 class _Requests:
-    """Requests to fork, with their pipes, and the answers."""
+    """Connection to the parent: requests, pipes of the children, and responses."""
 
     def __init__(self, control: socket.socket) -> None:
         self._control = control
@@ -51,7 +51,7 @@ class _Requests:
         self._pipes: deque[int] = deque()
 
     def receive(self) -> list[dict[str, Any]]:
-        """Return the next request; end the process once no further one can come."""
+        """Return the next requests; end the process once the connection is closed."""
         data, pipes, _, _ = socket.recv_fds(self._control, MAX_REQUEST_BYTES, MAX_PIPES)
         self._pipes.extend(pipes)
         if not data:
@@ -64,18 +64,18 @@ class _Requests:
         return self._pipes.popleft(), self._pipes.popleft()
 
     def answer(self, **values: object) -> None:
-        """Send an answer; end the process if the parent is gone."""
+        """Send a response; end the process if the parent has ended."""
         try:
             self._control.sendall(json.dumps(values).encode() + b"\n")
         except (BrokenPipeError, ConnectionResetError):
             os._exit(1)
 
     def progress(self, progress: Progress) -> None:
-        """Send progress before it is ready."""
+        """Send the progress of the start."""
         self.answer(progress=asdict(progress))
 
     def refuse(self, why: str) -> NoReturn:
-        """Answer all requests with the reason why no child can be forked, until the end."""
+        """Answer all requests, forever, with the reason why no child can be forked."""
         self.answer(failed=why)
         problem = {"event": "problem", "code": "no-start", "detail": why}
         while True:
@@ -89,24 +89,24 @@ class _Requests:
                 os.close(stdout)
 
     def close(self) -> None:
-        """Close the sockets in a child."""
+        """Close socket and pipes in a child."""
         self._control.close()
         while self._pipes:
             os.close(self._pipes.popleft())
 
 
 def _wake(number: int, frame: FrameType | None) -> None:
-    """A child has ended: a byte in a pipe says so, where there is a handler at all."""
+    """Do nothing. The wake-up pipe gets a byte only if ``SIGCHLD`` has a Python handler."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Late:
-    """Kind of children that cannot be forked before another process has compiled its kernels.
+    """Kind of children whose kernels another process is still compiling.
 
     Attributes:
         kind: The kind.
-        compiling: The process.
-        load: Loads what it has compiled.
+        compiling: The process that compiles the kernels.
+        load: Loads the task with the compiled kernels.
     """
 
     kind: str
@@ -115,7 +115,7 @@ class _Late:
 
 
 class _Forks:
-    """Forked children, and how they end."""
+    """Forked children."""
 
     def __init__(self, requests: _Requests, tasks: dict[str, Task], late: _Late | None) -> None:
         self._requests = requests
@@ -130,7 +130,7 @@ class _Forks:
         self._running: set[int] = set()
 
     def serve(self, control: socket.socket) -> None:
-        """Answer requests until the parent is gone."""
+        """Answer requests until the parent has ended."""
         self._load_late()
         while True:
             ready, _, _ = select.select([control, self._woken], [], [])
@@ -155,7 +155,7 @@ class _Forks:
                 self._requests.answer(pong=number)
             case {"kill": pid}:
                 if pid in self._running:
-                    # It makes a group of its own first of all; before that it is in this one.
+                    # Until the child has created its own process group, it is in this one.
                     own = os.getpgid(pid) == pid
                     (os.killpg if own else os.kill)(pid, signal.SIGKILL)
             case _:
@@ -193,12 +193,12 @@ class _Forks:
             pid, status = os.waitpid(-1, os.WNOHANG)
             if not pid:
                 return
-            if pid in self._running:  # and is not what compiles beside
+            if pid in self._running:  # otherwise it is a compiling process
                 self._running.discard(pid)
                 self._requests.answer(ended=pid, code=os.waitstatus_to_exitcode(status))
 
     def _load_late(self) -> None:
-        """Load what another process has compiled, if it has ended; fork what waits for that."""
+        """Load the kernels once the compiling process has ended, and fork waiting children."""
         if self._late is None or self._late.compiling.poll() is None:
             return
         self._tasks[self._late.kind] = self._late.load()
@@ -210,10 +210,10 @@ class _Forks:
 
 @contextmanager
 def _ending_with(parent: socket.socket) -> Generator[None]:
-    """End this process, while the context lasts, as soon as its parent has let go of a connection.
+    """End this process if the parent closes the connection within the context.
 
-    A thread watches it, since the compiler and the imports keep the main one busy for a minute. It
-    has ended when the context has: no thread outlasts a fork.
+    A thread watches the connection, because compiler and imports occupy the main thread for a
+    minute. The thread ends with the context, before any fork.
     """
     stopped, stop = os.pipe()
 
@@ -237,11 +237,11 @@ def _ending_with(parent: socket.socket) -> Generator[None]:
 def _tasks(
     kinds: Sequence[str], requests: _Requests, *, warm: bool, directory: Path | None
 ) -> tuple[dict[str, Task], _Late | None]:
-    """Return the task of each kind; with all that it takes compiled and loaded where it is warm.
+    """Return the task of each kind; if ``warm``, with compiled and loaded kernels.
 
-    Where the first of them has to compile something, nobody shall wait for what the others need:
-    other processes compile that. Children that prepare previews wait for it, since a confined
-    process could not store the kernels that it compiles; the others load it from the cache.
+    If the first kind has to compile kernels, other processes compile those of the other kinds, so
+    that the start does not wait for them. Children that prepare previews wait, because a confined
+    process could not store the kernels that it compiles; others load them from the cache.
     """
     tasks = dict[str, Task]()
     with Compiling() as compiling:
@@ -259,7 +259,7 @@ def _tasks(
             late = _Late(kind=PREPARER, compiling=beside("paths", directory), load=load)
         else:
             beside("all", directory)
-    if "stages" in tasks and not warm:  # else each fold would load its kernels, for 1.5 s
+    if "stages" in tasks and not warm:  # otherwise each fold would load its kernels for 1.5 s
         from planner.pipeline.warm_up import warm_up_folding
 
         warm_up_folding(requests.progress, directory=directory)
@@ -267,16 +267,16 @@ def _tasks(
 
 
 def _load_preparer(directory: Path | None) -> Task:
-    """Return the task that prepares previews; have all kernels compiled where no worker does."""
+    """Return the task that prepares previews; compile all kernels unless a worker does."""
     if directory is None or compiling_fraction(directory) is None:
         beside("all", directory)
     return task_of(PREPARER, warm=True, progress=silent, directory=directory)
 
 
 def _prepare_to_fork() -> None:
-    """End the threads of libraries, and have children share all objects that exist.
+    """End the threads of libraries, and let children share all existing objects.
 
-    A child copies what its garbage collector looks through, although it never changes it.
+    Otherwise the garbage collector of a child would copy their memory pages by traversing them.
     """
     end_threads()
     gc.collect()
@@ -284,7 +284,7 @@ def _prepare_to_fork() -> None:
 
 
 def main() -> None:
-    """Load, and serve until the parent is gone."""
+    """Load the tasks, and serve requests until the parent has ended."""
     control = socket.socket(fileno=int(sys.argv[1]))
     asked = json.loads(sys.argv[2])
     requests = _Requests(control)

@@ -1,6 +1,6 @@
-"""Landlock: denies a thread, and what it starts, files and TCP.
+"""Landlock: denies a thread and its descendants access to files and TCP.
 
-Linux 5.13 and newer, without any privilege; see landlock(7). Nothing takes it back.
+Requires Linux 5.13 or newer but no privileges; see landlock(7). It cannot be undone.
 """
 
 from __future__ import annotations
@@ -66,9 +66,9 @@ class _PathBeneath(ctypes.Structure):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Allowed:
-    """Files and directories, with all that is below them, that may be touched.
+    """Files and directories that a process may access, with everything below them.
 
-    What is not there is left out.
+    Missing paths are ignored.
     """
 
     readable: tuple[Path, ...] = ()
@@ -76,21 +76,21 @@ class Allowed:
 
 
 def version() -> int:
-    """Return the version of the kernel's interface; 0 if there is none that suffices."""
+    """Return the version of the kernel's interface; 0 if it is missing or too old."""
     if sys.platform != "linux":
         return 0
     try:
         found = _call(CREATE_RULESET, None, 0, VERSION_FLAG)
-    except OSError:  # the kernel is older, or was told to start without it
+    except OSError:  # the kernel is older, or Landlock is disabled
         return 0
     return found if found >= MIN_LANDLOCK_VERSION else 0
 
 
 def restrict(allowed: Allowed) -> None:
-    """Deny the calling thread, and what it starts later, all other files, and TCP.
+    """Deny the calling thread, and all that it starts later, other files and TCP.
 
     Raises:
-        OSError: When the kernel does not do so.
+        OSError: If the kernel refuses.
     """
     found = version()
     handled = max(rights for since, rights in ALL_FILE_RIGHTS.items() if since <= found)
@@ -109,7 +109,7 @@ def restrict(allowed: Allowed) -> None:
 
 
 def no_new_rights() -> None:
-    """No program that the calling thread may start gets more rights than it has."""
+    """Prevent programs that the calling thread starts from gaining privileges."""
     if sys.platform == "linux":
         ctypes.CDLL(None).prctl(PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0)
 

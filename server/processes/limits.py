@@ -1,4 +1,4 @@
-"""Limits: what one computing process may use, and the words when it wants more."""
+"""Limits: resources and environment of a computing process."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChildLimits:
-    """Resources of one computing process, and its priority.
+    """Resource limits and priority of one computing process.
 
     Attributes:
-        memory_bytes: Memory.
-        cpu_s: Processor time in all, in seconds.
+        memory_bytes: Maximum resident memory, bytes.
+        cpu_s: Maximum processor time of its whole life, s.
         niceness: Niceness (POSIX).
-        folders: Directories that it works in, one request after the other; when there are none, the
-            directory of its first request.
-        warm: True to run every compiled loop once before its first request.
+        folders: Directories in which it processes its requests; if empty, the directory of its
+            first request.
+        warm: True to run every kernel once before its first request.
     """
 
     memory_bytes: int
@@ -35,12 +35,11 @@ class ChildLimits:
 
     @classmethod
     def of(cls, settings: Settings, *, awaited: bool = False) -> ChildLimits:
-        """Return the limits that the settings say.
+        """Return the limits of the settings.
 
         Args:
             settings: The settings.
-            awaited: It reads what somebody has brought, who looks at a page until it is done: it
-                goes before folds.
+            awaited: True if a page waits for the result, which then has priority over folds.
         """
         folders = (str(settings.uploads_dir), str(settings.previews_dir))
         return cls(
@@ -77,16 +76,16 @@ withheld, as they may contain passwords and keys."""
 def environment_of_child(environment: Mapping[str, str]) -> dict[str, str]:
     """Return the environment variables that a computing process needs.
 
-    It reads strangers' files, so it must not see keys of databases and storage.
+    It reads files of strangers, so it must not see keys of databases and storage.
     """
     return {name: value for name, value in environment.items() if CHILD_VARIABLES.fullmatch(name)}
 
 
 def keep_secrets() -> None:
-    """Keep other processes of the same user from reading this one's memory.
+    """Prevent other processes of the same user from reading this one's memory.
 
-    Without it a computing process could read in ``/proc`` what its environment was cleared of.
-    Files and sockets that are created from now on are closed to other users.
+    Otherwise a computing process could read in ``/proc`` the variables that its own environment
+    lacks. New files and sockets become inaccessible to other users.
     """
     os.umask(0o077)
     if sys.platform == "linux":
@@ -94,7 +93,7 @@ def keep_secrets() -> None:
 
 
 def memory_words(limit_bytes: int) -> str:
-    """Return the message for a fold that would exceed its memory."""
+    """Return the message for a fold that exceeds its memory limit."""
     return (
         f"the fold exceeded its limit of {limit_bytes // 2**20} MiB of memory; try a smaller shape."
     )

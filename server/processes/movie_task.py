@@ -1,4 +1,4 @@
-"""Filming: makes movies in child processes, since a broken OpenGL driver may end its process."""
+"""Movie task: renders movies in child processes, because faulty OpenGL drivers can crash them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ NO_FFMPEG: Final = (
 
 
 def is_on_table(directory: Path) -> bool:
-    """Return True if a directory's fold is on a table; False if unknown."""
+    """Return True if the fold in a directory is on a table; False if unknown."""
     return json_of(directory / "request.json").get("world", FLOATING) != FLOATING
 
 
@@ -38,10 +38,10 @@ def ask_for_movie(
     """Write the ``request.json`` that ``run_movie`` reads.
 
     Args:
-        place: Its directory.
+        place: Directory for the file.
         wishes: Fields of a ``web.movies.movie.Movie``.
         timeline: The timeline's directory.
-        part: Name of the file there that is to be made.
+        part: Name of the movie file in ``place``.
         on_table: True if the chain folds on a table.
     """
     request = {"movie": wishes, "timeline": str(timeline), "part": part, "on_table": on_table}
@@ -56,14 +56,14 @@ def run_movie(
     on_progress: Callable[[dict[str, Any]], None],
     cancelled: Callable[[], bool],
 ) -> bool:
-    """Make the movie that ``request.json`` in a directory asks for; False when cancelled.
+    """Create the movie that ``request.json`` describes; return False if cancelled.
 
-    Each backend of OpenGL gets a process of its own: they cannot be changed within one.
+    Each OpenGL backend gets its own process, because a process cannot change its backend.
 
     Raises:
-        InputError: When the movie cannot be made of that timeline.
-        ChildError: When there is no OpenGL (``no-gl``), no ffmpeg (``no-encoder``), or something
-            went wrong.
+        InputError: If the timeline cannot be used.
+        ChildError: If OpenGL (``no-gl``) or ffmpeg (``no-encoder``) is missing, or another error
+            occurred.
     """
     said: list[str] = []
     for backend in backends():

@@ -1,4 +1,4 @@
-"""Picture task: what a child does that draws the social picture of a fold."""
+"""Picture task: draws the social picture of a fold in a child process."""
 
 from __future__ import annotations
 
@@ -20,15 +20,15 @@ from web.pictures.social_picture import FOLDED_VIEW, Moment, social_picture
 
 
 def warm_up() -> None:
-    """Draw a small picture, so that the kernels that it takes are compiled."""
+    """Draw a small picture to compile the required kernels."""
     social_picture(Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)])))
 
 
 def draw(directory: Path) -> dict[str, Any]:
-    """Write the picture of the chain in a directory beside it.
+    """Draw the chain in a directory and write the picture to the same directory.
 
     Raises:
-        InputError: When the file holds no chain.
+        InputError: If the file contains no chain.
     """
     try:
         chain = chain_from_attributes(json.loads((directory / CHAIN).read_bytes()))
@@ -39,7 +39,7 @@ def draw(directory: Path) -> dict[str, Any]:
 
 
 def _picture(chain: Chain, path: Path) -> bytes:
-    """Return the picture of a chain, as ``server.files.pictures.moment_of`` says."""
+    """Return the picture of a chain, with the options of ``server.files.pictures.moment_of``."""
     if not path.exists():
         return social_picture(chain)
     asked = json.loads(path.read_bytes())

@@ -1,6 +1,6 @@
-"""Reading: what the reader child does with uploads. Nothing of them is parsed anywhere else.
+"""Read task: checks and previews of uploads in a child; no other process parses them.
 
-Solvers are loaded where they are needed: most uploads are paths.
+Solvers are imported only when needed, because most uploads are paths.
 """
 
 from __future__ import annotations
@@ -35,17 +35,17 @@ versions and could exceed the time limit of a preview. Chosen."""
 
 
 def warm_up() -> None:
-    """Compiles what checks of chains need: their time is for the upload alone."""
+    """Compile the kernels for checks of chains, so that uploads do not wait for this."""
     _ = Chain.from_path(CellPath.from_cells([(0, 0, 0), (1, 0, 0), (1, 1, 0)])).folded_poses
 
 
 def check(directory: Path) -> dict[str, Any]:
     """Check that a directory's input can become a fold; return ``name``, ``module``, ``modules``.
 
-    The path search follows when it is the fold's turn; only certain refusals are made here.
+    The path search follows when the fold is computed; only certain failures are refused here.
 
     Raises:
-        InputError: The input cannot become a fold.
+        InputError: If the input cannot become a fold.
     """
     request = FoldRequest.from_json(request_in(directory))
     if request.smooth:
@@ -83,10 +83,10 @@ def check(directory: Path) -> dict[str, Any]:
 
 
 def _begins(directory: Path) -> Chain:
-    """Return the initially folded chain of a refold.
+    """Return the initial chain of a refold.
 
     Raises:
-        InputError: When its plan does not lead there.
+        InputError: If the plan does not lead from a straight to a folded chain.
     """
     from planner.plan.plan import Plan
 
@@ -107,10 +107,10 @@ def _smoothed(directory: Path, request: FoldRequest) -> dict[str, Any]:
 
 
 def preview(directory: Path) -> dict[str, Any]:
-    """Write ``report.json`` beside a preview's ``request.json``.
+    """Write ``report.json`` to the directory of a preview's ``request.json``.
 
     Raises:
-        InputError: When the input above it can't be used.
+        InputError: If the input in the parent directory is invalid.
     """
     from planner.pipeline.prepare import prepare_in_any_order
     from planner.plan.prepared_chains import key_of
@@ -128,7 +128,7 @@ def preview(directory: Path) -> dict[str, Any]:
         time_limit_s=about["time_limit_s"],
         searching=request.path,
     )
-    if made.options == options and made.repeatable:  # a fold reads its input in this way alone
+    if made.options == options and made.repeatable:  # only then a fold would get the same result
         key = key_of(data, about["filename"], options, request.seed)
         made.prepared().save(directory, key)
     write_sealed_json(directory / "report.json", made.report())
@@ -136,14 +136,14 @@ def preview(directory: Path) -> dict[str, Any]:
 
 
 def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
-    """Write ``offers.json`` beside the report of a preview that has no path for a table.
+    """Write ``offers.json``: changed versions of a shape without a path for a table.
 
     Args:
         directory: Directory of the preview's options.
-        cancelled: True once the client has left; the search then ends with what it has found.
+        cancelled: Returns True once the client has disconnected; the search then ends.
 
     Raises:
-        InputError: When the input can't be used.
+        InputError: If the input is invalid.
     """
     from planner.table_paths.offers import table_offers
 
@@ -161,7 +161,7 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
             time_limit_s=OFFERS_TIME_FACTOR * about["time_limit_s"],
             cancelled=cancelled,
         )
-        for offer in search:  # what is found stays, even if the next shape takes too long
+        for offer in search:  # stored one by one, because the search may be killed
             made.append(offer.report())
             write_sealed_json(directory / "offers.json", {"offers": made})
     if not made and not cancelled():

@@ -1,4 +1,4 @@
-"""Retiming: what the retimer child does with plans, for ``server/files/trajectories.py``."""
+"""Retime task: computes trajectories of plans in a child, for ``server/files/trajectories.py``."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ modules take less than 1 s, 1000 modules about 15 s. Chosen."""
 
 
 def warm_up() -> None:
-    """Retimes a tiny chain and works out its torques, so that all that takes is compiled."""
+    """Retime a tiny chain and compute its torques, to compile the required kernels."""
     from planner.pipeline.warm_up_paths import (
-        warm_up_chains,  # what finds paths; nothing else here needs it
+        warm_up_chains,  # imported here, because only this function needs the path search
     )
 
     chain = warm_up_chains()
@@ -42,10 +42,10 @@ def warm_up() -> None:
 
 
 def retime(directory: Path) -> dict[str, Any]:
-    """Write the trajectory that ``request.json`` asks for; return facts of its plan.
+    """Write the trajectory that ``request.json`` describes; return facts of its plan.
 
     Raises:
-        InputError: When the plan cannot be retimed.
+        InputError: If the plan cannot be retimed.
     """
     plan, trajectory = _retimed(directory, request_in(directory))
     trajectory.save(directory)
@@ -55,10 +55,10 @@ def retime(directory: Path) -> dict[str, Any]:
 def clearance(directory: Path) -> dict[str, Any]:
     """Return the clearance of a trajectory's rows at the rate in ``request.json``.
 
-    ``sufficient_rate_hz`` is a rate at which the rows are proved clear, where they are not.
+    If the rows overlap, ``sufficient_rate_hz`` is a rate at which they are proved clear.
 
     Raises:
-        InputError: When the plan cannot be retimed, or the rate is none.
+        InputError: If the plan cannot be retimed or the rate is invalid.
     """
     request = request_in(directory)
     plan, trajectory = _retimed(directory, request)
@@ -81,10 +81,10 @@ def clearance(directory: Path) -> dict[str, Any]:
 
 
 def motors(directory: Path) -> dict[str, Any]:
-    """Write the table of motors that it asks for, as JSON or CSV.
+    """Write the table of motors that ``request.json`` describes, as JSON or CSV.
 
     Raises:
-        InputError: When the plan cannot be retimed, or the motors cannot be built.
+        InputError: If the plan cannot be retimed or the motor data are invalid.
     """
     request = request_in(directory)
     plan, trajectory = _retimed(directory, request)

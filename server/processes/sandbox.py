@@ -1,4 +1,4 @@
-"""Sandbox: a process that touches the directory of its work, its own programs, and no more."""
+"""Sandbox: restricts a process to its working directory and its own program files."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ PATH_VARIABLES: Final = (
 """Environment variables with colon-separated paths that libraries read; a confined computing
 process keeps read access to these paths."""
 PACKAGE_DIRS: Final = ("site-packages", "dist-packages")
-"""Names of directories that hold nothing but installed Python packages; a confined computing
+"""Names of directories that contain only installed Python packages; a confined computing
 process may read them even if the service's data lie below them."""
 THREAD_EXIT_S: Final = 5.0
 """Maximum time to wait for other threads to end before a computing process is confined, in s.
@@ -51,12 +51,12 @@ the start fail. Chosen."""
 
 
 def confine(work: Allowed, *, drawing: bool = False) -> None:
-    """Confine this process to its work and its programs; applies to threads that start later.
+    """Confine this process, and threads that it starts later, to its files and programs.
 
-    What the kernel can't hold stays as it is: ``foldback doctor`` tells it.
+    Restrictions that the kernel does not support are skipped; ``foldback doctor`` reports them.
 
     Args:
-        work: The files of its work. Temporary files go to the first directory that it may write.
+        work: Its files. Temporary files go to the first writable directory.
         drawing: True if it draws with OpenGL.
     """
     _keep_temporary_files(work.writable[0])
@@ -64,14 +64,15 @@ def confine(work: Allowed, *, drawing: bool = False) -> None:
     end_threads()
     if landlock.version():
         landlock.restrict(_with_programs(work, drawing=drawing))
-    with suppress(OSError):  # a kernel without it, or a container that forbids it
+    with suppress(OSError):  # the kernel lacks seccomp, or a container forbids it
         seccomp.refuse_calls()
 
 
 def confine_thread(place: Path) -> None:
-    """Confine the calling thread's writes to one directory.
+    """Confine the calling thread to one directory.
 
-    It keeps what reads one upload away from those of others, not what has taken over the process.
+    This keeps a parser of one upload away from other uploads. It does not confine an attacker who
+    has taken over the process.
     """
     _keep_temporary_files(place)
     if landlock.version():
@@ -86,7 +87,7 @@ def end_threads() -> None:
     """End the threads of libraries, which would not be confined; they start new ones.
 
     Raises:
-        RuntimeError: When others are left.
+        RuntimeError: If other threads remain.
     """
     if "zarr.core.sync" in sys.modules:
         sys.modules["zarr.core.sync"].cleanup_resources()
@@ -96,7 +97,7 @@ def end_threads() -> None:
     tasks = Path("/proc/self/task")
     deadline = time.monotonic() + THREAD_EXIT_S
     while tasks.is_dir() and (left := len(list(tasks.iterdir()))) > 1:
-        # One that Python has done with takes the system another moment to end.
+        # After Python has joined a thread, the kernel needs another moment to end it.
         if time.monotonic() > deadline:
             raise RuntimeError(
                 f"got {left} threads, expected one, because the sandbox does not cover the others."
@@ -117,7 +118,7 @@ def _with_programs(work: Allowed, *, drawing: bool) -> Allowed:
 
 
 def _programs(work: Allowed) -> list[Path]:
-    """Return the paths of Python, its packages, ours, and their compiled files."""
+    """Return the paths of Python, its packages, this service, and compiled kernels."""
     ours = [
         Path(str(sys.modules[name].__file__)).parent for name in OWN_PACKAGES if name in sys.modules
     ]
@@ -128,7 +129,7 @@ def _programs(work: Allowed) -> list[Path]:
     ]
     caches = os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache")
     kernels = Path(caches) / "numba"
-    # Ours may lie in a checkout that data lie in, too: not all of that is for it.
+    # A checkout may contain the service's data as well, so it is not readable as a whole.
     closed = [path.resolve() for path in work.writable]
     added = [
         place
@@ -139,7 +140,7 @@ def _programs(work: Allowed) -> list[Path]:
 
 
 def _ffmpeg() -> list[Path]:
-    """Return ffmpeg, which encodes movies, and its own libraries: it may be outside of ``/usr``."""
+    """Return the paths of ffmpeg and its libraries, which may be outside of ``/usr``."""
     program = shutil.which("ffmpeg")
     if program is None:
         return []
@@ -156,10 +157,10 @@ def load_kernels() -> None:
 
 
 def _keep_no_kernels() -> None:
-    """Disable the cache of kernels from here on, and load all.
+    """Disable storing of compiled kernels, and load all kernels.
 
-    Kept ones are programs that other processes run. numba asks whether it could keep them as they
-    are loaded, so that this comes first.
+    Other processes run cached kernels, so a confined process must not write any. Call this before
+    confining, because numba checks on loading if it can write to the cache.
     """
     from numba.core import caching
 

@@ -1,4 +1,4 @@
-"""Scratch directories of computations; those of processes that died are removed."""
+"""Scratch directories of computations; those of ended processes are removed."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ PICTURE: Final = "picture.png"
 
 
 class Scratch:
-    """See the module's description. Several processes may share one.
+    """Parent of scratch directories. Several processes may share one.
 
-    Each directory is locked for as long as its process lives.
+    Each directory is locked as long as its process runs.
 
     Args:
-        root: Holds them all, and nothing else.
+        root: Directory that contains them and nothing else.
     """
 
     def __init__(self, root: Path) -> None:
@@ -38,10 +38,10 @@ class Scratch:
 
     @contextmanager
     def directory(self) -> Generator[Path]:
-        """A new directory; removed in the end.
+        """Create a directory that is removed at the end of the context.
 
         Raises:
-            OSError: When there is no room.
+            OSError: If the disk is full.
         """
         self._root.mkdir(parents=True, exist_ok=True)
         with _locked(self._root):
@@ -55,7 +55,7 @@ class Scratch:
             os.close(lock)
 
     def sweep(self) -> None:
-        """Remove directories of processes that died."""
+        """Remove directories of ended processes."""
         if not self._root.is_dir():
             return
         with _locked(self._root):
@@ -66,7 +66,7 @@ class Scratch:
                 try:
                     with _locked(left, at_once=True):
                         shutil.rmtree(left, ignore_errors=True)
-                except OSError:  # it is in use, or just gone
+                except OSError:  # it is in use, or has just been removed
                     continue
 
 

@@ -1,7 +1,8 @@
-"""Seccomp: has the kernel refuse a process some of its calls, with all its threads.
+"""Seccomp: a filter with which the kernel refuses system calls of a process.
 
-Landlock knows TCP only; this refuses sockets of every kind, what leads around both, and what
-Landlock lets pass: rights and times of foreign files, limits and turns of foreign processes.
+Landlock restricts only TCP. The filter refuses all kinds of sockets and calls that bypass either of
+them. It also refuses calls that Landlock permits: changes to modes and times of other files, and to
+limits and priorities of other processes.
 """
 
 from __future__ import annotations
@@ -26,26 +27,26 @@ REFUSED_CALLS: Final[dict[str, tuple[int, int | None]]] = {
     "connect": (42, 203),
     "bind": (49, 200),
     "listen": (50, 201),
-    # Sockets can be had by these rings, too.
+    # io_uring can create sockets, too.
     "io_uring_setup": (425, 425),
     "io_uring_enter": (426, 426),
     "io_uring_register": (427, 427),
-    # Other processes of the same user, their memory and their files.
+    # Memory and files of other processes of the same user.
     "ptrace": (101, 117),
     "process_vm_readv": (310, 270),
     "process_vm_writev": (311, 271),
     "pidfd_getfd": (438, 438),
-    # Files around Landlock, which learned to hold `truncate` in Linux 6.2.
+    # Calls that bypass Landlock, which restricts `truncate` only since Linux 6.2.
     "truncate": (76, 45),
     "open_by_handle_at": (304, 265),
-    # Their turns at the processor.
+    # Scheduling of other processes.
     "setpriority": (141, 140),
     "sched_setparam": (142, 118),
     "sched_setscheduler": (144, 119),
     "sched_setaffinity": (203, 122),
     "sched_setattr": (314, 274),
     "ioprio_set": (251, 30),
-    # Rights, owners, times and attributes of files, which Landlock does not hold.
+    # Modes, owners, times and attributes of files, which Landlock does not restrict.
     "chmod": (90, None),
     "fchmod": (91, 52),
     "fchmodat": (268, 53),
@@ -67,7 +68,7 @@ REFUSED_CALLS: Final[dict[str, tuple[int, int | None]]] = {
     "fremovexattr": (199, 16),
     "removexattrat": (466, 466),
     "file_setattr": (469, 469),
-    # Large parts of the kernel that nothing here has to do with.
+    # Large parts of the kernel that computing processes do not need.
     "unshare": (272, 97),
     "setns": (308, 268),
     "bpf": (321, 280),
@@ -104,10 +105,10 @@ class _Program(ctypes.Structure):
 
 
 def refuse_calls() -> None:
-    """Deny them to this process and its descendants, unless the architecture is unknown.
+    """Apply the filter to this process and its descendants, unless the architecture is unknown.
 
     Raises:
-        OSError: When the kernel does not do so.
+        OSError: If the kernel refuses.
     """
     found = ARCHITECTURES.get(platform.machine())
     if sys.platform != "linux" or found is None:
@@ -126,7 +127,7 @@ def refuse_calls() -> None:
 def program(mark: int, column: int) -> bytes:
     """Return the filter, as instructions of classic BPF."""
     numbers = [number for pair in REFUSED_CALLS.values() if (number := pair[column]) is not None]
-    # Jumps count the instructions that are left out, when so and when not so.
+    # Jump offsets are numbers of skipped instructions, if the condition is true and if it is false.
     own = [
         (LOAD, 0, 0, FIRST_ARGUMENT_AT),
         (EQUAL, 0, 1, 0),

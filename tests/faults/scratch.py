@@ -74,7 +74,7 @@ class Scratch:
         """Make a fault in the copy for as long as the context lasts.
 
         Raises:
-            StaleFaultError: The file does not hold the old text exactly once.
+            StaleFaultError: If the file does not hold the old text exactly once.
         """
         path = self._root / fault.file
         before, times = path.read_text(encoding="utf-8"), path.stat()

@@ -2,8 +2,8 @@
 
 No statics of foldback's own is used: gravity, the table and contacts are MuJoCo's, and every hinge
 has a brake, which slips beyond a torque a little larger than the certified one. A stable frame
-stays, one that needs more torque sinks. Frames of a simulated playback are suited best, as their
-modules touch where they carry load; others settle until they do.
+stays in place; one that needs more torque sinks. Frames of a simulated playback are most suitable,
+as their modules touch where they carry load; others first settle until they do.
 
 Units are natural: module mass, pitch and gravity are 1, time is in √(pitch / gravity).
 """

@@ -26,7 +26,7 @@ def service_with(tmp_path: Path) -> Iterator[Callable[..., ServiceThread]]:
         return services[-1]
 
     yield make
-    for service in reversed(services):  # each restores the state that it found
+    for service in reversed(services):  # each restores the state from before its start
         if service.running:
             assert service.stop() == 0
 

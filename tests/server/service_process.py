@@ -57,7 +57,7 @@ class Service:
             "FOLDBACK_PORT": "0",
             # Machines that run tests are busy, and a lower priority would delay folds.
             "FOLDBACK_NICENESS": "0",
-            # Few tests need all kinds of children, each of which takes seconds to start.
+            # Few tests need all kinds of children, and each kind takes seconds to start.
             "FOLDBACK_PREWARM": "false",
             # Lists and counts start empty.
             "FOLDBACK_FINISHED_FOLDS": "false",
@@ -279,7 +279,7 @@ def wait_until(
     report: Callable[[], object] = str,
     errors: tuple[type[Exception], ...] = (),
 ) -> None:
-    """Wait until a condition is true, despite some errors; ``report`` tells why it never was."""
+    """Wait until a condition is true, ignoring some errors; ``report`` explains a timeout."""
     deadline = time.monotonic() + TIMEOUT_S
     while True:
         with suppress(*errors):

@@ -36,7 +36,7 @@ class JavaScriptChecker:
         """Return the checker's result for a plan.
 
         Raises:
-            RuntimeError: The checker has stopped with an error.
+            RuntimeError: If the checker has stopped with an error.
         """
         assert self._process.stdin is not None
         assert self._process.stdout is not None

@@ -1,4 +1,4 @@
-"""A fold in a viser server of its own."""
+"""A fold in a separate viser server."""
 
 import socket
 import threading
@@ -230,6 +230,6 @@ def test_live_fold_is_followed_and_outlives_its_directory() -> None:
         assert live._playhead.last >= len(plan.motion)
         apart = distances(plan.chain.folded_poses.positions)
         assert np.abs(distances(positions(live)) - apart).max() < 0.01
-        live.frame = 0  # the frames are in memory, though the directory is gone
+        live.frame = 0  # the frames are in memory, although the directory is gone
         assert live.frame == 0
         assert np.abs(distances(positions(live)) - apart).max() < 0.2

@@ -1,4 +1,4 @@
-"""Sweeps of windows: they agree with those of dense frames, also with swinging tails."""
+"""Sweeps of windows agree with those of dense frames, even with swinging tails."""
 
 from dataclasses import replace
 

@@ -15,7 +15,7 @@ from planner.pathfinding.snake import snake_path
 from tests.planner.chains import walk
 from tests.planner.lattice import Ints
 
-# One overhand knot: each crossing is passed once above and once below, in turn.
+# An overhand knot: over- and undercrossings alternate.
 OVERHAND = (
     (0, 0, 0), (6, 0, 0), (6, 4, 0), (2, 4, 0), (2, 4, 2), (2, -2, 2),
     (4, -2, 2), (4, -2, -2), (4, 2, -2), (4, 2, 2), (4, 6, 2),
@@ -59,13 +59,13 @@ def test_overhand_knot_is_a_trefoil(scale: int) -> None:
 
 @pytest.mark.parametrize(("p", "q", "expected"), [(2, 3, 3), (2, 5, 5), (4, 3, 3), (5, 1, 1)])
 def test_windings_of_a_torus(p: int, q: int, expected: int) -> None:
-    """Torus knots of 2 and q have determinant q, of 3 and 4 have 3; single windings have 1."""
+    """Torus knots (2, q) have determinant q, and (3, 4) has 3; single windings have 1."""
     knot = knot_of(on_lattice(torus_winding(p, q), 9.0), closed=True)
     assert (knot.verdict, knot.determinant) == ("unknot" if expected == 1 else "knotted", expected)
 
 
 def test_knot_of_determinant_one_is_found_by_its_polynomial() -> None:
-    """|Δ(−1)| of the torus knot of 3 and 5 is 1, but Δ is not 1."""
+    """The torus knot (3, 5) has |Δ(−1)| = 1, but Δ is not 1."""
     knot = knot_of(on_lattice(torus_winding(3, 5), 9.0), closed=True)
     assert (knot.verdict, knot.determinant) == ("knotted", 1)
 

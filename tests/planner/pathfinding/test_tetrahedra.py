@@ -1,4 +1,4 @@
-"""Chains of tetrahedra from their angles to a verified plan, by the same code as cubes."""
+"""Chains of tetrahedra, from their angles to a verified plan, by the same code as for cubes."""
 
 from itertools import product
 

@@ -120,7 +120,7 @@ def test_smoothings_are_not_in_the_lookahead() -> None:
 
 
 def test_best_plan_by_each_preference() -> None:
-    """A slow plan needs little torque; one as fast as the others may need most."""
+    """A slow plan needs little torque; a plan as fast as the others may need the most."""
     trial = Trial(0, 5, "peel")
     tried = [
         verified(trial),

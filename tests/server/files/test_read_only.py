@@ -1,4 +1,4 @@
-"""Data on a read-only disk: stored folds are shown, and all else is refused in one sentence."""
+"""Data on a read-only disk: stored folds are shown; all else is refused with one sentence."""
 
 import os
 import shutil

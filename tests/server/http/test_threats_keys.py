@@ -1,4 +1,4 @@
-"""Attacks on the key of a browser, and by names that owners set."""
+"""Attacks on the key of a browser, and attacks by names that owners set."""
 
 from pathlib import Path
 from typing import Any
