@@ -1,6 +1,6 @@
-// <foldback-fold src="…"> embeds a fold in any page; see docs/links.md. A single classic script, so
-// that pages opened from disk can use it. The fold is in a sandboxed frame; messages contain only
-// names, numbers and texts.
+// <foldback-fold src="…"> embeds a fold in any page; see docs/links.md. A
+// single classic script, so that pages opened from disk can use it. The fold
+// is in a sandboxed frame; messages contain only names, numbers and texts.
 (() => {
   const NAME = "foldback-fold";
   if (customElements.get(NAME)) return;

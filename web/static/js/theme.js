@@ -34,8 +34,8 @@
     dispatchEvent(new Event("themechange"));
   }
 
-  // Cycle through the themes, first to the opposite of the system's, so that every press but the
-  // last has a visible effect.
+  // Cycle through the themes, first to the opposite of the system's,
+  // so that every press but the last has a visible effect.
   function change() {
     const [same, other] = dark.matches ? ["dark", "light"] : ["light", "dark"];
     chosen = chosen === "" ? other : chosen === other ? same : "";

@@ -1,5 +1,5 @@
-// A convex module, scaled to its size, and its joint to the next one: anchor, turn, hinge about the
-// third axis, turn, ..., offset.
+// A convex module, scaled to its size, and its joint to the next
+// one: anchor, turn, hinge about the third axis, turn, ..., offset.
 
 /** @typedef {[number, number, number]} Vector */
 /**

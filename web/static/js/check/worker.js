@@ -1,5 +1,5 @@
-// Checks a plan in a separate thread, unchanged or with a deliberate fault, and reports the
-// progress.
+// Checks a plan in a separate thread, unchanged or
+// with a deliberate fault, and reports the progress.
 import { NotProved, Plan } from "./plan.js";
 import { Proof } from "./proof.js";
 import { Largest, turnMore } from "./spoil.js";

@@ -95,9 +95,9 @@ export function told({ length, cells, gaps, repeats, missing, lost: apart, diffe
   return { text: so, tone: "" };
 }
 
-// Add a cell to a path: at the drawn end, at the other end if it touches only that, or in a gap
-// that it closes. The cell before the end removes the end. Return the reason if the cell cannot be
-// added.
+// Add a cell to a path: at the drawn end, at the other end if it
+// touches only that, or in a gap that it closes. The cell before the
+// end removes the end. Return the reason if the cell cannot be added.
 /**
  * @param {DrawnPath} drawn
  * @param {number} key

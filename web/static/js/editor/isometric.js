@@ -29,9 +29,9 @@ function corners([x, y, z], side) {
   return [[x, y + 1, z], [x + 1, y + 1, z], [x + 1, y + 1, z + 1], [x, y + 1, z + 1]];
 }
 
-// Return the visible halves of faces. Projected along (1, 1, 1), a cell's faces cover six triangles
-// of the plane, which are halves of its squares (x - z, y - z). In each triangle the nearest cell
-// is visible.
+// Return the visible halves of faces. Projected along (1, 1, 1), a
+// cell's faces cover six triangles of the plane, which are halves of its
+// squares (x - z, y - z). In each triangle the nearest cell is visible.
 /**
  * @param {number[]} keys
  * @param {number} size
@@ -118,8 +118,8 @@ export function draw(picture, { cells, size }, layer, drawn) {
   picture.replaceChildren(...parts);
 }
 
-// Return the path as a line through the centres of its cells, with marks at its first cell and its
-// drawn end.
+// Return the path as a line through the centres of its
+// cells, with marks at its first cell and its drawn end.
 /**
  * @param {DrawnPath} drawn
  * @param {number} size

@@ -1,6 +1,6 @@
-// The draft of the editor: a painting and the name of the shape. A painting has the filled cells,
-// the path through them, and the steps for undo and redo. The key of a cell is (z * size + x) *
-// size + y, where x is the row, y the column and z the layer.
+// The draft of the editor: a painting and the name of the shape. A painting has
+// the filled cells, the path through them, and the steps for undo and redo. A
+// cell (row x, column y, layer z) has the key (z * size + x) * size + y.
 import { store, stored } from "../lib/text.js";
 import { neighbours } from "./cell_path.js";
 

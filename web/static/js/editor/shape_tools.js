@@ -1,5 +1,5 @@
-// Tools that change many cells of a painting at once. They return new values and do not modify
-// their arguments.
+// Tools that change many cells of a painting at once. They
+// return new values and do not modify their arguments.
 import { LARGEST, SIZES, cellOf, keyOf, keysOf } from "./painting.js";
 
 /** @typedef {0 | 1 | 2} Axis of rows, columns and layers */
@@ -105,9 +105,9 @@ export function resized(painted, size) {
   return placed(painted, (cell) => cell.map((v, axis) => v + by[axis]), size);
 }
 
-// Return the painting of cells from a file, centred in the smallest grid of at least `least` cells
-// that they fit in; ordered cells become its path. Throws an Error that states their extents if no
-// grid is large enough.
+// Return the painting of cells from a file, centred in the smallest grid of
+// at least `least` cells that they fit in; ordered cells become its path.
+// Throws an Error that states their extents if no grid is large enough.
 /**
  * @param {number[][]} cells
  * @param {{ ordered: boolean, least: number }} how

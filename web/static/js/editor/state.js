@@ -1,5 +1,5 @@
-// State of the editor, without the page: the draft, the tool and its pointer actions, and the shape
-// that would be folded.
+// State of the editor, without the page: the draft, the tool
+// and its pointer actions, and the shape that would be folded.
 import { whole } from "../lib/text.js";
 import { checked, cut, extended, headOf, told, touch } from "./cell_path.js";
 import { Draft, Painting, cellOf, keyOf, keysOf, parts } from "./painting.js";
@@ -170,8 +170,8 @@ export class Editor {
   /** @param {0 | 1 | 2} axis */
   mirror(axis) { this.step(() => this.painting.become(mirrored(this.painting.state, axis))); }
 
-  // Extend the path from its drawn end in a direction, or start it at a cell. Show the layer of the
-  // new drawn end and return it.
+  // Extend the path from its drawn end in a direction, or start it
+  // at a cell. Show the layer of the new drawn end and return it.
   /**
    * @param {number[]} by
    * @param {number} from

@@ -14,8 +14,8 @@ const BUSY = 429;
 
 const NUMBERED_PARTS = /\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?/gi;
 
-// Renumber modules and cells in a text of the planner to start at 1, as `count_from_one` of
-// server/pages/failures.py.
+// Renumber modules and cells in a text of the planner to start
+// at 1, as `count_from_one` of server/pages/failures.py.
 /** @param {string} text */
 export const countFromOne = (text) => text.replace(NUMBERED_PARTS, (named) => named.replace(/\d+(?! more)\b/g, (index) => String(Number(index) + 1)));
 
@@ -72,8 +72,8 @@ export function formOf(fields) {
   return form;
 }
 
-// Send a request to the service. The default method with a body is POST; a form is sent unchanged,
-// other values as JSON.
+// Send a request to the service. The default method with a body
+// is POST; a form is sent unchanged, other values as JSON.
 /**
  * @template Answer
  * @param {string} path
@@ -123,8 +123,8 @@ export async function remove(path, token) {
 /** @param {string} text */
 export const isKey = (text) => KEY.test(text);
 
-// Return the browser's own key, created on first use; null if storage is refused. The same key and
-// file give the same fold.
+// Return the browser's own key, created on first use; null if
+// storage is refused. The same key and file give the same fold.
 export function ownKey() {
   const known = stored(OWN);
   if (known) return known;
@@ -134,8 +134,8 @@ export function ownKey() {
 
 export const newKey = () => btoa(String.fromCharCode(...crypto.getRandomValues(new Uint8Array(BYTES)))).replaceAll("+", "-").replaceAll("/", "_");
 
-// Replace the browser's own key, and its tokens of folds, by a new key that was stored as an added
-// one.
+// Replace the browser's own key, and its tokens of
+// folds, by a new key that was stored as an added one.
 /** @param {string} made */
 export function replaceOwn(made) {
   const old = stored(OWN);
@@ -202,8 +202,8 @@ function ofFolds() {
 /** @param {string} id */
 export const tokenOf = (id) => stored(OF_FOLD + id);
 
-// Store the token of a fold, null to remove it. Without storage the fold is visible but cannot be
-// cancelled.
+// Store the token of a fold, null to remove it. Without
+// storage the fold is visible but cannot be cancelled.
 /**
  * @param {string} id
  * @param {string | null} token

@@ -1,5 +1,5 @@
-// Decoding of a binary message into a header and arrays; web/timeline/columns.py defines its
-// format.
+// Decoding of a binary message into a header and
+// arrays; web/timeline/columns.py defines its format.
 const TYPES = {
   "<f8": Float64Array, "<f4": Float32Array, "|u1": Uint8Array, "<u2": Uint16Array, "<u4": Uint32Array, "<i4": Int32Array,
 };

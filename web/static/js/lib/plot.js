@@ -7,8 +7,8 @@ const DIGITS = 3;
 
 export const round = (/** @type {number} */ value) => Number(value.toPrecision(DIGITS));
 
-// Return a few round numbers from low to high; on a log scale 1, 2 and 5 times powers of ten, or
-// these alone.
+// Return a few round numbers from low to high; on a log
+// scale 1, 2 and 5 times powers of ten, or these alone.
 /**
  * @param {number} low
  * @param {number} high

@@ -33,8 +33,8 @@ export function si(value, unit, digits = DIGITS) {
   return `${value < 0 ? "−" : ""}${Number(`${mantissa}e${exponent - power}`)} ${SI_PREFIXES[power]}${unit}`;
 }
 
-// Return a number with some significant digits, as `number` of words/quantities.py: 0.0038, 30000,
-// 1.3×10⁻¹².
+// Return a number with some significant digits, as `number`
+// of words/quantities.py: 0.0038, 30000, 1.3×10⁻¹².
 /**
  * @param {number} value
  * @param {number} digits
@@ -71,8 +71,8 @@ export function duration(value) {
   return `about ${Math.round(value / 3600)} h`;
 }
 
-// Return the expected time of a fold that is requested now; null while the time to compile the
-// solvers is unknown.
+// Return the expected time of a fold that is requested now;
+// null while the time to compile the solvers is unknown.
 /**
  * @param {number} value of the fold alone, in seconds
  * @param {Api.PreparingBody | null} preparing
@@ -161,9 +161,9 @@ export function store(name, value) {
 
 export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
 
-// Return a function that loads a part on first use and returns the result of the given callback. If
-// loading fails, it calls `refused` with the reason and returns undefined; the next use tries
-// again.
+// Return a function that loads a part on first use and returns the
+// result of the given callback. If loading fails, it calls `refused`
+// with the reason and returns undefined; the next use tries again.
 /**
  * @template Part
  * @param {() => Promise<Part>} load

@@ -51,8 +51,8 @@ function show(drawn = true) {
 /** @param {() => void} act */
 const doing = (act) => () => { act(); show(); };
 
-// Send a complete path to the service, which checks it for knots and estimates the time of the
-// fold.
+// Send a complete path to the service, which checks
+// it for knots and estimates the time of the fold.
 /** @type {ReturnType<typeof setTimeout> | undefined} */
 let timer;
 let checkedPath = "";

@@ -1,6 +1,6 @@
-// An exhibition: folds play in turn, each in its own frame, so that removing the frame frees its
-// memory. A frame is shown once its fold plays; until then the previous one continues, even without
-// a connection.
+// An exhibition: folds play in turn, each in its own frame, so that
+// removing the frame frees its memory. A frame is shown once its fold
+// plays; until then the previous one continues, even without a connection.
 import { idleSeconds } from "../tour/kiosk.js";
 import { element, get } from "../lib/text.js";
 
@@ -37,8 +37,8 @@ function next() {
   if (coming || timer) return;
   at = (at + 1) % exhibits.length;
   const { name, src } = exhibits[at];
-  // The sandbox allows neither new windows nor navigation of this page, so that no link leaves the
-  // exhibition.
+  // The sandbox allows neither new windows nor navigation
+  // of this page, so that no link leaves the exhibition.
   coming = element("iframe", { title: name, sandbox: "allow-scripts allow-same-origin", class: "coming" });
   coming.src = `${src}?kiosk=${IDLE_MS / 1000}`;
   coming.onload = () => {

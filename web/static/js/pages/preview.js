@@ -85,8 +85,8 @@ function refuse({ message, status, code }) {
   get("verdict").textContent = "There is no preview for these options";
 }
 
-// Search for versions of the shape that fold on a table. The next request for a report aborts the
-// search.
+// Search for versions of the shape that fold on a table.
+// The next request for a report aborts the search.
 let searching = new AbortController();
 async function search() {
   searching = new AbortController();
@@ -117,8 +117,8 @@ for (const list of [get("preset"), get("prefer")]) {
 for (const input of radios) input.addEventListener("change", () => change({ [input.name]: input.value }));
 get("unrepair").onclick = () => change({ repair: false, ...(preview.onTable && { method: preview.choices.method[0] }) });
 
-// Preload the scripts of the request and of the fold page when the visitor is about to request a
-// fold.
+// Preload the scripts of the request and of the fold
+// page when the visitor is about to request a fold.
 async function loadAhead() {
   await requesting(() => {}); // a browser has six connections to a server: the request goes first
   document.head.append(...facts.next_scripts.splice(0).map((href) => element("link", { rel: "prefetch", as: "script", href })));

@@ -1,5 +1,5 @@
-// Dialogs that continue from a fold: comparison with another fold, and refolding into another
-// shape.
+// Dialogs that continue from a fold: comparison with
+// another fold, and refolding into another shape.
 import { ask } from "../lib/api.js";
 import { requestFold } from "../lib/fold_request.js";
 import { changed, open, refused } from "./paper_settings.js";
@@ -27,8 +27,8 @@ export function compare({ id, compare: others }) {
   get("compare-dialog").showModal();
 }
 
-// Compare with the published method and its changed settings, which may be required. Return true if
-// the page stays.
+// Compare with the published method and its changed settings,
+// which may be required. Return true if the page stays.
 /**
  * @param {string} id
  * @param {Form} form

@@ -13,8 +13,8 @@ const FORBIDDEN = 403;
  */
 const fieldsOf = (form) => Object.fromEntries(Array.from(new FormData(form), ([name, value]) => [name, String(value)]).filter(([, value]) => value !== ""));
 
-// Apply the choices of a form: GIFs have one size, and the links to trajectories contain the limits
-// of the robot.
+// Apply the choices of a form: GIFs have one size, and the
+// links to trajectories contain the limits of the robot.
 /** @param {HTMLFormElement} form */
 export function choose(form) {
   const { format, max_speed: speed, max_acceleration: acceleration } = fieldsOf(form);

@@ -1,5 +1,5 @@
-// Access keys: show, copy and renew the key of this browser, and add or remove keys of other
-// browsers.
+// Access keys: show, copy and renew the key of this
+// browser, and add or remove keys of other browsers.
 import { MOST_KEYS, Refusal, ask, bring, broughtKeys, dropKey, forgetKeys, isKey, keysHere, newKey, ownKey, replaceOwn, useKey } from "../lib/api.js";
 import { deleteMade } from "../lib/owned_items.js";
 import { button, copyText, element, get, toast, wordsOf } from "../lib/text.js";
@@ -77,8 +77,8 @@ export class KeyPanel {
     await this.changed();
   }
 
-  // Replace a leaked key. The new key is stored before the request, so that moved items are still
-  // listed if the answer is lost.
+  // Replace a leaked key. The new key is stored before the request,
+  // so that moved items are still listed if the answer is lost.
   async renew() {
     const old = ownKey();
     if (old === null) { this.say("This browser does not store data for this site, so it has no key."); return; }

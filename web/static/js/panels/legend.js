@@ -61,8 +61,8 @@ export class Legend {
     this.fill();
   }
 
-  // Apply the colouring that the address names, as soon as its data are loaded. The visitor's
-  // stored choice does not change.
+  // Apply the colouring that the address names, as soon as its
+  // data are loaded. The visitor's stored choice does not change.
   /** @param {string} key */
   ask(key) {
     this.asked = key;

@@ -1,5 +1,5 @@
-// The panel of the selected module: its number, its cell, the state of its joint, and the nearest
-// module.
+// The panel of the selected module: its number, its
+// cell, the state of its joint, and the nearest module.
 import { element, get, newtonMetres, number, pitches, radians, si } from "../lib/text.js";
 import { frameIn, refuse } from "../player/bar.js";
 import { table } from "./drawer.js";

@@ -1,6 +1,6 @@
-// The outcome of a fold that runs while its page is open: the title of the tab shows the progress
-// and the verdict, the page announces the verdict, and a hidden tab sends a notification if the
-// visitor wants one.
+// The outcome of a fold that runs while its page is open: the title of the
+// tab shows the progress and the verdict, the page announces the verdict,
+// and a hidden tab sends a notification if the visitor wants one.
 import { at, get } from "../lib/text.js";
 
 const MARKS = /** @type {Record<string, string>} */ ({ good: "✓", bad: "✕" });

@@ -1,5 +1,5 @@
-// Overall progress of a fold, combined over attempts and robots so that it never decreases within a
-// stage.
+// Overall progress of a fold, combined over attempts
+// and robots so that it never decreases within a stage.
 import { STAGES } from "../lib/text.js";
 
 const SMOOTHING = "smoothing"; // message of that state, defined in server/api/schemas.py

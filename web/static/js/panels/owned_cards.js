@@ -50,8 +50,8 @@ export function verdictOf({ status, stage, progress, summary }) {
 /** @param {Pick<Api.Fold, "preset" | "world">} fold */
 const methodWords = ({ preset, world }) => [METHODS[preset] ?? "", world === "table" ? "on a table" : ""].filter(Boolean).join(", ");
 
-// Return a picture that links to a page. Screen readers skip it, because the title has the same
-// link.
+// Return a picture that links to a page. Screen readers
+// skip it, because the title has the same link.
 /**
  * @param {string} page
  * @param {string} drawing
@@ -98,8 +98,8 @@ class Card {
     }
   }
 
-  // Return the button that deletes the item after a confirmation; the focus moves to the adjacent
-  // card.
+  // Return the button that deletes the item after a
+  // confirmation; the focus moves to the adjacent card.
   /**
    * @param {string} label name of the item, for screen readers
    * @param {string} address

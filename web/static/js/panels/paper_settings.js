@@ -28,8 +28,8 @@ export function settingsOf(part) {
     .filter(({ value, usual }) => value && value !== usual).map(({ name, value }) => `${name}=${value}`).join(",");
 }
 
-// Return the changed settings as a field of the form that requests a fold; none if nothing is
-// changed.
+// Return the changed settings as a field of the form
+// that requests a fold; none if nothing is changed.
 /** @returns {{ settings?: string }} */
 export function changed() {
   const settings = settingsOf(root);

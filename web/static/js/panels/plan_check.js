@@ -1,5 +1,5 @@
-// Plan check: a worker in this browser checks the motion, and the page shows its progress and
-// outcome.
+// Plan check: a worker in this browser checks the
+// motion, and the page shows its progress and outcome.
 import { at as hrefOf, get, number, whole } from "../lib/text.js";
 
 /** @typedef {import("../check/worker.js").Asked} Asked */
@@ -37,8 +37,8 @@ export function outcome(way, said) {
   return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, no modules touch.`;
 }
 
-// Return the size at which modules touch as a percentage, rounded up: the proof holds slightly
-// below that size.
+// Return the size at which modules touch as a percentage,
+// rounded up: the proof holds slightly below that size.
 /** @param {number} share */
 const percentUp = (share) => `${(Math.ceil(10000 * share) / 100).toFixed(2)} %`;
 

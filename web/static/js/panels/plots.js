@@ -44,8 +44,8 @@ function onTable(table) {
 }
 
 const SOME_FRAMES = "computed from the motion at some frames; lines connect their values";
-// The certificate has the peak motor torque over all steps, which inverse dynamics of frames cannot
-// give.
+// The certificate has the peak motor torque over all
+// steps, which inverse dynamics of frames cannot give.
 const ALL_FRAMES = "computed from the motion of the plan; for the highest torque in the simulation, see Peak torque in Properties";
 
 // Return the worst value in each of a few hundred columns; NaN if there is none.

@@ -1,5 +1,5 @@
-// State of a preview page, without the page: the options, their report, and the values derived from
-// both.
+// State of a preview page, without the page: the options,
+// their report, and the values derived from both.
 import { sentence, whole, wholeTime } from "../lib/text.js";
 
 /** Minimum number of modules that the service folds. */
@@ -137,8 +137,8 @@ export class Preview {
     if (this.report) this.report = { ...this.report, has_path: false };
   }
 
-  // Remedies for a path that cannot be folded on a table: another path through its cells, or zero
-  // gravity.
+  // Remedies for a path that cannot be folded on a table:
+  // another path through its cells, or zero gravity.
   /** @returns {Offer[]} */
   get waysFromPath() { return [{ text: "Find another path through these cells", primary: true, change: { as_voxels: true } }, this.floating]; }
 
@@ -174,6 +174,7 @@ export class Preview {
 }
 
 // Texts of the page about a report.
+
 const percent = (/** @type {number} */ share) => `${Math.round(100 * share)} %`;
 
 /** @param {Api.Preview} report */

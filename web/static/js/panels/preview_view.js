@@ -1,5 +1,5 @@
-// View of a preview page: options and report in the panel, and the 3D view or the drawing that
-// replaces it.
+// View of a preview page: options and report in the
+// panel, and the 3D view or the drawing that replaces it.
 import { at, button, element, get, sentence, whole } from "../lib/text.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL, load } from "../viewer/scene.js";

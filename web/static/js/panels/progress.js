@@ -47,8 +47,8 @@ export class Progress {
     this.events = events;
     events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
     events.onopen = () => this.pollNoMore();
-    // The stream is broken, or refused because too many are open: poll until the end or until it is
-    // back.
+    // The stream is broken, or refused because too many
+    // are open: poll until the end or until it is back.
     events.onerror = () => { if (!this.pollTimer) this.poll(ASK_MS); };
     events.addEventListener("done", () => this.end());
   }

@@ -1,9 +1,9 @@
-// Automatic playback of a fold that is computed while its page is open. As soon as there are
-// frames, the explosion plays at a watchable pace; then the fold plays. When the fold is over
-// (event "settled" of timeline.js), it plays once more from straight to folded and rests on the
-// finished shape. A visitor who goes to a frame, plays or pauses ends the story. If the visitor
-// turns the view or selects a module, the motion continues, without a jump back to the straight
-// chain at the end.
+// Automatic playback of a fold that is computed while its page is open. As soon as
+// there are frames, the explosion plays at a watchable pace; then the fold plays.
+// When the fold is over (event "settled" of timeline.js), it plays once more from
+// straight to folded and rests on the finished shape. A visitor who goes to a frame,
+// plays or pauses ends the story. If the visitor turns the view or selects a module,
+// the motion continues, without a jump back to the straight chain at the end.
 
 // Duration of a phase in seconds, independent of its number of frames. Chosen.
 const EXPLOSION_S = 5;

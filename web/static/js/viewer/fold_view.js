@@ -1,6 +1,6 @@
-// Common parts of the pages that show one fold: the timeline, the 3D view with its fallback
-// drawing, the timeline bar, the legend and, on pages with a drawer, the module panel and the
-// plots.
+// Common parts of the pages that show one fold: the timeline, the
+// 3D view with its fallback drawing, the timeline bar, the legend
+// and, on pages with a drawer, the module panel and the plots.
 import { Bar } from "../player/bar.js";
 import { Timeline } from "../player/timeline.js";
 import { Keys } from "../player/keys.js";
@@ -41,8 +41,8 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {() => void} [onScroll] called if the page around an embed scrolls instead of a zoom
  */
 
-// Set up the view. `load` starts loading viser's client into the frame; selecting a module opens
-// the drawer.
+// Set up the view. `load` starts loading viser's client
+// into the frame; selecting a module opens the drawer.
 /** @param {Viewed} viewed */
 export function view({ source, figures, load, over = true, details = null, play = !calm, kept, onScroll }) {
   // Embeds can hide the controls.
@@ -131,8 +131,8 @@ function offerTour(kept, player, place) {
   return open;
 }
 
-// Accept files that are dropped on the view. During a drag, the page receives the pointer events of
-// the frame.
+// Accept files that are dropped on the view. During a
+// drag, the page receives the pointer events of the frame.
 /** @param {(file: File) => void} take */
 function takeFiles(take) {
   const { classList } = get("main");
