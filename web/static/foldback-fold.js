@@ -4,10 +4,16 @@
 (() => {
   const NAME = "foldback-fold";
   if (customElements.get(NAME)) return;
-  /** Time in ms for the page of a loaded frame to answer; after that a message is shown until it does. A larger value leaves an empty frame for longer. Chosen. */
+  /**
+   * Time in ms for the page of a loaded frame to answer; after that a message is
+   * shown until it does. A larger value leaves an empty frame for longer. Chosen.
+   */
   const PATIENCE_MS = 5000;
   const MAX_TEXT = 300;
-  /** Matches the paths of a service's fold pages; the groups are the base path of the service and the id. */
+  /**
+   * Matches the paths of a service's fold pages; the
+   * groups are the base path of the service and the id.
+   */
   const FOLD_PATH = /^(.*)\/(?:folds|embed)\/([A-Za-z0-9_-]+)(?:\/standalone\.html)?\/?$/;
   const STYLE = `
     :host { display: block; position: relative; aspect-ratio: 3 / 2; overflow: hidden; }

@@ -6,7 +6,8 @@ import { Largest, turnMore } from "./spoil.js";
 
 /** @typedef {import("./plan.js").Place} Place */
 /**
- * `way` is the check: the plan's claim, the largest size of its modules, or the effect of a hinge that is off.
+ * `way` is the check: the plan's claim, the largest size
+ * of its modules, or the effect of a hinge that is off.
  * @typedef {{ href: string, way: "claim" | "size" | "hinge", module: number | null }} Asked
  * @typedef {{ frames: number, modules: number, size: number, claim: number }} Claimed
  * @typedef {{ is: "progress", frame: number, frames: number, tightest: Place | null }} Progress

@@ -4,7 +4,10 @@ export { openFold } from "../lib/fold_request.js";
 import { neighbours, through } from "./cell_path.js";
 import { cellOf, cellsOf, keyOf, keysOf, parts } from "./painting.js";
 
-/** Maximum number of remaining cells for which the browser itself searches the path, by backtracking. */
+/**
+ * Maximum number of remaining cells for which the
+ * browser itself searches the path, by backtracking.
+ */
 const FEW = 8;
 
 /**

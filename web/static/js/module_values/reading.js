@@ -2,7 +2,9 @@
 
 export const MAX_FILE_BYTES = 20 * 2 ** 20;
 const FORMAT = "foldback-values/1";
-/** Maximum number of values that a service stores with a fold, as in planner/plan/module_values.py. */
+/**
+ * Maximum number of values that a service stores with a fold, as in planner/plan/module_values.py.
+ */
 const MAX_KEPT = 45_000;
 const MAX_NAME = 80;
 const LEVELS = 254; // quantisation levels from minimum to maximum; the next level means no value

@@ -12,14 +12,20 @@ const FOLD_S = 8;
 const MIN_FPS = 12;
 /** Maximum pace of a long timeline, whose frames are fetched while they are played. Chosen. */
 const MAX_WINDOWED_FPS = 240;
-/** Seconds before the newest frame within which the pace drops, so that the motion does not stop abruptly. Chosen. */
+/**
+ * Seconds before the newest frame within which the pace
+ * drops, so that the motion does not stop abruptly. Chosen.
+ */
 const SLOWING_S = 0.4;
 /** Time constant of changes of the pace, in seconds. Chosen. */
 const SMOOTHING_S = 0.3;
 /** Seconds for which the straight chain rests before it folds. Chosen. */
 const REST_S = 0.6;
 const END = 1e-6; // tolerance in frames
-/** Distance in frames to the newest frame at which the motion stops, so that nothing is drawn while it waits. Chosen. */
+/**
+ * Distance in frames to the newest frame at which the motion
+ * stops, so that nothing is drawn while it waits. Chosen.
+ */
 const STILL = 0.05;
 const ENDING = new Set(["seek", "step", "pass", "change", "fold", "play", "pause", "toggle"]);
 
