@@ -1,4 +1,4 @@
-"""``python -m bench [--only NAME …]``: print the figures and write them as JSON."""
+"""``python -m bench [--only NAME …]``: measure, print the figures and write them as JSON."""
 
 from __future__ import annotations
 

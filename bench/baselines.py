@@ -1,4 +1,4 @@
-"""Baselines: direct servoing, which fails, and the preset with the published parameters."""
+"""Baselines: direct servoing, which usually fails, and the preset with published parameters."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ PAPER_SHAPES = ("mallet-24", "mallet-64")
 
 
 def direct(reference_seconds: float) -> Section:
-    """Fold shapes that reverse explosion can fold by servoing straight to the target."""
+    """Fold shapes by direct servoing to the target; reverse explosion can fold all of them."""
     del reference_seconds
     return _runs("direct", DIRECT_SHAPES, "direct")
 

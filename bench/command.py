@@ -1,4 +1,4 @@
-"""The command line in a fresh process, with its time and memory measured."""
+"""Commands run in fresh processes, with their time and memory measured."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Run:
 
 
 def fold(shape: str, *options: str, out: Path | None = None) -> Run:
-    """Fold an example shape or a file in a process of its own; write the plan to ``out``."""
+    """Fold an example shape or a file in a separate process; write the plan to ``out``."""
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
         command = [
             *(sys.executable, "-m", "server.cli.command_line", "fold", shape),
@@ -74,7 +74,7 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
 def _environment() -> dict[str, str]:
     """Return the environment without ``PYTHONDONTWRITEBYTECODE``.
 
-    Users keep compiled bytecode, so the benchmark does too.
+    The benchmark stores compiled bytecode, as users do.
     """
     return {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
 
@@ -83,7 +83,7 @@ def _environment() -> dict[str, str]:
 def watched(pid: int) -> Iterator[list[int]]:
     """Record the resident memory of a process, and of it with its children, until it ends; bytes.
 
-    ``ru_maxrss`` is unsuitable: it includes what the parent process held when it forked.
+    ``ru_maxrss`` is unsuitable: it includes the parent's memory at the time of the fork.
     """
     readings = [0]
     watch = threading.Thread(target=_watch, args=(pid, readings))

@@ -1,4 +1,4 @@
-"""One hundred sets of 94–300 cells that have a path: each was built from one."""
+"""One hundred sets of 94–300 cells that have a path, because each was built from one."""
 
 from __future__ import annotations
 

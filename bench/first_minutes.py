@@ -1,4 +1,4 @@
-"""A new user's first minutes: from a fresh clone to a verified fold of an own shape."""
+"""A new user's first minutes: from a fresh clone to a verified fold of the user's own shape."""
 
 from __future__ import annotations
 
@@ -160,7 +160,7 @@ def _open_finished(section: Section, page: Page, address: str, watch: _Watch) ->
 
 
 def _own_fold(http: httpx.Client) -> str:
-    """Request a fold of an own shape; return its id."""
+    """Request a fold of the user's own shape; return its id."""
     shape = json.loads(OWN_SHAPE.read_bytes()) | {"name": "my own"}
     answer = http.post("/api/folds", files={"file": ("own.json", json.dumps(shape))})
     answer.raise_for_status()

@@ -23,7 +23,7 @@ SHAPES = (
 )
 """Shapes of the paper, and two boxes."""
 SEEDS = (0, 1, 2)
-"""Seeds that each shape is folded with."""
+"""Seeds with which each shape is folded."""
 SIZES = ("0.95", "0.98")
 """Module sizes as fractions of the pitch, as the command line takes them. The bars hold for the
 first one."""

@@ -1,8 +1,8 @@
-"""Hard paths: which of them fold, how long that takes, and how long a robot takes for them.
+"""Hard paths: folds that succeed, their computing time, and the time of a robot for them.
 
-``python -m bench.hard_paths`` runs what is missing in ``out/hard-….jsonl``, a file for each version
-of the planner. It can be stopped at any time and continues where it stopped. Each fold runs to its
-end and writes its files, with one explosion per core.
+``python -m bench.hard_paths`` runs the cases that are missing in ``out/hard-….jsonl``, a file for
+each version of the planner. It can be stopped at any time and continues where it stopped. Each fold
+runs to its end and writes its files, with one explosion per core.
 """
 
 from __future__ import annotations
@@ -75,7 +75,8 @@ class Bar:
     Attributes:
         least: Minimum number of verified folds.
         seconds: Maximum wall time of each fold, s; None if times are only reported.
-        robot_s: Maximum duration of each folding at the joints' speed limit, s; None likewise.
+        robot_s: Maximum duration of each folding at the joints' speed limit, s; None if only
+            reported.
     """
 
     least: int
@@ -98,7 +99,7 @@ BARS: Final = {
     "layered, 9600 in parallel": Bar(least=1, robot_s=90.0),
 }
 STRICT: Final = "peeled, whatever comes"
-"""Group of folds that may only be peeled. Some are refused, and their reasons are checked."""
+"""Group of folds that must be peeled. Some are refused, and their reasons are checked."""
 
 
 def cases() -> list[Case]:

@@ -1,7 +1,7 @@
-"""Sets of 94–300 cells that may have a path or not; the search solves some and refutes others.
+"""Sets of 94–300 cells that may have no path; the search solves some and refutes others.
 
-They are random growths, sponges, thin walls and sheets with holes. Separate parts, dead ends and an
-unequal number of black and white cells are mended, because simple tests already refuse those sets.
+They are random growths, sponges, thin walls and sheets with holes. Separate parts, dead ends and
+unequal numbers of black and white cells are repaired, because simple tests would refuse those sets.
 Nothing else makes a path likely.
 """
 
@@ -15,12 +15,11 @@ from bench.feasible_sets import MAX_SET_CELLS, MIN_SET_CELLS, Cell, FeasibleSet
 from planner.pathfinding.lattice import STEPS, colours
 
 HARD_SETS_SEED = 300
-"""Random seed of all 48 sets of cells of which it is unknown in advance if they have a path.
-Another value draws other sets, for which the stored results do not hold, so the benchmark ends with
-an error. Chosen."""
+"""Random seed of all 48 sets of cells that may or may not have a path. Another value draws other
+sets, for which the stored results do not hold, so the benchmark ends with an error. Chosen."""
 HARD_SETS_PER_KIND = 12
 """Number of sets of cells of each of the four kinds (random growths, sponges, thin walls, sheets
-with holes) of which it is unknown in advance if they have a path. The stored results are for this
+with holes) that may or may not have a path. The stored results are for this
 number; a larger one takes longer."""
 
 
@@ -51,7 +50,7 @@ def _growth(rng: np.random.Generator) -> set[Cell]:
 
 
 def _sponge(rng: np.random.Generator) -> set[Cell]:
-    """Return the cells of a block that are left after a random choice for each cell."""
+    """Return a block from which random cells have been removed."""
     sides = rng.integers(6, 9, size=3)
     kept = np.argwhere(rng.random(sides) < rng.uniform(0.5, 0.7))
     return {(x, y, z) for x, y, z in kept.tolist()}

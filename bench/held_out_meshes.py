@@ -1,4 +1,4 @@
-"""Ten more meshes, of other forms, that no parameter of the voxeliser was tuned with."""
+"""Ten more meshes of other forms, which were not used to tune the voxeliser."""
 
 from __future__ import annotations
 

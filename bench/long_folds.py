@@ -1,4 +1,4 @@
-"""Long folds in the page: a fold of ten thousand modules, opened and played."""
+"""Long folds: a fold of ten thousand modules is opened and played in its page."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ COMPUTED_FRAMES = 400
 """Number of frames whose poses, colours and camera the page computes without drawing them, to
 measure this rate alone. A larger value takes longer and gives a more exact rate. Chosen."""
 REACHED = "() => window.foldback?.player.shown?.exact && window.foldback.timeline.complete"
-"""True once the frame is shown exactly and all frames are fetched."""
+"""Condition that is true once the frame is shown exactly and all frames are fetched."""
 COMPUTE = """(count) => {
   const { player, timeline } = window.foldback;
   const first = Math.round(timeline.last * 0.1);
@@ -51,7 +51,7 @@ COMPUTE = """(count) => {
 """Frames per second of poses, camera, colours and messages, of frames in memory, without
 drawing."""
 HEAP = "() => { gc(); return performance.memory.usedJSHeapSize; }"
-"""Bytes in use on the page's JavaScript heap, after a garbage collection."""
+"""Expression for the bytes in use on the page's JavaScript heap after a garbage collection."""
 
 
 def long_folds(reference_seconds: float) -> Section:
@@ -122,7 +122,7 @@ def _played(browser: Browser, address: str, size: tuple[int, int]) -> dict[str, 
 
 
 def bytes_fetched(page: Page) -> list[int]:
-    """Sizes of the batches and scene bundles that a page fetches; grows as it does."""
+    """Return the sizes of the batches and scene bundles that a page fetches, a list that grows."""
     fetched: list[int] = []
 
     def count(response: Response) -> None:

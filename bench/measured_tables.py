@@ -37,7 +37,7 @@ class Section:
     Attributes:
         name: Name of the section, as ``--only`` takes it.
         figures: Figures and their bars.
-        rows: All single runs, as plain values.
+        rows: All individual runs, as plain values.
     """
 
     name: str

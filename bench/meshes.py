@@ -1,4 +1,4 @@
-"""Meshes into cells: overlap of cells and solid, and the cost from a large mesh file to a path."""
+"""Voxelisation: overlap of cells and solid, and the cost from a large mesh file to a path."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ def meshes(reference_seconds: float) -> Section:
 
 
 def _voxelised(section: Section, forms: dict[str, Callable[[], Mesh]], which: str) -> None:
-    """Measure the IoU of some meshes; no parameter was tuned with the held-out ones."""
+    """Measure the IoU of some meshes; the held-out ones were not used to tune parameters."""
     rows: list[dict[str, object]] = []
     ious: list[tuple[float, float]] = []
     held: list[bool] = []
@@ -207,7 +207,7 @@ def _voxelised(section: Section, forms: dict[str, Callable[[], Mesh]], which: st
 
 
 def _large(section: Section) -> None:
-    """Measure a mesh of 100 000 triangles, from a file to a path, in a process of its own."""
+    """Measure a mesh of 100 000 triangles, from a file to a path, in a separate process."""
     fine = trimesh.creation.torus(2.0, 0.8, major_sections=250, minor_sections=200)
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
         file, out = Path(directory) / "torus.stl", Path(directory) / "path.json"

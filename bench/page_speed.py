@@ -58,11 +58,11 @@ MOVING = """() => {
   const shown = document.getElementById("r-frame")?.textContent ?? "";
   return cover?.classList.contains("gone") && /^Frame/.test(shown) && !/^Frame 1 of/.test(shown);
 }"""
-"""True once a fold moves: the cover disappears when the first frame is drawn, and a later one is
-shown."""
+"""Condition that is true once a fold moves: the first frame is drawn, which removes the cover, and
+a later one is shown."""
 HERO = """() => document.getElementById("hero")?.classList.contains("moving")
   && window.foldback?.player.playhead.frame > 1"""
-"""True once the fold on the landing page moves."""
+"""Condition that is true once the fold on the landing page moves."""
 SCRUB = """async (frames) => {
   const { player } = window.foldback;
   const slider = document.getElementById("scrub");
@@ -97,7 +97,7 @@ WARM = """async () => {
     await new Promise((done) => setTimeout(done, 400));
   }
 }"""
-"""Seeks a few frames, so that the page has measured the speed of the machine's 3D graphics."""
+"""Seeks a few frames so that the page measures the speed of the machine's 3D graphics."""
 CEILING = """async (seconds) => {
   document.body.innerHTML = '<canvas style="position:fixed;inset:0;width:100%;height:100%">';
   const canvas = document.querySelector("canvas");
@@ -147,7 +147,7 @@ class _Times:
 
 
 def page_speed(reference_seconds: float) -> Section:
-    """Open the pages in Chromium with software OpenGL, and use them."""
+    """Measure the pages in Chromium with software OpenGL."""
     del reference_seconds
     section = Section(name="page")
     chromium = CHROMIUM.get()
@@ -262,7 +262,7 @@ def _hero(browser: Browser, service: Service) -> float:
 
 
 def _moved(k: int) -> str:
-    """Return the shape moved by k cells: a path of its own for each k, which is folded anew."""
+    """Return the shape moved by k cells: each k gives another path, which is folded anew."""
     shape = Gallery().shape(SHAPE)
     assert shape is not None
     content = json.loads(shape.data)
@@ -324,7 +324,7 @@ def _opened(
     page.locator("#sketch.gone").wait_for(state="attached", timeout=90_000)
     page.wait_for_function("() => window.foldback.timeline.complete", timeout=60_000)
     page.wait_for_timeout(1500)
-    page.evaluate(WARM)  # so that the page has measured the speed of the 3D graphics
+    page.evaluate(WARM)  # the page measures the speed of the 3D graphics
     page.wait_for_timeout(2500)
     return page
 

@@ -131,7 +131,7 @@ def check_stored(sets: list[FeasibleSet], results: Path) -> dict[str, str]:
     """Check that the sets are those of the stored results; return the stored status of each.
 
     Raises:
-        AssertionError: A set differs from the one that its result was written for.
+        AssertionError: If a set differs from the one for which its result was stored.
     """
     stored = {row["name"]: row for row in json.loads(results.read_bytes())}
     changed = [
@@ -154,7 +154,7 @@ def _solve(each: FeasibleSet) -> tuple[str, float]:
 
 
 def _check(path: np.ndarray, cells: np.ndarray, size: int) -> None:
-    """Check that a path visits all cells; no figure is reported of a wrong path."""
+    """Check that a path visits all cells, so that no figure of a wrong path is reported."""
     ChainPath.from_cells(path)
     if len(path) != size or not np.array_equal(np.unique(path, axis=0), cells):
         raise AssertionError("the path does not visit every cell once")

@@ -1,4 +1,4 @@
-"""Plan files: size and time of a plan with 1000 modules and 3000 frames, as JSON and as npz."""
+"""Plan files: size and time to write and read a plan of 1000 modules, as JSON and as npz."""
 
 from __future__ import annotations
 

@@ -27,7 +27,7 @@ from tests.planner.chains import knotted
 
 FOLDS = ("knot", "torus")
 WORKERS = (1, 2)
-"""Numbers of worker processes that each fold is run with."""
+"""Numbers of worker processes with which each fold is run."""
 
 
 def portfolio(reference_seconds: float, folds: tuple[str, ...] = FOLDS) -> Section:

@@ -42,7 +42,7 @@ class Case:
 
     Attributes:
         shape: Name of an example, or of a file.
-        data: Returns the content of that file; None for an example.
+        data: Function that returns the content of the file; None for an example.
         options: Options of the command.
         bar_s: Maximum wall time, s; None if there is no bar.
     """
@@ -104,12 +104,12 @@ LONGER: Final = {
 }
 """Cases that ``make bench`` omits."""
 BOXES: Final = ("box-1152", "box-4096", "box-9600")
-"""Cases that the exponent is fitted to."""
+"""Cases to which the exponent is fitted."""
 
 
 def scaling(reference_seconds: float, names: tuple[str, ...] = tuple(CASES)) -> Section:
     """Run the commands of these names."""
-    warm_up()  # a fresh clone compiles for a minute
+    warm_up()  # compile first, which takes a minute in a fresh clone
     section = Section(name="scaling")
     rows = {name: _run(name, {**CASES, **LONGER}[name], reference_seconds) for name in names}
     section.rows = list(rows.values())

@@ -1,4 +1,4 @@
-"""Smoothing: figures of plans before and after it, both folding in the same time.
+"""Smoothing: figures of plans before and after it, at equal fold times.
 
 ``python -m bench.smoothing [SHAPE …]`` prints them.
 """
@@ -45,7 +45,7 @@ def smoothing(reference_seconds: float, shapes: tuple[str, ...] = NAMES) -> Sect
     """Smooth plans of examples with 24 to 384 modules."""
     del reference_seconds
     section = Section(name="smoothing")
-    _row("wrench-24")  # compiles
+    _row("wrench-24")  # compile first
     for shape in shapes:
         section.rows.append(_row(shape))
     rows = section.rows

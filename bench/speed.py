@@ -109,7 +109,7 @@ ROBOTS: Final = {
 }
 """Peeled chains whose playback is simulated; the bars hold for the playback."""
 LONG: Final = {"box-100000": Bar(command=_larger("box-100000"), references=3300.0)}
-"""Command that ``make bench`` omits."""
+"""Commands that ``make bench`` omits."""
 SIMULATED: Final = {
     "simulated-1000": ((10, 10, 10), 40.0),
     "simulated-4096": ((16, 16, 16), 250.0),
@@ -122,7 +122,7 @@ USUAL: Final = (*COMMANDS, *ROBOTS, "simulated-1000")
 
 def speed(reference_seconds: float, names: tuple[str, ...] = USUAL) -> Section:
     """Measure the commands of these names, then parts of a fold."""
-    warm_up()  # a fresh clone compiles for a minute
+    warm_up()  # compile first, which takes a minute in a fresh clone
     section = Section(name="speed")
     for name in names:
         if name in SIMULATED:

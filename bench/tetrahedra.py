@@ -24,7 +24,7 @@ from planner.readers.gallery import gallery
 from planner.shapes.shape import Shape
 
 SEEDS = (0, 1, 2)
-"""Seeds that each chain is folded with."""
+"""Seeds with which each chain is folded."""
 LARGE = (5, 5, 4)
 """Sides of a block of cells whose chain is folded once, by one command."""
 LONG_TRAIL_TETRAHEDRA = 100_000

@@ -1,4 +1,4 @@
-"""``foldback export``: a finished fold in the formats of other programs."""
+"""``foldback export``: write a finished fold in the formats of other programs."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def _written(one: Export, plan: Plan, out: Path) -> int:
     """Return the size of the file that was written.
 
     Raises:
-        InputError: When it cannot be made or written.
+        InputError: If the file cannot be made or written.
     """
     path = out / one.filename
     data = one.write(plan)

@@ -1,4 +1,4 @@
-"""``foldback fold``: from a file to a verified plan, without a service."""
+"""``foldback fold``: compute a verified plan from a file, without a service."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
     """Return the bytes and name of a file, of the example of that name, or of typed angles.
 
     Raises:
-        InputError: When there is neither or both, or the file is too large.
+        InputError: If neither or both are given, or the file is too large.
     """
     if (shape is None) == (angles is None):
         got = "neither INPUT nor" if shape is None else "both INPUT and"
@@ -62,9 +62,9 @@ def read_plan(directory: Path) -> Plan:
     """Return the plan in a fold's directory.
 
     Raises:
-        InputError: There is none, or it cannot be read.
+        InputError: If there is none, or it cannot be read.
     """
-    from planner.plan.plan import Plan  # brings the whole planner
+    from planner.plan.plan import Plan  # imports the whole planner
 
     path = directory / PLAN
     if not path.is_file():
@@ -80,7 +80,7 @@ def make_directory(out: Path) -> None:
     """Make a directory for results.
 
     Raises:
-        InputError: When that cannot be done.
+        InputError: If the directory cannot be made.
     """
     try:
         out.mkdir(parents=True, exist_ok=True)

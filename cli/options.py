@@ -1,4 +1,4 @@
-"""Options that several commands have, each with one name and one help text."""
+"""Options shared by several commands, each with one name and one help text."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ Workers = Annotated[
 PATH_OPTIONS: Final = (*options_of(PathOptions), "seed")
 """Names of the options that turn a shape into a path."""
 METAVARS: Final = {int: "INTEGER", float: "FLOAT"}
-"""Names of values in the help of the command line by their type; texts have none."""
+"""Placeholders for option values in help texts, by type; texts have none."""
 
 
 def takes(
@@ -119,7 +119,7 @@ def _parameters(option: Option, line: str) -> Iterator[Parameter]:
     flag = f"--{option.name.replace('_', '-')}"
     if option.kind is bool:
         kind, default = bool, option.default
-    else:  # the planner reads the text, and refuses it in its words
+    else:  # the planner parses the text and reports errors in it
         kind = str | None if option.optional else str
         default = None if option.default is None else str(option.default)
     metavar = option.metavar or METAVARS.get(option.kind)
@@ -133,7 +133,7 @@ def settings_text_of(settings: list[str] | None, robot: str) -> str:
     """Return the settings of ``--set`` and ``--robot`` as one text.
 
     Raises:
-        InputError: ``bad-robot``.
+        InputError: If the robot is unknown; its code is ``bad-robot``.
     """
     if robot not in ROBOT_KINDS:
         raise InputError("bad-robot", f"got the robot {robot!r}, expected typical or ideal.")

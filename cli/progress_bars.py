@@ -1,4 +1,4 @@
-"""Progress bars: the stages of a fold, each with a bar in the terminal."""
+"""Progress bars in the terminal, one for each stage of a fold."""
 
 from __future__ import annotations
 
@@ -24,11 +24,11 @@ STAGE_VERBS = {
 
 
 def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
-    """Run the stages after reading, with a bar for each; the plan's figures.
+    """Run the stages after reading, with a bar for each; return the plan's figures.
 
     Args:
         out: The fold's directory.
-        workers: Explosions at once at most; as many as there are cores when None.
+        workers: Maximum number of concurrent explosions; the number of cores if None.
         words: Labels of stages that differ from the default ones.
     """
     from planner.pipeline.compiling import Compiling

@@ -1,4 +1,4 @@
-"""``foldback refold``: from one folded shape over straight to another, without a service."""
+"""``foldback refold``: unfold one shape and fold the chain into another, without a service."""
 
 from __future__ import annotations
 
@@ -85,7 +85,7 @@ def refold(
 
 
 def _plan(name: str) -> Plan | None:
-    """Return the plan in a directory; None when this is none."""
+    """Return the plan in a directory; None if the path is not a directory."""
     return Plan.load(Path(name) / PLAN) if Path(name).is_dir() else None
 
 
@@ -96,6 +96,6 @@ def _second(name: str, request: FoldRequest, begins: Chain) -> tuple[FoldRequest
     if plan is not None:
         return replace(request, filename=f"{plan.chain.name}.json"), write_chain(plan.chain)
     data, filename = read_input(name)
-    if Path(name).exists():  # an example says what it is made of
+    if Path(name).exists():  # an example defines its own modules
         request = replace(request, module=begins.module.name, modules=len(begins))
     return replace(request, filename=filename), data

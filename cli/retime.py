@@ -1,4 +1,4 @@
-"""``foldback retime``: a plan with the time stamps that a robot can follow."""
+"""``foldback retime``: write a plan with time stamps that a robot can follow."""
 
 from __future__ import annotations
 
@@ -107,12 +107,12 @@ def retime(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Retimed:
-    """A retimed plan.
+    """Retimed plan.
 
     Attributes:
         plan: The plan.
         trajectory: Its path with times.
-        rate_hz: Rows per second; None for one row per frame of the plan.
+        rate_hz: Number of rows per second; None for one row per frame of the plan.
         clear: Clearance of the rows, joined by straight motions; None if it was not checked.
         sufficient_hz: Rows per second that are enough to be clear, if these are not.
     """
@@ -211,7 +211,7 @@ def _write(path: Path, parts: Iterable[bytes]) -> None:
 
 
 def _clearance_words(clear: Sweep, sufficient_hz: float | None) -> str:
-    """Return what holds for the lines of the file, joined by straight motions of all joints."""
+    """Return a statement on the clearance of the file's lines, joined by straight joint motions."""
     if clear.bound > 0.0:
         figures: CertificateFigures = {
             "clearance_bound": clear.bound,

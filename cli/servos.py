@@ -1,4 +1,4 @@
-"""``foldback servos``: motors that are suitable for a torque, and their sizes of modules."""
+"""``foldback servos``: list the servos that suit a torque, with the module sizes for each."""
 
 from __future__ import annotations
 
@@ -110,7 +110,7 @@ class _Sizing:
         gravity_m_s2: Gravity, m/s².
         fits: Comparison of each servo with the torque.
         ranges: Pitches at which each servo is suitable.
-        reaches: Largest torque of each servo, and the wanted shapes that need no more.
+        reaches: Largest torque of each servo, and the requested shapes that need no more.
     """
 
     torque_wp: float
@@ -170,7 +170,7 @@ def _sized(
     among: tuple[Servo, ...],
     wanted: dict[str, float],
 ) -> _Sizing:
-    """Compare servos with a torque, and with the torques of wanted shapes."""
+    """Compare servos with a torque, and with the torques of the requested shapes."""
     size: dict[str, Any] = {"casing": casing, "share": share, "gravity_m_s2": gravity_m_s2}
     return _Sizing(
         torque_wp=torque_wp,
@@ -186,7 +186,7 @@ def _figures(given: list[str]) -> dict[str, float]:
     """Return torques by the names of shapes.
 
     Raises:
-        InputError: ``bad-shape``.
+        InputError: If a shape is invalid; its code is ``bad-shape``.
     """
     figures: dict[str, float] = {}
     for each in given:

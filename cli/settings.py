@@ -1,4 +1,4 @@
-"""``foldback settings``: what ``fold --set`` takes."""
+"""``foldback settings``: list the settings of ``fold --set``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``foldback shape``: from a solid or voxels to a path, without folding it."""
+"""``foldback shape``: find a path through a solid or voxels, without folding it."""
 
 from __future__ import annotations
 
@@ -113,7 +113,7 @@ def offer_words(offer: Offer) -> str:
 
 
 def path_file(prepared: Preparation) -> bytes:
-    """Return the best path as foldback-path/1; of other modules the chain as foldback-chain/1."""
+    """Return the best path as foldback-path/1; for modules other than cubes, foldback-chain/1."""
     if not prepared.chain.module.fills_cell:
         return write_chain(prepared.chain)
     return write_path(

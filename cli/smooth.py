@@ -1,4 +1,4 @@
-"""``foldback smooth``: a verified plan made shorter and quieter, without a service."""
+"""``foldback smooth``: make a verified plan shorter and smoother, without a service."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def smooth(
 
 
 def compare(summary: dict[str, Any]) -> None:
-    """Print the changes by smoothing."""
+    """Print how smoothing has changed the plan."""
     smoothing = summary["smoothing"]
     table = Table("", box=None, pad_edge=False)
     for heading in ("Before", "After", "Ratio"):

@@ -1,4 +1,4 @@
-"""Summary: the figures of a plan in the terminal, and the exit status of a fold."""
+"""Summary of a plan in the terminal, and the exit status of a fold."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``foldback table``: whether a plan rests on a table, and what that asks of its hinges."""
+"""``foldback table``: check that a plan is stable on a table; compute its joint torques."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""``foldback tour``: a tour of a fold, drafted from what is known of it."""
+"""``foldback tour``: draft a tour of a fold from its results."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def tour(
 
 
 def stored_tour(directory: Path) -> Tour | None:
-    """Return the tour in a fold's directory; None if there is none, or none that is right."""
+    """Return the tour in a fold's directory; None if there is no valid one."""
     try:
         return Tour.from_dict(json_of(directory / TOUR))
     except InputError:
@@ -58,7 +58,7 @@ def drafted(directory: Path) -> Tour:
     """Return the draft of a fold's directory.
 
     Raises:
-        InputError: There is no plan or no timeline, the timeline is damaged, or has no frames.
+        InputError: If there is no plan or timeline, or the timeline is damaged or empty.
     """
     plan = read_plan(directory)
     told = plan.summary()

@@ -32,7 +32,7 @@ MODULE_SIZE_HELP = (
 
 
 class OtherProgram(StrEnum):
-    """Program of other people that can look at a plan's motion."""
+    """Third-party program that can check a plan's motion."""
 
     IPCTK = "ipctk"
 

@@ -1,4 +1,4 @@
-"""Write the types of the API's answers for the pages' scripts; a test fails if it is outdated."""
+"""Write the types of the API's responses for the pages' scripts; a test detects outdated ones."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ HEAD: Final = """\
 declare namespace Api {
 """
 PROBLEM: Final = "Fault"
-"""Schema of refusals, which the description names only where it lists them as answers."""
+"""Schema of error responses, to which only the lists of responses refer."""
 PLAIN: Final = {
     "string": "string",
     "integer": "number",
@@ -32,7 +32,7 @@ Schema = Mapping[str, Any]
 
 
 def types() -> str:
-    """Return the content of the file: an interface for each schema that an answer uses."""
+    """Return the content of the file: an interface for each schema that a response uses."""
     with TemporaryDirectory() as directory:
         api = create_app(Settings(data_dir=Path(directory))).openapi()
     schemas: dict[str, Schema] = api["components"]["schemas"]
@@ -54,7 +54,7 @@ def type_of(schema: Schema) -> str:
     """Return a schema as a type of TypeScript.
 
     Raises:
-        KeyError: A schema is of a kind that this function does not know.
+        KeyError: If a schema is of a kind that this function does not know.
     """
     if (reference := schema.get("$ref")) is not None:
         return str(reference).rpartition("/")[2]
@@ -74,7 +74,7 @@ def type_of(schema: Schema) -> str:
 
 
 def _used(api: Schema, schemas: Mapping[str, Schema]) -> set[str]:
-    """Return the names of all schemas that JSON answers use, directly or within others."""
+    """Return the names of all schemas that JSON responses use, directly or within others."""
     used = {PROBLEM}
     waiting = [PROBLEM, *_named(list(_answers(api)))]
     while waiting:
@@ -85,7 +85,7 @@ def _used(api: Schema, schemas: Mapping[str, Schema]) -> set[str]:
 
 
 def _answers(api: Schema) -> Iterator[Schema]:
-    """Yield the content of each answer of a successful request."""
+    """Yield the content of each response to a successful request."""
     for path in api["paths"].values():
         for operation in path.values():
             for status, answer in operation["responses"].items():

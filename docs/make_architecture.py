@@ -97,7 +97,7 @@ def component_of(module: str) -> str | None:
     """Return the component that a module is in; None for modules that belong to no component.
 
     Raises:
-        KeyError: Its folder is not listed in ``LAYERS``.
+        KeyError: If its folder is not listed in ``LAYERS``.
     """
     if module.startswith(ELSEWHERE):
         return None

@@ -1,4 +1,4 @@
-"""Write the texts that are made from a fold's options: the table in api.md and the client's types.
+"""Write the texts derived from a fold's options: the table in api.md and the client's types.
 
 A test fails if one of them is outdated; run ``python -m docs.make_options`` then.
 """

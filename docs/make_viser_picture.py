@@ -41,7 +41,7 @@ def main() -> None:
         page.get_by_text("Frame 0").wait_for()
         page.locator("canvas").first.wait_for()
         for notice in page.locator(".mantine-Notification-closeButton").all():
-            notice.click()  # about software rendering
+            notice.click()  # a notice about software rendering
         shown.frame = round(SHOWN_AT * len(plan.motion))
         page.wait_for_timeout(3000)
         picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")

@@ -27,8 +27,8 @@ from tests.web.blog import Blog
 # environment forbids storing bytecode.
 sys.dont_write_bytecode = False
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
-# Each HTTP client would read the certificates of all authorities, which takes 34 ms of the
-# processor.
+# Each HTTP client would read the certificates of all authorities, which takes 34 ms of processor
+# time.
 http_transports.create_ssl_context = cache(http_transports.create_ssl_context)
 
 
@@ -68,7 +68,7 @@ PROCESSES = {
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Add the option for runs in which kernels are wrong on purpose."""
+    """Add the option for runs with deliberately wrong kernels."""
     parser.addoption(
         "--no-compile", action="store_true", help="compile no kernel before a test needs it"
     )
@@ -76,7 +76,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before tests are selected by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests that start programs: ``make test-fast`` leaves them out."""
+    """Mark tests that start programs; ``make test-fast`` leaves them out."""
     for item in items:
         if PROCESSES & set(getattr(item, "fixturenames", ())):
             item.add_marker("processes")
@@ -84,7 +84,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_collection() -> Generator[None, object, object]:
-    """Exclude all that is loaded and collected from garbage collection."""
+    """Exclude all objects loaded so far from garbage collection."""
     gc.disable()
     collected = yield
     gc.freeze()
@@ -93,7 +93,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 
 def pytest_xdist_auto_num_workers() -> int:
-    """Return the number of processes: at most 4; one more than processors, as tests wait."""
+    """Return the number of processes: one more than processors, as tests wait; at most 4."""
     return min(4, (os.cpu_count() or 1) + 1)
 
 
@@ -105,7 +105,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def _compile(config: pytest.Config) -> None:
-    """Compile all kernels into their cache, as services in tests do not compile."""
+    """Compile all kernels into their cache, because services in tests do not compile."""
     stamps = {
         path.name: [path.stat().st_mtime_ns, path.stat().st_size]
         for path in sorted(KERNELS.glob("*.py"))

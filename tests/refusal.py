@@ -13,7 +13,7 @@ from planner.errors import InputError
 def refused(
     code: str, where: object = ..., *, match: str | None = None, kind: type[Any] = InputError
 ) -> Iterator[None]:
-    """Expect an error of a kind with a code and, if they are given, a place and matching words."""
+    """Expect an error of a kind with a code and, if given, a place and matching words."""
     with pytest.raises(kind, match=match) as error:
         yield
     assert error.value.code == code

@@ -1,4 +1,4 @@
-"""Python in a process of its own."""
+"""Python code in a separate process."""
 
 import os
 import subprocess
@@ -9,7 +9,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def run_python(*arguments: str, cwd: Path = ROOT, **environment: str) -> str:
-    """Return the output of Python, which imports from this checkout; it must succeed."""
+    """Run Python code that imports from this checkout; return its output. It must succeed."""
     done = subprocess.run(
         [sys.executable, *arguments],
         cwd=cwd,

@@ -1,4 +1,4 @@
-"""Page that follows a fold through its functions: its signatures are those of the code."""
+"""Page that follows a fold through the code: its signatures are those of the functions."""
 
 import ast
 import re

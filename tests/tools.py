@@ -1,9 +1,9 @@
-"""Programs that tests use besides Python: found where they are, or installed.
+"""Programs that tests need besides Python: they are located or installed.
 
 ``python -m tests.tools`` installs missing ones, and reports in one line those that it could not
 install. As root on a Debian it installs packages; Chromium may also be Playwright's own download.
 ``FOLDBACK_CHROMIUM`` names another Chromium, ``FOLDBACK_POSTGRES`` another directory of
-PostgreSQL's programs. Tests whose program is missing fail: none is ever skipped.
+PostgreSQL's programs. Tests whose program is missing fail; they are never skipped.
 """
 
 import os
@@ -44,7 +44,7 @@ class Tool:
         """Return the path of the program; install it first if it is missing.
 
         Raises:
-            MissingToolError: It could not be installed; the error names the command to do so.
+            MissingToolError: If it cannot be installed; the error names the command to do so.
         """
         if found := self.find() or _install([self]).get(self.name):
             return found

@@ -1,10 +1,10 @@
-"""Forgeries: plans that state something false, and how many of them a checker proves.
+"""Forgeries: count the plans with false statements that a checker wrongly proves.
 
 ``python -m bench.clearance.forgeries [COUNT] [--seed SEED] [--node]`` forges plans of small folds
 (``tests.planner.verification.forged_plans``): angles, frames, order, sizes, bounds, exempt pairs,
-windows, names. A changed motion counts as forged only if two modules are certainly nearer than
-claimed, by the exact distance of their hulls at some moment. With ``--node`` the scripts of pages
-check the plans, otherwise ``foldback_check.py`` does.
+windows, names. A changed motion counts as forged only if the exact distance of two hulls at some
+moment is certainly smaller than claimed. With ``--node`` the pages' scripts check the plans,
+otherwise ``foldback_check.py`` does.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ genuine plans more often."""
 
 
 def certainly_false(path: FilePath) -> bool:
-    """Return True if two modules of a plan are nearer than it claims, at some sampled moment."""
+    """Return True if two modules of a plan are closer than it claims at some sampled moment."""
     try:
         plan = Plan.load(path)
     except InputError:  # such as windows beyond the chain
@@ -77,7 +77,7 @@ def certainly_false(path: FilePath) -> bool:
 
 
 def distance(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
-    """Return the distance of two convex hulls as a problem of non-negative least squares."""
+    """Compute the distance of two convex hulls by non-negative least squares."""
     weight = 1e4
     left = np.vstack([one.T, np.full(len(one), weight), np.zeros(len(one))])
     right = np.vstack([-other.T, np.zeros(len(other)), np.full(len(other), weight)])

@@ -1,4 +1,4 @@
-"""Sweeps: time of a certificate's geometry, and its growth with the number of modules."""
+"""Sweeps: time of a certificate's collision checks, and its growth with the number of modules."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ RECORD_FRAMES = 1000
 """Number of frames to which the motion of a chain of 160 modules is resampled before the time to
 prove its clearance is measured. The measured time grows with it."""
 SIZES = (0.95, 0.98)
-"""Module sizes, as fractions of the pitch, of which the slower one counts."""
+"""Module sizes, as fractions of the pitch; the slower one counts."""
 RUNS_PER_SWEEP = 3
 """Number of times that the clearance of each motion is computed; the fastest run counts, as other
 processes only slow runs down. A larger value takes longer and gives steadier results."""
 SNAKES = ((10, 10, 10), (16, 16, 16), (20, 20, 24))
 """Sides of the boxes that are peeled, in cells."""
 WINDOW_HINGES, HINGES_PER_FRAME = 200, 1.13
-"""Hinges of a window, and hinges that it moves on by from frame to frame: about 100 modules move at
-the same time, and there are 1.8 frames per module."""
+"""Number of hinges of a window, and number by which it advances per frame: about 100 modules move
+at the same time, and there are 1.8 frames per module."""
 
 
 def sweeps(reference_seconds: float) -> Section:
@@ -87,7 +87,7 @@ def _recorded() -> tuple[Chain, NDArray[np.float64]]:
 def _row(
     section: Section, name: str, chain: Chain, motion: NDArray[Any] | Motion, size: float
 ) -> float:
-    """Add a row and return its seconds, the least of some runs."""
+    """Add a row and return its seconds, the minimum of some runs."""
     found, seconds = _timed(chain, motion, size)
     for _ in range(RUNS_PER_SWEEP - 1):
         seconds = min(seconds, _timed(chain, motion, size)[1])

@@ -34,7 +34,7 @@ def _several(short: bool, rounds: int | None, seed: int, only: list[str]) -> Sec
 
 
 FAULTY = {"faults": _faults, "several": _several}
-"""Sections that harm a service; they need a disk that can be mounted."""
+"""Sections that inject faults into a service; they need a disk that can be mounted."""
 
 
 SECTIONS: dict[str, Callable[[bool], Section]] = {

@@ -1,4 +1,4 @@
-"""Classes: one hundred followers of one leader, while others load pages."""
+"""Classes: one hundred followers of one leader, while another visitor loads pages."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ runs, in ms; above it the load test fails. Chosen."""
 
 
 def classes(short: bool = False) -> Section:
-    """Measure the delay of views, and the times of pages of others meanwhile."""
+    """Measure the delay of views, and meanwhile the times of another visitor's pages."""
     section = Section(name="classes")
     followers, seconds = (5, 1.0) if short else (FOLLOWERS, LED_S)
     with serving(workers=1) as service:

@@ -19,24 +19,24 @@ RELEASE_TIMEOUT_S: Final = 10.0
 """Maximum time until killed processes have released the disk that the fault test mounted for them,
 in s; beyond it the test ends with an error. A smaller value fails on busy machines. Chosen."""
 INSIDE: Final = "FOLDBACK_LOAD_INSIDE"
-"""Environment variable that marks a process that may mount disks."""
+"""Environment variable that marks a process as able to mount disks."""
 
 
 class NoDiskError(RuntimeError):
-    """No disk can be mounted."""
+    """Error raised if no disk can be mounted."""
 
 
 def inside(arguments: list[str]) -> int | None:
     """Run Python again in a mount namespace of its own; return its exit code.
 
-    Mounts in the common namespace would be copied into those of other processes, which would keep
-    them in use.
+    Other processes would copy mounts of the common namespace into their own, which would keep the
+    mounts in use.
 
     Returns:
         Exit code; None if this process already runs in such a namespace.
 
     Raises:
-        NoDiskError: There can be no such namespace.
+        NoDiskError: If no such namespace can be created.
     """
     if os.environ.get(INSIDE):
         return None
@@ -51,9 +51,9 @@ def inside(arguments: list[str]) -> int | None:
 class Disk:
     """A disk for one service, mounted at ``path``.
 
-    It is an ext4 image. It can fail while processes write to it, and then loses what was not
-    synced, as in a power cut. Where images cannot be mounted, it is a tmpfs, which can only become
-    read-only while no file is open for writing, and loses nothing.
+    It is an ext4 image, which can fail while processes write to it; unsynced data are then lost, as
+    in a power cut. Where images cannot be mounted, it is a tmpfs, which can become read-only only
+    while no file is open for writing, and which loses no data.
     """
 
     def __init__(self, place: Path) -> None:
@@ -118,12 +118,12 @@ class Disk:
                 raise NoDiskError(
                     f"{self.path} is in use {RELEASE_TIMEOUT_S} s after all were killed."
                 )
-            time.sleep(0.1)  # processes that were killed take a moment to end
+            time.sleep(0.1)  # killed processes take a moment to end
         _tried("e2fsck", "-p", str(self._image))
         _run("mount", "-o", "loop", *self._both)
 
     def close(self) -> None:
-        """Unmount the disk and delete its image; processes that still end keep it until then."""
+        """Unmount the disk and delete its image, once the last processes have ended."""
         _run("umount", "--lazy", str(self.path))
         self._image.unlink(missing_ok=True)
 

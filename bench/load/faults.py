@@ -1,4 +1,4 @@
-"""Faults: a service is harmed at random moments, repeatedly, and must lose nothing.
+"""Faults: faults are injected into a service at random moments; it must lose nothing.
 
 After each round and at the end, these conditions hold: each acknowledged fold exists and ends; a
 verified fold is complete; its result, figures and plan never change; no files of broken uploads
@@ -47,7 +47,7 @@ Fault = Callable[["Driver"], None]
 
 
 class Driver:
-    """Sender of folds to a site, which also harms it; a witness watches the folds."""
+    """Client that sends folds to a site and injects faults; a witness watches the folds."""
 
     def __init__(self, site: Site, seed: int) -> None:
         self.site = site
@@ -99,7 +99,7 @@ class Driver:
         """Wait until all folds have ended and the witness has checked them.
 
         Raises:
-            AssertionError: A fold does not end, or the witness found a problem.
+            AssertionError: If a fold does not end, or the witness found a problem.
         """
         deadline = time.monotonic() + FOLDS_TIMEOUT_S
         while left := self.witness.waiting():
@@ -123,7 +123,7 @@ def everything_killed(driver: Driver) -> None:
 
 
 def child_killed(driver: Driver) -> None:
-    """Kill a child process, as the system does when memory is short."""
+    """Kill a child process, as the kernel does when memory is exhausted."""
     if (child := driver.one("stages")) is not None:
         child.kill()
 
@@ -181,7 +181,7 @@ def _half(address: str, body: bytes) -> socket.socket:
 
 
 def restarted(driver: Driver) -> None:
-    """Stop the service in the orderly way."""
+    """Shut the service down gracefully."""
     driver.site.end()
 
 
@@ -221,7 +221,7 @@ def clock_jumped(driver: Driver) -> None:
 
 
 def _outage(driver: Driver, name: str) -> None:
-    """Let a shared service, database or storage, not answer for a while."""
+    """Make a shared service (database or storage) unresponsive for a while."""
     driver.witness.condition = f"during {name}"
     with driver.site.setup.outages[name]():
         _broken_storage(driver, f"during {name}")
@@ -245,7 +245,7 @@ ALLOWED_CODES: Final[Mapping[str, frozenset[str]]] = {
     "disk full": frozenset({"disk-full"}),
     "disk failed": frozenset({"disk-full", "disk-failed"}),
 }
-"""Error codes that a fold may fail with after a fault; after all others it has to succeed."""
+"""Error codes with which a fold may fail, by fault; after all other faults it must succeed."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -256,10 +256,10 @@ class _Outcome:
         rounds: Number of rounds that were requested.
         seed: Seed of all random choices.
         place: Directory of the data and logs.
-        happened: Number of faults by name.
-        harmed: Number of folds under way at these faults, by name.
-        broken: Reason why the run ended early; None if it did not.
-        orphans: Number of fold directories that no client was told the id of.
+        happened: Number of injected faults, by name.
+        harmed: Number of folds in progress at these faults, by name.
+        broken: Reason why the run ended early; None if it was completed.
+        orphans: Number of fold directories whose ids no client has received.
     """
 
     rounds: int
@@ -278,7 +278,7 @@ def faults(
     setup: Setup = ONE_MACHINE,
     only: tuple[str, ...] = tuple(FAULTS),
 ) -> Section:
-    """Harm a service once per round.
+    """Inject one fault into a service per round.
 
     Args:
         rounds: Number of rounds, each with one fault.
@@ -338,14 +338,14 @@ def _round(driver: Driver, name: str, outcome: _Outcome) -> None:
         FAULTS[name](driver)
     else:
         _outage(driver, name)
-    driver.witness.happens(name)  # for folds that were accepted meanwhile, too
+    driver.witness.happens(name)  # also for folds that were accepted in the meantime
     outcome.happened[name] += 1
     outcome.harmed[name] += before
     driver.site.up()
 
 
 def _orphans(site: Site, driver: Driver) -> int:
-    """Return the number of fold directories that no client was told the id of."""
+    """Return the number of fold directories whose ids no client has received."""
     folder = site.data_dir / "folds"
     there = {path.name for path in folder.iterdir()} if folder.exists() else set[str]()
     return len(there - set(driver.witness.folds))

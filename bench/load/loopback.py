@@ -1,4 +1,4 @@
-"""Loopback: load is sent to this machine alone, to services that are started for it."""
+"""Loopback: load is sent only to this machine, to services started for the test."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ from tests.server.service_process import Service
 
 
 class NotHereError(ValueError):
-    """An address is not on this machine."""
+    """Error raised if an address is not on this machine."""
 
 
 def checked(address: str) -> str:
     """Return the address of a service if it is on this machine.
 
     Raises:
-        NotHereError: It is elsewhere.
+        NotHereError: If it is on another machine.
     """
     host = urlsplit(address).hostname or ""
     try:

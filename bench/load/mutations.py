@@ -150,7 +150,7 @@ def _entities(data: bytes, rng: random.Random) -> bytes:
 
 
 def _polluted(data: bytes, rng: random.Random) -> bytes:
-    """Put a value of the wrong type into JSON; else put noise after the signature."""
+    """Put a value of the wrong type into JSON; in other files, put noise after the signature."""
     try:
         value = json.loads(data)
     except ValueError:

@@ -1,4 +1,4 @@
-"""Scrubbing: many visitors of one finished fold, some of others, while two folds are computed."""
+"""Scrubbing: many visitors of one finished fold, and a few of others, while two folds compute."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from bench.measured_tables import Section
 from tests.server.service_process import SNAKE, Service
 
 SHAPE = "wrench-160"
-"""Shape of the gallery that most visitors look at."""
+"""Shape of the gallery whose fold most visitors view."""
 MAX_PAGE_DURING_SCRUBS_MS = 100
 """Target for the 95th percentile of the time of page loads and API requests while 120 visitors move
 their sliders, in ms; at or above it the load test fails. Chosen."""

@@ -13,7 +13,7 @@ from tests.server.postgres import Postgres
 
 
 def several_machines(rounds: int, *, seed: int, only: tuple[str, ...] = ()) -> Section:
-    """Harm a service on several machines, its database and its storage, once per round."""
+    """Inject a fault per round into a service on several machines, its database or its storage."""
     postgres, bucket = Postgres().start(), Bucket().start()
 
     @contextmanager

@@ -40,7 +40,7 @@ class Setup:
             storage elsewhere.
         environment: Further environment variables of all its processes.
         supervised: Number of workers that ``serve`` supervises; they end when it does.
-        hosts: Number of workers that are started separately, and again after they have ended.
+        hosts: Number of workers that are started separately, and restarted after they have ended.
         apart: True if those workers have data directories of their own, as on other machines.
         outages: Context managers, by name, during which a shared service does not answer.
     """
@@ -58,11 +58,11 @@ ONE_MACHINE: Final = Setup()
 
 
 class NotReadyError(RuntimeError):
-    """The service did not become ready in time."""
+    """Error raised if the service does not become ready in time."""
 
 
 class Site:
-    """A service that can be started, harmed and restarted; closing it deletes all of its data."""
+    """Service that can be started, disrupted and restarted; closing it deletes all of its data."""
 
     def __init__(self, place: Path, setup: Setup) -> None:
         self.place = place
@@ -100,10 +100,10 @@ class Site:
         return service
 
     def up(self) -> None:
-        """Start what is not running, and wait until the service accepts folds.
+        """Start all processes that are not running, and wait until the service accepts folds.
 
         Raises:
-            NotReadyError: It does not accept folds in time.
+            NotReadyError: If it does not accept folds in time.
         """
         if self.web.process is None or self.web.process.poll() is not None:
             self.web.start()
@@ -146,7 +146,7 @@ class Site:
         return own
 
     def kill_web(self) -> None:
-        """Kill the web process alone; its children have to notice that."""
+        """Kill the web process only; its children must detect this and end."""
         assert self.web.process is not None
         self.web.process.kill()
         self.web.process.wait()
@@ -168,7 +168,7 @@ class Site:
             time.sleep(0.02)
 
     def end(self) -> None:
-        """Stop all processes in the orderly way."""
+        """Stop all processes gracefully."""
         for host in self._hosts:
             if host is not None and host.poll() is None:
                 host.terminate()

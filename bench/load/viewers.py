@@ -1,4 +1,4 @@
-"""Viewers: a thousand of them come and go, and the server's memory must not grow."""
+"""Viewers: a thousand of them connect and leave; the server's memory must not grow."""
 
 from __future__ import annotations
 

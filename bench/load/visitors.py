@@ -1,4 +1,4 @@
-"""Visitors: many at once, in a process of their own, so that their own cost can be measured.
+"""Visitors: many at once, in a separate process, so that their own cost can be measured.
 
 ``python -m bench.load.visitors`` reads ``Visits`` as JSON from standard input and writes the
 measurements as JSON to standard output.
@@ -38,12 +38,12 @@ class Visits:
 
     Attributes:
         address: Address of the service, on this machine.
-        folds: Fold that each visitor looks at.
+        folds: Fold that each visitor views.
         seconds: Seconds for which they continue after all have arrived.
         arrive_s: Seconds within which all of them arrive.
         pause_s: Mean seconds between two moves of a slider.
         streams: Number of visitors that also follow a fold by its event stream.
-        followed: Folds that those follow; empty for the folds they look at.
+        followed: Folds that those follow; empty for the folds that they view.
         seed: Seed of all random choices.
     """
 
@@ -103,7 +103,7 @@ class _Crowd:
         }
 
     async def _visit(self, number: int, fold: str) -> None:
-        """Open a page, move its slider some times, and open it again, until the time is over."""
+        """Open a page, move its slider several times, and reopen it, until the time is over."""
         rng = random.Random(f"{self._visits.seed}/{number}")
         headers = {"X-Forwarded-For": f"10.1.{number // 250}.{number % 250 + 1}"}
         limits = httpx.Limits(max_connections=6)

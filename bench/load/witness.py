@@ -1,4 +1,4 @@
-"""Witness: a thread that watches folds and reports lost, incomplete and repeated ones."""
+"""Witness: a thread that watches folds and detects lost, incomplete and repeated ones."""
 
 from __future__ import annotations
 
@@ -49,10 +49,10 @@ class Witness:
 
     Attributes:
         folds: Observations by id.
-        problems: Contradictions that were found, in words.
+        problems: Descriptions of the contradictions found.
         errors: Answers of 500 and above, by status and condition.
-        condition: Fault at present that excuses such answers; empty if there is none.
-        looks: Number of requests for a fold.
+        condition: Current fault, which excuses such answers; empty if there is none.
+        looks: Number of requests for folds.
     """
 
     def __init__(self, address: Any) -> None:
@@ -69,7 +69,7 @@ class Witness:
         self._thread.start()
 
     def acknowledged(self, fold_id: str) -> None:
-        """Add a fold that was accepted; from now on it must exist."""
+        """Add an accepted fold, which must exist from now on."""
         with self._lock:
             self.folds.setdefault(fold_id, Seen(id=fold_id))
 
@@ -184,7 +184,7 @@ class Witness:
         seen.digest = digest.hexdigest()
 
     def _excused(self, seen: Seen, answer: httpx.Response) -> bool:
-        """Count an error answer; return True if the present condition excuses it."""
+        """Count an error response; return True if the current condition excuses it."""
         if answer.status_code < 500 or not self.condition:
             return False
         self._failed(seen, answer)

@@ -1,8 +1,8 @@
 """``make reproduction``: run the missing experiments of the paper and write the page.
 
-Figures are stored in ``web/paper/runs.jsonl``, films and stills beside it; ``docs/reproduction.md``
-and ``web/paper/page.json`` are written from these. It can be stopped at any time and continues
-where it stopped.
+Figures are stored in ``web/paper/runs.jsonl``, with films and stills beside it;
+``docs/reproduction.md`` and ``web/paper/page.json`` are written from these. It can be stopped at
+any time and continues where it stopped.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Different shapes: a choice from the gallery that varies as much as possible."""
+"""Different shapes: a selection from the gallery that is as varied as possible."""
 
 from __future__ import annotations
 

@@ -14,8 +14,8 @@ from planner.pipeline.request import FoldRequest
 
 Outcome = Literal["verified", "tangled"]
 RECORDING_PACE: Final = "steps_per_snapshot=10"
-"""Setting of a fold at the recording's pace: as many servo steps for each snapshot as steps between
-two snapshots."""
+"""Setting of a fold at the recording's pace: servo steps per snapshot equal the steps between two
+snapshots."""
 THRESHOLD_ALONE: Final = "motor_gain=10,steps_per_snapshot=0"
 """Settings of a fold paced by the threshold alone, with a motor gain of 10/s: at 60/s the first
 jump of 22° throws the chain apart."""
@@ -54,7 +54,7 @@ class Experiment:
 
     @property
     def asked(self) -> str:
-        """Everything that the run depends on, in a line."""
+        """Everything that the run depends on, in one line."""
         options = [f"{name}={value}" for name, value in self.request.changed().items()]
         begins = [f"start={self.start}"] if self.start else []
         return ", ".join([self.shape, *options, *begins])
@@ -68,9 +68,9 @@ class Statement:
         id: Id of its section of the page.
         heading: Heading of the section.
         where: Place in the paper.
-        quote: Its words.
+        quote: Quotation from the paper.
         published: Result in the paper, in a few words.
-        words: Explanation beside the figures.
+        words: Explanation next to the figures.
         pairs: Experiments that play side by side.
         by_size: Condition with which the summary reports the sizes at which folds work and fail;
             empty to report no sizes.

@@ -1,4 +1,4 @@
-"""Telling: the results of the runs in the words of the page and the document."""
+"""Page text: the results of the runs as texts of the page and the document."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from words.failures import count_from_one
 FORMAT: Final = "foldback-reproduction/1"
 """Format of the page's data."""
 NONE: Final = "–"
-"""Text of a missing value."""
+"""Text for a missing value."""
 THOUSANDS_SEPARATOR: Final = "\u202f"
 """Narrow no-break space between thousands."""
 COLUMNS: Final = (
@@ -63,7 +63,7 @@ SOURCES: Final = {
     "named": "named, but without a number",
     "ours": "not in the paper",
 }
-"""Words for the source of a parameter."""
+"""Text for each source of a parameter."""
 GENERAL_DIFFERENCES: Final = (
     "The paper's simulations ran on the Open Dynamics Engine; ours run on MuJoCo. Contacts, "
     "friction, stops and motors are modelled differently.",
@@ -86,7 +86,7 @@ class Card:
         why: Reason of a failure, in a line.
         film: True if there is a film.
         stuck_frame: Frame of the film that shows the failure; None if it does not fail.
-        stuck: Numbers of the modules there.
+        stuck: Numbers of the modules involved.
         steps: Steps of its simulations, in words; empty if it has not been run.
         strip, straight: True if there are these pictures.
     """
@@ -175,7 +175,7 @@ def card_of(one: Experiment, run: Run | None) -> Card:
 
 
 def verdict(run: Run | None) -> str:
-    """Return the result in a word or two."""
+    """Return the result in one or two words."""
     if run is None:
         return "not run yet"
     if run.verified:
@@ -274,7 +274,7 @@ def _summary(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str
 def _overview(
     statement: Statement, every: tuple[Experiment, ...], runs: Mapping[str, Run]
 ) -> dict[str, str]:
-    """Return a statement in a line, with the number of its folds by result."""
+    """Return a statement in one line, with the number of its folds by result."""
     own = [one for one in every if one.statement == statement.id]
     done = [runs[one.id] for one in own if one.id in runs]
     good = sum(run.verified for run in done)
@@ -348,7 +348,7 @@ def _small(value: float) -> str:
 
 
 def _machine(runs: Mapping[str, Run]) -> str:
-    """Return sentences about the machine that ran the experiments."""
+    """Return sentences about the machines that ran the experiments."""
     if not runs:
         return ""
     cores = sorted({run.cores for run in runs.values()})

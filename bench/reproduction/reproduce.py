@@ -24,13 +24,13 @@ def reproduce(
     minutes: float = float("inf"),
     workers: int = 1,
 ) -> None:
-    """Run what is missing of some experiments.
+    """Run the requested experiments that are not stored.
 
     Args:
         asked: Experiments to run, at least one.
         every: All experiments; rows of others are deleted.
         files: Directory of rows, films and pictures.
-        again: True to repeat those that are stored.
+        again: True to repeat stored experiments.
         minutes: Minutes after which no further experiment is started.
         workers: Number of experiments at the same time.
     """

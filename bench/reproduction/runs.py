@@ -34,7 +34,7 @@ STARTS_DIR: Final = Path(__file__).parents[2] / "out" / "reproduction"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """An experiment, by the values that identify its run."""
+    """Values that identify the run of an experiment."""
 
     id: str
     asked: str
@@ -148,7 +148,7 @@ class Run:
 
 
 def run(experiment: Experiment, files: Path) -> dict[str, Any]:
-    """Fold as an experiment asks, store its film and pictures, and return its row.
+    """Run the fold of an experiment, store its film and pictures, and return its row.
 
     Args:
         experiment: The experiment.
@@ -232,7 +232,7 @@ def _figures(
 
 
 def _whole(stages: dict[str, tuple[int, int]]) -> tuple[int, int] | None:
-    """Return the frames of a playback, with the unfolding if it is a refold; None if none."""
+    """Return the frames of a playback, with the unfolding of a refold; None without a playback."""
     found = [stages[name] for name in ("unfolding", "playback") if name in stages]
     return (found[0][0], found[-1][1]) if found else None
 
@@ -265,7 +265,7 @@ def _phase(data: dict[str, Any], time_s: NDArray[np.float64], frames: int) -> Ph
 def _overlap(
     certificate: dict[str, Any], stages: dict[str, tuple[int, int]], total: int
 ) -> Overlap | None:
-    """Return the largest overlap: of the simulation, which pictures show, else of the plan."""
+    """Return the largest overlap of the simulation, which pictures show; otherwise of the plan."""
     frames = _whole(stages)
     for of, name in (("playback", "min_clearance_playback"), ("plan", "min_clearance")):
         clearance, place = certificate[name], certificate[f"{name}_at"]
@@ -291,7 +291,7 @@ def _ask(directory: Path, experiment: Experiment) -> None:
 
 
 def _start(experiment: Experiment) -> Plan:
-    """Return the plan that an experiment starts with; make it if it is not stored."""
+    """Return the plan that an experiment starts with; compute it if it is not stored."""
     (first,) = (one for one in experiments() if one.id == experiment.start)
     kept = _start_file(first.id)
     if not kept.exists():
@@ -313,7 +313,7 @@ def _start_file(name: str) -> Path:
 
 @cache
 def _warm() -> None:
-    """Compile the kernels once, so that no run includes that time."""
+    """Compile the kernels in advance, so that no run includes the time for it."""
     warm_up()
 
 

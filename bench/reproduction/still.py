@@ -1,6 +1,6 @@
-"""Still: a picture of modules anywhere in space, drawn without OpenGL.
+"""Still: a picture of modules at any positions, drawn without OpenGL.
 
-Nothing is behind them: what is not a module is transparent, for pages that are light or dark.
+The background is transparent, for light and dark pages.
 """
 
 from __future__ import annotations
@@ -43,15 +43,15 @@ def still(
     size: tuple[int, int] = STILL_PX,
     around: NDArray[np.floating[Any]] | None = None,
 ) -> Image.Image:
-    """Modules as an RGBA picture.
+    """Draw modules as an RGBA picture.
 
     Args:
-        module: Their kind.
+        module: Kind of the modules.
         positions: (n, 3) centres in pitches.
         wxyzs: (n, 4) orientations.
         colours: (n, 3) sRGB.
         size: Width and height in pixels.
-        around: (m, 3) points to have in view; all centres when None.
+        around: (m, 3) points that the picture must show; all centres if None.
     """
     width, height = (SUPERSAMPLING * side for side in size)
     seen = np.asarray(positions if around is None else around, dtype=np.float64)
@@ -66,7 +66,7 @@ def still(
 
 
 def _open_view(points: Array, radius: float, aspect: float) -> View:
-    """Return the default view of points, or one that does not show a flat shape by its edge."""
+    """Return the default view of points, or one that does not show a flat shape edge-on."""
     usual = framing(points, radius=radius, aspect=aspect, margin=STILL_FILL)
     sights = [(AZIMUTH_RAD + turn, up) for turn in TRIED_TURNS_RAD for up in TRIED_ELEVATIONS_RAD]
     best = max(sights, key=lambda sight: _spread(points, *sight))
@@ -86,7 +86,7 @@ def _open_view(points: Array, radius: float, aspect: float) -> View:
 def _spread(points: Array, azimuth: float, elevation: float) -> float:
     """Return the width of points across their longest side in a view, at least half a pitch.
 
-    The width is a standard deviation. A row of modules looks the same from everywhere.
+    The width is a standard deviation. A row of modules has the same appearance in all views.
     """
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     flat = np.cos(elevation)

@@ -23,13 +23,13 @@ ms; beyond it the benchmark ends with an error. A smaller value fails on slow ma
 SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
 """Size of the browser window, CSS pixels."""
 COMPLETE: Final = "() => window.foldback?.timeline.complete"
-"""True once the page has all frames."""
+"""Condition that is true once the page has all frames."""
 PAUSED: Final = "foldback.player.send({ do: 'pause' })"
 """Pauses the playback."""
 
 
 def browser_check(reference_seconds: float) -> Section:
-    """Fold each case in a service, then let its page check it."""
+    """Fold each case in a service, then check the plan in the fold's page."""
     section = Section(name="checked")
     with service_and_browser(max_modules=1000) as (service, browser, _):
         folds = {name: _folded(service, name) for name in MAX_PROOF_S}

@@ -1,4 +1,4 @@
-"""An empty service, and Chromium to open its pages."""
+"""Fixture of an empty service with Chromium to open its pages."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Processor time of compiling: the kernels of a first fold, that fold, and all other kernels."""
+"""Compiling: processor time for the kernels of a first fold, that fold, and all other kernels."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ with TemporaryDirectory() as folder:
 
 
 def compiling(reference_seconds: float) -> Section:
-    """Compile what a first fold of 24 cubes needs, fold it, and compile the rest."""
+    """Compile the kernels for a first fold of 24 cubes, run the fold, and compile the others."""
     del reference_seconds
     section = Section(name="compiling")
     with tempfile.TemporaryDirectory(prefix="foldback-kernels-") as cache:

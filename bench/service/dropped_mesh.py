@@ -24,16 +24,16 @@ PAUSE_BEFORE_DROP_MS: Final = 1500
 """Pause between opening the landing page and uploading the mesh, in ms, as a visitor takes time to
 find a file. A larger value leaves the service more time to prepare itself. Chosen."""
 FOLDABLE: Final = "() => document.getElementById('fold')?.disabled === false"
-"""True once the preview offers to fold."""
+"""Condition that is true once the preview offers to fold."""
 MOVING: Final = """() => {
   const cover = document.getElementById("cover");
   return cover?.classList.contains("gone") && (window.foldback?.player.shown?.frame ?? 0) > 0;
 }"""
-"""True once a frame after the first one is drawn."""
+"""Condition that is true once a frame after the first one is drawn."""
 VERIFIED: Final = (
     "() => /^Verified/.test(document.getElementById('verdict')?.textContent?.trim() ?? '')"
 )
-"""True once the page shows the verdict "Verified"."""
+"""Condition that is true once the page shows the verdict "Verified"."""
 MAX_AFTER_FOLD_S: Final = {"first motion": 1.0, "verified": 5.0}
 """Maximum seconds after *Fold*, on two cores that do nothing else. Chosen."""
 

@@ -1,6 +1,6 @@
-"""The kiosk at eight times its speed: memory and script errors after hours of an exhibition.
+"""The kiosk at eightfold speed: memory and script errors after hours of an exhibition.
 
-``python -m bench.service.kiosk --minutes 20`` runs it for another time.
+``python -m bench.service.kiosk --minutes 20`` runs it for another duration.
 """
 
 from __future__ import annotations
@@ -32,9 +32,9 @@ MAX_HEAP_GROWTH: Final = 0.10
 this fraction from the end of its first round of folds to the end of the run. Above it the target is
 reported as not met. Chosen."""
 TOUCH: Final = "() => dispatchEvent(new PointerEvent('pointerdown'))"
-"""Imitates the touch of a visitor, which keeps the kiosk on its fold."""
+"""Simulates a visitor's touch, which keeps the kiosk on its fold."""
 OPEN: Final = "() => foldback.player.stage.open"
-"""True once the 3D view of a fold is open."""
+"""Condition that is true once the 3D view of a fold is open."""
 
 
 def faster(speed: float) -> str:
@@ -53,7 +53,7 @@ def faster(speed: float) -> str:
 
 
 def kiosk(reference_seconds: float) -> Section:
-    """Play the finished folds in turn, for a time that amounts to eight hours."""
+    """Play the finished folds in turn for a simulated time of eight hours."""
     del reference_seconds
     return _played(RUN_MINUTES)
 

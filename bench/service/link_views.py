@@ -1,4 +1,4 @@
-"""Links and cameras: whether a link reproduces a view, and the chain stays inside the picture."""
+"""Links and cameras: check that links reproduce views, and that the chain stays in the picture."""
 
 from __future__ import annotations
 
@@ -56,14 +56,15 @@ NO_WEBGL: Final = """HTMLCanvasElement.prototype.getContext = new Proxy(
   HTMLCanvasElement.prototype.getContext,
   { apply: (get, on, given) => given[0] === "webgl2" ? null : Reflect.apply(get, on, given) },
 );"""
-"""Disables WebGL, so that the page's own drawing stays. In software, the 3D view lowers its
-resolution after a motion, so that its edges differ from those of the same view opened at rest."""
+"""Disables WebGL, so that the page's own drawing stays. With software rendering, the 3D view lowers
+its resolution after a motion, so that its edges differ from those of the same view opened at
+rest."""
 SETTLED: Final = """() => {
   const player = window.foldback?.player;
   return player?.shown?.exact && player.timeline.complete && !player.busy
     && document.getElementById("cover").classList.contains("gone");
 }"""
-"""True once the exact frame is drawn and nothing moves."""
+"""Condition that is true once the exact frame is drawn and nothing moves."""
 OUTSIDE: Final = """async ([step, camera]) => {
   const { player } = window.foldback;
   const { rig, timeline } = player;
@@ -115,7 +116,7 @@ class Shown:
 
 
 def link_views(reference_seconds: float) -> Section:
-    """Turn each fold by hand, open the page's address elsewhere, and compare the pictures."""
+    """Turn each fold with the mouse, open the page's address elsewhere, and compare pictures."""
     del reference_seconds
     section = Section(name="views")
     with service_and_browser() as (service, browser, folder):
@@ -184,7 +185,7 @@ def _picture(page: Page) -> np.ndarray:
 
 
 def _compared(browser: Browser, address: str, shape: str, kind: str) -> dict[str, Any]:
-    """Return the difference between views that were turned by hand and their links."""
+    """Return the difference between views turned with the mouse and those of their links."""
     page = _opened(browser, address)
     rng = np.random.default_rng(len(shape))
     frames = page.evaluate("() => +document.getElementById('scrub').max + 1")

@@ -58,7 +58,7 @@ def _picture(section: Section, directory: Path) -> None:
     from web.pictures.social_picture import social_picture
 
     chain = Timeline.open(directory / "timeline.zarr").chain
-    social_picture(chain)  # compiles and loads what it needs
+    social_picture(chain)  # compile and load modules first
     begun = time.perf_counter()
     data = social_picture(chain)
     seconds = time.perf_counter() - begun

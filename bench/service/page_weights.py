@@ -21,7 +21,7 @@ IDLE_MS: Final = 1500
 """Time without a new request after which a page counts as completely loaded, in ms; then its
 requests and bytes are added up. A smaller value can miss late requests. Chosen."""
 UNCOVERED: Final = "() => document.getElementById('cover').classList.contains('gone')"
-"""True once the first frame is drawn."""
+"""Condition that is true once the first frame is drawn."""
 MAIN_CONTENT_SHOWN: Final = {
     "fold": UNCOVERED,
     "embed": UNCOVERED,
@@ -44,7 +44,7 @@ MAX_REQUESTS_AND_KB: Final = {
     "benchmarks": (5, 59.49),
     "standalone": (1, 1347.0),
 }
-"""Requests and kB of pages at commit 346fd94, which are the bars; other pages did not exist."""
+"""Maximum requests and kB by page: the values at commit 346fd94. Other pages did not exist."""
 
 
 def page_weights(reference_seconds: float) -> Section:
@@ -91,13 +91,13 @@ def _pages(service: Service) -> Iterator[tuple[str, str]]:
 
 
 def _weighed(browser: Browser, address: str, name: str) -> dict[str, Any]:
-    """Return the requests and kB of a page, until its main content is shown and in all."""
+    """Return the requests and kB of a page, until its main content is shown and in total."""
     context = browser.new_context(viewport=SIZE, base_url=address)
     sent: list[str] = []
     done: list[Request] = []
     context.on("request", lambda request: sent.append(request.url))
     context.on("requestfinished", lambda request: done.append(request))
-    if name == "standalone":  # a download, which is the whole page
+    if name == "standalone":  # a download is the whole page
         size = len(context.request.get(address).body()) / 1e3
         context.close()
         return {"page": name, "until seen": 1, "in all": 1, "kB": size, "kB unpacked": size}

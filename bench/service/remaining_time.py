@@ -16,7 +16,7 @@ KNOWN_SHAPES: Final = (
     *("wrench-80", "mallet-160", "wrench-24", "cactus", "hammer", "ring", "boat", "elephant"),
     *("chair", "tower", "arrow", "anvil"),
 )
-"""Shapes that the service folds first, to learn from."""
+"""Shapes that the service folds first, on which its predictions are based."""
 PREDICTED_SHAPES: Final = (
     *("wrench-160", "wrench-94", "duck", "key", "table", "mallet-64", "cup", "whale", "star"),
     *("rocket", "sofa", "guitar"),

@@ -1,1 +1,1 @@
-"""The success map: which paths fold by which method, and which meshes by which seed."""
+"""The success map: success rates of folds by method and kind of path, and by seed."""

@@ -1,9 +1,9 @@
 """Success map: fraction of verified folds by method, kind of path and number of modules.
 
-``make success-map`` runs what is missing in ``data/success-map.jsonl`` and draws the picture from
-that file. It can be stopped at any time and continues where it stopped; without the file it starts
-from the beginning. A run that takes longer than ``BUDGET_S`` of processor time counts as not
-verified. The published method, whose time step is constant, has ``PAPER_BUDGET_S``.
+``make success-map`` runs the cases that are missing in ``data/success-map.jsonl`` and draws the
+picture from that file. It can be stopped at any time and continues where it stopped; without the
+file it starts from the beginning. A run that takes longer than ``BUDGET_S`` of processor time
+counts as not verified. The published method, whose time step is constant, has ``PAPER_BUDGET_S``.
 """
 
 from __future__ import annotations
@@ -77,9 +77,9 @@ BOXES: Final = {
 }
 """Sides of the boxes, in cells, by number of modules."""
 RUNS_PER_KIND: Final = {32: 5, 64: 5, 144: 5, 288: 5, 512: 5, 1152: 1, 4096: 1}
-"""Runs of each kind of path by number of modules. Large ones take minutes each."""
+"""Number of runs of each kind of path, by number of modules. Large ones take minutes each."""
 RUNS_OF_SLOW_METHODS: Final = {"paper": 3, "direct": 3}
-"""Runs of each kind of path of slow methods."""
+"""Number of runs of each kind of path with slow methods."""
 RUN_ONCE_FROM_MODULES: Final = {"direct": 144}
 """Number of modules from which on a slow method is run only once."""
 KINDS: Final = ("snake", "assembly", "block", "exact", "random")
@@ -97,7 +97,7 @@ MAX_MODULES_OF_METHOD: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """One run: a box of that many modules, filled by a kind of path, folded by a method."""
+    """One run: a box with a number of modules, filled by a kind of path and folded by a method."""
 
     method: str
     kind: str

@@ -1,8 +1,8 @@
-"""The success map as a picture: a field for each method, in it a row for each kind of path.
+"""The success map as a picture: a field per method, with a row per kind of path.
 
 A cell is filled in proportion to the verified folds, from below: first those that were simulated,
-then those verified by kinematics only. A cross marks a cell without any, so that colours are not
-needed to read the picture.
+then those verified by kinematics only. A cross marks a cell without verified folds, so that the
+picture is readable without colours.
 """
 
 from __future__ import annotations

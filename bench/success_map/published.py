@@ -1,7 +1,8 @@
 """The published algorithm on random paths of 160 modules, and on five shapes of the paper.
 
-``python -m bench.success_map.published`` runs what is missing in ``out/published-….jsonl``, a file
-for each version of the planner. It can be stopped at any time and continues where it stopped.
+``python -m bench.success_map.published`` runs the cases that are missing in
+``out/published-….jsonl``, a file for each version of the planner. It can be stopped at any time and
+continues where it stopped.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The gallery and meshes of blocks with five seeds each: the share verified, and verified at once.
+"""Gallery and meshes with five seeds each: fractions verified, and verified at first attempt.
 
-``python -m bench.success_map.seeds`` runs what is missing in ``out/seeds-….jsonl``, a file for each
-version of the planner. It can be stopped at any time and continues where it stopped.
+``python -m bench.success_map.seeds`` runs the cases that are missing in ``out/seeds-….jsonl``, a
+file for each version of the planner. It can be stopped at any time and continues where it stopped.
 """
 
 from __future__ import annotations
@@ -104,7 +104,7 @@ def seeds(reference_seconds: float) -> Section:
 
 
 def section_of(rows: list[dict[str, Any]]) -> Section:
-    """Return the figures of all rows, and the rows that did not fold at once."""
+    """Return the figures of all rows, and the rows not verified at the first attempt."""
     section = Section(name="seeds")
     section.rows = [row for row in rows if row["attempts"] > 1 or not _verified(row)]
     for kind in dict.fromkeys(row["kind"] for row in rows):

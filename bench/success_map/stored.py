@@ -1,4 +1,4 @@
-"""Stored runs: a benchmark of hours can be stopped at any time and continues where it stopped."""
+"""Stored runs: a long benchmark can be stopped at any time and continues where it stopped."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def run_missing(
     Args:
         path: File with one JSON object per line; created if it does not exist.
         cases: All cases, in the order in which they are run.
-        run: Returns the row of a case, in a process of its own.
+        run: Returns the row of a case, in a separate process.
         minutes: Minutes after which no further case is started.
         workers: Number of cases at the same time.
     """
@@ -90,7 +90,7 @@ def judge(
     """Fold up to the certificate, which contains the verdict; return its figures.
 
     Raises:
-        InputError: The input cannot be used.
+        InputError: If the input cannot be used.
     """
     # Imported late: processes that run other cases would import all of the planner.
     from planner.pipeline.stages import run_stages

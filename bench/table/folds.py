@@ -1,4 +1,4 @@
-"""Explosions on a table: shapes that come to lie straight, and the torque that they need.
+"""Explosions on a table: shapes that end straight, and the torque that they need.
 
 ``python -m bench --only table-folds``; ``table-long-folds``, half an hour, for chains of 80 and
 160. An attempt is one path and one seed. A run is straight if one of its attempts is. The
@@ -112,7 +112,7 @@ def table_folds(reference_seconds: float) -> Section:
     runs = [
         _run(section, name, cells, 0, Conditions(friction=0.0, limit=8.0, size=GALLERY_MODULE_SIZE))
         for name, cells in gallery_cells(64)
-        if name != "wrench-24"  # which has no path for a table
+        if name != "wrench-24"  # it has no path for a table
     ]
     good = [run for run in runs if run.torque is not None]
     section.add(

@@ -1,4 +1,4 @@
-"""Changes that are offered for a torus without a path for a table, and whether they fold.
+"""Offered changes of a torus without a path for a table, and the results of folding them.
 
 ``python -m bench --only table-offers`` takes a quarter of an hour: the first offer for each count
 is folded once, with playback and certificate.

@@ -1,4 +1,4 @@
-"""Paths for a table: shapes of the gallery that have one, search times, and reasons of the others.
+"""Paths for a table: gallery shapes that have one, search times, and reasons for the others.
 
 ``python -m bench.table.paths [CELLS]`` prints them for shapes of up to that many cells.
 """
@@ -92,7 +92,7 @@ def gallery_cells(most_cells: int) -> Iterator[tuple[str, NDArray[np.int64]]]:
 
 
 def _check(paths: tuple[TablePath, ...], cells: NDArray[np.int64]) -> None:
-    """Check that paths obey the rules and visit all cells; a wrong path gives no figure."""
+    """Check that paths obey the rules and visit all cells, so that wrong paths give no figures."""
     for path in paths:
         laid = np.unique(cells @ path.turn.T + path.shift, axis=0)
         if rule_violations(path.cells, rule=path.rule) or len(path.cells) != len(cells):

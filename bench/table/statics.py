@@ -1,4 +1,4 @@
-"""Statics: time to balance a frame on the floor, and the torques that floating plans need there.
+"""Statics: time to solve a frame's equilibrium, and torques of floating plans on the floor.
 
 ``python -m bench --only statics``.
 """
@@ -54,7 +54,7 @@ class Shape:
     Attributes:
         name: Name of the shape.
         chain: Returns the chain.
-        held: Torque when held at the root.
+        held: Torque with the root held.
         resting: Torque in the best stable pose of each frame.
     """
 
@@ -166,7 +166,7 @@ def _milliseconds(
     chain: Chain, frames: Callable[[Chain], Iterator[tuple[Array, Array, Array]]], enough: float
 ) -> list[float]:
     balance = Balance(chain)
-    balance.solve(*next(frames(chain)))  # compiles
+    balance.solve(*next(frames(chain)))  # compile first
     took: list[float] = []
     for positions, rotations, angles in frames(chain):
         begun = time.perf_counter()

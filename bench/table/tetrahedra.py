@@ -1,10 +1,10 @@
-"""Tetrahedra on a table: torques that their floating plans need there, and a trial of unfolding.
+"""Tetrahedra on a table: torques of their floating plans, and trials of unfolding.
 
 ``python -m bench --only table-tetrahedra``. Chains of tetrahedra fold floating; this trial measures
-how far a simple method on a table gets. All hinges are released at the same time in one MuJoCo tree
-that lies free under gravity, and springs of limited torque straighten them. Frames that need more
-torque than a bound, penetrate the table or touch themselves are rejected, and the springs are drawn
-again.
+how well a simple method unfolds them on a table. All hinges are released at the same time in one
+MuJoCo tree that lies free under gravity, and springs of limited torque straighten them. Frames that
+need more torque than a bound, penetrate the table or touch themselves are rejected, and new spring
+torques are drawn.
 
 Units: pitch, module weight and √(pitch / gravity); torques in w·p.
 """
@@ -92,7 +92,7 @@ class Trial:
 
     Attributes:
         straight: True if the chain ends straight.
-        left: Sum of the remaining bends as a fraction of their sum when folded.
+        left: Sum of the remaining hinge angles as a fraction of their sum when folded.
         bound: Torque bound at the end, w·p.
         frames: Accepted frames, from folded on.
         seconds: Wall time, s.

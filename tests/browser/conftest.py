@@ -27,7 +27,8 @@ PLAYWRIGHT_FEATURES = (
     *("ThirdPartyStoragePartitioning", "AvoidCorsURLLoaderRestartOnRedirect", "AimEnabled"),
     *("OptimizationHints", "NetworkTimeServiceQuerying", "PreconnectToSearch"),
 )
-"""Features that Playwright disables. They are repeated, as Chromium heeds only the last list."""
+"""Features that Playwright disables. They are repeated here, because Chromium uses only the last
+list."""
 # 3D graphics are rendered by software, so that machines without a graphics card draw the same.
 FLAGS = (
     "--no-sandbox",
@@ -39,7 +40,7 @@ FLAGS = (
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
     "--ignore-gpu-blocklist",
-    # Compositing directly in software costs half of what software that emulates a card costs.
+    # Direct software compositing takes half the time of software that emulates a graphics card.
     "--disable-gpu-compositing",
     f"--disable-features={','.join((*WINDOW_FEATURES, *PLAYWRIGHT_FEATURES))}",
 )
@@ -68,7 +69,7 @@ class Chromium:
         return self._browser
 
     def tab(self, site: str, *, view: bool, used: bool, **options: Any) -> Page:
-        """Open a tab with its own profile, or hand out one that was put back."""
+        """Open a tab with its own profile, or reuse a recycled one."""
         if used and self._tabs[view]:
             return self._tabs[view].pop()
         context = self.browser().new_context(base_url=site, **options)
@@ -173,9 +174,9 @@ def visit(service: Service) -> Iterator[Visit]:
     """Function that opens a page in an empty profile; fails at the end if our scripts threw an
     error.
 
-    Tests that do not need the 3D view open the page with ``view=False``: the client, which is
-    loaded and paints for seconds, never comes, and the page's own drawing stays. ``script`` runs
-    before all scripts of each page.
+    Tests that do not need the 3D view open the page with ``view=False``: viser's client, which
+    takes seconds to load and paint, is then never loaded, and the page's own drawing stays.
+    ``script`` runs before all scripts of each page.
     """
     with visiting(service) as visit:
         yield visit
@@ -193,7 +194,8 @@ NO_VIEW = """{
     set(address) { set.call(this, address.endsWith("/view") ? "about:blank" : address); },
   });
 }"""
-"""Script that keeps the 3D view from loading. A route would cost more, as all requests pass it."""
+"""Script that keeps the 3D view from loading. A Playwright route would be slower, because it
+intercepts all requests."""
 
 
 def choose(page: Page, name: str, data: bytes) -> None:
@@ -245,7 +247,7 @@ def wait_for_view(page: Page) -> Page:
 
 
 def wait_until(page: Page, true: Callable[[], bool]) -> None:
-    """Wait until a condition is true, while the page goes on."""
+    """Wait until a condition is true, while the page keeps running."""
     deadline = time.monotonic() + TIMEOUT_MS / 1000
     while not true():
         assert time.monotonic() < deadline
@@ -319,6 +321,6 @@ def picture(page: Page) -> np.ndarray:
 
 
 def screenshot(page: Page) -> np.ndarray:
-    """Return the 3D view as it is now as an (h, w, 3) array, 0 to 255."""
+    """Return the current 3D view as an (h, w, 3) array, 0 to 255."""
     png = page.locator("main.stage").screenshot(mask=[page.locator("#legend")], mask_color="#000")
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)

@@ -1,4 +1,4 @@
-"""The 3D view of a fold: its colours, its rest, and the path in it."""
+"""The 3D view of a fold: its colours, its idle state, and the path in it."""
 
 import re
 
@@ -36,7 +36,7 @@ SLOW_VIEW = """if (self !== top) {
   window.setInterval = (then, ms) => every(() => { if (beats) then(); }, ms);
   window.tire = () => { wait = 400; beats = false; };
 }"""
-"""Script whose ``tire()`` makes the view slow and stops all pictures that nothing requests."""
+"""Script whose ``tire()`` slows the view down and stops all pictures that nothing requests."""
 SMALL = {"width": 480, "height": 480}
 """Window size in pixels that software rendering paints quickly."""
 
@@ -54,8 +54,8 @@ def test_view_shows_figures_and_the_path_and_rests(
     menu.select_option("torque")
     expect(page.locator("#legend-high")).to_have_text(re.compile(r"N·m$"))
     seen = picture(page)
-    assert np.abs(seen - before).max() > 20  # red is replaced
-    assert (seen[..., 0] - seen[..., 1:].max(axis=-1)).max() < 60  # no red: for colour blindness
+    assert np.abs(seen - before).max() > 20  # colours have changed
+    assert (seen[..., 0] - seen[..., 1:].max(axis=-1)).max() < 60  # no red, for the colour-blind
 
     seek(page, 0)
     menu.select_option("error")
@@ -76,7 +76,7 @@ def test_view_shows_figures_and_the_path_and_rests(
     page.mouse.wheel(0, 200)
     view.wait_for_function("(before) => pictures > before + 3", arg=painted)
 
-    # The view wakes for the next frame on a slow machine too.
+    # The idle view draws the next frame on a slow machine, too.
     seek(page, 0)
     folded = picture(page)
     page.add_style_tag(content="#sketch { display: none }")  # the sketch would cover the view

@@ -50,7 +50,7 @@ def test_letter_is_cut_by_dragging_and_folded(visit: Visit, service: Service) ->
     first = page.locator('[data-x="2"][data-y="2"]').bounding_box()
     last = page.locator('[data-x="4"][data-y="2"]').bounding_box()
     drag(page, (first["x"] + 9, first["y"] + 9), (last["x"] + 9, last["y"] + 9), steps=8)
-    expect(page.locator("#count")).to_have_text("48 modules")  # a stroke from a filled cell empties
+    expect(page.locator("#count")).to_have_text("48 modules")  # a stroke from a filled cell erases
     page.locator("#fold").click()
     wait_for_fold(page)
     expect(page.locator("#name")).to_have_text("Letter L")

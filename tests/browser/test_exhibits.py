@@ -1,4 +1,4 @@
-"""Folds that are shown to others: in a kiosk, and to a class that follows its leader."""
+"""Exhibited folds: in a kiosk, and in a class that follows its leader."""
 
 import re
 
@@ -31,7 +31,7 @@ def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
     expect(shown.locator("#tour-caption")).to_contain_text("The chain is straight")
     frame = "iframe[src='/embed/{}?kiosk=10']:not(.coming)"
     first, second = frame.format(wrench), frame.format(other)
-    if page.locator(second).count():  # on a busy machine the first one may come too late
+    if page.locator(second).count():  # a busy machine may already show the second one
         first, second = second, first
     before = count_objects(page)
     assert shown.locator("a:visible").count() == 0
@@ -42,9 +42,9 @@ def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
 
     page.context.set_offline(True)
     page.locator("#next").click()
-    expect(page.locator("iframe")).to_have_count(1)  # the next one has failed
+    expect(page.locator("iframe")).to_have_count(1)  # the next one failed to load
     expect(page.locator("#trouble")).to_be_hidden()
-    expect(shown.locator(".tour-count")).to_have_text(re.compile("^[2-9] of"))  # plays on
+    expect(shown.locator(".tour-count")).to_have_text(re.compile("^[2-9] of"))  # still plays
     page.context.set_offline(False)
     expect(page.locator(second)).to_be_visible()
 
@@ -93,7 +93,7 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     expect(frame).to_have_text(re.compile("Frame 41 of"))
     assert follower.evaluate("() => foldback.player.selected") == 7
     for end in connections[0]:
-        end.close(code=4000)  # as if the network between them had failed
+        end.close(code=4000)  # simulates a network failure
     expect(leader.locator(".class-ways span")).to_have_text("1 person is following")
     seek(leader, 20)
     expect(frame).to_have_text(re.compile("Frame 21 of"))

@@ -1,4 +1,4 @@
-"""Failed folds: the reason in words, the frame of the failure, and where the chain is stuck."""
+"""Failed folds: the reason in words, the frame of the failure, and the stalled modules."""
 
 from pathlib import Path
 
@@ -23,7 +23,7 @@ HIGHLIGHTED = """() => {
 
 
 def show_stuck_modules(page: Page) -> list[int]:
-    """Show where the fold is stuck, and return the modules that are highlighted there."""
+    """Show where the fold stalled, and return the modules that are highlighted there."""
     if not page.locator("#stuck-more").is_visible():
         page.locator("#stuck-fold").click()
     page.locator("#stuck-go").click()
@@ -59,7 +59,7 @@ def test_knot_is_drawn_located_and_confirmed(
     visit: Visit, service: Service, tmp_path: Path
 ) -> None:
     corners = [(-TAIL, 0, 0), *OVERHAND[1:-1], (4, 6 + TAIL, 2)]
-    # All at once the chain is shaken loose; module by module the knot is tightened.
+    # Simultaneous release would loosen the knot; peeling tightens it.
     fold = service.fold(walk(tuple(corners)).tolist(), strategy="peel")["id"]
     state = service.wait_over(fold)
     assert (state["status"], state["summary"]["stuck"]["kind"]) == ("failed", "knot")
@@ -75,7 +75,7 @@ def test_knot_is_drawn_located_and_confirmed(
     assert shown_frame(page) == page.evaluate("() => window.foldback.timeline.last")
     page.locator("#stuck-attempts").click()
     tried = page.locator(".attempts li")
-    expect(tried).to_have_count(1)  # there is one way to peel it
+    expect(tried).to_have_count(1)  # peeling has only one variant here
     expect(tried).to_contain_text("the knot has the determinant 3, and a chain without a")
     # Both files are offered, and suffice to confirm the reason.
     expect(page.locator("#attempts code")).to_contain_text("_refusals.py plan.npz record.npz")
@@ -95,7 +95,7 @@ NOTE_COVERS = """addEventListener("DOMContentLoaded", () => {
   new MutationObserver(note).observe(
     cover, { subtree: true, childList: true, attributes: true });
 });"""
-"""Notes whether the cover of a fold ever offers an action."""
+"""Records whether the cover of a fold ever offers an action."""
 
 
 def test_failed_baseline_offers_the_default_preset(visit: Visit) -> None:

@@ -1,4 +1,4 @@
-"""The pages as a visitor meets them: a real service, a real browser."""
+"""The page of a fold, as a visitor uses it in a real browser with a real service."""
 
 import json
 import re
@@ -61,7 +61,7 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     page = visit(f"/folds/{wrench}", height=480, view=view)
     verdict = r"^Verified \(simulated\): modules stay at least \d+\.\d\s% .* apart · 24\smodules$"
     expect(page.locator("#verdict")).to_have_text(re.compile(verdict))
-    if view:  # otherwise the page's own drawing stays, in the same colours
+    if view:  # otherwise the page's own drawing stays; its colours are the same
         page.locator("#sketch.gone").wait_for(state="attached")
     expect(page.locator("#stuck")).to_be_hidden()
     assert "#" not in page.url  # the link has no state before the first action
@@ -99,7 +99,7 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     shown = page.locator("#panel-module [data-of=cell]").inner_text().replace("−", "-")
     assert [int(c) for c in shown.split(", ")] == cell.tolist()
     seen = picture(page)
-    assert (seen[..., 2] - seen[..., 0]).max() > 60  # it is blue
+    assert (seen[..., 2] - seen[..., 0]).max() > 60  # the clicked module is blue
     page.keyboard.press("ArrowRight")  # the view has the focus now
     at_frame(page, explosion + 1)
     page.wait_for_url(f"**/folds/*#frame={explosion + 2}&module={index + 1}")

@@ -1,4 +1,4 @@
-"""Playing a fold by keyboard and by numbers: one page for most of it."""
+"""Playback controls by keyboard and by frame number; most tests share one page."""
 
 import re
 from collections.abc import Iterator
@@ -48,10 +48,10 @@ def test_frame_is_typed(page: Page) -> None:
 
 def test_keys_step_and_are_listed_and_single_letters_are_turned_off(page: Page) -> None:
     seek(page, 30)
-    page.keyboard.press(".")  # a second
+    page.keyboard.press(".")  # steps by one second
     assert shown_frame(page) > 31
     seek(page, 30)
-    page.keyboard.press("n")  # to the next visible change
+    page.keyboard.press("n")  # steps to the next visible change
     assert shown_frame(page) > 30
     expect(page.locator("#keys-said")).to_have_text(page.locator("#r-frame").inner_text())
     page.keyboard.press(">")

@@ -1,4 +1,4 @@
-"""From a file, or from an empty grid, to a preview and a fold."""
+"""Previews and folds from a file or from an empty grid."""
 
 import re
 from typing import Any
@@ -121,7 +121,7 @@ def test_preview_recovers_when_its_scene_fails_or_is_busy(
     expect(page.locator("#fold")).to_be_enabled()
     expect(page.locator(".stage")).to_have_attribute("aria-busy", "false")
     page.unroute("**/scene/*")
-    # A busy scene is requested again.
+    # A scene is requested again after a response 503.
     busy = {"status": 503, "headers": {"Retry-After": "1"}}
     page.route("**/scene/*", lambda route: route.fulfill(**busy), times=1)
     page.locator("#modules-number").fill("64")

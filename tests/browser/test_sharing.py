@@ -95,12 +95,12 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     other = visit(f"/embed/{folded['id']}#stop=2", view=False)
     expect(other.locator("#tour-caption")).to_have_text("<b>Here</b> it begins.")
 
-    # Numbers for the colours are the owner's to set as well.
+    # Only the owner can set numbers for the colours, too.
     page.get_by_role("button", name="Close", exact=True).click()
     page.locator("#colour-by").select_option("own-file")
     box, numbers = page.locator(".own-values"), page.locator(".own-values input")
     heat = "Heat (K)\n" + "".join(f"{k}\n" for k in range(len(STAIRS)))
-    expect(box).to_be_visible()  # its scripts are here
+    expect(box).to_be_visible()  # shown once its scripts are loaded
     numbers.set_input_files({"name": "a.csv", "mimeType": "text/csv", "buffer": heat.encode()})
     expect(page.locator("#legend-low")).to_have_text("0 K")
     box.get_by_role("button", name="Save with this fold").click()
@@ -122,7 +122,7 @@ def test_compare_plays_and_turns_two_folds_together(
     service.wait_over(direct)
     assert service.state(direct)["preset"] == "direct"
     sides = [page.locator(f"#side-{k}") for k in range(2)]
-    # The texts are updated, though the page was opened before the fold ended.
+    # The texts are updated, although the page was opened before the fold ended.
     expect(sides[1].locator(".verdict")).to_have_text(re.compile("Verified"))
     page.reload()
     expect(page.locator("#scrub")).to_be_enabled()
@@ -185,7 +185,7 @@ def test_movie_is_made_and_downloaded(visit: Visit, wrench: str) -> None:
 
 
 LEVELS = 8
-"""Largest difference of a pixel value that nobody notices, 0 to 255."""
+"""Maximum invisible difference between pixel values, 0 to 255."""
 
 
 def different_fraction(one: np.ndarray, other: np.ndarray) -> float:

@@ -28,13 +28,13 @@ def test_viser_server_scrubs_selects_and_plays(browser: Browser, tmp_path: Path)
         page.set_default_timeout(TIMEOUT_MS)
         page.goto(shown.url)
         expect(page.get_by_text(f"Frame 1 of {LAST + 1}")).to_be_visible()
-        expect(page.get_by_text("<b>snake</b>")).to_be_visible()  # a name is shown as it is
+        expect(page.get_by_text("<b>snake</b>")).to_be_visible()  # the name is shown verbatim
         wait_until(page, lambda: len(shown._cameras._aspects) == 1)
         (client,) = shown.server.get_clients().values()
         far = np.linalg.norm(client.camera.position)
         page.get_by_role("slider").press("End")
         wait_until(page, lambda: shown.frame == LAST)
-        wait_until(page, lambda: np.linalg.norm(client.camera.position) < far)  # it is folded there
+        wait_until(page, lambda: np.linalg.norm(client.camera.position) < far)  # it is folded
         page.mouse.click(295, 230)  # the closest module
         wait_until(page, lambda: shown._selected is not None)
         expect(page.get_by_text(f"Module {shown._selected + 1} of {len(SNAKE)}")).to_be_visible()

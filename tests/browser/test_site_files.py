@@ -61,7 +61,7 @@ def test_every_link_of_a_site_leads_to_something_in_it(site_dir: Path) -> None:
             assert target.is_file() and target.is_relative_to(site_dir), (path, link)
             assert not place or place in pages[target].places or "icons" in place, (path, link)
             reached.add(target)
-    # Viser's client is named only in the pages' data, and the element only by pages of others.
+    # Only the pages' data name viser's client, and only third-party pages use the element.
     unused = {path for path in site_dir.rglob("*") if path.is_file()} - reached
     assert unused == {site_dir / "view.html", site_dir / "foldback-fold.js"}
     assert SERVICE in pages[site_dir / "index.html"].found

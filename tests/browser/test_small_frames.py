@@ -1,4 +1,4 @@
-"""Small frames, touch screens and the keyboard: what stays visible and reachable."""
+"""Small frames, touch screens and the keyboard: controls remain visible and reachable."""
 
 import pytest
 from playwright.sync_api import expect
@@ -33,7 +33,7 @@ SIZES = {
 def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, kind: str) -> None:
     page = visit(f"/{kind}s/{wrench}" if kind == "fold" else f"/embed/{wrench}", view=False)
     expect(page.locator("#legend")).to_be_visible()
-    page.locator("#cover.gone").wait_for(state="attached")  # it hides the picture
+    page.locator("#cover.gone").wait_for(state="attached")  # the cover hides the picture
     shares = {}
     for width, height in SIZES[kind]:
         page.set_viewport_size({"width": width, "height": height})
@@ -98,7 +98,7 @@ def test_embed_zooms_after_a_click_and_accepts_dropped_files(
     expect(reader.frame_locator("iframe").locator("#toast")).to_contain_text("Click to zoom")
     assert frame.evaluate(distance) == before
     reader.evaluate("() => scrollTo(0, 0)")
-    # A locator clicks into the view even while the browser takes the page for scrolled.
+    # A locator clicks into the view even while the browser still treats the page as scrolled.
     view = reader.frame_locator("iframe").frame_locator("#view").locator("canvas[data-engine]")
     view.click(position={"x": 330, "y": 150})
     frame.wait_for_function("() => foldback.player.selected !== null")

@@ -1,4 +1,4 @@
-"""Path of a visitor: the animation of the first page, a fold while it is computed, its menu."""
+"""A visitor's path: the landing page's animation, a fold while it is computed, its menu."""
 
 import re
 
@@ -25,7 +25,7 @@ NOTE_PICTURES = """(() => {
   };
   look();
 })()"""
-"""Notes the frame, title and message of every picture of a page."""
+"""Records the frame, title and message of every picture of a page."""
 FRAME = "() => foldback.player.playhead.frame"
 AT_LAST_FRAME = """() => {
   const { timeline, playhead } = foldback.player;
@@ -64,8 +64,8 @@ def test_running_fold_plays_from_its_start_to_the_finished_shape(visit: Visit) -
     wait_for_fold(page)
     page.wait_for_function("() => window.foldback?.player.playhead.frame > 9")
     wait_until(page, lambda: bool(held))
-    page.unroute(OUTCOME)  # this lets the held requests continue
-    page.evaluate("foldback.player.send({ do: 'set', speed: 6 })")  # fewer frames to draw
+    page.unroute(OUTCOME)  # the held requests continue
+    page.evaluate("foldback.player.send({ do: 'set', speed: 6 })")  # so that fewer frames are drawn
     page.wait_for_function(AT_LAST_FRAME)
     noted = page.evaluate("noted")
     frames = [frame for frame, *_ in noted["frames"]]
@@ -99,7 +99,7 @@ def test_menu_of_a_fold_links_and_renames(visit: Visit) -> None:
     menu.click()
     rename.click()
     expect(page.get_by_role("textbox", name="New name")).to_have_value("stairs")
-    page.keyboard.type("My stairs")  # replaces the name, which is selected
+    page.keyboard.type("My stairs")  # the selected name is replaced
     page.keyboard.press("Enter")
     expect(page.locator("#name")).to_have_text("My stairs")
     expect(page).to_have_title("My stairs · foldback")

@@ -1,4 +1,4 @@
-"""Scripts of attackers in the 3D view, a third-party program in a frame of our pages."""
+"""Attackers' scripts in the 3D view, a third-party program in a frame of our pages."""
 
 import base64
 import re
@@ -125,7 +125,7 @@ def open_hostile(page: Page, address: str) -> list[str]:
 
 
 def wait_for_client(frame: Frame) -> Frame:
-    """Return the frame of viser's client when it has begun to draw."""
+    """Return the frame of viser's client once it has begun to draw."""
     frame.locator("#root canvas").first.wait_for(state="attached")
     frame.evaluate("() => new Promise((done) => setTimeout(() => requestAnimationFrame(done)))")
     return frame

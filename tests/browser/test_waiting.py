@@ -1,4 +1,4 @@
-"""Waiting: remaining time of a fold, and uploads and movies that are stopped."""
+"""Waiting: the remaining time of a fold; cancelled uploads and movies."""
 
 import re
 
@@ -49,7 +49,7 @@ def test_upload_shows_progress_and_is_stopped(visit: Visit, service: Service) ->
 
 @pytest.mark.long
 def test_time_left_is_shown_and_movie_is_stopped(visit: Visit, service: Service) -> None:
-    for seed in ("31", "32"):  # the durations of similar folds are then known
+    for seed in ("31", "32"):  # so that durations of similar folds are known
         service.wait_over(service.fold(shape="wrench-24", seed=seed)["id"])
     ahead = service.fold(shape="mallet-80", seed="31")
     fold = service.fold(shape="wrench-80", seed="31")

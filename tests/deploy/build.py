@@ -1,4 +1,4 @@
-"""Build deploy/Dockerfile and try the image, without a container daemon.
+"""Build deploy/Dockerfile and test the image, without a container daemon.
 
 Run by ``make deploy-check``, as root on a Debian; it takes minutes and some gigabytes. The base
 image is made by debootstrap instead of being fetched from a registry: Debian's own Python 3.11,
@@ -66,7 +66,7 @@ def make_base_image(builder: Builder, place: Path) -> None:
         wanted = f"--include={','.join(BASE_PACKAGES)}"
         command = ["debootstrap", "--variant=minbase", wanted, "bookworm", str(root), MIRROR]
         subprocess.run(command, check=True, stdout=subprocess.DEVNULL)
-    # The build trusts the certificates of this machine, as some networks have their own.
+    # The build trusts this machine's certificates, because some networks have their own.
     trusted = os.environ.get("SSL_CERT_FILE") or ssl.get_default_verify_paths().cafile
     shutil.copyfile(trusted or CERTIFICATES, root / CERTIFICATES[1:])
     container = builder("from", "scratch")

@@ -1,10 +1,10 @@
-"""Run deploy/compose.yaml as a whole without containers, and try the result.
+"""Run all of deploy/compose.yaml without containers, and test the result.
 
 Run by ``make compose-check``, as root on Linux. Each service is a process in a network namespace of
 its own, with the networks, names, addresses and environment that the file and the Dockerfile set;
 only the paths of data and kernels differ. PostgreSQL and Caddy are those of this machine; moto
-replaces the S3 store, a hosts file Docker's name server. Nothing of it is visible outside: all
-namespaces end with this process.
+replaces the S3 store, and a hosts file replaces Docker's name server. Nothing of it is visible
+outside: all namespaces end with this process.
 """
 
 import os
@@ -30,7 +30,7 @@ from tests.tools import CADDY, POSTGRES
 ROOT = DEPLOY.parent
 SITE = "fold.localhost"
 NETWORKS = {"back": "10.77.0", "outside": "10.78.0"}
-"""First three numbers of the addresses of networks for which Docker would choose them."""
+"""First three numbers of the networks' addresses, which Docker would choose itself."""
 FIRST_HOST = {"database": 2, "storage": 3, "proxy": 2, "web": 129, "worker": 150}
 """Last number of the address of each service's first replica; the others follow."""
 TIMEOUT_S = 120.0

@@ -1,4 +1,4 @@
-"""deploy/compose.yaml: valid by the compose specification, and set up as intended."""
+"""deploy/compose.yaml: valid according to the compose specification, and set up as intended."""
 
 import ipaddress
 import re

@@ -52,7 +52,7 @@ def allowed_through(path: str, patterns: list[str]) -> bool:
 
 
 def files_below(root: Path) -> set[str]:
-    """Return the paths of a checkout's files below ``root``, without what only its tools made."""
+    """Return the paths of a checkout's files below ``root``, without files that its tools made."""
     return {
         path.relative_to(ROOT).as_posix()
         for path in (root.rglob("*") if root.is_dir() else [root])

@@ -88,7 +88,7 @@ def test_broken_requests_do_not_stop_the_service(proxy: Proxy) -> None:
         for _ in range(50):
             yield b"x" * 100_000
 
-    for _ in range(4):  # more requests than web processes
+    for _ in range(4):  # enough requests to reach both web processes
         with contextlib.suppress(httpx.TransportError):
             proxy.http.post("/api/folds", content=endless())
     for _ in range(3):
@@ -136,7 +136,7 @@ def test_forwarded_addresses_of_visitors_are_ignored(proxy: Proxy, webs: list[Se
                 for forged in ("203.0.113.7", "203.0.113.7, 127.0.0.1", "for=203.0.113.7"):
                     with mine.stream("GET", events, headers={header: forged}) as again:
                         assert again.status_code == 429, (header, forged)
-            # The service distinguishes visitors, since another one has another limit.
+            # The service distinguishes visitors: another one has its own limit.
             with proxy.client("127.0.0.2") as other, other.stream("GET", events) as theirs:
                 assert theirs.status_code == 200
     finally:

@@ -13,7 +13,7 @@ UNITS = ("foldback-web.service", "foldback-worker@.service")
 DROP_IN = "foldback-.service.d/common.conf"
 """Drop-in that both units share."""
 MAX_EXPOSURE = 20
-"""Maximum exposure by systemd-analyze, in tenths; 1.4 is due to network and kernels."""
+"""Maximum exposure according to systemd-analyze, in tenths; network and kernels cause 1.4."""
 
 
 @pytest.fixture
@@ -88,7 +88,7 @@ def test_computing_processes_may_confine_themselves() -> None:
 
 
 def calls_of(name: str) -> set[str]:
-    """Return the calls of one of systemd's groups; a name that is no group is a call."""
+    """Return the system calls of one of systemd's groups, or the name itself if it is no group."""
     if not name.startswith("@"):
         return {name}
     lines = analyze("syscall-filter", name).stdout.splitlines()[1:]

@@ -30,7 +30,7 @@ def test_shipped_picture_equals_a_new_drawing(name: str) -> None:
     if not name.endswith(".bundle"):
         assert shipped == draw_shape
         return
-    # The order of a hull's corners and triangles and last digits may differ between machines.
+    # The order of a hull's corners and triangles, and last digits, may differ between machines.
     (header, columns), (drawn_header, drawn_columns) = decode(shipped), decode(draw_shape)
     assert header == drawn_header
     assert columns.keys() == drawn_columns.keys()

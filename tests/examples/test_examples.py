@@ -9,7 +9,7 @@ pytestmark = pytest.mark.slow
 EXAMPLES = Path(__file__).parents[2] / "examples"
 SCRIPTS = sorted(EXAMPLES.glob("[0-9][0-9]_*.py"))
 WITH_A_SERVICE = {"06_drive_a_robot", "07_fold_by_api"}
-"""Examples that talk to a running service; tests/server runs them."""
+"""Examples that need a running service; tests/server runs them."""
 LONG = {
     *("00_fold_a_path", "03_explode_a_chain", "04_follow_a_timeline"),
     *("05_draw_a_shape", "08_show_in_viser"),

@@ -1,4 +1,4 @@
-"""Example of the README, and the reference made of docstrings."""
+"""Example of the README, and the reference made from docstrings."""
 
 import inspect
 from importlib import import_module
@@ -26,7 +26,7 @@ def test_example_of_the_readme_runs(
 
 
 def test_public_values_have_docstrings() -> None:
-    """`make lint` wants docstrings of public classes, functions and methods."""
+    """`make lint` requires docstrings of public classes, functions and methods."""
     for module, name in PUBLIC:
         found = getattr(import_module(module), name)
         if not (inspect.isclass(found) or inspect.isroutine(found)):

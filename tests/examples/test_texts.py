@@ -1,4 +1,4 @@
-"""List of all texts: the texts for people that each kind of file holds."""
+"""List of all texts: the texts for people in each kind of file."""
 
 import shutil
 from pathlib import Path

@@ -1,1 +1,1 @@
-"""Seeded faults: deliberate mistakes, which the suite must find."""
+"""Seeded faults: deliberate mistakes that the test suite must find."""

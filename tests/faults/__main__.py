@@ -1,4 +1,4 @@
-"""``python -m tests.faults [NAME …] [--all]``: which test finds which fault; JSON in out/.
+"""``python -m tests.faults [NAME …] [--all]``: report the test that finds each fault.
 
 Each fault is made in a copy of the checkout, and tests are run there until one fails: first those
 that should find it, then, with ``--all``, the whole suite. The test that failed is run again
@@ -27,7 +27,7 @@ CHECKOUT: Final = Path(__file__).parents[2]
 LIKELY_TIMEOUT_S: Final = 900.0
 ALL_TIMEOUT_S: Final = 2 * 3600.0
 WHOLE_SUITE: Final = ("--ignore=tests/faults",)
-"""Arguments for the whole suite without the test that requires code without faults."""
+"""Pytest arguments for the whole suite, without the test that requires code without faults."""
 Outcome = Literal["found", "not found", "no end", "unsound"]
 SUCCESSES: Final = ("found", "no end")
 MAX_OUTPUT_CHARACTERS: Final = 4000

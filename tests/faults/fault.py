@@ -40,7 +40,7 @@ class Fault:
         """Return the text of its file with the mistake in it.
 
         Raises:
-            StaleFaultError: The file does not hold the old text exactly once.
+            StaleFaultError: If the file does not hold the old text exactly once.
         """
         times = text.count(self.old)
         if times != 1:

@@ -71,10 +71,10 @@ class Scratch:
 
     @contextmanager
     def with_fault(self, fault: Fault) -> Iterator[None]:
-        """Make a fault in the copy for as long as the context lasts.
+        """Make a fault in the copy for the duration of the context.
 
         Raises:
-            StaleFaultError: The file does not hold the old text exactly once.
+            StaleFaultError: If the file does not hold the old text exactly once.
         """
         path = self._root / fault.file
         before, times = path.read_text(encoding="utf-8"), path.stat()

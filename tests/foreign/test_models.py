@@ -44,7 +44,7 @@ def test_drake_moves_the_model_as_the_plan_and_finds_no_contact(exported: Any, f
     urdf = file == "model.urdf"
     shapes = scene.model_inspector().GetAllGeometryIds(Role.kProximity)
     tetrahedra = "tetrahedron" in (exported.directory / "plan.json").read_text()[:4000]
-    # MuJoCo's inline mesh of tetrahedra is left out by Drake's parser of MJCF.
+    # Drake's parser of MJCF ignores MuJoCo's inline mesh of tetrahedra.
     assert len(shapes) == (0 if tetrahedra and not urdf else len(exported.centres_m))
     for frame in range(len(exported.time_s)):
         for name, angle in exported.joints(frame).items():

@@ -1,4 +1,4 @@
-"""``python -m tests.golden [NAME …] [--store]``: what has changed in the results of small folds.
+"""``python -m tests.golden [NAME …] [--store]``: list changes of the results of small folds.
 
 With ``--store``, the results become the expected ones of this machine. Store them only at a commit
 whose change of results is intended, and say in its message which parts change and why.

@@ -19,11 +19,11 @@ RESULTS: Final = (
 )
 """Files of a fold's directory that hold results."""
 DIGEST_LENGTH: Final = 12
-"""Hexadecimal digits of a digest; 12 leave a change unseen once in 2⁴⁸ times. Chosen."""
+"""Number of hexadecimal digits of a digest; 12 miss a change with probability 2⁻⁴⁸. Chosen."""
 WALL_TIME: Final = "seconds"
 """Name of a wall time in all files, except in ``DURATION_OF``."""
 DURATION_OF: Final = "smoothing"
-"""Part of a plan in which that name is the duration of a motion."""
+"""Part of a plan in which ``WALL_TIME`` names the duration of a motion."""
 IGNORED_NAMES: Final = {"versions", "id", "chunks", "sha256"}
 """Names of parts that change without a change of results: random ids, checksums of packed data."""
 Values = dict[str, Any]
@@ -32,7 +32,7 @@ Digests = dict[str, dict[str, str]]
 
 
 def digests(directory: FilePath) -> Digests:
-    """Return the digest of each part of each result: of ``record.npz``, that of ``angles_rad``."""
+    """Return the digest of each part of each result, such as ``angles_rad`` of ``record.npz``."""
     return {name: dict(_parts(directory / name)) for name in RESULTS if (directory / name).exists()}
 
 
@@ -73,7 +73,7 @@ def summary(directory: FilePath) -> Values:
 
 
 def _parts(path: FilePath) -> Iterator[tuple[str, str]]:
-    if path.name == "plan.json":  # holds the values of plan.npz in another form
+    if path.name == "plan.json":  # contains the values of plan.npz in another form
         plan = json.loads(path.read_bytes())
         yield "content", _digest(json.dumps(_timeless(plan), sort_keys=True).encode())
     elif path.suffix == ".json":
@@ -96,7 +96,7 @@ def _parts(path: FilePath) -> Iterator[tuple[str, str]]:
 
 
 def _parts_of_values(values: Values | list[Values]) -> Iterator[tuple[str, str]]:
-    """Yield the digests of a JSON object's values; of an array, those of each object in it."""
+    """Yield the digests of a JSON object's values; for an array, those of each object in it."""
     if isinstance(values, list):
         for k, each in enumerate(values):
             for part, digest in _parts_of_values(each):

@@ -12,7 +12,8 @@ from tests.golden.machine import machine, machine_key
 
 STORED_DIR: Final = FilePath(__file__).parent / "stored"
 RELATIVE_TOLERANCE: Final = 0.25
-"""Relative difference of a figure between two machines; a larger one may be a fault. Chosen."""
+"""Maximum relative difference of a figure between two machines; a larger one may be a fault.
+Chosen."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +53,7 @@ def load(name: str) -> tuple[Result | None, list[Result]]:
 
 
 def save(results: dict[str, Result]) -> FilePath:
-    """Store results for this machine; cases that are not among them stay as they are."""
+    """Store results for this machine; stored results of other cases remain."""
     values = machine()
     path = STORED_DIR / f"{machine_key(values)}.json"
     earlier = json.loads(path.read_bytes())["folds"] if path.exists() else {}

@@ -51,7 +51,7 @@ def test_digests_name_the_part_that_has_changed(tmp_path: FilePath) -> None:
     assert changed_parts(before, digests(tmp_path)) == []
     write(np.nextafter(1.0, 2.0), seconds=0.1, version="1")
     assert changed_parts(before, digests(tmp_path)) == ["record.npz: angles_rad"]
-    # The duration of a motion is a result, though it has the name of a wall time.
+    # The duration of a motion is a result, although it has the name of a wall time.
     write(1.0, seconds=0.1, version="1", speed=2.0)
     assert changed_parts(before, digests(tmp_path)) == ["plan.npz: plan.smoothing"]
     (tmp_path / "attempts.json").unlink()

@@ -48,7 +48,7 @@ def compare_motions(one: Any, other: Any) -> None:
 def intercept(
     monkeypatch: pytest.MonkeyPatch, owner: Any, name: str, call: Callable[..., Any]
 ) -> None:
-    """Replace a function by ``call``, which gets the number of the call and the original first."""
+    """Replace a function by ``call``, which first gets the number of the call and the original."""
     original, numbers = getattr(owner, name), count(1)
     monkeypatch.setattr(owner, name, lambda *a, **more: call(next(numbers), original, *a, **more))
 

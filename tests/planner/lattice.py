@@ -1,4 +1,4 @@
-"""Random walks on the lattice and for property tests."""
+"""Random walks and sets of cells on the lattice, for property tests."""
 
 from itertools import product
 
@@ -44,7 +44,7 @@ def connected_sets(most: int = 40) -> st.SearchStrategy[Ints]:
 
 
 def grow(picks: list[tuple[int, int]]) -> Ints:
-    """Return cells, each beside an earlier one if it is not there yet."""
+    """Return cells, each adjacent to an earlier one; repeated cells are omitted."""
     cells = [(0, 0, 0)]
     for which, side in picks:
         x, y, z = cells[which % len(cells)]

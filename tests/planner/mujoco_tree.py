@@ -31,7 +31,7 @@ def scale_masses(model: Any, masses: Array) -> None:
 
 
 def tree_with(chain: Chain, size: float, masses: Array) -> Any:
-    """Return one tree of modules of that size, with masses as multiples of the default."""
+    """Return one tree of modules of a size, with masses as multiples of the default."""
     model: Any = tree_spec(chain, Material(geom_size=size)).compile()
     scale_masses(model, masses)
     return model
@@ -45,7 +45,7 @@ def accelerate(
     forces: Array | None = None,
     torques: Array | None = None,
 ) -> Acceleration:
-    """Return the accelerations of a tree under forces on its modules and torques of its hinges."""
+    """Return the accelerations of a tree under module forces and hinge torques."""
     data: Any = mujoco.MjData(model)
     data.joint("root").qpos[:] = [*state.position, *wxyz_from_matrix(state.rotation)]
     data.joint("root").qvel[:] = [*state.velocity, *state.spin]

@@ -29,7 +29,7 @@ def windows_of(chain: Chain, first: list[int], angles: list[Array]) -> Motion:
 
 
 def peel(chain: Chain, *, width: int, step: float) -> Motion:
-    """Straighten a chain from its far end, the hinges of a window one after the other.
+    """Straighten a chain from its far end, one hinge of a window after the other.
 
     The fraction of its folded angle that a hinge has decreases linearly along the window, and the
     window moves down the chain by ``step`` hinges per frame.

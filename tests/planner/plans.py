@@ -1,4 +1,4 @@
-"""Plans that tests change."""
+"""Modified plans for tests."""
 
 from dataclasses import replace
 from typing import Any

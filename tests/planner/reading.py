@@ -1,4 +1,4 @@
-"""Files that are read as a kind of shape, or refused."""
+"""Helpers that read a file as a kind of shape, or expect its refusal."""
 
 from typing import Any
 

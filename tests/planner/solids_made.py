@@ -50,7 +50,7 @@ def scene(edit: Callable[[dict[str, Any]], object], mesh: Mesh | None = None) ->
 
 
 def show(document: dict[str, Any], *nodes: dict[str, Any], **more: Any) -> None:
-    """Let a glTF scene consist of these nodes, each with the first mesh."""
+    """Set the nodes of a glTF scene, each with the first mesh."""
     document.update(nodes=[{"mesh": 0, **node} for node in nodes], scene=0, **more)
     document["scenes"] = [{"nodes": list(range(len(nodes)))}]
 
@@ -79,13 +79,13 @@ def vox_model(cells: NDArray[np.int64]) -> bytes:
 
 
 def vox_transform(node: int, child: int, **place: str) -> bytes:
-    """Return the node of a scene that moves another one."""
+    """Return a scene node that transforms another one."""
     ends = struct.pack("<4i", child, -1, 0, 1)
     return chunk(b"nTRN", struct.pack("<I", node) + words() + ends + words(**place))
 
 
 def vox_shape(node: int, model: int) -> bytes:
-    """Return the node of a scene that shows a model."""
+    """Return a scene node that shows a model."""
     shown = struct.pack("<2I", 1, model)
     return chunk(b"nSHP", struct.pack("<I", node) + words() + shown + words())
 

@@ -13,7 +13,7 @@ def table_paths(cells: ArrayLike, **options: Any) -> tuple[TablePath, ...]:
     """Return the paths through a shape, the most promising first.
 
     Raises:
-        InputError: There is no path; the error states the most informative reason.
+        InputError: If there is no path; the error states the most informative reason.
     """
     paths, reasons = paths_or_reasons(cells, **options)
     if not paths:

@@ -22,7 +22,7 @@ Random = np.random.Generator
 
 
 def reseal(path: FilePath) -> None:
-    """Compute the checksums of a zarr group again."""
+    """Recompute the checksums of a zarr group."""
     group, arrays = open_for_writing(path)
     group.attrs.put(checked_zarr.sealed(group.attrs.asdict(), checksums_of(path, arrays)))
 
@@ -192,7 +192,7 @@ def timeline_attribute(place: FilePath, random: Random) -> Change | None:
     group = zarr.open_group(str(place / "timeline.zarr"), mode="r+")
     values = group.attrs.asdict()
     at = one_leaf(values, random)
-    if at == ("id",):  # random, so that pages notice another timeline
+    if at == ("id",):  # random, so that pages detect another timeline
         return None
     set_leaf(values, at, other_value(get_leaf(values, at), random))
     group.attrs.put(values)
@@ -243,7 +243,7 @@ def may_be_ignored(change: Change) -> bool:
 
 
 UNCHECKED_FIELDS = ("versions", "smoothing")
-"""Fields of a plan that have no copy and cannot be computed again."""
+"""Fields of a plan that have no copy and cannot be recomputed."""
 INEXACT_FIGURES = ("in_betweens", "clearance_bound", "seconds")
 """Figures of a certificate that may differ slightly on another processor, as may the places that
 are closest. ``test_verify`` checks these."""
@@ -281,7 +281,7 @@ def change_all_copies(place: FilePath, random: Random) -> Change | None:
 
 
 def remove_field(place: FilePath, random: Random) -> Change | None:
-    """Remove a field everywhere, which earlier versions of the format may have lacked."""
+    """Remove a field from all files, as if an earlier version of the format had lacked it."""
     text = json.loads((place / "plan.json").read_bytes())
     within = ("", "certificate", "playback", "explosion")[random.integers(4)]
     held = text[within] if within else text

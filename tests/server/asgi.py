@@ -10,7 +10,7 @@ from starlette.types import ASGIApp
 def send_request(
     app: ASGIApp, path: str, *, method: str = "GET", base_url: str = "http://here", **more: Any
 ) -> httpx.Response:
-    """Return the answer to one request; ``more`` holds further arguments of httpx."""
+    """Return the answer to one request; ``more`` contains further arguments for httpx."""
 
     async def ask() -> httpx.Response:
         transport = httpx.ASGITransport(app)

@@ -1,4 +1,4 @@
-"""Rows for tests that need some without a service."""
+"""Rows for tests without a service."""
 
 import threading
 import time
@@ -67,7 +67,7 @@ def a_movie(fold_id: str, movie_id: str, **values: Any) -> MovieRow:
 
 @contextmanager
 def statements() -> Generator[list[tuple[str, Any]]]:
-    """Yield statements of all engines meanwhile, with values, except those of sweeps."""
+    """Yield the statements that all engines execute, with values, except those of sweeps."""
     executed: list[tuple[str, Any]] = []
 
     def note(_: Any, __: Any, statement: str, values: Any, *___: Any) -> None:
@@ -82,7 +82,7 @@ def statements() -> Generator[list[tuple[str, Any]]]:
 
 
 def scans(store: Store, queries: list[tuple[str, Any]]) -> list[str]:
-    """Return the whole tables that queries read, as SQLite plans them; none elsewhere."""
+    """Return the tables that SQLite's query plans scan completely; none for other databases."""
     found: list[str] = []
     with store.reading() as session:
         connection = session.connection()

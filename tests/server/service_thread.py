@@ -1,4 +1,4 @@
-"""A real service for tests, in a thread of their own process, where it starts faster."""
+"""A real service for tests, in a thread of their own process, which starts faster."""
 
 import atexit
 import faulthandler
@@ -26,7 +26,7 @@ from server.store.folds import Store
 from tests.server.service_process import TIMEOUT_S, Service
 
 UNUSED_PREFIX = "NO_TEST_SETS_THIS_"
-"""Prefix of variables for its settings, which no environment has: the machine's own are ignored."""
+"""Prefix that no environment variable has, so that the machine's own settings are ignored."""
 LOGGER = logging.getLogger("foldback")
 
 
@@ -34,7 +34,7 @@ class SharedForks(ForkServer):
     """Fork server for all services of this process, and for tests, since it takes long to load."""
 
     def close(self) -> None:
-        """Do nothing: it ends with the process of the tests."""
+        """Do nothing: the fork server ends with the process of the tests."""
 
 
 FORKS = SharedForks(["reader", "preparer", "retimer", "stages"], warm=False)
@@ -44,11 +44,11 @@ for module in (context, runner):
 
 
 EMPTY_DATABASE: list[bytes] = []
-"""Content of a database file without rows, once one was made."""
+"""Cached content of a database file without rows; empty until one is made."""
 
 
 def copy_tables(settings: Settings) -> None:
-    """Copy empty tables to a new data directory: to create them takes a fifth of a start."""
+    """Copy empty tables to a new data directory; creating them takes a fifth of a start."""
     path = Path(settings.store_url.removeprefix("sqlite:///"))
     if not path.is_absolute() or path.exists():
         return  # no file, or it has tables already
@@ -124,7 +124,7 @@ class ServiceThread(Service):
         self.http.close()
         self._thread.join(TIMEOUT_S)
         if self._thread.is_alive():
-            faulthandler.dump_traceback(2)  # stderr shows where it hangs
+            faulthandler.dump_traceback(2)  # print where the thread hangs
         LOGGER.removeHandler(self._handler)
         self._handler.close()
         return int(self._thread.is_alive())

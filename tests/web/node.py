@@ -1,4 +1,4 @@
-"""Node.js, which runs the scripts of pages, and the pages' checker in one process of it."""
+"""Node.js for the scripts of pages, and the pages' checker in one Node process."""
 
 import json
 import os
@@ -36,7 +36,7 @@ class JavaScriptChecker:
         """Return the checker's result for a plan.
 
         Raises:
-            RuntimeError: The checker has stopped with an error.
+            RuntimeError: If the checker has stopped with an error.
         """
         assert self._process.stdin is not None
         assert self._process.stdout is not None

@@ -1,4 +1,4 @@
-"""Pages' checker: it proves what ``foldback_check.py`` proves, and no forged plan."""
+"""The pages' checker: it proves the same plans as ``foldback_check.py``, and no forged one."""
 
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -143,7 +143,7 @@ def test_custom_module_exempts_no_more_pairs(
 
 
 def test_no_bound_exceeds_the_sampled_clearance(checker: JavaScriptChecker, tmp_path: Path) -> None:
-    """With few frames, hinges rotate far from one to the next, and interpolation loses much."""
+    """With few frames, hinges rotate far between frames, and interpolation weakens the bounds."""
     for stride in (2, 3, 5, 8, 12):
 
         def thin_out(arrays: Arrays, meta: Meta, stride: int = stride) -> None:

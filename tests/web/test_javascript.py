@@ -104,7 +104,7 @@ def picking() -> list[Vectors]:
         origin = poses.positions.mean(axis=0) + [9.0, -7.0, 8.0]
         targets = poses.positions[rng.integers(0, len(chain), 12)]
         ways = targets + rng.normal(0, 0.8, (12, 3)) - origin
-        # The first of many points along the ray that lies in a module.
+        # Find the first of many points along the ray that lies in a module.
         spots = origin + np.linspace(0.5, 1.5, 10_001)[:, None, None] * ways
         turns = matrix_from_wxyz(poses.wxyzs)
         heights = chain.module.vertices @ chain.module.face_normals.T

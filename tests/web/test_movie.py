@@ -73,7 +73,7 @@ def test_movie_has_its_format_size_ground_and_colours(
     assert (modules > 0.005).all()
     assert modules[-1] > modules[0]  # the camera approaches as the chain gets shorter
     assert np.abs(np.diff(pictures[:, ::4, ::4].astype(int), axis=0)).max(axis=(1, 2, 3))[3] > 40
-    if kind == "mp4":  # a palette has few reds
+    if kind == "mp4":  # the palette has few reds
         # The joint with the error turns red.
         over = pictures[[0, -1], ..., 0].astype(int) - pictures[[0, -1], ..., 1]
         few, many = (over > 70).sum(axis=(1, 2))
@@ -123,7 +123,7 @@ def test_movie_of_a_tour_rests_at_its_stops_for_as_long_as_reading_takes(
     assert (frames == 150).sum() >= movie.stops[1].reading_s * movie.fps - 1
     assert (np.diff(frames) >= 0).all() and (frames[0], frames[-1]) == (100, 199)
     hurried, _ = schedule(TimelineView(timeline_path), Movie.of({"seconds": 3}, TOUR))
-    assert (np.diff(hurried) > 0).mean() > 0.15  # it moves nevertheless
+    assert (np.diff(hurried) > 0).mean() > 0.15  # it still moves
 
 
 def test_movie_shows_captions_and_highlights_their_modules(film: Film) -> None:

@@ -49,7 +49,7 @@ def test_scale_is_the_next_round_number(largest: float) -> None:
     assert largest <= scale * (1 + 1e-9)
     assert scale <= 2.5 * largest * (1 + 1e-9) or scale == 1e-5
     assert f"{scale:e}"[0] in "125"
-    # Tiny errors are not exaggerated.
+    # The scale does not exaggerate tiny errors.
     assert error_scale(1e-9) == error_scale(0.0) == error_scale(float("nan")) == 1e-5
 
 

@@ -174,7 +174,7 @@ def test_cells_without_a_path_show_problems_and_additions() -> None:
     assert "/path" not in nodes
     assert nodes["/cells"]["opacity"] is None
     assert "/added" in nodes
-    # They are in the picture, too: the row and the cell beyond it fill the size.
+    # The picture includes added cells: the row and the cell beyond it fill the size.
     corners = np.array(header["corners"])
     assert np.ptp(corners[:, 0]) + np.ptp(hull_of(header)[:, 0]) == pytest.approx(SCENE_SIZE)
     assert arrays["colours"].tolist() == [

@@ -1,4 +1,4 @@
-"""Texts of a certificate claim no more than it proves."""
+"""Texts about a certificate claim no more than it proves."""
 
 from typing import Any
 

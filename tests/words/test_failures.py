@@ -51,7 +51,7 @@ def test_knot_is_drawn_with_a_gap_at_each_crossing() -> None:
 
 
 def _signs(drawn: KnotDrawing) -> list[int]:
-    """Return the signs of the drawn crossings, where one stroke ends and the next begins."""
+    """Return the signs of the drawn crossings, at which one stroke ends and the next begins."""
     strokes = [
         np.array([[float(n) for n in point.split()] for point in stroke[1:].split(" L")])
         for stroke in drawn["strokes"]
@@ -110,7 +110,7 @@ def test_failure_by_an_overlap_has_its_frame() -> None:
     text = "At a module size of 1 × the cell width, modules 4 and 8 overlap by 1.19 % of a"
     assert shown["text"].startswith(text)
     assert (shown["modules"], shown["frame"]) == ([3, 7], 212.5)
-    # Their timelines are those of their plans alone.
+    # Their timelines contain only their own plans.
     for alone in ({"refold": {"start": "a"}}, {"smoothing": {"way": "smoothed"}}):
         found = failure(row(), {**summary, **alone})
         assert found is not None and found["frame"] == 12.5

@@ -1,4 +1,4 @@
-"""Messages for people, which pages show of an error, and details for programs."""
+"""Error messages: texts that pages show to people, and details for programs."""
 
 from planner.errors import InputError
 from planner.readers.formats import READABLE_FORMATS

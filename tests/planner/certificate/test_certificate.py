@@ -114,11 +114,11 @@ def test_certificate_of_an_earlier_version_is_read() -> None:
 
 @pytest.mark.slow
 def test_moments_that_cannot_be_bounded_are_refused_by_their_frame() -> None:
-    # Modules of full size touch throughout, so nothing can be proved.
+    # Modules of full size always touch, so that nothing can be proved.
     chain, plan = closing()
     found = certify(chain, None, playback_of(plan), replace(PARAMETERS, module_size=1.0)).verdict
     assert re.fullmatch(r"failed: in the plan, .*\(frame [\d.]+ of the plan\)", found)
-    # All hinges rotate many times at once, so the bisection finds no end.
+    # All hinges make many turns at once, so that the bisection does not converge.
     far = line(100)
     jump = np.zeros((2, len(far.folded_rad)))
     jump[1] = np.linspace(-60.0, 60.0, len(far.folded_rad))
@@ -135,7 +135,7 @@ def test_collisions_are_refused() -> None:
     assert "(frame 20 of the plan)" in found
     found = verdict(chain, playback_of(plan, frames=done))
     assert found.startswith("failed: in the simulated playback, modules 0 and 4 overlap")
-    # A coil is folded in one go, all hinges at once, without frames in between.
+    # A coil is folded by moving all hinges at once, without intermediate frames.
     chain = coil(16)
     found = verdict(
         chain, playback_of(np.stack([np.zeros_like(chain.folded_rad), chain.folded_rad]))
@@ -209,7 +209,7 @@ def test_arrays_of_other_shapes_and_times_are_refused() -> None:
 
 
 def test_cancelled_certificate_fails() -> None:
-    # It fails even if the caller stops asking, since parts of the motion were never checked.
+    # A cancelled certificate fails, because parts of the motion were never checked.
     chain, plan = closing(200)
     for times in (1, 3):
         answers = iter([False] * (times - 1) + [True])

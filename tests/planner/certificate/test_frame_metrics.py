@@ -70,7 +70,7 @@ def test_clearances_are_those_of_all_pairs(chain: Chain, size: float) -> None:
         )
         near = nearest[k] >= 0
         np.testing.assert_array_equal(near, least < CLEARANCE_REACH_PITCH)
-        # Of equally close pairs either may be named.
+        # Either of two equally close pairs may be reported.
         others = np.where(near, nearest[k], who)
         for i in np.flatnonzero(others != who):
             assert clearance[k, others[i]] <= clearance[k, i] + 1e-6
@@ -96,7 +96,7 @@ def test_figures_agree_with_the_certificate(folded: Any, tmp_path: FilePath) -> 
     assert figures.max_error_rad[played].max() == pytest.approx(largest)
     torques = np.abs(figures.torque_nm[played])
     np.testing.assert_array_equal(figures.peak_torque_nm[played], torques.max(axis=1))
-    # The certificate checks every step, the figures frames only, so they agree closely.
+    # The certificate checks every step and the figures only frames: they agree closely.
     assert torques.max() == pytest.approx(certificate.peak_torque_nm, rel=0.35)
     most = certificate.hinges_moving_most
     assert figures.hinges_moving[played].max() == pytest.approx(most, abs=2)

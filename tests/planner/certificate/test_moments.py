@@ -1,4 +1,4 @@
-"""Moments of a fold: stored at their frames, which independent computations find again."""
+"""Moments of a fold: independent computations find the stored frames again."""
 
 import json
 from itertools import combinations

@@ -68,7 +68,7 @@ def test_invalid_plan_is_refused(plan: Plan, tmp_path: FilePath) -> None:
 
 
 def test_plan_with_angles_in_two_forms_is_refused(plan: Plan, tmp_path: FilePath) -> None:
-    """Readers that used either form would see two motions."""
+    """Readers of one form would see another motion than readers of the other."""
     planes = encode_frames(plan.joint_angles_rad)
     assert planes is not None
     values = plan.as_dict()

@@ -19,7 +19,7 @@ from tests.planner.peels import snake
 from tests.planner.tampering import Tampered, may_be_ignored
 
 pytestmark = pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
-"""zarr ignores an array whose description is damaged, and warns; its digest is then missing."""
+"""zarr ignores an array with damaged metadata and warns; its digest is then missing."""
 RING = b"- - - + - - - + - - -"
 
 
@@ -35,7 +35,7 @@ def problems_of(directory: FilePath) -> list[str]:
         return list(verify.verify(directory).problems)
     except (InputError, TimelineError) as error:
         return [str(error)]
-    except Exception as error:  # reported with the change that caused it
+    except Exception as error:  # reported together with the change that caused it
         return [f"broke off: {error!r}"]
 
 
@@ -81,7 +81,7 @@ def test_damaged_files_are_named(few: list[Tampered]) -> None:
         data[len(data) // 2] ^= 1
         damaged[entry.name] = path
         path.write_bytes(data)
-    # The first damage that ends a verification is reported alone; reported files are restored.
+    # A verification may end at the first damage, so that reported files are restored one by one.
     while damaged:
         problems = "\n".join(problems_of(fold.place))
         named = [name for name in damaged if name in problems]

@@ -146,7 +146,7 @@ def test_fold_of_an_earlier_version_is_verified(directory: FilePath) -> None:
 
 
 def test_fields_missing_in_all_files_are_named(directory: FilePath) -> None:
-    """A current plan is not excused as one of earlier versions, which had fewer fields."""
+    """Only plans of earlier versions may lack these fields."""
     gone = {"certificate": ("simulated", "torque_frames"), "playback": ("kind",)}
     gone["explosion"] = ("strategy",)
 
@@ -174,7 +174,7 @@ def test_each_figure_missing_in_a_certificate_is_named(folded: Any) -> None:
 
 
 def test_straight_line_without_torques_is_verified(tmp_path: FilePath) -> None:
-    """The line is not simulated: all its frames have the same time, so none can be computed."""
+    """The line is not simulated: all frames have the same time, so torques cannot be computed."""
     run_fold(tmp_path, write_chain(line(5)), settings=KINEMATIC)
     assert verify(tmp_path).problems == ()
 
@@ -231,7 +231,7 @@ def test_kinematic_playback_does_not_pass_for_simulated(peeled: FilePath) -> Non
 
 
 def test_reference_passes_neither_for_a_simulation_nor_for_kinematic(directory: FilePath) -> None:
-    """A kind that could have been simulated never ends exactly at its reference."""
+    """A simulated playback never follows its reference exactly."""
     playback = Workspace(directory).read_playback()
     assert not playback.frames.is_windowed
     angles, still = playback.reference.joint_angles_rad, np.zeros_like(playback.reference_rad)
@@ -277,7 +277,7 @@ def test_playback_has_the_figures_of_its_kind(
 
 
 def test_forged_joint_errors_are_found(directory: FilePath) -> None:
-    """The errors and digests are forged in all copies, the largest errors of a frame too."""
+    """The errors, their maxima per frame and the digests are forged in all copies."""
     errors = zarr.open_array(str(directory / "timeline.zarr" / "joint_error_rad"), mode="r+")
     values: Any = errors[:]
     k = len(values) - 50
@@ -295,7 +295,7 @@ def test_forged_joint_errors_are_found(directory: FilePath) -> None:
 
 @pytest.mark.slow
 def test_certificate_may_name_another_place_that_is_as_near(directory: FilePath) -> None:
-    """The closest of two equally close places depends on the last digit."""
+    """The choice between two equally close places depends on rounding."""
     plan = Plan.load(directory / "plan.npz")
     certificate, last = plan.certificate, len(plan.motion) - 1
     cells = np.rint(plan.chain.folded_poses.positions)
@@ -381,7 +381,7 @@ def test_forged_results_and_parameters_are_found(directory: FilePath) -> None:
         rewrite(directory, **{part: getattr(plan, part)})
     rewrite(directory, playback=None)
     assert not verify(directory).verified
-    # Modules smaller than requested would have more clearance: the plan's own parameters count.
+    # Smaller modules would have more clearance: the plan's own parameters count.
     smaller = {**plan.parameters, "module_size": 0.5}
     rewrite(directory, playback=plan.playback, parameters=smaller)
     found = findings(directory)

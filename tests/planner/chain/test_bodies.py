@@ -1,4 +1,4 @@
-"""Motion derivatives and their bounds: compared with numerical differences of the motion."""
+"""Motion derivatives and their bounds, compared with finite differences of the motion."""
 
 import numpy as np
 import pytest

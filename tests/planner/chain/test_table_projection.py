@@ -1,4 +1,4 @@
-"""Chain seen from above: headings are counted past full turns, and loops are detected."""
+"""Chain seen from above: headings accumulate past full turns, and loops are detected."""
 
 import numpy as np
 import pytest

@@ -38,8 +38,8 @@ def test_separation_from_a_face() -> None:
 
 
 def test_crossed_edges() -> None:
-    # One has an edge along z, the other one along y: only a product of edges separates them. Which
-    # of their own axes these edges lie along makes no difference.
+    # One has an edge along z, the other along y: only a cross product of edges separates them.
+    # Which of their own axes these edges lie along makes no difference.
     for distance, first, second in product((2.0, 1.5, 1.4), range(3), range(3)):
         one = ON_EDGE @ np.roll(UPRIGHT, first, axis=0)
         other = turned(np.array([0.0, np.pi / 4, 0.0])) @ np.roll(UPRIGHT, second, axis=0)

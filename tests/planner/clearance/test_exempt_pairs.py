@@ -19,7 +19,7 @@ def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range() -> None:
     angles = np.linspace(-CUBE.angle_limit_rad, CUBE.angle_limit_rad, 33)
     z, y = (values.ravel() for values in np.meshgrid(angles, angles))
     for rotation in Rotation.from_euler("ZY", np.stack([z, y], axis=-1)).as_matrix():
-        seen = points @ rotation - CUBE.offset  # the next cube is not relieved
+        seen = points @ rotation - CUBE.offset  # the next cube has no relief
         assert not (np.abs(seen) < 0.5 * size - 1e-9).all(axis=1).any()
 
 

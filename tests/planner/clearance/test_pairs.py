@@ -45,7 +45,7 @@ def test_point_that_is_not_finite_has_no_pairs_and_hides_none(count: int, bad: f
     sound = all_pairs(points, 2.5, 2)
     points[4] = bad
     found = {(i, j) for i, j in near_pairs(points, 2.5, 2).tolist()}
-    # A search may skip points that it cannot reach from a distant point, but not from a NaN.
+    # A search may skip points that are unreachable from a distant point, but not from a NaN.
     assert found == {pair for pair in sound if 4 not in pair}
 
 

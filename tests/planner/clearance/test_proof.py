@@ -33,7 +33,7 @@ SKEWED = replace(
     edge_directions=_unit(TETRAHEDRON.edge_directions + _RNG.normal(0.0, 0.01, (6, 3))),
 )
 """Tetrahedra with slightly rotated candidate axes. Linked tetrahedra are mirror images: two axes
-have the same separation, rounding selects one, and the loss depends on the axis."""
+have the same separation, rounding selects one of them, and the loss depends on it."""
 MODULES = st.sampled_from([CUBE, SKEWED])
 SEEDS = st.integers(0, 2**32 - 1)
 STEPS_RAD = st.sampled_from([0.05, 0.3, 1.5])

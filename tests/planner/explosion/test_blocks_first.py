@@ -35,7 +35,7 @@ def test_block_starts() -> None:
 
 
 def test_blocks_of_single_modules_move_as_segments() -> None:
-    # With every joint free it is the same chain in another model.
+    # With every joint free, both models describe the same chain.
     chain = coil(16)
     rng = np.random.default_rng(0)
     state = folded_state(chain)

@@ -1,4 +1,4 @@
-"""Engine of explosions: its accelerations are those of one MuJoCo tree of the same bodies."""
+"""Engine of explosions: its accelerations equal those of one MuJoCo tree of the same bodies."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Window of a peeling: it moves as one MuJoCo tree with the same boxes and tail."""
+"""Window of a peeling: it moves like one MuJoCo tree with the same boxes and tail."""
 
 from itertools import product
 from typing import Any
@@ -156,7 +156,7 @@ def test_boxes_are_moved_resized_added_and_removed() -> None:
 
 
 def test_long_rod_touches_no_unused_cube() -> None:
-    """Unused cubes lay in one line, from 20 000 pitches on, where a rod along it touched them."""
+    """Unused cubes once lay along a line from 20 000 pitches on, where a long rod touched them."""
     small, large = line(5), line(60)
     finder = ContactFinder(small, MATERIAL)
     finder.set_boxes(*FAR_BOX)

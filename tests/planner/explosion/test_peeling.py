@@ -57,7 +57,7 @@ def test_core_stays_in_place_until_it_is_released() -> None:
 
 
 def test_step_limit_ignores_cells_that_the_core_has_left() -> None:
-    """The last layers of a box of 100 000 never came off: removed cells slowed the tail down."""
+    """Removed cells once slowed the tail: the last layers of a box of 100 000 never came off."""
     count, rod, turn = 6, 100, 0.01
     positions = np.array([[0.0, 0.0, z] for z in range(count)])
     along_z = np.array([[0.0, 0.0, -1.0], [0.0, 1.0, 0.0], [1.0, 0.0, 0.0]])
@@ -79,7 +79,7 @@ def test_step_limit_ignores_cells_that_the_core_has_left() -> None:
 
 
 def test_run_continues_from_a_state_with_contacts_that_are_too_deep() -> None:
-    """A ball of 10 000 returned to the same state for ever, as each first step was too deep."""
+    """A ball of 10 000 once returned to one state forever, as each first step was too deep."""
     watch = Watch(silent, never, "peeling")
     run = floating_peeling(chain_of(snake_path((4, 4, 4))), DEFAULT, watch=watch)
     control, window, checkpoint = run.control, run.world, run.checkpoint

@@ -20,7 +20,7 @@ MATERIAL = Material(geom_size=0.5, stiffness=3.0, armature=10.0)
 def tree_acceleration(
     chain: Chain, material: Material, state: State, forces: Array, held: Sequence[int] = ()
 ) -> Acceleration:
-    """Return the acceleration of one MuJoCo tree, with some hinges locked by their inertia."""
+    """Return the acceleration of one MuJoCo tree, with some hinges locked by a huge inertia."""
     model: Any = tree_spec(chain, material).compile()
     for hinge in held:
         model.dof_armature[model.joint(chain.joint_names[hinge]).dofadr[0]] = 1e12
@@ -49,8 +49,8 @@ def test_accelerations_are_those_of_the_whole_tree_wherever_it_is_cut(modules: i
 
 def test_contact_forces_are_those_of_the_whole_tree() -> None:
     # Folded, slightly perturbed, and hardly smaller than their cells, the modules touch in many
-    # places. MuJoCo makes a contact as soft as its bodies are light, and those of a segment are
-    # lighter than those of a whole tree, which makes a difference of a few per cent.
+    # places. In MuJoCo, contacts of lighter bodies are softer. Bodies of a segment are lighter than
+    # those of a whole tree, which causes a difference of a few per cent.
     chain = coil(32)
     material = Material(geom_size=0.999, stiffness=3.0, armature=10.0)
     segments = Segments(chain, material)
@@ -111,7 +111,7 @@ def test_chain_is_free_until_it_touches_or_a_hinge_is_at_its_stop() -> None:
 
 @pytest.mark.parametrize("seed", range(2))
 def test_contacts_push_a_chain_with_hinges_at_their_stops(seed: int) -> None:
-    # If stops were treated afterwards, contacts would rely on hinges that cannot move.
+    # If joint stops were applied after contacts, contacts would rely on hinges that cannot move.
     chain = coil(40)
     rng = np.random.default_rng(seed)
     state = State.at_rest(0.99 * chain.folded_rad, np.zeros(3), np.eye(3))
@@ -143,7 +143,7 @@ def test_method_for_many_contacts_agrees_with_the_exact_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     modules = 90
-    # The method for many contacts finds nearly the forces of the exact one.
+    # The iterative solver for many contacts approximates the forces of the exact one.
     chain = coil(modules)
     segments = Segments(chain, Material(geom_size=1.0, stiffness=3.0, armature=10.0))
     near = near_pairs_of(modules)
@@ -158,5 +158,5 @@ def test_method_for_many_contacts_agrees_with_the_exact_one(
     monkeypatch.setattr("planner.simulation.engine.MAX_DIRECT_CONTACTS", 0)
     nearly = segments.lean_accelerations(state, forces, near)
     assert difference(free, exact) > 0.1
-    # They differ, as the softness of a contact is that of two modules that are not linked.
+    # They differ, because the compliance of a contact is that of two unlinked modules.
     assert difference(nearly, exact) < 0.05

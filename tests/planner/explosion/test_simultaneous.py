@@ -48,7 +48,7 @@ def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
 def watch_accelerations(
     monkeypatch: pytest.MonkeyPatch, replace_forces: Callable[[int, WholeChain, Array], Array]
 ) -> None:
-    """Pass the number of each call for accelerations to a function that returns other forces."""
+    """Pass the number of each acceleration call to a function that returns other forces."""
 
     def watched(number: int, original: Any, chain: WholeChain, forces: Array) -> Acceleration:
         return original(chain, replace_forces(number, chain, forces))
@@ -103,7 +103,7 @@ def test_knot_opens_by_creeping() -> None:
 
 
 def test_chain_that_does_not_move_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
-    # Nothing moves: no pulse makes progress, and the run must end.
+    # Nothing moves: no pulse makes progress, so the run must end.
     def frozen(_: int, original: Any, *arguments: Any) -> Acceleration:
         found = original(*arguments)
         return replace(found, hinges=0.0 * found.hinges, linear=np.zeros(3), angular=np.zeros(3))

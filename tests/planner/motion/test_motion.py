@@ -1,4 +1,4 @@
-"""Windowed motions: they hold the values of dense ones, and neither copies without need."""
+"""Windowed motions: they hold the values of dense ones, and neither kind copies needlessly."""
 
 import dataclasses
 
@@ -76,7 +76,7 @@ def test_joint_errors_are_those_of_the_windows(chain: Chain) -> None:
     windows = frames_of(chain).windowed(chain)
     rng = np.random.default_rng(2)
     errors = rng.uniform(1e-4, 1e-3, len(windows.angles_rad)).astype(np.float32)
-    errors[: windows.offsets[2]] = np.nan  # of the first two frames, of which one is empty
+    errors[: windows.offsets[2]] = np.nan  # window of the first two frames, one of which is empty
     off = dataclasses.replace(windows, errors_rad=errors)
     assert np.diff(off.offsets)[0] == 0
     assert off.recorded.tolist() == [False, False, True, True, bool(np.diff(off.offsets)[4])]

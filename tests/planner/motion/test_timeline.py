@@ -96,7 +96,7 @@ def test_frames_not_flushed_are_counted_by_the_writer_only(
 ) -> None:
     monkeypatch.setattr(timeline_module, "MIN_FLUSH_PERIOD_S", 1e9)
     writer = TimelineWriter.create(place, hook_chain)
-    writer.append(some_frames(3))  # the first frames are flushed at once
+    writer.append(some_frames(3))  # the first frames are flushed immediately
     writer.append(some_frames(5))
     assert len(writer) == 8
     assert len(Timeline.open(place)) == 3
@@ -134,7 +134,7 @@ def test_killed_writer_leaves_only_complete_frames(
     writer = TimelineWriter.create(place, hook_chain)
     writer.append(some_frames(5))
     writer.flush()
-    # The writer is killed when the columns have grown and the count has not been written yet.
+    # The writer is killed after the columns have grown and before the count is written.
     monkeypatch.setattr(writer, "_mark", Mock(side_effect=KeyboardInterrupt))
     writer.append(some_frames(7, start=5))
     with pytest.raises(KeyboardInterrupt):
@@ -252,7 +252,7 @@ def test_chunks_without_a_wanted_frame_are_not_read(place: FilePath, hook_chain:
 
 @pytest.mark.parametrize("array", ["joint_angles_rad/c/0/0", "phase/c/0", "time_s/c/0"])
 def test_timeline_with_damaged_chunk_raises(place: FilePath, hook_chain: Chain, array: str) -> None:
-    """An array of zeros is damaged as well, as zarr would fill it in."""
+    """An array of zeros counts as damaged, because zarr fills in zeros for missing data."""
     played = some_frames(130, start=130, phase="playback", error=True)
     file = write_timeline(place, hook_chain, some_frames(130), played) / array
     whole, foreign = file.read_bytes(), (place / array.replace("c/0", "c/1")).read_bytes()

@@ -85,7 +85,7 @@ def test_pit_has_a_low_score() -> None:
 
 
 def cells_of_blocks(blocks: Ints) -> Ints:
-    """Return the cells of blocks in any order; removal is tested, not whether they form a path."""
+    """Return the cells of blocks in any order; they need not form a path to test removal."""
     return (4 * blocks[:, None] + box_array(4, 4, 4)).reshape(-1, 3)
 
 
@@ -94,7 +94,7 @@ def test_path_by_layers_of_a_ring_leaves_all_ways_open() -> None:
     ring = ring[~((ring[:, :2] >= 3) & (ring[:, :2] <= 6)).all(axis=1)]
     path = layered_path(ring, 2, np.random.default_rng(0))
     assert path is not None
-    # From the highest layer on: up, and up to all eight sides.
+    # From the highest layer: straight up, and diagonally up to all eight sides.
     assert analyse_removal(path).ways.min() >= 9
 
 
@@ -111,13 +111,13 @@ def test_path_is_peeled_from_its_better_end() -> None:
 
 
 def test_halved_blocks_may_have_a_path_if_blocks_have_none() -> None:
-    # Four arms on one block: three of them would have to be an end.
+    # Four arms on one block: at least three of them would have to be an end of the path.
     cross = plus()
     assert assembly_path(cross, np.random.default_rng(0), side=4) is None
     path = next(solid_paths(cross, np.random.default_rng(0), 4))
     Path.from_cells(path)
     np.testing.assert_array_equal(np.unique(path, axis=0), cells_of(cross, 4))
-    # Six arms along three axes, two of them twice: no axis has connected layers.
+    # Six arms along three axes: no axis has connected layers.
     legs = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)])
     frame = np.unique(np.concatenate([legs, plus(), [[0, 0, 1], [0, 0, -1]]]), axis=0)
     assert not list(solid_paths(frame, np.random.default_rng(0), 2))

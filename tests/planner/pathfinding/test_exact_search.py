@@ -89,8 +89,8 @@ def test_seed_decides_the_path() -> None:
     assert not np.array_equal(one, other)
 
 
-# These cells are connected, with balanced colours and without dead ends or cut cells that would
-# rule out a path; found at random.
+# Random search found these cells: they are connected and have balanced colours, and no dead ends or
+# cut cells rule out a path.
 WITHOUT_PATH = (
     *((-1, 0, 0), (-1, 1, 0), (0, -1, 0), (0, 0, 0), (0, 0, 1), (0, 1, 0), (0, 1, 1)),
     (1, 1, 0),

@@ -1,4 +1,4 @@
-"""Knots: known ones are recognised, and the result is invariant under changes that keep a knot."""
+"""Knots: known ones are recognised; the result is invariant under changes that preserve a knot."""
 
 import numpy as np
 import pytest
@@ -15,7 +15,7 @@ from planner.pathfinding.snake import snake_path
 from tests.planner.chains import walk
 from tests.planner.lattice import Ints
 
-# One overhand knot: each crossing is passed once above and once below, in turn.
+# An overhand knot: over- and undercrossings alternate.
 OVERHAND = (
     (0, 0, 0), (6, 0, 0), (6, 4, 0), (2, 4, 0), (2, 4, 2), (2, -2, 2),
     (4, -2, 2), (4, -2, -2), (4, 2, -2), (4, 2, 2), (4, 6, 2),
@@ -59,13 +59,13 @@ def test_overhand_knot_is_a_trefoil(scale: int) -> None:
 
 @pytest.mark.parametrize(("p", "q", "expected"), [(2, 3, 3), (2, 5, 5), (4, 3, 3), (5, 1, 1)])
 def test_windings_of_a_torus(p: int, q: int, expected: int) -> None:
-    """Torus knots of 2 and q have determinant q, of 3 and 4 have 3; single windings have 1."""
+    """Torus knots (2, q) have determinant q, and (3, 4) has 3; single windings have 1."""
     knot = knot_of(on_lattice(torus_winding(p, q), 9.0), closed=True)
     assert (knot.verdict, knot.determinant) == ("unknot" if expected == 1 else "knotted", expected)
 
 
 def test_knot_of_determinant_one_is_found_by_its_polynomial() -> None:
-    """|Δ(−1)| of the torus knot of 3 and 5 is 1, but Δ is not 1."""
+    """The torus knot (3, 5) has |Δ(−1)| = 1, but Δ is not 1."""
     knot = knot_of(on_lattice(torus_winding(3, 5), 9.0), closed=True)
     assert (knot.verdict, knot.determinant) == ("knotted", 1)
 
@@ -105,7 +105,7 @@ def test_path_that_ends_deep_inside_is_unknotted() -> None:
 
 
 def test_trefoil_cut_open_anywhere_is_a_trefoil() -> None:
-    """The result holds although the ends lie amid other strands."""
+    """The trefoil is recognised although the ends lie among other strands."""
     cells = on_lattice(torus_winding(2, 3), 3.0)
     for place in range(0, len(cells), 7):
         assert knot_of(np.roll(cells, place, axis=0)).determinant == 3

@@ -50,7 +50,7 @@ def attempt_processes() -> list[psutil.Process]:
 
 
 def _command(process: psutil.Process) -> list[str]:
-    """Return the command line, which is empty briefly while it is loaded; empty for a zombie."""
+    """Return the command line; it is empty for a zombie, and briefly while a process starts."""
     while process.status() != psutil.STATUS_ZOMBIE:
         if words := process.cmdline():
             return words
@@ -62,7 +62,7 @@ def test_lookahead_lists_the_likely_next_attempts() -> None:
     choice = RetryPolicy(strategies=(("simultaneous", "peel"),) * 2, seed=0)
     current = Trial(0, 0, "simultaneous")
     ahead = choice.lookahead([], current)
-    assert ahead[0] == Trial(1, 0, "simultaneous")  # the next attempt if joints are stuck
+    assert ahead[0] == Trial(1, 0, "simultaneous")  # the next attempt if joints stall
     assert len(set(ahead)) == len(ahead) and current not in ahead
     buried = stuck(current, "buried")
     following = choice.next_attempt([buried])
@@ -71,7 +71,7 @@ def test_lookahead_lists_the_likely_next_attempts() -> None:
     reasons: tuple[Kind, ...] = ("buried", "limit", "knot")
     for reason in reasons:
         assert choice.next_attempt([buried, stuck(following, reason)]) in ahead
-    # Known results replace likely ones; a plan of them may still be refused.
+    # Known results replace predicted ones; a plan from them may still be refused.
     straight = Attempt(trial=ahead[0], status="straight")
     first, second, *_ = choice.lookahead([buried], following, {ahead[0]: straight})
     assert first == ahead[0]

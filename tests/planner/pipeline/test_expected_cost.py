@@ -8,7 +8,7 @@ from tests.case import case
 
 STAGE_S = 1800.0
 PAPER: dict[str, Any] = {"preset": "paper"}
-MEASURED = [  # processor time in seconds of whole folds, and of published explosions
+MEASURED = [  # processor times, s, of whole folds and of published explosions
     (160, {}, 3.9),
     (160, {"settings": "robots=20"}, 15.9),
     (160, {"preset": "direct"}, 36.0),

@@ -88,7 +88,7 @@ def test_plan_made_in_memory_writes_no_file_and_equals_that_of_a_directory(
 def test_plan_made_in_memory_is_the_same_for_any_number_of_workers(
     monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
 ) -> None:
-    # Modules as large as their cells always touch, so that further attempts are made.
+    # Modules as large as their cells always touch, which causes further attempts.
     monkeypatch.setattr("planner.pipeline.next_step.MAX_REFUSED_EXPLOSIONS", 2)
     too_large = partial(fold, CORNER, module_size=1.0, settings=ONE_ROBOT)
     plan = too_large()

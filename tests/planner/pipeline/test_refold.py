@@ -1,4 +1,4 @@
-"""Refolds: from one shape over straight to another in one simulation and one certificate."""
+"""Refolds: from one shape via straight to another, in one simulation and one certificate."""
 
 import json
 import re
@@ -41,7 +41,7 @@ UNFOLDING = PHASES.index("unfolding")
 
 @pytest.fixture(scope="module")
 def square() -> Plan:
-    """Plan of a square, whose end a refold starts from."""
+    """Plan of a square, from which refolds start."""
     return fold(SQUARE)
 
 
@@ -112,12 +112,12 @@ def test_refold_is_straight_in_between_and_nothing_jumps(plan: Plan, folder: Fil
 
 
 def test_refold_floats_without_momentum(plan: Plan) -> None:
-    """A chain that rotated slowly about its length would spin ever faster as it straightens."""
+    """A chain that rotated slowly about its length would spin faster as it straightens."""
     modules = plan.chain.poses(plan.joint_angles_rad, plan.root_position, plan.root_wxyz)
     centres = modules.positions.mean(axis=1)
     # momentum of equal modules; those of a robot differ a little
     np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=0.15)
-    # While it waits straight, it moves only as far as friction lets a servo move it.
+    # While the straight chain waits, it moves only as far as friction lets a servo move it.
     k = straight(plan)
     for values in (plan.root_position, plan.root_wxyz):
         np.testing.assert_allclose(values[k], values[k - 1], atol=1e-3)
@@ -133,9 +133,9 @@ def test_errors_torques_and_time_are_of_both_halves(
     assert (both.fold_time_s or 0.0) > 1.35 * (alone.fold_time_s or np.inf)
     peaks = Figures.load(folder / "figures.zarr").peak_torque_nm
     assert np.isfinite(peaks).all()
-    # The certificate checks every step, the figures frames only, so they agree closely.
+    # The certificate checks every step and the figures only frames: they agree closely.
     assert peaks.max() == pytest.approx(both.peak_torque_nm, rel=0.35)
-    # Without the certificate the figures follow from the frames' own speed.
+    # Without the certificate, the figures follow from the frames' own speed.
     write_figures(folder / "timeline.zarr", tmp_path / "alone", Parameters())
     np.testing.assert_allclose(Figures.load(tmp_path / "alone").peak_torque_nm, peaks, rtol=0.05)
 

@@ -1,4 +1,4 @@
-"""Order of attempts, and the failure that is shown of several."""
+"""Order of attempts, and the selection of the failure that is shown."""
 
 import json
 from dataclasses import replace
@@ -76,7 +76,7 @@ def test_reason_of_a_failure_decides_the_next_attempt() -> None:
         Trial(0, 5, "peel"),
         Trial(1, 5, "peel"),
     ]
-    # Another seed does not open a knot.
+    # Another seed cannot untie a knot.
     assert {found.seed for found in trials(choice, "knot")} == {5}
     assert trials(RetryPolicy(strategies=(("simultaneous",),), seed=2**32 - 1), "refused") == [
         Trial(0, seed, "simultaneous") for seed in (2**32 - 1, 0, 1)

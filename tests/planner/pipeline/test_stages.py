@@ -52,7 +52,7 @@ def full(tmp_path_factory: pytest.TempPathFactory) -> tuple[FilePath, list[dict[
     directory = write_request(tmp_path_factory.mktemp("whole"))
     with patch.object(TimelineWriter, "create", side_effect=TimelineWriter.create) as create:
         results = run(directory, *STAGES)
-    assert create.call_count == 1  # not replaced at once
+    assert create.call_count == 1  # not replaced immediately
     return directory, results
 
 
@@ -147,7 +147,7 @@ def test_next_candidate_is_tried_when_a_chain_sticks(
 ) -> None:
     cells = [[x, y, z] for x in range(4) for y in range(2) for z in range(2)]
     data = json.dumps({"format": "foldback-voxels/1", "name": "bar", "cells": cells}).encode()
-    # One strategy, so that little else may vary.
+    # One strategy only, so that little else may vary.
     write_request(tmp_path, data, filename="bar.json", strategy="simultaneous")
     read = run_stage("read", tmp_path)
     assert read["kind"] == "voxels"

@@ -64,7 +64,7 @@ def stall_after_first(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_refused_plan_is_shown_though_later_attempts_stick_and_stages_run_twice(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """A stage runs twice if the process is killed between its last file and the note of its end."""
+    """A stage runs twice if the process is killed after its last file, before its end is noted."""
     refuse_first_plan(monkeypatch)
     stall_after_first(monkeypatch)
     directory = write_request(tmp_path, write_path(SQUARE), strategy="simultaneous")
@@ -206,7 +206,7 @@ def write_record(path: FilePath, chain: Chain, share: float, phase: Phase = "exp
 
 
 def add_stopped_attempt(directory: FilePath, chain: Chain, share: float) -> None:
-    """Add an attempt that was ended when this fraction of its bends was left."""
+    """Add an attempt that stopped with this fraction of its bends remaining."""
     workspace = Workspace(directory)
     known = workspace.read_history()
     started = Attempt(trial=Trial(len(known), 0, "peel"), status="begun")

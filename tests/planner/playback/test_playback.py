@@ -44,7 +44,7 @@ def test_robots_fold_a_real_shape(folded: Folded) -> None:
         atol=0.5 * PLAN_STEP_RAD + 1e-15,
     )
     assert frames.joint_error_rad.max() <= playback.max_angle_error_rad + 1e-15
-    # It starts where the record has left the chain, at rest.
+    # It starts at rest, in the last configuration of the record.
     np.testing.assert_array_equal(frames.joint_angles_rad[0], 0.0)
     np.testing.assert_array_equal(frames.root_position[0], record.frames.root_position[-1])
     np.testing.assert_allclose(frames.root_wxyz[0], record.frames.root_wxyz[-1], atol=1e-12)
@@ -86,7 +86,7 @@ def test_cancelled_or_too_long_playback_keeps_its_frames(folded: Folded) -> None
     answers = iter((False, False, False, True))
     playback = play(folded, DEFAULT, cancelled=lambda: next(answers, False))
     assert playback.status == "cancelled"
-    assert 0 < playback.steps <= 100  # each robot asks in turn
+    assert 0 < playback.steps <= 100  # each robot checks in turn
     assert len(playback.frames) > 1
     playback = play(folded, replace(DEFAULT, max_steps=100))
     assert (playback.status, playback.steps) == ("timeout", 100)

@@ -109,7 +109,7 @@ def test_each_robot_is_certified_and_refused_if_it_collides(folded: Folded) -> N
     assert certificate.clearance_bound <= min(bounds)
     assert Certificate.from_dict(certificate.as_dict()) == certificate
     collides, ends = playback.others_rad.copy(), playback.others_rad.copy()
-    collides[1, len(collides[1]) // 2, ::2] = 0.5 * np.pi  # round and round in a square
+    collides[1, len(collides[1]) // 2, ::2] = 0.5 * np.pi  # around a square, again and again
     ends[0, -1] *= 0.9
     lost = "the playbacks of other robots do not have the plan's frames"
     for others, words in (

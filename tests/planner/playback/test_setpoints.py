@@ -18,7 +18,7 @@ STEPS_AWAY = np.array([[0.0], [0.3], [0.6], [0.9], [1.2]])
 
 
 def test_snapshot_is_left_when_the_chain_is_near_after_the_least_steps() -> None:
-    # Up to √0.15 = 0.387 from a chain that does not move: 0.6 is never reached.
+    # At most √0.15 = 0.387 from a chain that does not move: 0.6 is never reached.
     setpoints = paper_guide(STEPS_AWAY)
     assert goals(setpoints, 0.0, 5) == [0.0, 0.3, 0.6, 0.6, 0.6]
     assert goals(setpoints, 0.3, 3) == [0.9, 0.9, 0.9]

@@ -1,4 +1,4 @@
-"""Playback on a table: loads that limited motors hold or not, and a box that folds there."""
+"""Playback on a table: loads that limited motors can or cannot hold, and a box that folds there."""
 
 from dataclasses import replace
 
@@ -36,7 +36,7 @@ def move_between(chain: Chain, angles: np.ndarray) -> Motion:
 
 @pytest.fixture(scope="module")
 def arm() -> tuple[Chain, Motion]:
-    """Row that is clamped three pitches above the table and folds a leg down to it."""
+    """Row clamped three pitches above the table, which folds a leg down to it."""
     cells = [(0, 0, 3), (1, 0, 3), (2, 0, 3), (3, 0, 3), (3, 0, 2), (3, 0, 1), (3, 0, 0)]
     chain = chain_of(cells)
     return chain, move_between(chain, np.array([chain.folded_rad, np.zeros(len(chain.folded_rad))]))
@@ -55,7 +55,7 @@ def test_motors_a_little_stronger_than_the_weight_hold_an_arm(arm: tuple[Chain, 
     assert found.status == "folded", found.reason
     assert rms(found) < 0.02
     assert found.largest_torque <= 1.5 * ARM * (1.0 + 1e-9)
-    # Hardly in motion yet, the loaded hinge needs the torque of the weight.
+    # At the start of the motion, the loaded hinge needs the static torque of the weight.
     assert found.torques[1].max() == pytest.approx(ARM, rel=0.05)
 
 
@@ -113,7 +113,7 @@ def test_chain_with_a_free_base_drifts(row: tuple[Chain, Motion]) -> None:
         assert (gone < 1e-6) if fixed else (gone > 0.1)
         turned = np.abs(poses.rotations[:, 0] - poses.rotations[0, 0]).max()
         assert (turned < 1e-6) if fixed else (turned > 0.3)
-    # It lies elsewhere, in the planned shape.
+    # The free chain ends elsewhere, but in the planned shape.
     assert free.position_errors.max() < 0.05
     assert free.position_errors[-1] < 0.005
 

@@ -1,4 +1,4 @@
-"""Robots that fold peeled chains: core and tail are rigid, the window is simulated."""
+"""Robots that fold peeled chains: core and tail are rigid, and the window is simulated."""
 
 from dataclasses import replace
 from typing import Any
@@ -104,7 +104,7 @@ def test_window_touches_the_core_and_the_tail() -> None:
 
     straight = np.zeros(2 * JOINTS)
     folded = chain.folded_rad[HINGES]
-    assert not touching(FIRST, folded)  # all in their cells, the tail leads away
+    assert not touching(FIRST, folded)  # all in their cells; the tail leads away
     backwards = folded.copy()
     backwards[:8] = -folded[:8]
     assert any(pair[0] == 0 for pair in touching(FIRST, backwards))

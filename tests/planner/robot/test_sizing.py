@@ -55,7 +55,7 @@ def test_servo_with_two_shafts_counts_for_two() -> None:
 
 @pytest.mark.parametrize("servo", servos()[::3], ids=lambda servo: servo.name)
 def test_least_pitch_is_the_smallest_of_all_arrangements(servo: Servo) -> None:
-    """At right angles the servos are side by side along one axis, along which their sizes add."""
+    """Perpendicular servos are side by side along one axis, along which their sizes add."""
     least = inf
     for one, other in product(permutations(servo.size_m), repeat=2):
         for axis in range(3):

@@ -32,8 +32,8 @@ def test_smoothed_motion_is_shorter_and_as_clear_in_even_steps(folded: Folded) -
     np.testing.assert_array_equal(after[[0, -1]], before[[0, -1]])
     for size in (0.95, 0.98):
         was, now = (sweep(chain, motion, size=size) for motion in (before, after))
-        # At its frames it is as clear as before. Between them it may come closer, by as much as the
-        # constant rates of the hinges cut off; every gap is wider by 0.03 at 0.95.
+        # At its frames it is as clear as before. Between frames, constant hinge rates cut corners,
+        # which may reduce the clearance; at 0.95 every gap is wider by 0.03.
         assert now.per_frame.min() >= was.clearance - (0.003 if size < 0.98 else 2e-4)
         assert now.clearance >= 0.5 * was.clearance
         assert now.bound > 0.0
@@ -44,8 +44,7 @@ def test_smoothed_motion_is_shorter_and_as_clear_in_even_steps(folded: Folded) -
 
 
 def test_detour_is_removed() -> None:
-    # Nothing is in the way of a nearly straight chain: its hinges move at constant rates from end
-    # to end.
+    # Nothing obstructs a nearly straight chain: its hinges move at constant rates from end to end.
     chain = coil(12)
     rng = np.random.default_rng(0)
     ends = 0.1 * random_angles(chain, rng), 0.1 * random_angles(chain, rng)
@@ -71,7 +70,7 @@ def test_blame_falls_on_the_hinges_between() -> None:
     chain = coil(16)
     module = chain.module
     angles = np.zeros((2, len(chain.folded_rad)))
-    angles[1, 8] = angles[1, 10] = angles[1, 12] = np.pi / 2  # a rotation into itself
+    angles[1, 8] = angles[1, 10] = angles[1, 12] = np.pi / 2  # the chain rotates into itself
     blamed = np.zeros(angles.shape, dtype=np.bool_)
     count = mark_blamed_hinges(angles, module.joint, module.hull, module.apart, 0.95, 0.01, blamed)
     assert count == 1

@@ -1,4 +1,4 @@
-"""Small files, one for each kind that was once read wrongly."""
+"""Regression tests: a small file for each kind of input that was once read wrongly."""
 
 import contextlib
 import json
@@ -86,7 +86,7 @@ def test_read_table_takes_columns_by_the_axis_they_name() -> None:
         separator = next(c for c in ";\t, " if c in header)
         rows = [separator.join(map(str, row[::-1])) for row in STAIRS]
         assert cells_of("\n".join([header, *rows]).encode()) == STAIRS, header
-    # Of more columns those that the header names are read.
+    # If there are more columns, the header names the coordinates.
     for header, separator in product(("step x y z", "i j k value", "x y z r g b"), (",", " ")):
         words = header.split()
         first = next(words.index(axis) for axis in "xi" if axis in words)
@@ -158,8 +158,7 @@ def seconds(data: bytes) -> float:
 
 
 def test_read_long_runs_takes_time_in_proportion() -> None:
-    # A reader of quadratic complexity takes 64 times as long for eight times the run, and seconds
-    # for it.
+    # A reader of quadratic complexity would take 64 times as long for a run of eightfold length.
     for before, run in product(FILE_STARTS, RUNS):
         with case((before, run)):
             short, long = (before + run * n + b"x" for n in (5_000, 40_000))

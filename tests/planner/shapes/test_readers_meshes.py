@@ -121,11 +121,11 @@ FACETS = (
 
 def test_text_that_trimesh_reads_as_another_mesh_is_refused() -> None:
     for data, code in (
-        # trimesh omits bytes that are no text, which changes the content.
+        # trimesh omits bytes that are not text, which changes the content.
         (stl_text(*FACETS).replace(b"1.5", b"1\xff.5", 1), "not-a-number"),
         (TETRA_OBJ.replace(b"v 1 0 0", b"v 1\xff0 0 0"), "damaged"),
         (TETRA_OBJ.replace(b"f 1 3 2", b"f 1\xff 3 2"), "damaged"),
-        # The count of numbers is right, but the rows do not have three each.
+        # The total count of numbers is right, but not every row has three.
         (stl_text(*FACETS).replace(b"vertex 0 0 0", b"vertex 0 0", 1), "damaged"),
         (TETRA_OBJ.replace(b"v 1 0 0", b"v 1 0").replace(b"v 0 0 1", b"v 0 0 1 9"), "damaged"),
         # trimesh omits such a polygon, and the hole would be closed.
@@ -201,7 +201,7 @@ def test_ply_with_other_properties_and_elements_is_read(
                 body += " ".join(map(str, words)).encode() + b"\n"
     order = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}[mark]
     lines = ["ply", f"format {order} 1.0", *head, "end_header", ""]
-    if not (mark or beyond):  # lines of text may end anywhere
+    if not (mark or beyond):  # text lines may be wrapped anywhere
         body = b"\n".join(body.split())
     assert volume_in("\n".join(lines).encode() + body) == pytest.approx(6)
 
@@ -474,7 +474,7 @@ def test_reading_does_not_load_libraries_that_only_others_need() -> None:
 
 @pytest.fixture
 def triangles(monkeypatch: pytest.MonkeyPatch) -> list[tuple[np.ndarray, np.ndarray]]:
-    """List of the vertices and faces that readers pass on; no solid is made of them."""
+    """List of the vertices and faces that readers return; no solid is made of them."""
     seen: list[tuple[np.ndarray, np.ndarray]] = []
 
     def collect(vertices: np.ndarray, faces: np.ndarray, **more: object) -> None:

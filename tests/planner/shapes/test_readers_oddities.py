@@ -1,4 +1,4 @@
-"""Small files with unusual content, one for each kind that was once read wrongly or crashed."""
+"""Regression tests: small files with unusual content that were once read wrongly or crashed."""
 
 import json
 import re
@@ -82,7 +82,7 @@ def test_part_without_volume_is_noted() -> None:
     solid = joined(BOX, sheet)
     assert volume_of(solid) == pytest.approx(24)
     assert "1 part that encloses no volume was ignored." in solid.notes
-    # A common wall of two bodies is no such part.
+    # A common wall of two bodies is not such a part.
     assert joined(BOX, moved(BOX, 2, 0, 0)).notes == ()
 
 
@@ -116,7 +116,7 @@ def test_only_vertices_and_polygons_of_obj_go_on_after_a_backslash() -> None:
     continued = data.replace(b"v 5 0 0", b"v 5 \\\n 0 \\\n0").replace(b" 2 1\n", b" 2\\\n 1\n")
     assert continued.count(b"\\") == 3
     assert volume_of(solid_in(continued)) == pytest.approx(13)
-    # Lines are counted as the file has them.
+    # Line numbers are those of the file.
     assert refusal_of(continued.replace(b"v 0 5 0", b"v 0 5 x")).where == "line 10"
 
 
@@ -232,7 +232,7 @@ PYTHON_WORDS = re.compile(
     r"[A-Z]\w+(?:Error|Exception)\b|NoneType|not convert|invalid literal|not supported between|"
     r"not enough values|subscriptable|has no attribute|required positional"
 )
-"""Words of Python's own errors, which say nothing to people."""
+"""Words of Python's own errors, which are meaningless to users."""
 BROKEN_SCENES: tuple[dict[str, Any], ...] = (
     {"scene": None},
     {"meshes": [{}]},

@@ -1,4 +1,4 @@
-"""Chains that stand on a floor, and their equilibrium by a second formulation."""
+"""Chains that stand on a floor, and a second formulation of their equilibrium."""
 
 import numpy as np
 from scipy.optimize import linprog

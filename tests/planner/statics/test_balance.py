@@ -39,7 +39,7 @@ def test_chain_in_the_air_or_beyond_the_rim_is_unbalanced() -> None:
     found = Balance(chain).solve(*standing(chain, lift=5.0))
     assert not found.balances
     assert np.isnan(found.torques).all()
-    # One module stands, the centre of mass is 1.2 pitches from its centre.
+    # One module stands; the centre of mass is 1.2 pitches from its centre.
     tips = chain_of([(0, 0, 0), (0, 0, 1), (1, 0, 1), (2, 0, 1), (3, 0, 1)])
     balance = Balance(tips)
     assert not balance.solve(*standing(tips)).balances

@@ -40,8 +40,8 @@ def drag_tail(chain: Chain, coefficient: float, root: int = 0, step: float = STE
 
 @pytest.mark.parametrize("coefficient", [0.1, 0.3])
 def test_torque_of_one_dragged_module(coefficient: float) -> None:
-    # It stands on one far corner, r = √(1.5² + 0.5²) from the hinge, as far as the horizontal hinge
-    # does not carry it. There the floor exerts μ N 0.5 / r towards the front, half a pitch below
+    # The horizontal hinge carries a part of it; the rest stands on one far corner, r = √(1.5² +
+    # 0.5²) from the hinge. There the floor exerts μ N 0.5 / r towards the front, half a pitch below
     # that hinge: (1.5 + μ 0.25 / r) N = 1 − t, and t = μ r N.
     chain = line(3)
     at = standing(chain)
@@ -65,7 +65,7 @@ def test_torque_of_a_dragged_tail_agrees_with_joint_wrenches() -> None:
         expected = by_joint_wrenches(chain, *at, found.contacts, friction, 0)
         assert found.torque == pytest.approx(expected, rel=1e-4)
         torques.append(found.torque)
-        # each module by itself, or carried by horizontal hinges as far as that helps
+        # less than if each module dragged by itself: horizontal hinges carry a part
         assert found.torque < coefficient * sum(np.hypot(j, 0.5) for j in range(1, beyond + 1))
         assert found.torque > coefficient * beyond**2 / 4
     assert 3.0 < torques[1] / torques[0] < 4.0
@@ -113,7 +113,7 @@ def test_free_chain_balances_while_it_drifts() -> None:
     at = standing(chain)
     balance = Balance(chain)
     clamped = balance.solve(*at, friction=drag_tail(chain, 0.3), clamped=0).torque
-    for root in (0, 5):  # for any choice of the fixed module
+    for root in (0, 5):  # the fixed module does not matter
         found = balance.solve(*at, friction=drag_tail(chain, 0.3, root))
         assert 0.0 < found.torque <= clamped
         assert imbalance(chain, at[0], found) < 1e-4

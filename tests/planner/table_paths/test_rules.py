@@ -25,13 +25,13 @@ def test_faults_of_paths() -> None:
         ("eenwwuse", "layers", []),
         ("eenwwuse", "falls", []),
         ("ue", "layers", ["first-link"]),
-        ("eeuww", "layers", ["hairpin"]),  # a turn back above itself
-        ("eeuuww", "layers", ["hairpin"]),  # also after two links up
+        ("eeuww", "layers", ["hairpin"]),  # folds back above itself
+        ("eeuuww", "layers", ["hairpin"]),  # also after two upward links
         ("eeuunwsw", "layers", []),
         ("enwuse", "layers", []),
         ("eeueeee", "layers", ["not-stable"]),
         ("ennuwd", "layers", ["goes-down"]),
-        ("ennuwd", "falls", []),  # down beside modules that stand
+        ("ennuwd", "falls", []),  # descends beside standing modules
         ("eennwwsued", "falls", ["boxed-in"]),
     ):
         with case((steps, rule)):
@@ -96,7 +96,7 @@ def test_parts_of_the_score() -> None:
     straight = parts_of(path((0, 0, 0), "eeee"))
     assert straight == Parts(front=1.0)
     assert straight.times(WEIGHTS) == pytest.approx(WEIGHTS.front)
-    # A spiral inwards: its last cell has no way out.
+    # An inward spiral: its last cell is enclosed.
     spiral = path((0, 0, 0), "eennwwse")
     parts = parts_of(spiral)
     assert parts.enclosed == pytest.approx(1 / 9)

@@ -52,7 +52,7 @@ def stuck(
 
 
 def differences(stuck: Stuck, **changes: Any) -> tuple[str, ...]:
-    """Return the differences that a check finds in a reason after changes of its evidence."""
+    """Return the differences that a check finds in a reason after its evidence has changed."""
     chain, record, parameters, data = stuck
     data = {**data, "evidence": {**data["evidence"], **changes}}
     plain = json.loads(json.dumps(parameters.as_dict()))
@@ -128,18 +128,18 @@ def test_falsified_knot_is_refuted(knot: Stuck) -> None:
     plain = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.3, 1.0, 0.2]]
     found = differences(knot, polygon=plain, diagram=[], crossings=0)
     assert any("polynomial of the chain" in difference for difference in found)
-    # Ends that are joined straight through the chain could tie any knot.
+    # Ends joined straight through the chain could tie any knot.
     through = [[float(value) for value in knot[0].folded_poses.positions.mean(axis=0)]]
     assert any("near the chain" in each for each in differences(knot, closings=[through]))
     assert any("expected at least one" in each for each in differences(knot, closings=[]))
-    # Many corners could tie one far outside, where the chain is not.
+    # Closures with many corners could tie a knot far from the chain.
     [[first, *others]] = evidence["closings"]
     aside = [[value + 50.0 * k for k, value in enumerate(first)]] * 3
     assert any("at most 3" in each for each in differences(knot, closings=[[*aside, *others]]))
 
 
 def test_knot_that_has_opened_is_no_reason(knot: Stuck) -> None:
-    """The folded chain is knotted, but has slipped out since: another reason holds."""
+    """The folded chain is knotted, but the knot has opened since: another reason holds."""
     chain, _, _, data = knot
     bent = 0.2 * chain.folded_rad
     free = stuck(chain, angles=bent)

@@ -1,4 +1,4 @@
-"""Independent checker: it proves correct plans, and never a false one."""
+"""Independent checker: it proves correct plans, and no false plan."""
 
 import ast
 import json

@@ -1,4 +1,4 @@
-"""Independent checker: it confirms true reasons of failed folds, and never a forged one."""
+"""Independent checker: it confirms true reasons of failed folds, and no forged reason."""
 
 import itertools
 from collections.abc import Callable, Iterable
@@ -147,7 +147,7 @@ def test_forged_knot_is_not_confirmed(forgery: str, knot: FilePath) -> None:
 
 
 def test_knot_that_the_chain_does_not_have_is_not_confirmed(tmp_path: FilePath) -> None:
-    # Its ends lead out along free lines, but only another knot would have this determinant.
+    # Its ends extend along free lines, but only another knot would have this determinant.
     chain = coil(40)
     record = explode(chain, FEW_STEPS.explosion)  # type: ignore[arg-type]
     store(tmp_path, chain, record, FEW_STEPS)
@@ -161,13 +161,13 @@ def test_knot_that_the_chain_does_not_have_is_not_confirmed(tmp_path: FilePath) 
         meta["attempts"][0]["diagnosis"]["evidence"] = evidence
 
     assert "no knot: determinant {1}" in check(tmp_path, claimed)["reason"]
-    # A trefoil far outside, tied by many corners, is not that of the chain.
+    # A trefoil tied by many corners far from the chain is not its knot.
     aside = 0.2 * np.roll(TREFOIL, 1, axis=0) + 1.5 * np.array(corners[0][0])
     ring = np.concatenate([positions, corners[0][:1], aside, corners[0][1:]])
     assert foldback_check_refusals.determinant(ring, 1e-8) == 3
     corners = [ring[len(positions) :].tolist()]
     assert "joined otherwise" in check(tmp_path, claimed)["reason"]
-    # Neither does a record of another chain of that length, or one that jumps into a knot.
+    # A record of another chain of that length, or one that jumps into a knot, is no evidence.
     tied = knotted(6)
     for angles in ([tied.folded_rad], [0.2 * tied.folded_rad, tied.folded_rad]):
         open_chain = replace(tied, folded_rad=0.2 * tied.folded_rad)

@@ -1,4 +1,4 @@
-"""Motion of a plan as linear motion of triangles: mesh, exempt pairs, subdivision; and no ipctk."""
+"""Plans as linear motions of triangles: mesh, exempt pairs, subdivision; missing ipctk."""
 
 import sys
 from pathlib import Path as FilePath

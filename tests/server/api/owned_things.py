@@ -47,7 +47,7 @@ CHANGEABLE = sa.select(
     *(FoldRow.name, FoldRow.status, FoldRow.cancel_requested, FoldRow.owner),
     *(sa.exists().where(column == ID) for column in OTHER_IDS),
 ).where(FoldRow.id == ID)
-"""All that an action may change of a thing, in one query."""
+"""Query for all values of a thing that an action may change."""
 
 
 class Thing:
@@ -88,7 +88,7 @@ class Thing:
         return Owner.from_token(self.tokens[actor] or "")
 
     def ask(self, actor: str, method: str, path: str, body: object = None) -> httpx.Response:
-        """Return the answer to a request of an actor."""
+        """Send a request as an actor and return the answer."""
         token = self.tokens[actor]
         headers = {} if token is None else bearer(token)
         return self._service.http.request(method, path, headers=headers, json=body)

@@ -145,7 +145,7 @@ def test_request_with_a_lost_response_is_repeated(idle: Service) -> None:
     with via_relay(idle, lose_response("POST")) as (client, relay):
         fold = client.fold(SNAKE, seed=43)
         assert relay.asked.count(("POST", FOLDS)) == 2
-        assert fold.existing  # the first request did arrive
+        assert fold.existing  # the first request has arrived
         assert fold.cancel().status == "cancelled"
     with via_relay(idle, lose_response("DELETE")) as (client, relay):
         client.fold(SNAKE, seed=44).delete()
@@ -162,7 +162,7 @@ def refuse(status: int, times: int) -> Trouble:
 def test_request_to_busy_service_is_retried_a_few_times(idle: Service) -> None:
     for status, times, retry_after, requests in (
         (429, 3, "0", 4),
-        (503, 9, "0", 5),  # as often as allowed
+        (503, 9, "0", 5),  # the maximum number of requests
         (429, 9, "600", 1),  # the wait would be too long
         (500, 9, "0", 1),  # retries do not help
     ):

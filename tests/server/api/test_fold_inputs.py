@@ -1,4 +1,4 @@
-"""Sources: completion of a fold's request by its input, without a service."""
+"""Sources: a fold's request is completed from its input, without a service."""
 
 import json
 from dataclasses import replace
@@ -80,7 +80,7 @@ def test_input_completes_the_request(context: Context) -> None:
         (Origin(fold="mesh"), TABLE, {**flat, "method": "blocks", "repair": True}),
         (Origin(fold="voxels"), TABLE, {**flat, "repair": True}),
         (Origin(fold="rests"), TABLE, {**table, "repair": True}),
-        # The world and the seed are taken from each request.
+        # World and seed always come from the new request.
         (Origin(fold="rests"), FoldRequest(seed=2), {"repair": True, "seed": 2}),
         # A smoothing has the module size of its fold, unless another one is requested.
         (Origin(smooth="mesh"), plain, {"repair": True, "module_size": 0.9}),

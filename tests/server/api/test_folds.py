@@ -1,4 +1,4 @@
-"""A fold from the upload to its files, through HTTP, with a real worker."""
+"""A fold over HTTP from the upload to its files, with a real worker."""
 
 import io
 import json
@@ -100,7 +100,7 @@ def test_running_fold_is_cancelled_requested_again_and_deleted(service: Service)
     # Its frames remain visible and the worker is free; the same request starts a new fold.
     assert service.http.get(f"{path}/frames").json()["total"] > 0
     timeline = service.directory(accepted["id"]) / "timeline.zarr"
-    assert Timeline.open(timeline).status == "failed"  # so that the worker becomes free
+    assert Timeline.open(timeline).status == "failed"  # the worker is then free
     again = service.fold(**options)
     assert again["id"] != accepted["id"]
     service.wait_exploding(again["id"])
@@ -138,7 +138,7 @@ def test_fold_is_requested_again_by_its_id(idle: Service) -> None:
     assert idle.fold(fold=other["id"], seed="22", preset="paper")["existing"]
     size = sum(path.stat().st_size for path in idle.directory(other["id"]).iterdir())
     with store_of(idle) as store:
-        assert store.fold(other["id"]).bytes == size  # from now on, not from its end on
+        assert store.fold(other["id"]).bytes == size  # counted at once, not only after its end
     gallery = idle.fold(shape="wrench-24", seed="31")
     assert idle.state(idle.fold(fold=gallery["id"], seed="32")["id"])["shape"] == "wrench-24"
 
@@ -151,7 +151,7 @@ def test_settings_that_change_something_make_another_fold(idle: Service) -> None
     assert (same["existing"], same["id"]) == (True, first["id"])
     plain = idle.fold(STAIRS, **options)
     assert not plain["existing"]
-    # By its id, too; derived folds take the requested settings.
+    # Requests by its id match as well; derived folds use the requested settings.
     again = idle.fold(fold=first["id"], **options, settings="radial_gain=0.2")
     assert (again["id"], idle.fold(fold=first["id"], **options)["id"]) == (first["id"], plain["id"])
 

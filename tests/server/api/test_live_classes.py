@@ -97,7 +97,7 @@ def test_class_waits_for_a_leader_whose_connection_is_lost(service: Service, fol
         leader.send("frame=1")
         while follower.recv(TIMEOUT_S) != "frame=1":
             pass
-        leader.socket.shutdown(socket.SHUT_RDWR)  # as on network failure
+        leader.socket.shutdown(socket.SHUT_RDWR)  # simulates a network failure
         for wrong in (f"code={code}&key={key[:-1]}", f"code={code}&key=", f"code=A&key={key}"):
             assert refusal(service, f"/api/class/lead?fold={fold}&{wrong}") == 404
         with open_socket(service, f"/api/class/lead?code={code}&key={key}") as again:

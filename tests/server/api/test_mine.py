@@ -128,7 +128,7 @@ def test_previews_of_an_owner_are_listed_with_their_last_options(idle: Service) 
     mine, stranger = new_token(), new_token()
     sent = view_preview(idle, mine)
     view_preview(idle, mine, preview=sent["id"], seed="3", start="0,0,0", as_voxels="true")
-    view_preview(idle, stranger, preview=sent["id"], seed="4")  # anyone who has the link
+    view_preview(idle, stranger, preview=sent["id"], seed="4")  # anyone with the link may do so
     (listed,) = create(idle, mine, "previews")["previews"]
     assert listed["id"] == sent["id"] and listed["modules"] == len(SNAKE)
     assert listed["page"].startswith(f"/previews/{sent['id']}?")
@@ -148,7 +148,7 @@ def test_client_lists_and_renames(idle: ServiceThread) -> None:
         fold = client.fold(SNAKE, seed=30)
         mine = Owner.from_token(client.token)
         later = [a_fold(f"later{k}", created_at=time.time() + k) for k in range(25)]
-        assert all(store.add(row, mine) for row in later)  # two pages
+        assert all(store.add(row, mine) for row in later)  # fills two pages
         rows = [row.id for row in later]
         assert [each.id for each in client.mine()] == [*rows[::-1], fold.id]
         assert fold.rename("A snake").state["title"] == "A snake"

@@ -1,4 +1,4 @@
-"""Options of a fold: each is described once, and all interfaces derive it from there."""
+"""Options of a fold: each is described once, and all interfaces derive from that description."""
 
 from dataclasses import dataclass
 from typing import Annotated, Any

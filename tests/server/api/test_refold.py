@@ -1,4 +1,4 @@
-"""Refolds through HTTP, with a real worker, and on the command line."""
+"""Refolds over HTTP, with a real worker, and on the command line."""
 
 import json
 import shutil
@@ -96,7 +96,7 @@ def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
 def test_examples_and_directories_are_refolded_on_the_command_line(tmp_path: Path) -> None:
     summary = foldback_json("refold", "wrench-24", "mallet-24", "--out", tmp_path)
     assert (summary["status"], summary["refold"]["start"]) == ("verified", "wrench-24")
-    # Directories of plans are accepted on either side.
+    # Each of the two shapes may be a directory with a plan.
     start, out = tmp_path / "start", tmp_path / "back"
     foldback_json("refold", tmp_path, start, "--out", out, "--module-size", "0.9")
     back = Plan.load(out / "plan.npz")

@@ -128,7 +128,7 @@ def test_first_target_waits_for_the_robot_to_be_at_the_start(finished: FinishedF
         waiting = robot.receive()
         assert (waiting["because"], waiting["error_rad"]) == ("error", pytest.approx(1.5))
         with pytest.raises(TimeoutError):
-            robot.socket.recv(timeout=0.3)  # thirty ticks
+            robot.socket.recv(timeout=0.3)  # for thirty ticks
         robot.send("report", joint_angles_rad=angles)
         assert robot.receive()["is"] == "going"
         target = robot.receive()
@@ -204,7 +204,7 @@ def test_messages_are_bounded_in_size_and_rate(finished: FinishedFold) -> None:
         robot.send("report", error_rad=0.0, nonsense="x" * 100_000)
         assert robot.receive_until("problem")["code"] == "too-large"
     with playing(finished.service, finished.id, speed=0.01) as robot:
-        with contextlib.suppress(ConnectionClosed):  # the connection may be closed at once
+        with contextlib.suppress(ConnectionClosed):  # it may be closed at once
             for _ in range(1200):  # within the same second, or the next
                 robot.send("resume")
         assert robot.receive_until("problem")["code"] == "too-fast"

@@ -23,7 +23,7 @@ SMALL, REFOLD = "tetra-cube-2", "wrench-80-to-mallet-80"
 def test_finished_folds_are_imported_once_and_unchanged(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    """Two of the five, since it takes long to verify all."""
+    """Imports only two of the five folds, as verifying all takes long."""
     assert len(NAMES) == 5
     assert sum(path.stat().st_size for path in SHIPPED_FOLDS_DIR.glob("*.fold")) < 1_600_000
     folder = tmp_path / "finished"
@@ -42,14 +42,14 @@ def test_finished_folds_are_imported_once_and_unchanged(
             values = (row.status, row.visitor, row.bytes, row.pinned)
             assert values == ("verified", "the service itself", 0, True)
             assert manifest.changed_fields(store.directory(row.id)) == [], row.name
-        # A deleted one is not restored, and neither is one that has been folded here.
+        # A deleted fold is not imported again, nor is one that has been folded here.
         assert store.delete(rows["cube"].id)
         with store.changing() as session:
             session.execute(sa.delete(CounterRow).where(CounterRow.name == f"finished {SMALL}"))
         assert import_shipped_folds(settings, store, Gallery()) == []
         assert len(included_folds(store)) == 1
         names = {path.name for path in settings.folds_dir.iterdir()}
-        assert names == {row.id for row in rows.values()}  # the sweep removes the deleted one
+        assert names == {row.id for row in rows.values()}  # the sweep has removed the deleted fold
 
 
 @pytest.mark.long

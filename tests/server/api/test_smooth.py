@@ -1,4 +1,4 @@
-"""Smoothed folds through HTTP, with a real worker, and on the command line."""
+"""Smoothed folds over HTTP, with a real worker, and on the command line."""
 
 from contextlib import closing
 from pathlib import Path

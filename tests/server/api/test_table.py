@@ -136,7 +136,7 @@ def test_search_for_offers_ends_with_its_client_and_with_its_time(
     for timeout in (60.0, 0.5):
         _, same = slab_without_a_path(service)
         (busy,) = service.children("preparer")
-        busy.suspend()  # as if the search never ended
+        busy.suspend()  # simulates a search that never ends
         if timeout > 1.5:
             check_problem(service.http.post("/api/shapes/offers", data=same), 503, "busy")
         else:

@@ -125,7 +125,7 @@ def test_requeued_fold_begins_anew(place: Path, store: Store) -> None:
     assert (shown["error"], shown["ended_at"], shown["stage"]) == (None, None, None)
     assert {p.name for p in (place / "folds" / "old").iterdir()} == {"input", "request.json"}
     with store.reading() as session:
-        assert session.scalars(sa.select(MovieRow)).all() == []  # they had the old result
+        assert session.scalars(sa.select(MovieRow)).all() == []  # old movies are gone
     for name, words in (
         ("old", "waits in the queue"),
         ("young", "is verified"),

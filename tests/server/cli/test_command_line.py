@@ -41,7 +41,7 @@ def test_every_command_is_offered() -> None:
     """The help texts are stored and compared by tests/server/contract."""
     files = [path for folder in COMMAND_DIRS for path in folder.glob("*.py")]
     named = {path.stem for path in files if f"\ndef {path.stem}(" in path.read_text()}
-    assert set(COMMANDS) == named | {"admin"}  # a group of commands
+    assert set(COMMANDS) == named | {"admin"}  # ``admin`` is a group of commands
     assert foldback("--version").stdout.strip() == f"foldback {version('foldback')}"
 
 
@@ -131,7 +131,8 @@ def test_each_process_starts_without_packages_of_others(
 ) -> None:
     """A service starts several processes, and users wait for it: docs/decisions/0021-compiling.md.
 
-    Here one process runs the start of each in turn, which only adds to what the later ones import.
+    Here one process runs the start of each in turn; earlier starts can only add to the imports of
+    later ones.
     """
     (tmp_path / "path.json").write_text(json.dumps([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]))
     code = STEPS + "".join(f"{step}; print('=', *sys.modules)\n" for step in steps)

@@ -1,4 +1,4 @@
-"""Doctor: each thing that it checks is broken for real, and must be reported with a remedy."""
+"""Doctor: each checked condition is actually broken, and must be reported with a remedy."""
 
 import json
 import os
@@ -102,14 +102,14 @@ FINDINGS: tuple[tuple[Any, dict[str, Any], str, str], ...] = (
     (machine.names, {"allowed_hosts": "*"}, "warning", ""),
     (machine.names, {"host": "0.0.0.0", "allowed_hosts": "fold.example.org"}, "ok", ""),
 )
-"""Checks, settings, and what is found; /proc is closed also to root."""
+"""Checks with settings, verdict and text; even root cannot write to /proc."""
 
 
 def test_unsuitable_settings_are_found(tmp_path: Path) -> None:
     for check, values, verdict, words in FINDINGS:
         with case((check.__name__, values)):
             check_finding(check(settings(tmp_path, **values)), verdict, words)
-    # Tests may run in memory, which causes a warning.
+    # Tests may run in a file system in memory, which causes a warning.
     assert data.directory(settings(tmp_path)).verdict != "problem"
 
 

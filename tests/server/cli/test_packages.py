@@ -14,7 +14,7 @@ TYPES = ".d.ts"
 
 
 def test_packages_import_no_tests_and_rooms_below_http_no_http() -> None:
-    """tests/test_architecture.py checks that all imports point to lower floors."""
+    """tests/test_architecture.py checks that all imports point to lower layers."""
     low = [f"server/{room}" for room in ("limits", "store", "files", "processes", "jobs")]
     for places, forbidden in (
         (["planner", "web", "server"], r"tests|examples|\."),

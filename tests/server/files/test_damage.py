@@ -42,7 +42,7 @@ MOTION_ROUTES = ("bundle", "batch", "figures", "standalone.html", "recording.vis
 
 @pytest.fixture(scope="module")
 def whole(service: Service) -> FinishedFold:
-    """Fold of its own, as others would see its damage."""
+    """Separate fold, as damage to a shared one would affect other tests."""
     accepted = service.fold(SNAKE, seed=3)
     return FinishedFold(service, accepted, [], service.wait_over(accepted["id"]))
 
@@ -156,7 +156,7 @@ def test_fold_made_again_of_damaged_input_is_refused(fold: FinishedFold, name: s
         for field in ("fold", "smooth"):
             status, problem = fold.service.refusal(**{field: fold.id})
             assert (status, problem["code"]) == (500, "damaged-data")
-    path.with_name("manifest.json").unlink()  # the state of a failed fold
+    path.with_name("manifest.json").unlink()  # failed folds have no manifest
     if name == "request.json":
         status, problem = fold.service.refusal(fold=fold.id)
         assert problem["code"] in ("no-input", "damaged-data"), status

@@ -1,4 +1,4 @@
-"""Files made of a finished fold: exports by HTTP and by the command line, and their storage."""
+"""Files made from a finished fold: exports over HTTP and on the command line, and their storage."""
 
 import asyncio
 import os
@@ -62,7 +62,7 @@ def test_unknown_exports_are_refused(finished: FinishedFold) -> None:
 
 @pytest.fixture
 def fold(store: Store, finished: FinishedFold) -> FoldRow:
-    """Row of a fold whose directory has a real plan and nothing else, as old ones do."""
+    """Row of a fold whose directory contains only a real plan, as those of old folds do."""
     added = add_fold(store, summary=finished.state["summary"])
     shutil.copy(finished.directory / "plan.npz", store.directory(added.id))
     return added
@@ -102,9 +102,9 @@ def test_few_files_are_made_at_once_and_each_once(store: Store) -> None:
         with pytest.raises(Unavailable) as refused:
             await made_by("one more")
         assert refused.value.code == "busy" and (refused.value.retry_after_s or 0) > 0
-        assert len(made) == FILES_AT_ONCE  # the others wait, and not in threads of the event loop
+        assert len(made) == FILES_AT_ONCE  # the others wait without occupying threads
         assert await asyncio.wait_for(asyncio.to_thread(lambda: "quick"), 10.0) == "quick"
-        tasks[0].cancel()  # the file is still made for the others
+        tasks[0].cancel()  # the other requests still need the file
         may_end.set()
         assert await asyncio.gather(*tasks[1:]) == [*names[1:], *names, *names]
         assert sorted(made) == names  # type: ignore[type-var]

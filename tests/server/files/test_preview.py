@@ -62,7 +62,7 @@ def test_mesh_becomes_about_as_many_modules_as_requested(idle: Service) -> None:
     cells, vertices = np.array(found["cells"]), np.array(found["mesh"]["vertices"])
     np.testing.assert_allclose(vertices.min(axis=0), cells.min(axis=0) - 0.5, atol=0.2)
     np.testing.assert_allclose(vertices.max(axis=0), cells.max(axis=0) + 0.5, atol=0.2)
-    # The same preview is requested with other options.
+    # The stored preview is requested with other options.
     again = report(idle, preview=found["id"], modules="216", full="false")
     assert again["id"] == found["id"] and again["key"] != found["key"]
     assert again["modules"] > found["modules"]
@@ -145,7 +145,7 @@ def test_bad_options_and_files_are_refused(idle: Service) -> None:
     ):
         check_problem(ask(idle, voxels(box(2, 2, 2)), **form), 422, code)
     assert ask(idle, modules="64").json()["code"] == "file-or-shape"
-    answer = ask(idle, b"solid nothing\nendsolid nothing\n")  # as with uploads to fold
+    answer = ask(idle, b"solid nothing\nendsolid nothing\n")  # as for uploads to fold
     check_problem(answer, 422, answer.json()["code"])
     for preview in ("nosuchpreview", "../../etc", "..", "x" * 300, ""):
         assert ask(idle, preview=preview).status_code in (404, 422)
@@ -178,7 +178,7 @@ def test_cells_are_previewed_without_a_search(idle: Service) -> None:
     brick = report(idle, stl(), path="false", method="exact", modules="16")
     assert (brick["kind"], brick["modules"], brick["iou"]) == ("mesh", 16, 1.0)
     assert (brick["mesh"], brick["line"]) == (None, None)
-    # With a path it is another report.
+    # The report with a path is a different one.
     assert report(idle, preview=brick["id"], modules="16")["has_path"]
     path = report(idle, json.dumps(SNAKE).encode(), path="false")
     assert (path["kind"], path["has_path"], path["cells"]) == ("path", True, SNAKE)

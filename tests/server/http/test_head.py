@@ -8,7 +8,7 @@ PATHS = sorted({route.path for route in ROUTES if "GET" in (route.methods or ())
 
 
 OTHERS = {"/api/folds/{fold_id}/motors": 422, "/api/folds/{fold_id}/play": 426}
-"""Statuses of routes that first ask for something else than an existing fold."""
+"""Statuses of routes that check another condition before the existence of the fold."""
 
 
 def test_every_get_route_answers_head_and_knows_what_exists(idle: ServiceThread) -> None:

@@ -1,4 +1,4 @@
-"""Requests of a few addresses do not delay those of others: limits for one visitor."""
+"""Limits per visitor: requests from a few addresses do not delay those of others."""
 
 import contextlib
 import signal
@@ -44,7 +44,7 @@ def test_robots_that_wait_for_their_motion_hold_up_no_others(finished: FinishedF
 def test_websocket_holds_its_connection_until_it_is_closed(tmp_path: Path) -> None:
     visitors = {"trusted_proxies": "192.0.2.0/24", "max_connections_of_visitor": 2}
     with service_with_shipped_fold(tmp_path, **visitors) as service, ExitStack() as stack:
-        for _ in range(2):  # from 127.0.0.1, which is a visitor here
+        for _ in range(2):  # 127.0.0.1 is no trusted proxy here
             assert is_open(stack.enter_context(connect_to(service)), shipped_id(service))
         assert status_of(stack.enter_context(connect_to(service)), b"/api/shapes") == 503
         assert status_of(stack.enter_context(connect_to(service)), b"/health") == 200
@@ -62,7 +62,7 @@ def test_refused_websocket_is_closed_whatever_its_peer_does(idle: Service) -> No
         data = b""
         while piece := client.recv(65536):
             data += piece
-        assert data.endswith(b"}")  # the complete problem, then the end of the connection
+        assert data.endswith(b"}")  # the problem is complete, then the connection ends
 
 
 def test_pings_are_limited_by_a_rate(tmp_path: Path) -> None:
@@ -108,7 +108,7 @@ def test_requests_are_limited_by_a_rate(service_with: ServiceWith) -> None:
     with pytest.raises(InvalidStatus), connect(address, additional_headers=own):
         pass
     for path, visitor, status in (
-        ("/", "2001:db8:1:2::ffff", 429),  # the same network
+        ("/", "2001:db8:1:2::ffff", 429),  # same network as an earlier visitor
         ("/", "2001:db8:1:3::1", 200),
         ("/health", "2001:db8:1:2::1", 200),
     ):
@@ -148,7 +148,7 @@ def test_event_streams_are_bounded(service_with: ServiceWith) -> None:
 
     service.http.timeout = 20.0
     with ExitStack() as stack:
-        lines: list[Iterator[str]] = []  # keeps the response open, as httpx closes it on deletion
+        lines: list[Iterator[str]] = []  # keep references, as httpx closes deleted responses
         for visitor in ("203.0.113.1", "198.51.100.1"):
             lines.append(stack.enter_context(follow(visitor)).iter_lines())
             assert next(lines[-1]) == "event: progress"
@@ -156,7 +156,7 @@ def test_event_streams_are_bounded(service_with: ServiceWith) -> None:
             with follow(visitor) as refused:
                 refused.read()
                 assert whose in check_problem(refused, 429, "too-many-streams", retry=True)
-    for _ in range(600):  # once the service has noticed that the first ones are closed
+    for _ in range(600):  # until the service notices that the first ones are closed
         with follow("203.0.113.1") as again:
             if again.status_code == 200:
                 return

@@ -15,7 +15,7 @@ def test_link_to_a_fold_gives_no_ownership(idle: Service) -> None:
     mine, stranger = idle.fold(SNAKE, seed="101"), new_token()
     other = idle.fold(fold=mine["id"], seed="101", token=stranger)
     assert (other["id"], other["existing"], other["owner_token"]) == (mine["id"], True, None)
-    # Other options make a fold of one's own; a stranger's request does not retain mine.
+    # Other options create a new fold; a stranger's request does not retain mine.
     other = idle.fold(fold=mine["id"], seed="102", token=stranger)
     assert (other["existing"], other["owner_token"]) == (False, stranger)
     assert other["id"] != mine["id"]

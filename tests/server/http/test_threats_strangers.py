@@ -117,7 +117,7 @@ def test_private_links_are_not_indexed(idle: Service) -> None:
     for path, robots in listed.items():
         headers = idle.http.get(path).headers
         assert headers["x-robots-tag"] == robots, path
-        assert headers["referrer-policy"] == "same-origin", path  # no site learns a link
+        assert headers["referrer-policy"] == "same-origin", path  # keeps links secret
     rules = RobotFileParser()
     rules.parse(idle.http.get("/robots.txt").text.splitlines())
     # Crawlers that are kept out do not read the header of a page.
@@ -189,7 +189,7 @@ def test_other_methods_are_refused(idle: Service) -> None:
     for method in ("PUT", "PATCH", "TRACE", "CONNECT", "PROPFIND", "OPTIONS"):
         for path in ("/api/folds", "/", "/api/folds/x"):
             answer = idle.http.request(method, path)
-            # 422: the change of a fold that names no change
+            # 422: a request to change a fold that names no change
             assert answer.status_code in (400, 404, 405, 422), (method, path, answer.status_code)
             assert "access-control-allow-origin" not in answer.headers
 

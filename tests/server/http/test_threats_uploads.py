@@ -92,8 +92,7 @@ def test_uploads_at_once_are_limited_for_a_visitor_and_for_all(service_with: Ser
     with ExitStack() as stack:
         for visitor in ("203.0.113.1", "2001:db8::1"):
             client = stack.enter_context(connect_to(service))
-            # The head is accepted; a client that expects 100-continue gets it when the upload may
-            # start.
+            # The head is accepted; a client that expects 100-continue gets it once it may upload.
             client.sendall(head(visitor, length(10) + b"\r\nExpect: 100-continue"))
             assert client.recv(65536).startswith(b"HTTP/1.1 100 ")
             client.sendall(PART)
@@ -165,7 +164,7 @@ def test_client_that_does_not_read_is_disconnected(hasty: Service) -> None:
         client.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         client.settimeout(TIMEOUT_S)
         client.connect((url.host, url.port or 80))
-        # Requests whose answers are never read, until the buffers are full.
+        # Send requests without reading answers until the buffers are full.
         ask = b"GET /view HTTP/1.1\r\nHost: localhost\r\n\r\n" * 50
         with pytest.raises(ConnectionError):
             for _ in range(1000):
@@ -203,7 +202,7 @@ def test_tiny_chunks_are_read_at_a_rate(service_with: ServiceWith) -> None:
             others = {"X-Forwarded-For": f"10.{k}.0.1"}
             assert service.http.get("/api/shapes", headers=others).status_code == 200
         client.setblocking(False)
-        with pytest.raises(BlockingIOError):  # there is no answer until all is read
+        with pytest.raises(BlockingIOError):  # no answer until the whole upload is read
             client.recv(1)
 
 
@@ -222,7 +221,7 @@ def test_trailer_fields_are_read_at_a_rate(service_with: ServiceWith) -> None:
         with pytest.raises(TimeoutError):
             while piece := client.recv(4096):
                 answers += piece
-    assert answers.count(b"HTTP/1.1") == 1  # the rate permits no further reading for seconds
+    assert answers.count(b"HTTP/1.1") == 1  # the rate limit stops reading for seconds
 
 
 def status_of(client: socket.socket, path: bytes) -> int:
@@ -273,7 +272,7 @@ def test_requests_without_a_file_are_small(idle: Service) -> None:
     for kind, path in product(("application/json", FORM, ""), paths):
         answer = idle.http.post(path, content=data, headers={"Content-Type": kind})
         assert 400 <= answer.status_code < 500, answer.text
-    with connect_to(idle) as client:  # refused however slowly it arrives
+    with connect_to(idle) as client:  # refused even if it arrives slowly
         about = b"Content-Type: %s\r\nContent-Length: %d\r\n\r\n" % (FORM.encode(), len(data))
         client.sendall(b"POST /api/folds HTTP/1.1\r\nHost: localhost\r\n" + about)
         for start in range(0, len(data), 20_000):
@@ -361,5 +360,5 @@ def test_uploads_cancelled_at_once_fill_no_disk(
         fold = service.http.post("/api/folds", files={"file": ("a.json", data)}).json()
         answer = service.http.post(f"/api/folds/{fold['id']}/cancel", headers=owner(fold))
         assert answer.json()["status"] == "cancelled"
-    # The last one, and those that fit into 512 KiB with it.
+    # The last one remains, with those that fit into 512 KiB beside it.
     assert len(list(service.directory(".").rglob("input"))) == 2

@@ -92,7 +92,7 @@ def test_waits_share_one_thread_and_are_answered_together(
     answers = asyncio.run(ask(service, f"/folds/{fold}/batch?from={FRAMES}&wait=2", visitors, grow))
     assert {answer.status_code for answer in answers} == {200}
     assert len({answer.content for answer in answers}) == 1 and len(answers[0].content) > 500
-    # Each request checks once, on arrival; all further checks are those of the one thread.
+    # Each request checks once, on arrival; the single thread makes all further checks.
     assert refreshes.total() - refreshes["frame-waits"] <= len(visitors)
 
 

@@ -1,4 +1,4 @@
-"""Durability: accepted folds are finished, whatever happens to the processes that compute them.
+"""Durability: accepted folds are finished even if the processes that compute them are killed.
 
 tests/bench/test_load.py kills processes at random moments.
 """
@@ -67,7 +67,7 @@ def crash_after(monkeypatch: pytest.MonkeyPatch, *codes: str) -> None:
         found = call(self, stage, directory, **more)
         if stage != "explode" or not rest:
             return found
-        TimelineWriter.reopen(result_path(directory, TIMELINE))  # it stays open
+        TimelineWriter.reopen(result_path(directory, TIMELINE))  # simulates a timeline left open
         raise ChildError(rest.pop(0), "the process died (SIGKILL).")
 
     monkeypatch.setattr(Child, "call", crash)
@@ -85,11 +85,11 @@ def test_fold_whose_process_dies_repeatedly_fails_alone(
     assert (state["status"], state["error"]["code"]) == ("failed", "crashed")
     for words in ("SIGKILL", "happened 2 times"):
         assert words in state["error"]["detail"]
-    # Its motion remains, and so does the report of where it stopped.
+    # Its motion and the report of where it stopped remain.
     assert state["summary"]["stuck"]["kind"] == "stopped"
     timeline = Timeline.open(result_path(service.directory(accepted["id"]), TIMELINE))
     assert timeline.status == "failed"
-    # The machine was to blame, not the shape: a repeated request computes the fold again.
+    # The machine caused the failure, not the shape: a repeated request computes the fold again.
     again = service.fold(STAIRS, token=accepted["owner_token"])
     assert not again["existing"] and again["id"] != accepted["id"]
 

@@ -40,7 +40,7 @@ class Folds:
         self.remaining = self.new_estimator()
 
     def new_estimator(self, estimates: Estimates | None = None) -> EtaEstimator:
-        """Return an estimator without memory, whose clock starts anew."""
+        """Return an estimator without history, whose clock starts anew."""
         clock = Clock(NOW)
         self.clock = clock
         return EtaEstimator(self.store, self._leases, estimates, clock=clock)
@@ -52,7 +52,7 @@ class Folds:
         return progress_of(self.store.fold(fold_id), self.remaining)
 
     def add(self, name: str, *, modules: int = 160, **how: Any) -> None:
-        """Add finished folds that are enough for an estimate."""
+        """Add enough finished folds for an estimate."""
         took = {"started_at": NOW - 100.0, "ended_at": NOW - 100.0 + sum(USUAL.values())}
         values = {"modules": modules, "progress": {"stage_s": USUAL}, **took, **how}
         for k in range(MIN_SIMILAR_FOLDS):
@@ -167,7 +167,7 @@ def test_slow_stages_raise_the_estimate_of_later_ones() -> None:
     spent = {"read": 0.5, "explode": 24.0}
     rest_s = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=spent, elapsed_s=0.0)
     assert rest_s == pytest.approx(6.5 * (3.0 + 24.0) / (3.0 + 8.0))
-    # A start that includes compiling says nothing about the others.
+    # A first stage that includes compiling does not affect the estimate for the others.
     late = {"read": 90.0, "explode": 8.0}
     rest_s = left_s(USUAL, stage="play_back", fraction=0.0, spent_s=late, elapsed_s=0.0)
     assert rest_s == pytest.approx(6.5)
@@ -207,7 +207,7 @@ def test_queued_and_running_folds_report_compiling(folds: Folds) -> None:
     for fold in (queued, now):
         progress = folds.progress(fold)
         assert progress["preparing"] == {"fraction": 0.25, "remaining_s": None}
-        # Nobody knows how long that takes.
+        # The duration of this stage is unknown.
         assert (progress["wait_s"], progress["remaining_s"]) == (None, None)
 
 

@@ -77,7 +77,7 @@ def test_half_written_files_of_killed_processes_are_removed(store: Store) -> Non
     stale, fresh = [place / name for name in names], place / ".plan.json.ff.partial"
     later = place / ".figures.zarr.b1.partial"
     tidy = housekeeping(store)
-    for paths in ((*stale, fresh), (later,)):  # a process may be killed after the first sweep
+    for paths in ((*stale, fresh), (later,)):  # a process may be killed after the first sweep, too
         for path in paths:
             path.mkdir()
             if path != fresh:
@@ -179,8 +179,8 @@ def test_cancelled_and_repeated_folds_of_the_gallery_are_removed(store: Store) -
     stay = [
         fold(store, days=1, status="cancelled", pinned=True, **GALLERY),
         fold(store, days=2, **GALLERY),
-        fold(store, days=1, **failed, **GALLERY),  # no later fold succeeded
-        fold(store, days=3, **failed, **GALLERY, content_key="key"),  # it would fail again
+        fold(store, days=1, **failed, **GALLERY),  # kept: no later fold succeeded
+        fold(store, days=3, **failed, **GALLERY, content_key="key"),  # kept: it would fail again
     ]
     housekeeping(store).sweep()
     assert remaining(store, *gone, *stay) == [False, False, True, True, True, True]
@@ -222,7 +222,7 @@ def test_derived_bytes_counted_twice_are_corrected_when_room_is_made(store: Stor
     derive(store, twice, MIB)
     derive(store, fresh, MIB, age_s=0.0)
     made = movie(store, fresh, of_owner=False, age_s=0.0)
-    for name in (twice, fresh):  # two processes have made the same file
+    for name in (twice, fresh):  # as if two processes had made the same file
         store.add_derived(name, MIB)
     housekeeping(store, storage_bytes=2 * MIB).sweep()
     assert [store.fold(name).derived_bytes for name in (twice, fresh)] == [0, MIB]

@@ -1,6 +1,6 @@
 """Several machines: one accepts a fold, another computes it, and a third shows it.
 
-tests/bench/test_load.py checks that outages of each, and of what they share, are survived.
+tests/bench/test_load.py checks outages of each machine and of shared services.
 """
 
 from collections.abc import Callable
@@ -39,7 +39,7 @@ def test_machines_take_in_compute_show_and_cancel_folds(
     assert storage is not None
     token = new_token()
     with ThreadPoolExecutor(8) as threads:
-        # Large enough to be observed on a fast machine; the token makes it the visitor's own.
+        # The fold takes long enough to be observed on a fast machine; the token sets its owner.
         asked = [first, second] * 4
         got = list(
             threads.map(lambda web: web.fold(shape="elephant", seed="1", token=token), asked)
@@ -59,7 +59,7 @@ def test_machines_take_in_compute_show_and_cancel_folds(
         assert len(seen) > 2, "the explosion was not seen while it was computed"
         plans = [check_finished(web, fold_id) for web in (first, second)]
         assert plans[0] == plans[1]
-        assert storage.below(f"folds/{fold_id}") == ["1"]  # the files of the first epoch
+        assert storage.below(f"folds/{fold_id}") == ["1"]  # only the files of the first epoch
         answer = second.http.delete(f"/api/folds/{fold_id}", headers=bearer(token))
         assert answer.status_code == 204
         assert first.http.get(f"/api/folds/{fold_id}/plan.npz").status_code == 404

@@ -1,4 +1,4 @@
-"""Movies by HTTP and by the command line; ../store/test_movie_rows.py tests their limits."""
+"""Movies over HTTP and on the command line; ../store/test_movie_rows.py tests their limits."""
 
 import json
 import shutil
@@ -69,7 +69,7 @@ def test_movie_is_requested_made_downloaded_and_deleted(finished: FinishedFold) 
     assert file.content[4:8] == b"ftyp"
     part = finished.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
     assert (part.status_code, part.content) == (206, b"ftyp")
-    # Equivalent options give the same movie, which exists.
+    # Equivalent options give the same movie, which exists already.
     again = ask(finished, **SMALL, format="mp4", theme=None, tour=True)
     assert (again["id"], again["status"], again["token"]) == (movie["id"], "ready", None)
     path = movie["links"]["self"]
@@ -106,7 +106,7 @@ def test_movie_deleted_while_it_is_made_stops(finished: FinishedFold) -> None:
     assert delete(finished.service, movie) == 204
     _, alive = psutil.wait_procs(making, timeout=30)
     assert not alive
-    # The next request takes its place.
+    # The next request gets its slot.
     assert wait(finished.service, ask(finished, **SMALL, theme="dark"), over)["status"] == "ready"
     scratch = finished.service.data_dir / "scratch"
     wait_until(lambda: not list(scratch.iterdir()))
@@ -138,7 +138,7 @@ def test_movie_command_films_with_any_ffmpeg_and_gif_without(
     size = ["--width", "128", "--height", "72", "--fps", "10", "--seconds", "0.3"]
     foldback("movie", directory, "--out", out / "fold.gif", *size, **without_ffmpeg)
     assert (out / "fold.gif").read_bytes().startswith(b"GIF89a")
-    # An encoder outside /usr and Python: the process is confined, but may run it.
+    # The confined process may run an encoder that is neither in /usr nor in Python's directory.
     program = tmp_path / "own" / "bin" / "ffmpeg"
     program.parent.mkdir(parents=True)
     shutil.copy(find_ffmpeg(), program)

@@ -1,4 +1,4 @@
-"""Queue: assignment of jobs, contents of checkpoints, and costs of a lost worker."""
+"""Queue: assignment of jobs, contents of checkpoints, and work repeated after a lost worker."""
 
 import random
 import threading
@@ -76,7 +76,7 @@ def test_fold_continues_after_its_last_finished_stage(store: Store) -> None:
     second = claim_fold(queue, worker="two")
     assert (second.stage, second.files, second.losses) == ("explode", 1, 0)
     assert store.fold("a").stage == "explode"
-    # The first execution has lost the fold: all its later writes are ignored.
+    # The first execution has lost its lease: all its later writes are ignored.
     assert not queue.keep(first, stage="certify", files=1)
     queue.hand_back(first)
     assert store.finish("a", "failed", summary={}, execution=first.execution)

@@ -36,7 +36,7 @@ def test_visitor_cannot_take_all_places() -> None:
         with pytest.raises(TooMany) as refused, quota.turn("a"):
             pass
         assert refused.value.retry_after_s == 5
-        others = [begin("b", 3), begin("c", 3)]  # c gets the slot that a has in excess
+        others = [begin("b", 3), begin("c", 3)]  # c gets one of a's excess slots
         with pytest.raises(Unavailable, match="for other people") as full:
             displaced.result(30.0)
         assert full.value.code == "busy"
@@ -107,7 +107,7 @@ def test_visitors_take_turns_at_the_places() -> None:
     a1, a2, a3, b1, b2 = (quota.enter(who, permits.append) for who in "aaabb")
     assert permits == [a1, b1]
     b2.leave()
-    b1.leave()  # a's requests wait as well: one of them proceeds
+    b1.leave()  # one of a's waiting requests proceeds
     assert permits == [a1, b1]
     c1 = quota.enter("c", permits.append)
     a1.leave()
@@ -132,7 +132,7 @@ def test_fair_threads_serve_another_visitor_next() -> None:
                 futures = [threads.submit(occupy_slot)]
                 assert inside.wait(30.0)
                 futures += [threads.submit(done.append, visitor) for _ in range(50)]
-            else:  # the thread that one visitor may not occupy
+            else:  # one visitor may not occupy the last thread
                 threads.submit(done.append, visitor).result(30.0)
                 assert done == [visitor]
             CURRENT_VISITOR.reset(token)
@@ -166,7 +166,7 @@ def test_queue_room_is_shared_by_networks_and_visitors() -> None:
         (queue(0, 0, 300.0), (0, 0, 90.0), None),
         (queue(0, 0, 300.0), (0, 0, 110.0), "your waiting folds"),
         (queue(0, 0, 1.0, 4), (0, 0, 1.0), "4 of your folds"),
-        # A single network fills half of the queue, whoever its visitors are.
+        # A single network may fill half of the queue, regardless of its visitors.
         (two, (0, 2, 90.0), None),
         (two, (0, 2, 210.0), "2 of them from your network"),
         (queue(0, 0, 300.0) + queue(0, 1, 300.0), (1, 0, 550.0), None),

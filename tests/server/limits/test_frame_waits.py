@@ -1,4 +1,4 @@
-"""Frame waits: one look at a timeline serves all requests that wait for it."""
+"""Frame waits: one check of a timeline serves all requests that wait for it."""
 
 import asyncio
 from pathlib import Path

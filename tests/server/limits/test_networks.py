@@ -51,7 +51,7 @@ def test_quota_when_full_displaces_the_network_that_holds_most() -> None:
     assert quota.enter(OTHER).held
     assert (len(quota), len(ended)) == (8, 2)
     assert {networks_of(name)[0] for name in ended} == {networks_of(HOME[0])[0], "203.0.113.0/24"}
-    with pytest.raises(TooMany, match="in all"):  # no network would gain
+    with pytest.raises(TooMany, match="in all"):  # displacing others would favour no network
         for _ in range(2):
             quota.enter(OTHER)
 
@@ -87,7 +87,7 @@ def test_quota_gives_turns_to_networks_before_visitors() -> None:
     assert started == [HOME[0], STREET[0]]  # one network has only one of the two slots
     for k in (0, 4, 1):
         permits[k].leave()
-    assert started[2:] == [HOME[1], OTHER, HOME[2]]  # not after all of one network
+    assert started[2:] == [HOME[1], OTHER, HOME[2]]  # networks alternate
 
 
 def test_single_flight_refuses_those_displaced_by_another_network() -> None:

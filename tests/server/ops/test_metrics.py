@@ -58,7 +58,7 @@ def test_requests_are_timed_by_route_and_strange_ones_add_no_metrics(idle: Servi
     for path in ("/nowhere", "/folds/x", "/api/folds/x"):
         idle.http.get(path)
     idle.http.request("FORGE", "/health")
-    idle.metrics()  # this is a route, too
+    idle.metrics()  # the metrics route counts as well
     before = figures(idle)
     for n in range(3):
         for path in ("", "folds/", "api/folds/"):
@@ -118,7 +118,7 @@ def test_stats_are_cached(tmp_path: Path, store: Store) -> None:
         once = len(queries)
         for _ in range(100):
             stats.figures()
-    assert 0 < once <= 10  # a few of them concern the connection itself
+    assert 0 < once <= 10  # a few queries set up the connection
     assert len(queries) <= 2 * once
 
 

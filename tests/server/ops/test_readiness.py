@@ -1,4 +1,4 @@
-"""Readiness: refused, with the reason, as soon as something that folds need is missing."""
+"""Readiness: refused, with the reason, as soon as a requirement of folds is missing."""
 
 import time
 from collections.abc import Iterator

@@ -76,7 +76,7 @@ def run_stage(stage, place, **_):
 
 staging.run_stage = run_stage
 """
-"""Code by which a child does what its upload says."""
+"""Code of a child that follows the instructions in its upload."""
 ONE = {"at_once": 1, "at_once_per_visitor": 1, "total": 9, "per_visitor": 6}
 
 
@@ -127,7 +127,7 @@ def test_child_answers_repeatedly_until_it_hangs(child: Child, directory: Path) 
 def test_task_slowed_by_a_busy_machine_is_not_to_blame(child: Child, directory: Path) -> None:
     child.call("check", directory, wall_s=60)
     process = psutil.Process(child.pid)
-    process.suspend()  # it gets no processor time for longer than its time limit
+    process.suspend()  # suspended for longer than its processor time limit
     threading.Timer(0.4, process.resume).start()
     assert child.call("check", directory, wall_s=0.2, busy_factor=300)["modules"] == 16
     process.suspend()
@@ -222,7 +222,7 @@ def test_reader_that_died_or_hangs_is_replaced(directory: Path, pool: Pool) -> N
 
 @pytest.fixture(scope="module")
 def overrun(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
-    """Fork server whose children do what an upload says."""
+    """Fork server whose children follow the instructions in an upload."""
     environment = without_libraries(tmp_path_factory.mktemp("code"), RUN_UPLOAD)
     with closing(ForkServer(["stages"], warm=False, environment=environment)) as server:
         yield server
@@ -263,7 +263,7 @@ def test_child_that_reports_endlessly_has_to_wait(directory: Path, overrun: Fork
     with make_child("stages", fork_server=overrun) as child:
 
         def note_full_queue(_: object) -> None:
-            # blocks, so that the queue fills however slow the child is
+            # blocks, so that the queue fills even if the child is slow
             while not child._events.full():
                 time.sleep(0.01)
             raise InterruptedError

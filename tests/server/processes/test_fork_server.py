@@ -68,7 +68,7 @@ def test_children_of_a_killed_fork_server_end_and_it_is_replaced(
     assert server.starting
     with make_child("stages", fork_server=server) as child:
         assert child.call("read", directory, wall_s=60) == {}
-        wait_until(lambda: not server.starting)  # another thread hears that it has started
+        wait_until(lambda: not server.starting)  # another thread is notified of the start
         process, first = psutil.Process(child.pid), pid_of(server)
         os.kill(first, signal.SIGKILL)
         assert not psutil.wait_procs([process], timeout=TIMEOUT_S)[1]
@@ -96,7 +96,7 @@ def test_hung_fork_server_is_replaced(
     with make_child("stages", fork_server=server) as child:
         assert child.call("read", directory, wall_s=60) == {}
         assert pid_of(server) != first
-        # Nor does the end of a running child wait for it.
+        # A running child also ends while the server is stopped.
         os.kill(pid_of(server), signal.SIGSTOP)
         child.kill()
         assert not child.alive
@@ -116,7 +116,7 @@ def test_child_ended_before_it_was_forked_does_not_stay(
             os.kill(pid_of(server), signal.SIGCONT)
         monkeypatch.undo()
         assert child.call("read", directory, wall_s=60) == {}
-        # It is forked in turn, and ends at once, as its client is gone.
+        # The late child ends at once, because its client is gone.
         with make_child("stages", fork_server=server) as after:
             after.call("read", directory, wall_s=60)
             wanted, forking = {child.pid, after.pid}, psutil.Process(pid_of(server))

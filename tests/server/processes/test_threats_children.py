@@ -1,4 +1,4 @@
-"""Attacks from within: an attacker's data have taken over a process that computes.
+"""Attacks from within: an attacker's data have taken over a compute process.
 
 Each kind of child runs code of the attacker instead of its work. The objects that it must not reach
 exist: a database, another fold, listeners.
@@ -131,7 +131,7 @@ needs_landlock = pytest.mark.skipif(not landlock.version(), reason="a kernel wit
 
 @pytest.fixture
 def targets(tmp_path: Path) -> Iterator[dict[str, Any]]:
-    """Objects that an attacker looks for, in a data directory as the service has it."""
+    """Objects that an attacker would look for, in a data directory like the service's."""
     data = tmp_path / "data"
     fold, upload = data / "folds" / "another", data / "uploads" / "1" / "another"
     scratch = data / "scratch" / "another"
@@ -167,7 +167,7 @@ def attack_env(code: Path, process: str, places: str) -> dict[str, str]:
     """Return the environment in which a process of ours runs the attack."""
     code.mkdir()
     (code / "attack.py").write_text(f"{ATTACK}{places}")
-    # Libraries start Python, too: those processes are left alone.
+    # Python processes that libraries start do not run the attack.
     return run_first(code, f"import sys\nif {process!r} in sys.orig_argv:\n    import attack\n")
 
 
@@ -222,8 +222,8 @@ def test_hijacked_process_reaches_nothing(
     refused = found["refused"]
     assert refused.pop("program") == "CalledProcessError"
     assert set(refused.values()) == {"PermissionError"}, refused
-    # Open are the pipe to the parent and, in some kinds, the reader of one upload or plan. No other
-    # one was started before, as it would not be confined.
+    # Only the pipe to the parent is open and, in some kinds, the reader of one upload or plan. No
+    # other reader was started before, as it would not be confined.
     assert found["threads"] == (3 if kind in (*FORKED_KINDS, "pictures") else 2)
     assert "socket" not in found["files"]
 

@@ -1,4 +1,4 @@
-"""Attacks by circumstances: a database that fails, and a disk that is full."""
+"""Adverse circumstances: a failing database and a full disk."""
 
 import json
 import resource
@@ -78,7 +78,7 @@ def test_health_and_metrics_work_without_a_database(broken: tuple[Service, str])
     service, _ = broken
     assert service.http.get("/health").status_code == 200
     assert service.http.get("/static/page.css").status_code in (200, 404)
-    metrics = service.metrics()  # this process's own counters still work
+    metrics = service.metrics()  # counters within this process still work
     assert metrics.status_code == 200
     assert "foldback_database_up 0.0" in metrics.text and "foldback_folds{" not in metrics.text
 
@@ -166,7 +166,7 @@ def test_child_has_limits_and_no_secrets(tmp_path: Path, monkeypatch: pytest.Mon
 
 @pytest.mark.processes
 def test_memory_of_the_service_is_unreadable() -> None:
-    """Parsers that are taken over find no keys in the environment of their parent."""
+    """A compromised parser finds no keys in its parent's environment."""
     words = (
         "import ctypes, server.processes.limits as l;"
         "get = lambda: ctypes.CDLL(None).prctl(3, 0, 0, 0, 0);"

@@ -39,7 +39,7 @@ def heartbeat(leases: Leases, name: str, pid: int = 1) -> None:
 
 
 def dead_after(leases: Leases, clock: Clock, seconds: float, *living: str) -> set[str]:
-    """Return the workers found dead at the end of a time with one check per second."""
+    """Return the workers that have expired at the end of a period with one check per second."""
     dead: set[str] = set()
     for _ in range(int(seconds)):
         clock.now += 1.0
@@ -69,7 +69,7 @@ def test_holder_of_folds_without_a_row_gets_a_lease(leases: Leases, clock: Clock
 def test_no_worker_dies_while_the_database_is_away(leases: Leases, clock: Clock) -> None:
     heartbeat(leases, "a/x/0")
     assert leases.expired(()) == set()
-    clock.now += 10 * LEASE_S  # neither heartbeats nor checks are possible
+    clock.now += 10 * LEASE_S  # as if suspended: no heartbeats and no checks
     assert leases.expired(()) == set()
     assert dead_after(leases, clock, LEASE_S, "a/x/0") == set()
 

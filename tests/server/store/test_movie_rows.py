@@ -151,12 +151,12 @@ def test_movie_made_twice_counts_once(processes: Processes, filming: Any) -> Non
     one, other = processes()
     one.ask(MOVIES[0], "somebody")
     filming["meanwhile"] = lambda: filming.update(meanwhile=lambda: None) or other.make()
-    one.make()  # another worker has taken it over meanwhile, and is faster
+    one.make()  # another worker takes over and finishes first
     other.make()
     path = one.movies.file("a1", MOVIES[0].key)
     assert path is not None and path.read_bytes() == b"a movie"
     assert (one.row().bytes, remaining_files(one)) == (7, [path.name])
-    assert one.fold().bytes == 1000  # it is not a file of the fold itself
+    assert one.fold().bytes == 1000  # movies do not count as files of the fold
     assert not list(one.settings.scratch_dir.iterdir())
     other.movies.delete("a1", MOVIES[0].key)
     assert remaining_files(one) == []
@@ -173,7 +173,7 @@ def test_movie_deleted_while_it_is_made_leaves_nothing(processes: Processes, fil
         one.movies.state("a1", MOVIES[0].key)
     one.ask(MOVIES[0], "somebody")
     old = MovieClaim("a1", MOVIES[0].key, job, "worker:1")
-    one.worker.make(old)  # no worker owns the old job any more
+    one.worker.make(old)  # the old claim is no longer valid
     assert one.row().status == "queued"
 
     def delete_fold() -> None:

@@ -1,4 +1,4 @@
-"""Rows of folds: permission to end them, and finality of their end."""
+"""Rows of folds: who may end them, and that an end is final."""
 
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
@@ -56,7 +56,7 @@ def test_ended_or_cancelled_fold_keeps_its_status(store: Store) -> None:
     assert store.cancel(verified.id, OWNER)
     assert store.fold(verified.id).status == "verified"
     assert store.cancel(cancelled.id, OWNER)
-    # whatever its worker reports
+    # a later report of its worker does not change the status
     assert store.finish(cancelled.id, "verified", summary={"status": "verified"}, size=10)
     ended = store.fold(cancelled.id)
     assert (ended.status, ended.summary, ended.error, ended.bytes) == ("cancelled", {}, None, 10)
@@ -203,7 +203,7 @@ def test_short_folds_do_not_wait_for_a_running_baseline(store: Store, preset: st
     store.add(refold, new_owner())
     ahead = store.ahead(store.fold(refold.id))
     assert (ahead.place, ahead.running) == (1, 0), "it has a place of its own in each worker"
-    # A longer fold shares the baseline's slot, which makes room for it.
+    # A longer fold shares the slot with the baseline.
     several = row(visitor="another", modules=64, prefer="time")
     store.add(several, new_owner())
     assert store.ahead(store.fold(several.id)).running == 1
@@ -214,7 +214,7 @@ def test_short_folds_do_not_wait_for_a_running_baseline(store: Store, preset: st
     ("modules", "waiting", "cheaper", "over"),
     [
         (1000, [], False, False),
-        (1000, [16], False, False),  # it has a slot of its own
+        (1000, [16], False, False),  # short folds have a slot of their own
         (1000, [900], True, True),
         (900, [1000], True, False),
         (64, [16], False, True),

@@ -35,7 +35,7 @@ def test_box_shows_only_the_faces_of_its_outside() -> None:
 
 def test_hidden_cell_is_left_out_and_half_a_face_is_drawn() -> None:
     assert faces(drawing([(0, 0, 0), (4, 4, 4)]), "gap") == 3
-    # The upper one hides half of the top of the lower one and half of a side.
+    # The upper cell hides half of the lower one's top and half of one side.
     assert faces(drawing([(0, 0, 0), (1, 0, 1)]), "gap") == 6
 
 

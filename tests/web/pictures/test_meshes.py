@@ -77,7 +77,7 @@ def test_table_is_below_all_modules_and_larger_than_the_motion() -> None:
     table = TableTop.under(CHAIN, np.array([[[-3.0, 2.0, 0.0], [20.0, 4.0, 1.0]]]))
     assert (table.height, table.middle) == (pytest.approx(-0.5), (8.5, 3.0))
     assert table.sides == (23.0 + 1.0 + 2 * TABLE_MARGIN_PITCH, MIN_TABLE_SIDE_PITCH)
-    assert min(TableTop.under(CHAIN).sides) > 2 * len(CHAIN)  # of an unknown motion
+    assert min(TableTop.under(CHAIN).sides) > 2 * len(CHAIN)  # for an unknown motion
     mesh = TABLE.mesh()
     full = TABLE.thickness * TABLE.sides[0] * TABLE.sides[1]
     assert 0.85 * full < volume(mesh.vertices, mesh.faces) < full

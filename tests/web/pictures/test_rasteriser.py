@@ -21,7 +21,7 @@ def test_triangle_covers_its_area_from_the_front_alone() -> None:
     assert abs(red.sum() - 400) <= 20
     rows, columns = np.nonzero(red)
     assert (rows.min(), rows.max(), columns.min()) == (10, 29, 10)
-    assert (draw((LEFT_TURN[::-1], RED)) == 200).all()  # from behind
+    assert (draw((LEFT_TURN[::-1], RED)) == 200).all()  # invisible from behind
 
 
 def test_nearest_triangle_is_seen_in_any_order() -> None:

@@ -32,7 +32,7 @@ def pixels(chain: Chain = CHAIN, **options: object) -> np.ndarray:
 def test_shape_fills_the_picture_and_is_complete() -> None:
     shape = Gallery().shape("tetra-wrench")
     picture = pixels(read(shape.data, filename=shape.filename))
-    # Neither the lit ground nor its shadow, which has a warm colour.
+    # Neither the lit ground nor its warm shadow counts.
     drawn = (picture.max(axis=-1) < 235) & (picture[..., 0] - picture[..., 2] < 12)
     rows, columns = np.nonzero(drawn)
     assert max(np.ptp(rows) / SOCIAL_PICTURE_PX[1], np.ptp(columns) / SOCIAL_PICTURE_PX[0]) > 0.6

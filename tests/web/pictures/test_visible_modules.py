@@ -12,7 +12,7 @@ def test_only_the_surface_of_a_large_box_is_drawn() -> None:
     drawn = visible_modules(BOX, CUBE, target=BOX.mean(axis=0))
     surface = ((BOX == 0) | (BOX == 19)).any(axis=1)
     assert np.array_equal(drawn, np.flatnonzero(surface))
-    # Of fewer modules all are drawn.
+    # If there are fewer modules, all are drawn.
     assert len(visible_modules(BOX[:1000], CUBE, target=BOX[0])) == 1000
 
 

@@ -43,7 +43,7 @@ def _column(told: dict[str, Any], message: bytes, start: int) -> NDArray[Any]:
 def windows_of(columns: Mapping[str, Any], folded_rad: NDArray[np.floating[Any]]) -> Motion:
     """Return the snapshots in ``window_columns``.
 
-    Each angle is within half a step; errors are as they were told.
+    Angles are exact to half a step; errors are unchanged.
     """
     offsets = np.concatenate([[0], np.cumsum(columns["counts"], dtype=np.int64)])
     first = columns["first"].astype(np.int64)

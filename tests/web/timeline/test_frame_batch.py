@@ -78,7 +78,7 @@ def test_batch_of_a_finished_timeline_is_made_once(
     timeline = TimelineView(timeline_path)
     first = cached_batch(timeline, 3, 90, 7)
     assert first == batch_of(timeline, 3, 90, 7)
-    # Not even another view of the same timeline reads its frames again.
+    # Another view of the same timeline does not read its frames again.
     again = TimelineView(timeline_path)
     monkeypatch.delattr(TimelineView, "frames")
     assert cached_batch(again, 3, 90, 7) == first

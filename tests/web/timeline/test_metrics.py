@@ -41,7 +41,7 @@ def test_curves_and_stretches_are_those_of_the_figures(fold: Path) -> None:
 
 
 def join_up(fold: Path, name: str) -> np.ndarray:
-    """Return a figure of every module, joined from all stretches."""
+    """Return a figure of every module, concatenated from all stretches."""
     header, _ = decode(curves_of(fold))
     parts = range(-(-header["frames"] // header["rows"]))
     return np.concatenate([decode(stretch_of(fold, k))[1][name] for k in parts])
@@ -110,6 +110,6 @@ def test_plan_is_read_once_for_all_stretches(
     assert len(loaded) == 1
     plan = tmp_path / "fold" / "plan.npz"
     plan.rename(tmp_path / "before.npz")
-    shutil.copy(tmp_path / "before.npz", plan)  # made again
+    shutil.copy(tmp_path / "before.npz", plan)  # computed again
     assert stretch_of(tmp_path / "fold", 0) == first
     assert len(loaded) == 2

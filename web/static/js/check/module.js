@@ -1,9 +1,10 @@
-// A convex module at its size, and its joint to the next one: anchor, turn, hinge about the third axis, turn, ..., offset.
+// A convex module, scaled to its size, and its joint to the next one: anchor, turn, hinge about the
+// third axis, turn, ..., offset.
 
 /** @typedef {[number, number, number]} Vector */
 /**
  * @typedef {{ corners: Vector[], faces: Vector[], edges: Vector[], anchor: Vector, offset: Vector, turns: Vector[][],
- *   hinges: string[], rigid_links: number, apart: number, limit_rad: number }} Geometry a plan's words for a module
+ *   hinges: string[], rigid_links: number, apart: number, limit_rad: number }} Geometry a plan's description of a module
  */
 
 const HALVES = [-.5, .5], H = Math.SQRT1_2, T = Math.sqrt(1 / 3);
@@ -47,7 +48,7 @@ export class Module {
     this.exact = told.turns.flat(2).every((v) => v === 0 || Math.abs(v) === 1);
   }
 
-  /** Whether its turns are rotations, the normals of faces have length 1, and all else are numbers of a size that can be. */
+  /** True if the turns are rotations, the face normals have length 1, and all other numbers are in their ranges. */
   get sound() {
     const { turns, faces, edges, corners, anchor, offset, apart, rigid_links: rigid } = this.told;
     return turns.every((rows) => dot(rows[0], cross(rows[1], rows[2])) > 0 && rows.length === 3
@@ -56,7 +57,7 @@ export class Module {
       && [...corners, ...edges, anchor, offset].every((v) => v.length === 3 && v.every((x) => Math.abs(x) < 1e6)) && [0, 1].includes(rigid);
   }
 
-  /** Least of (x, y, z) . corner over the corners. @type {(x: number, y: number, z: number) => number} */
+  /** Return the minimum of (x, y, z) · corner over the corners. @type {(x: number, y: number, z: number) => number} */
   least(x, y, z) {
     let found = Infinity;
     for (const v of this.corners) found = Math.min(found, x * v[0] + y * v[1] + z * v[2]);
@@ -64,7 +65,7 @@ export class Module {
   }
 
   /**
-   * The next module's pose: centre, then three axes, from the one before and the angles of the hinges between.
+   * Write the next module's pose (centre, then three axes), given the one before and the hinge angles between them.
    * @type {(P: Float64Array, from: number, to: number, q: Float64Array, at: number) => void}
    */
   next(P, from, to, q, at) {

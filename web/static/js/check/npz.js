@@ -3,7 +3,7 @@
 /** @typedef {{ shape: number[], values: Float64Array | string[] }} Column values in C order */
 
 const ENTRY = 0x02014b50, END = 0x06054b50, NUMPY = 0x934e554d, DEFLATED = 8;
-/** @type {Record<string, new (buffer: ArrayBuffer) => Iterable<number | bigint> & { length: number }>} numbers of one kind, least byte first as in all browsers */
+/** @type {Record<string, new (buffer: ArrayBuffer) => Iterable<number | bigint> & { length: number }>} typed arrays by NumPy type; little-endian, as in all browsers */
 const KINDS = { f8: Float64Array, f4: Float32Array, u1: Uint8Array, i4: Int32Array, i8: BigInt64Array, U: Uint32Array };
 /** @type {(bytes: Uint8Array<ArrayBuffer>) => DataView<ArrayBuffer>} */
 const viewOf = (bytes) => new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);

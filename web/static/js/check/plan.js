@@ -1,13 +1,13 @@
-// A plan file, checked against what it says of itself.
+// Reading of a plan file, with checks of its consistency.
 import { KNOWN, Module } from "./module.js";
 import { readable, readNpz } from "./npz.js";
 
 /** @typedef {import("./npz.js").Column} Column */
-/** @typedef {{ modules: [number, number], frame: number, gap: number, fits: number }} Place the gap in widths of a module's cell, and how large modules still fit */
+/** @typedef {{ modules: [number, number], frame: number, gap: number, fits: number }} Place gap, in widths of a module's cell, and largest size of modules that still fit */
 
-const SLIP = 1e-6; // radians by which a hinge may stand beside its first, last or widest angle
+const SLIP = 1e-6; // tolerance in radians of a hinge's first, last and largest angle
 
-/** What could not be proved, and where. */
+/** A claim that could not be proved, and its place. */
 export class NotProved extends Error {
   /**
    * @param {string} message
@@ -16,7 +16,7 @@ export class NotProved extends Error {
   constructor(message, place = null) { super(message); this.place = place; }
 }
 
-/** @type {(values: Float64Array) => number} largest of their sizes, Infinity if one is no number */
+/** @type {(values: Float64Array) => number} largest absolute value; Infinity if one is not a number */
 const widest = (values) => values.reduce((most, x) => Math.max(most, Number.isNaN(x) ? Infinity : Math.abs(x)), 0);
 const degrees = (/** @type {number} */ angle) => `${Number((angle * (180 / Math.PI)).toFixed(4))}°`;
 /** @type {(a: ArrayLike<number>, b: ArrayLike<number>) => boolean} */
@@ -25,7 +25,7 @@ const near = (a, b) => a.length === b.length && Array.prototype.every.call(a, (x
 const rise = (values) => values.every((x, k) => Number.isFinite(x) && (!k || x >= values[k - 1]));
 
 export class Plan {
-  /** A plan that nothing has been checked of. @param {Uint8Array<ArrayBuffer>} bytes */
+  /** Open a plan without checks. @param {Uint8Array<ArrayBuffer>} bytes */
   static async open(bytes) {
     const arrays = await readNpz(bytes);
     return new Plan(arrays, JSON.parse(String(arrays.get("plan")?.values[0])));
@@ -44,7 +44,7 @@ export class Plan {
 
   /**
    * @param {Map<string, Column>} arrays
-   * @param {any} told what the plan says of itself
+   * @param {any} told the plan's own description
    */
   constructor(arrays, told) {
     const { chain, certificate, claim } = told;
@@ -63,7 +63,7 @@ export class Plan {
     const J = this.folded.length, frames = this.numbers(this.windowed ? "first" : "time_s").length;
     const expected = (this.n - 1) * this.module.hinges - this.pad;
     readable(J === expected && this.n >= 2, `got ${J} hinges for ${this.n} modules, expected ${this.n < 2 ? "at least 2 modules" : expected}`);
-    /** In frame k hinges first[k] to last[k] stand at values[offsets[k]] and on, those before as folded, those behind at 0. */
+    /** In frame k, the angles of hinges first[k] to last[k] − 1 start at values[offsets[k]]; earlier hinges are folded, later ones at 0. */
     this.first = this.windowed ? this.numbers("first") : new Float64Array(frames);
     this.offsets = this.windowed ? this.numbers("offsets") : Float64Array.from({ length: frames + 1 }, (_, k) => k * J);
     this.last = this.first.map((a, k) => a + this.offsets[k + 1] - this.offsets[k]);
@@ -82,14 +82,14 @@ export class Plan {
     return values;
   }
 
-  /** All windows' angles one after another; stored as they are, as differences of frames, or as changes in windows. @param {number} J */
+  /** Return the concatenated angles of all windows; stored plainly, as differences of frames, or as changes in windows. @param {number} J */
   angles(J) {
     const { arrays, told: { angles }, folded, first, last, offsets } = this, name = this.windowed ? "angles_rad" : "joint_angles_rad";
     const shape = (arrays.has(name) ? arrays.get(name) : angles)?.shape;
     readable(this.windowed || (shape?.[0] === this.frames && shape[1] === J), "the angles do not match the hinges and frames");
     if (arrays.has(name)) return this.numbers(name);
     const planes = this.numbers("angle_planes"), count = arrays.get("angle_planes")?.shape[1] ?? 0, step = angles.step_rad, now = new Float64Array(J);
-    const values = Float64Array.from({ length: count }, (_, k) => { // whole numbers whose lowest bit is the sign
+    const values = Float64Array.from({ length: count }, (_, k) => { // integers with the sign in the lowest bit
       const code = planes[k] + 256 * (planes[count + k] + 256 * (planes[2 * count + k] + 256 * planes[3 * count + k]));
       return code % 2 ? -(code + 1) / 2 : code / 2;
     });
@@ -99,12 +99,12 @@ export class Plan {
     }
     first.forEach((a, k) => {
       for (let h = a, at = offsets[k]; h < last[k]; h++, at++) values[at] = Math.fround((now[h] += values[at]) * step);
-      for (let h = 0; h < J; h++) if (h < a || h >= last[k]) now[h] = h < a ? Math.round(folded[h] / step) : 0; // as it enters
+      for (let h = 0; h < J; h++) if (h < a || h >= last[k]) now[h] = h < a ? Math.round(folded[h] / step) : 0; // value on entering the window
     });
     return values;
   }
 
-  /** What is wrong with a plan, each with True if the plan is free of it. */
+  /** Return the possible defects of a plan, each with true if the plan is free of it. */
   async facts() {
     const { arrays, told, n, known, size, claim, frames, pad, folded, most, module: { sound, told: geometry } } = this;
     const { certificate: said, start } = told, { apart, rigid_links: rigid, hinges, limit_rad: limit } = geometry, times = this.numbers("time_s");
@@ -123,12 +123,12 @@ export class Plan {
       "the times do not increase": times.length === frames && rise(times),
       "the first frame is not the start shape": near(this.frame(0).subarray(pad), start ? start.folded_rad : new Float64Array(folded.length)),
       "the last frame is not the folded shape": near(this.frame(frames - 1).subarray(pad), folded),
-      // Browsers hash for pages of https and of localhost alone; the proof itself needs no digest.
+      // Browsers provide hashes only on https and localhost; the proof itself needs no digest.
       "the checksum of the angles does not match": !digest || !globalThis.crypto?.subtle || digest === await this.digest(),
     };
   }
 
-  /** SHA-256 of the angles as 64-bit floats; of windows, of first and offsets as 64-bit integers, then of the angles as 32-bit floats. */
+  /** Return the SHA-256 of the angles as 64-bit floats; for windows, of first and offsets as 64-bit integers, then the angles as 32-bit floats. */
   async digest() {
     const { windowed, first, offsets, values } = this;
     const parts = windowed ? [BigInt64Array.from([...first, ...offsets], BigInt), Float32Array.from(values)] : [Float64Array.from(values)];
@@ -136,7 +136,7 @@ export class Plan {
     return Array.from(hash, (byte) => byte.toString(16).padStart(2, "0")).join("");
   }
 
-  /** Angles in a frame, those of rigid links too. @param {number} k */
+  /** Return the angles of a frame, including those of rigid links. @param {number} k */
   frame(k) {
     const { pad, folded, values, first: { [k]: a }, last: { [k]: b }, offsets: { [k]: offset } } = this, found = new Float64Array(pad + folded.length);
     found.set(folded.subarray(0, a), pad);

@@ -1,5 +1,6 @@
-// Proves that modules stay apart all the time, also between frames. The lemmas and their proofs stand in foldback_check.py;
-// names follow it: S bounds how much hinges turn, L is the length of links, E what rounding may do.
+// Proves that modules keep their clearance continuously, including between frames.
+// foldback_check.py has the lemmas and their proofs; the names follow it: S bounds the rotation of
+// hinges, L is the length of links, E the rounding error.
 import { cross, dot, Module, norm } from "./module.js";
 import { NotProved } from "./plan.js";
 
@@ -8,30 +9,30 @@ import { NotProved } from "./plan.js";
 /** @typedef {import("./module.js").Vector} Vector */
 
 const U = 2 ** -53;
-const ORDER = 5, MIDDLE = 2; // nodes of an interval; odd, so that one of them is its middle
+const ORDER = 5, MIDDLE = 2; // nodes of an interval; odd, so that one of them is the midpoint
 const NODES = Array.from({ length: ORDER }, (_, k) => (1 - Math.cos((2 * k + 1) * Math.PI / (2 * ORDER))) / 2);
 const CHOOSE = [[1], [1, 1], [1, 2, 1], [1, 3, 3, 1], [1, 4, 6, 4, 1]];
-/** The polynomials that are 1 at one node and 0 at the others: factors of 1, t, t^2, ... */
+/** Lagrange polynomials of the nodes: coefficients of 1, t, t^2, ... */
 const LAGRANGE = NODES.map((t) => NODES.filter((u) => u !== t).reduce((p, u) => [...p, 0].map((c, k) => ((p[k - 1] ?? 0) - u * c) / (t - u)), [1]));
-/** What turns a polynomial's values at the nodes into its Bernstein coefficients. */
+/** Matrix from a polynomial's values at the nodes to its Bernstein coefficients. */
 const BERNSTEIN = CHOOSE.map((row) => LAGRANGE.map((p) => row.reduce((sum, c, k) => sum + c / CHOOSE[4][k] * p[k], 0)));
-/** Of interpolation: what S^p (L + r) is multiplied by. */
+/** Factor of S^p (L + r) in the interpolation error. */
 const REMAINDER = 2 / (4 ** ORDER * 120) * (1 + 1e-9);
 const POSES = 12 * ORDER; // a module's centre and axes at all nodes
-const CROWD = 200; // pairs for each moving module from which on an interval is halved unseen
-const DEPTH = 14; // an interval is halved at most so many times
+const CROWD = 200; // pairs per moving module above which an interval is halved without checking them
+const DEPTH = 14; // maximum number of halvings of an interval
 const PARALLEL = 1e-6; // edges with a shorter cross product give no axis
 
-/** The largest power of two that is not above a number, and at least 1. @param {number} x */
+/** Return the largest power of two up to a number, at least 1. @param {number} x */
 const powerIn = (x) => 1 << (31 - Math.clz32(Math.max(x, 1)));
 
-/** A coefficient of the polynomial through values o, o + 12, o + 24, ... @type {(row: number[], values: Float64Array, o: number) => number} */
+/** Return a coefficient of the polynomial through values o, o + 12, o + 24, ... @type {(row: number[], values: Float64Array, o: number) => number} */
 const coefficient = (row, values, o) => row[0] * values[o] + row[1] * values[o + 12] + row[2] * values[o + 24] + row[3] * values[o + 36] + row[4] * values[o + 48];
 
 export class Proof {
-  M = new Float64Array(POSES); // one module's poses as seen from another
+  M = new Float64Array(POSES); // poses of one module relative to another
   line = new Float64Array(POSES); // the same along an axis
-  /** @type {{ gap: number, axis: Vector, fits: number }} the axis that separates best, and up to which size of modules any does */
+  /** @type {{ gap: number, axis: Vector, fits: number }} best separating axis, and largest module size that any axis separates */
   best = { gap: 0, axis: [0, 0, 0], fits: 0 };
   /** @type {Place | null} the tightest place so far */
   tightest = null;
@@ -48,18 +49,18 @@ export class Proof {
     this.plan = plan;
     this.module = m;
     this.size = size;
-    /** The interval begins at frame k; modules to c are as folded, those behind `end` straight; P and boxes are as folded up to module `folded`. */
+    /** The interval begins at frame k; modules up to c are folded, those after `end` straight; P and boxes hold the folded state up to module `folded`. */
     this.k = this.frame = this.c = this.end = this.folded = this.slack = this.largest = 0;
     this.P = Float64Array.from({ length: plan.n * POSES }, (_, x) => Number(x < POSES && x % 4 === 3));
     this.S = new Float64Array(plan.n);
-    this.straight = this.P.slice(0, 12 * plan.n).fill(0, 12); // poses of a chain that is all straight
+    this.straight = this.P.slice(0, 12 * plan.n).fill(0, 12); // poses of the straight chain
     for (let k = 1; k < plan.n; k++) m.next(this.straight, 12 * k - 12, 12 * k, still, 0);
-    this.behind = new Int32Array(plan.n).fill(plan.n); // the first module behind a joint that turns, seen from one in front
-    this.boxes = new Float64Array(6 * plan.n); // in which centres stay: least and greatest corner
+    this.behind = new Int32Array(plan.n).fill(plan.n); // for each module, the first one after a turning joint
+    this.boxes = new Float64Array(6 * plan.n); // bounds of the centres: minimum and maximum corner
     this.q = this.step = new Float64Array();
   }
 
-  /** Proves all intervals; gives each one's frame before it looks at it. */
+  /** Prove all intervals; yield the frame of each one before checking it. */
   * run() {
     for (let k = 0; k < this.intervals; k++) {
       yield k;
@@ -70,7 +71,7 @@ export class Proof {
 
   get intervals() { return Math.max(1, this.plan.frames - 1); }
 
-  /** Proves the interval from frame k to the next one. @param {number} k */
+  /** Prove the interval from frame k to the next one. @param {number} k */
   interval(k) {
     const { plan, module: { hinges } } = this, { first, last, pad, n } = plan, after = Math.min(k + 1, plan.frames - 1);
     this.k = k;
@@ -83,10 +84,10 @@ export class Proof {
   }
 
   /**
-   * Looks at a share of the time between two frames: from t on, w long.
+   * Check a fraction of the time between two frames, from t to t + w; bisect it if pairs remain unproved.
    * @param {number} t
    * @param {number} w
-   * @param {[number, number][] | null} only which modules to look at, if not at all
+   * @param {[number, number][] | null} only pairs of modules to check; null for all
    */
   look(t, w, only) {
     this.move(t, w);
@@ -98,7 +99,7 @@ export class Proof {
     for (const begin of [t, t + w / 2]) this.look(begin, w / 2, left);
   }
 
-  /** Poses at the nodes up to where the chain is straight, and turning. @param {number} t @param {number} w */
+  /** Compute poses at the nodes, up to the straight tail, and the bounds S of rotation. @param {number} t @param {number} w */
   move(t, w) {
     const { P, S, c, end, q, step, behind, module, plan: { n } } = this, { hinges } = module, angles = q.slice();
     for (let a = 0; a < POSES; a += 12) {
@@ -114,7 +115,7 @@ export class Proof {
     this.slack = 4 * (n * hinges + 4) * U * S[0];
   }
 
-  /** Poses of a module where the chain is straight. @param {number} m */
+  /** Compute the poses of a module of the straight tail. @param {number} m */
   place(m) {
     const { P, straight, end } = this;
     for (let a = end * POSES, p = m * POSES; p < (m + 1) * POSES; a += 12) for (let k = 0, s = 12 * (m - end); k < 12; k += 3, s += 3) {
@@ -122,10 +123,10 @@ export class Proof {
     }
   }
 
-  /** What interpolation and rounding may hide of a point of module j, so far from its centre, as seen from i. @type {(i: number, j: number, r: number) => number} */
+  /** Return the bound of interpolation and rounding errors for a point of module j at distance r from its centre, relative to i. @type {(i: number, j: number, r: number) => number} */
   lost(i, j, r) { return REMAINDER * (Math.abs(this.S[j] - this.S[i]) + this.slack) ** ORDER * (Math.abs(j - i) * this.module.length + r) + this.E; }
 
-  /** Poses of module j as seen from i, or their centres alone. @param {number} i @param {number} j */
+  /** Compute the poses of module j relative to i, or only their centres. @param {number} i @param {number} j */
   see(i, j, count = 12) {
     const { P, M } = this;
     for (const m of [i, j]) if (m > this.end) this.place(m);
@@ -135,7 +136,7 @@ export class Proof {
     }
   }
 
-  /** The box in which a module's centre stays, as seen from a root. @param {number} m */
+  /** Compute the box that bounds a module's centre, relative to a root module. @param {number} m */
   box(m) {
     const { boxes, plan: { n, windowed } } = this, root = windowed ? 0 : n >> 1, lost = this.lost(root, m, 0);
     this.see(root, m, 3);
@@ -146,17 +147,17 @@ export class Proof {
     }
   }
 
-  /** Modules i, j that may come too near, each i before j; null if they are a crowd. */
+  /** Return the pairs i < j of modules that may come too near; null if there are too many. */
   near() {
     const { boxes, k, c, end, behind, folded, module: { radius, length, told: { apart } }, plan: { n, claim, windowed } } = this;
     const found = /** @type {[number, number][]} */ ([]), reach = 2 * radius + claim + this.E;
-    // Boxes in front stay as they were, those where the chain is straight are made when they are met.
+    // Boxes of the folded core do not change; those of the straight tail are computed on demand.
     for (let m = windowed ? Math.min(c, folded) : 0; m <= end; m++) this.box(m);
     boxes.fill(NaN, 6 * end + 6);
     this.folded = c;
     for (let i = 0, least = Infinity; i < n; i += Math.max(Math.floor(least), 1), least = Infinity) {
-      // Pairs between which nothing turns stay as they were. Along the chain no link is longer than `length`: half
-      // of what is to spare is left for modules after j, half for those after i.
+      // Pairs without a turning joint between them do not change. No link is longer than `length`:
+      // half of the spare distance is reserved for modules after j, half for those after i.
       for (let j = Math.max(i + apart, k ? behind[i] : 0); j < n;) {
         let gap = 0;
         for (const m of [i, j]) if (Number.isNaN(boxes[6 * m])) this.box(m);
@@ -164,7 +165,7 @@ export class Proof {
         const spare = (Math.sqrt(gap) - reach) / length / 2;
         if (!(spare >= 0)) found.push([i, j]);
         least = Math.min(least, spare);
-        const leap = Math.max(Math.floor(spare), 1) || 1; // once more at round numbers: many i share the boxes of those far away
+        const leap = Math.max(Math.floor(spare), 1) || 1; // stop at multiples of powers of two, so that many i share the boxes of distant modules
         j += leap - (j + leap) % powerIn(leap / 2);
       }
       if (found.length > CROWD * ((k ? end - c : n) + 10)) return null;
@@ -172,7 +173,7 @@ export class Proof {
     return found;
   }
 
-  /** Whether two modules are proved to be far enough apart during the interval. @param {number} i @param {number} j */
+  /** Return true if the clearance of two modules is proved for the interval. @param {number} i @param {number} j */
   clear(i, j) {
     this.see(i, j);
     const { frame, plan: { claim } } = this, bound = this.solids(this.lost(i, j, this.module.radius)), { gap, fits } = this.best;
@@ -182,7 +183,7 @@ export class Proof {
     return bound >= claim;
   }
 
-  /** Bound along the axis that separates best in the middle, of centres and faces, and if it must be, of edges. @param {number} lost */
+  /** Return the bound along the best axis at the midpoint, among centres and faces and, if necessary, edges. @param {number} lost */
   solids(lost) {
     this.best = { gap: -Infinity, axis: [0, 0, 0], fits: -Infinity };
     this.separate(false);
@@ -192,7 +193,7 @@ export class Proof {
     return Math.max(bound, this.during() - lost);
   }
 
-  /** Finds the axis that separates best in the middle: the line of centres, a normal of a face, or what is normal to two edges. @param {boolean} edges */
+  /** Find the best separating axis at the midpoint: the line of centres, a face normal, or the normal of two edges. @param {boolean} edges */
   separate(edges) {
     const { M, module: m, size, plan: { claim } } = this, own = edges ? m.told.edges : m.told.faces;
     /** @type {Vector[]} */
@@ -208,7 +209,7 @@ export class Proof {
     }
   }
 
-  /** Bound along the best axis during the whole interval, before what is lost. */
+  /** Return the bound along the best axis over the whole interval, without the error terms. */
   during() {
     const { M, line, module: m, best: { axis: [x, y, z] } } = this;
     for (let o = 0; o < POSES; o += 3) line[o] = x * M[o] + y * M[o + 1] + z * M[o + 2];

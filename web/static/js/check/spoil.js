@@ -1,4 +1,4 @@
-// Spoils a plan on purpose: makes its modules larger until some touch, or turns a hinge too far.
+// Deliberate faults in a plan: modules enlarged until some touch, or a hinge that is off.
 import { Module } from "./module.js";
 import { NotProved } from "./plan.js";
 import { Proof } from "./proof.js";
@@ -6,18 +6,18 @@ import { Proof } from "./proof.js";
 /** @typedef {import("./plan.js").Plan} Plan */
 /** @typedef {import("./plan.js").Place} Place */
 
-const SHY = 1e-4; // by how much modules are made smaller than those that touch
+const SHY = 1e-4; // margin below the size at which modules touch
 const OFF = Math.PI / 180;
 
-/** Finds how large modules may be: they begin as large as their cells, and become smaller wherever some touch. */
+/** Finds the largest module size: it starts at the size of the cells and shrinks wherever modules touch. */
 export class Largest {
-  /** @type {(Place & { size: number }) | null} which modules made all smaller last, and the size at which they touch */
+  /** @type {(Place & { size: number }) | null} pair of modules that reduced the size last, and the size at which they touch */
   touch = null;
 
   /** @param {Plan} plan */
   constructor(plan) { this.proof = new Proof(plan, 1); }
 
-  /** Proves all intervals, as `Proof.run` does. */
+  /** Prove all intervals, as `Proof.run` does. */
   * run() {
     const { proof } = this;
     for (let k = 0; k < proof.intervals; k++) {
@@ -37,7 +37,7 @@ export class Largest {
 }
 
 /**
- * Turns a hinge a little further than the plan does, in all frames but the first and the last; gives the joint's number.
+ * Turn a hinge one degree away from its folded angle, in all frames but the first and the last. Return the joint's number.
  * @param {Plan} plan
  * @param {number} module
  */

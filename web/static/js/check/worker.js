@@ -1,11 +1,12 @@
-// Checks a plan in a thread of its own, as it is or broken on purpose, and tells how far it is.
+// Checks a plan in a separate thread, unchanged or with a deliberate fault, and reports the
+// progress.
 import { NotProved, Plan } from "./plan.js";
 import { Proof } from "./proof.js";
 import { Largest, turnMore } from "./spoil.js";
 
 /** @typedef {import("./plan.js").Place} Place */
 /**
- * What to check: a plan as it claims to be, how large its modules may be, or what a hinge does that is off.
+ * `way` is the check: the plan's claim, the largest size of its modules, or the effect of a hinge that is off.
  * @typedef {{ href: string, way: "claim" | "size" | "hinge", module: number | null }} Asked
  * @typedef {{ frames: number, modules: number, size: number, claim: number }} Claimed
  * @typedef {{ is: "progress", frame: number, frames: number, tightest: Place | null }} Progress
@@ -14,7 +15,7 @@ import { Largest, turnMore } from "./spoil.js";
  */
 
 const TELL_MS = 60;
-const TOUCHES = 1e-5; // widths of a cell: modules that are nearer touch
+const TOUCHES = 1e-5; // cell widths; modules that are nearer touch
 
 /** @param {Asked} asked */
 async function check({ href, way, module }) {

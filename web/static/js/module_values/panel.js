@@ -1,4 +1,4 @@
-// A visitor's own numbers as colours: from a file that is dropped or chosen, or kept with the fold.
+// Colouring by the visitor's own values, from a dropped or chosen file, or stored with the fold.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { get, number, wordsOf } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
@@ -13,7 +13,7 @@ const DIGITS = 3;
  * @property {import("../player/player.js").Player} player
  * @property {import("../panels/legend.js").Legend} legend
  * @property {() => Promise<KeptValues | null>} load
- * @property {string | null} id of the fold with which numbers can be kept
+ * @property {string | null} id of the fold, if values can be stored with it
  */
 
 export class OwnPanel {
@@ -40,7 +40,7 @@ export class OwnPanel {
     player.on("begun", () => { if (player.colouring?.key === "own") this.colour(); });
   }
 
-  // Colours by what is kept with the fold, if something is.
+  // Colour by the values that are stored with the fold, if there are any.
   async show() {
     if (!this.own && !this.asked) {
       this.asked = true;
@@ -63,7 +63,7 @@ export class OwnPanel {
     get("colour-by").focus();
   }
 
-  // Takes a file; what is wrong with it is said, and the colours stay.
+  // Read a file; if it is invalid, show the reason and keep the colours.
   /** @param {File} file */
   async take(file) {
     this.box.hidden = false;
@@ -101,7 +101,7 @@ export class OwnPanel {
     get("own-remove").hidden = !own || (kept && !token);
   }
 
-  // Keeps the numbers with the fold, or removes them there and here.
+  // Store the values with the fold, or remove them from the fold and from this page.
   /** @param {"PUT" | "DELETE"} method */
   async change(method) {
     const { own, token } = this;

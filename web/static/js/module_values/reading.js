@@ -1,11 +1,11 @@
-// A visitor's own numbers for modules, read from CSV or JSON: see docs/links.md.
+// Reading of the visitor's own module values from CSV or JSON; see docs/links.md.
 
 export const MAX_FILE_BYTES = 20 * 2 ** 20;
 const FORMAT = "foldback-values/1";
-/** Maximum number of values that a service keeps with a fold, as planner/plan/module_values.py has it. */
+/** Maximum number of values that a service stores with a fold, as in planner/plan/module_values.py. */
 const MAX_KEPT = 45_000;
 const MAX_NAME = 80;
-const LEVELS = 254; // of a kept value, from the least to the largest; one more is none
+const LEVELS = 254; // quantisation levels from minimum to maximum; the next level means no value
 const NONE = LEVELS + 1;
 const NOTHING = /^(|nan|na|n\/a|null|none|-|[+-]?inf(inity)?)$/i;
 const NAMED = /^(.*?)\s*[([]([^()[\]]{1,20})[)\]]$/; // Temperature (°C)
@@ -14,22 +14,22 @@ const NAMED = /^(.*?)\s*[([]([^()[\]]{1,20})[)\]]$/; // Temperature (°C)
  * @typedef {object} OwnValues
  * @property {string} name
  * @property {string} unit
- * @property {number} rows of values; 1, or several that are spread evenly over the frames
- * @property {Float32Array} values rows × modules; NaN where there is none
+ * @property {number} rows of values; 1, or several, spread evenly over the frames
+ * @property {Float32Array} values rows × modules; NaN for no value
  * @property {number} low
  * @property {number} high
- * @typedef {{ modules: number, frames: number }} Counts frames are 0 while they are not known
+ * @typedef {{ modules: number, frames: number }} Counts frames are 0 while their number is unknown
  * @typedef {{ rows: number[][], header: string[], places: number[] }} Cells `places` are the lines of the rows
  */
 
-// The numbers of a text, row by row, and the words above them.
+// Parse a text into rows of numbers and a header.
 /**
  * @param {string} text
  * @returns {Cells}
  */
 function cellsOf(text) {
   const lines = text.trimEnd().split(/\r\n|\n|\r/);
-  // Where some lines have a comma and others none, it is that of decimals.
+  // If only some lines have a comma, it is a decimal comma.
   const [, ...below] = lines.filter((line) => line.trim());
   const decimal = below.every((line) => /^[^,]*(,\d+)?$/.test(line.trim())) && below.some((line) => !line.includes(","));
   const separator = [";", "\t", ...(decimal ? [] : [","])].find((one) => text.includes(one)) ?? / +/;
@@ -54,7 +54,7 @@ function cellsOf(text) {
   return found;
 }
 
-// The numbers of JSON: a list of numbers, a list of lists, or either in an object with a name and a unit.
+// Parse JSON: a list of numbers, a list of lists, or either in an object with a name and a unit.
 /**
  * @param {string} text
  * @returns {{ told: Record<string, unknown>, cells: Cells }}
@@ -62,7 +62,7 @@ function cellsOf(text) {
 function jsonOf(text) {
   let told;
   try {
-    told = JSON.parse(text.replace(/\bNaN\b|-?\bInfinity\b/g, "null")); // which Python writes
+    told = JSON.parse(text.replace(/\bNaN\b|-?\bInfinity\b/g, "null")); // written by Python
   } catch (error) { throw new Error(`The file is not valid JSON: ${/** @type {Error} */ (error).message}.`, { cause: error }); }
   if (Array.isArray(told)) told = { values: told };
   const { values } = told;
@@ -81,7 +81,8 @@ function jsonOf(text) {
 const counts = (/** @type {number[]} */ row) => row.length > 2 && [-1, 0, 1].some((from) => row.every((value, i) => value === i + from || (i === 0 && Number.isNaN(value))));
 const rises = (/** @type {number[][]} */ rows) => rows.every(([first], k) => k === 0 || first > rows[k - 1][0]);
 
-// Values of modules whose numbers stand beside them: from 0 where there is a 0, else from 1.
+// Return the values from rows of module number and value; numbers start at 0 if there is a 0,
+// otherwise at 1.
 /**
  * @param {Cells} cells
  * @param {number} modules
@@ -99,7 +100,7 @@ function byNumber({ rows, places }, modules) {
   return [row];
 }
 
-// Rows of one value for each module: one row, or one for each frame.
+// Return rows with one value for each module: one row, or one for each frame.
 /**
  * @param {Cells} cells
  * @param {Counts} expected
@@ -112,7 +113,7 @@ function arranged(cells, { modules, frames }) {
   if (![1, modules, frames].includes(width) && rows.every((row) => Number.isNaN(row.at(-1)))) rows = rows.map((row) => row.slice(0, -1));
   if (rows[0]?.length === 1 && rows.length === modules) return [rows.flat()];
   if (rows[0]?.length === 2 && modules !== 2 && rows.length <= modules) return byNumber(cells, modules);
-  // The first row may count the modules, and the first column the frames.
+  // The first row may contain module numbers, and the first column frame numbers.
   const below = counts(rows[0] ?? []) ? rows.slice(1) : rows;
   for (const found of [rows, below, ...(rises(below) ? [rows, below].map((all) => all.map((row) => row.slice(1))) : [])]) {
     const wide = found[0]?.length ?? 0;
@@ -132,7 +133,7 @@ function named(text) {
   return [name.trim().slice(0, MAX_NAME), unit];
 }
 
-// Read a file; what is wrong is thrown as a sentence.
+// Read a file; throw an Error with a sentence for the visitor if it is invalid.
 /**
  * @param {string} text
  * @param {string} file its name
@@ -154,11 +155,12 @@ export function readValues(text, file, expected) {
   return { name: name || "Numbers from a file", unit: typeof told.unit === "string" ? told.unit.slice(0, 20) : unit, rows: rows.length, values, low, high };
 }
 
-// How many rows can be kept with a fold.
+// Return the number of rows that can be stored with a fold.
 /** @param {OwnValues} own */
 export const keptRows = ({ rows, values }) => Math.min(rows, Math.max(1, Math.floor((MAX_KEPT * rows) / values.length)));
 
-// What is kept with a fold: values as levels between the least and the largest. Of more than can be kept, rows are left out.
+// Pack values for storage with a fold, quantised between minimum and maximum. Surplus rows are
+// dropped evenly.
 /**
  * @param {OwnValues} own
  * @returns {KeptValues}
@@ -191,7 +193,8 @@ export function unpacked({ name, unit, low, high, rows, data }, modules) {
   return { name: String(name), unit: String(unit), rows, values, low, high };
 }
 
-// The values of all modules at a share of the frames, 0 to 1: between two rows where both have one.
+// Return the values of all modules at a fraction of the frames, 0 to 1, interpolated if both rows
+// have a value.
 /**
  * @param {OwnValues} own
  * @param {number} share

@@ -1,17 +1,18 @@
-// Address of a view: everything that is seen, in the hash: see docs/links.md. Frames and modules count
-// from 1 there.
+// Address of a view: the hash describes everything that is visible (docs/links.md). It counts
+// frames and modules from 1.
 import { USUAL } from "./camera_rig.js";
 
-const WAIT_MS = 250; // between a change and its note in the address
-const PLAYING_MS = 1000; // the same while frames pass
+const WAIT_MS = 250; // from a change until the address is updated
+const PLAYING_MS = 1000; // the same during playback
 const MAX_NUMBER = 1e6;
 const SPEEDS = [0.05, 20];
 const DEGREES = 180 / Math.PI;
 
 const rounded = (/** @type {number} */ value, /** @type {number} */ digits) => String(Number(value.toFixed(digits)));
 
-// A camera as numbers: azimuth and elevation in degrees, empty for those of Follow, and the distance in
-// that of Follow; then how far beside the chain it looks, if it does not follow.
+// Return a camera as text: azimuth and elevation in degrees (empty: those of Follow) and the
+// distance as a multiple of that of Follow; for a free camera, also the offset of its target from
+// the chain.
 /** @param {CameraAt} camera */
 export function cameraText({ azimuth, elevation, zoom, aside }) {
   const turn = azimuth === null ? null : ((((azimuth * DEGREES + 180) % 360) + 360) % 360) - 180;
@@ -56,7 +57,7 @@ export function viewIn(hash) {
   };
 }
 
-// The hash of a view, "" for one that is as a page shows it by itself.
+// Return the hash of a view; "" for the default view of a page.
 /** @param {AddressedView} view */
 export function hashOf({ frame, module, from, to, loop, camera, colour, path, follow, speed, play, stop }, theme = "") {
   const parts = [];
@@ -76,16 +77,16 @@ export function hashOf({ frame, module, from, to, loop, camera, colour, path, fo
   return parts.length ? `#${parts.join("&")}` : "";
 }
 
-// The frame and the camera in short, for the picture that a chat shows: what stands behind # is not sent.
+// Return frame and camera as a query value, for link previews: browsers do not send the hash.
 /** @param {AddressedView} view */
 export const shortOf = ({ frame, camera }) => `${Math.round(frame ?? 0) + 1},${cameraText(camera ?? USUAL)}`;
 
-// Writes the view into the address, so that a reload and a link show it; not before the visitor has done
-// something.
+// Keeps the view in the address, so that a reload or a link restores it. The address does not
+// change before the visitor's first action.
 export class Place {
   /**
    * @param {Addressed} page
-   * @param {boolean} calm whether nothing plays by itself
+   * @param {boolean} calm true if nothing starts to play by itself
    */
   constructor(page, calm) {
     this.page = page;
@@ -95,7 +96,7 @@ export class Place {
     this.acted = false;
     this.playing = false;
     /** @type {number | null} */
-    this.stop = null; // of the tour that is open
+    this.stop = null; // of the open tour
     for (const kind of ["pointerdown", "keydown", "input"]) {
       addEventListener(kind, () => { this.acted = true; }, { capture: true });
     }
@@ -112,7 +113,7 @@ export class Place {
     });
   }
 
-  // Shows what the address says; true when that says which frame, or to play or not.
+  // Apply the address. Return true if it names a frame, or says whether to play.
   go() {
     const view = viewIn(location.hash);
     const play = view.play ?? viewIn(location.search.replace(/^\?/, "")).play;
@@ -144,7 +145,7 @@ export class Place {
     if (link !== location.pathname + location.search + location.hash) history.replaceState(null, "", link);
   }
 
-  // A link to what is seen now.
+  // Return a link to the current view.
   here() {
     const view = this.page.view();
     const query = new URLSearchParams(location.search);
@@ -153,7 +154,7 @@ export class Place {
     return location.pathname + asked + (view ? hashOf({ ...view, stop: this.stop }, document.documentElement.dataset.theme) : location.hash);
   }
 
-  // The same for sending it on, with what the picture in a chat needs.
+  // Return the same link with the query value that link previews need.
   shared() {
     const view = this.page.view();
     const here = this.here();
@@ -162,7 +163,7 @@ export class Place {
   }
 }
 
-// What a player shows, for the address of its page.
+// Return the view of a player, for the address of its page.
 /**
  * @param {import("./player.js").Player} player
  * @param {boolean} path

@@ -1,22 +1,22 @@
-// The timeline bar: phases as two tints, the error as a small area, the playhead, the frame number and the
-// looped part.
+// The timeline bar: phases as two tints, an area plot of the error, the playhead, the frame number
+// and the loop range.
 import { element, get, radians, seconds, svg, whole } from "../lib/text.js";
 import { PHASES } from "./timeline.js";
 
-const REAL = "real"; // the speed of the robot
+const REAL = "real"; // real time of the robot
 
 const PRESSED = /** @type {const} */ (["reverse", "loop", "follow", "live"]);
 const USED = /** @type {const} */ (["back", "play", "forward", "reverse", "loop", "follow", "speed", "jump"]);
-const WIDE = 1000; // of the drawing behind the track, 100 high
+const WIDE = 1000; // width of the plot behind the track; its height is 100
 const HIGHEST = 62;
-const FAR = 10; // frames that Shift and the page keys move an end of the loop
+const FAR = 10; // frames by which Shift and the page keys move an end of the loop
 /** @type {Record<string, number>} */
 const STEPS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -FAR, PageUp: FAR, Home: -Infinity, End: Infinity };
 
-// Return a column of the area of errors, as a part of an SVG path.
+// Return one column of the error plot, as a part of an SVG path.
 /**
  * @param {number | null} error
- * @param {number} scale of the highest column
+ * @param {number} scale error of the highest column
  * @param {number} left
  * @param {number} right
  */
@@ -78,7 +78,7 @@ export class Bar {
     this.player.send({ do: "seek", frame });
   }
 
-  // Where a fold came to nothing; null when it did not.
+  // Set the place where a fold failed; null if it did not fail.
   /** @param {Failing | null} stuck */
   sticksAt(stuck) {
     for (const option of get("jump").options) if (option.value === "stuck") option.hidden = !stuck;
@@ -92,16 +92,16 @@ export class Bar {
     else if (frame !== null) this.player.send({ do: "seek", frame });
   }
 
-  // Presses one of the buttons that stay pressed.
+  // Press a toggle button.
   /** @param {typeof PRESSED[number]} name */
   press(name) { this.player.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" }); }
 
   fullScreen() {
     if (document.fullscreenElement) document.exitFullscreen();
-    else document.documentElement.requestFullscreen().catch(() => {}); // a browser may have its reasons
+    else document.documentElement.requestFullscreen().catch(() => {}); // the browser may refuse
   }
 
-  // The next of the speeds that are on offer, faster or, with -1, slower.
+  // Choose the next faster speed of the menu; with -1, the next slower one.
   /** @param {number} by */
   hurry(by) {
     const speeds = [...get("speed").options].map(({ value }) => Number(value)).filter(Number.isFinite);
@@ -157,7 +157,7 @@ export class Bar {
 
   get folding() { return this.outline?.phases.findLast(({ name }) => name === "playback"); }
 
-  // Goes to the frame of the fold itself that is folded so far.
+  // Go to the playback frame that is folded by this percentage.
   /** @param {number} percent */
   fold(percent) { if (this.folding) this.player.send({ do: "fold", percent }); }
 
@@ -169,7 +169,8 @@ export class Bar {
   }
 }
 
-// The frame or module that a text names, counted from 1 as on the page; null when there is no such one.
+// Return the index of the frame or module that a text names, counted from 1 as on the page; null if
+// there is none.
 /**
  * @param {string} text
  * @param {number} frames
@@ -180,7 +181,8 @@ export function frameIn(text, frames) {
   return number >= 1 && number <= frames ? number - 1 : null;
 }
 
-// Return where a pointer is along the width of an element, 0 at its left side and 1 at its right side.
+// Return the position of a pointer along the width of an element: 0 at its left side, 1 at its
+// right.
 /**
  * @param {number} x
  * @param {Element} within
@@ -190,7 +192,7 @@ export function shareAt(x, within) {
   return (x - left) / width;
 }
 
-// Says why what stands in a field is not taken; an empty text when all is well.
+// Report why the value of a field is invalid; an empty text marks it as valid.
 /**
  * @param {HTMLInputElement} field
  * @param {string} why
@@ -201,7 +203,7 @@ export function refuse(field, why) {
   if (why) field.reportValidity();
 }
 
-// The frame number: shown, and typed after a click. Enter goes to that frame, Escape cancels.
+// The frame number. A click turns it into a field: Enter goes to the frame, Escape cancels.
 class FrameField {
   /** @param {Playing} player */
   constructor(player) {
@@ -210,7 +212,7 @@ class FrameField {
     this.field = get("frame");
     this.frame = 0;
     this.frames = 0;
-    /** @type {HTMLElement | null} where the keyboard was before, but for a button that was clicked */
+    /** @type {HTMLElement | null} element that had the focus, unless a click opened the field */
     this.before = null;
     this.button.onclick = ({ detail }) => this.open(detail > 0);
     this.field.onkeydown = (event) => this.key(event);
@@ -228,7 +230,7 @@ class FrameField {
 
   get words() { return `Frame ${whole(this.frame + 1)} of ${whole(this.frames)}`; }
 
-  // `clicked` says that a pointer has opened it, which leaves the keyboard to the page.
+  // With `clicked` a pointer opened the field; then the focus does not return to the button.
   open(clicked = false) {
     if (!this.frames) return;
     const { activeElement } = document;
@@ -267,7 +269,7 @@ class FrameField {
 
 /** @typedef {"from" | "to"} End */
 
-// The looped part of the track: two ends, dragged or moved with keys.
+// The loop range on the track: two ends that pointers or keys move.
 class LoopRange {
   /** @param {Playing} player */
   constructor(player) {
@@ -305,7 +307,7 @@ class LoopRange {
 
   get words() { return get("range").hidden ? "No loop" : `Loop from frame ${Math.round(this.at.from) + 1} to ${Math.round(this.at.to) + 1}`; }
 
-  // An end goes to a frame, and stays a frame away from the other one.
+  // Move an end to a frame, at least one frame away from the other end.
   /**
    * @param {End} end
    * @param {number} frame

@@ -1,20 +1,20 @@
-// Camera of a player. It follows the chain from a direction and at a distance that the visitor chooses,
-// and cuts nothing off; with Follow off it stays where the visitor puts it.
+// Camera of a player. With Follow on, it keeps the whole chain in view, from a direction and at a
+// distance that the visitor chooses; with Follow off, it stays where the visitor puts it.
 import { axesOf, blended, distanceNeeded, fewPoints, framing, glided, positionOf } from "../viewer/camera.js";
 
-const GOAL_EVERY = 12; // frames between the views that are blended
+const GOAL_EVERY = 12; // frames between two blended views
 const GOAL_EVERY_S = 0.2; // the same in seconds of playback; the larger of both counts
-const GOALS_ASIDE = 4; // such views ahead and behind
-const GOAL_SPREAD = 1.8; // how steeply their weights fall
+const GOALS_ASIDE = 4; // blended views on each side of the playhead
+const GOAL_SPREAD = 1.8; // larger values reduce the weight of distant views
 const MAX_GOALS = 4000; // views in memory
-const ROOM = 1.08; // smallest distance, as a multiple of that at which the chain touches the edge
+const ROOM = 1.08; // minimum distance, as a multiple of that at which the chain touches the edge of the picture
 const USUAL_ASPECT = 1.6;
-const AROUND_PITCH = 3; // radius that is shown around each module of a group
-const MAX_ELEVATION = 1.56; // rad; at π/2 the picture has no upward direction
+const AROUND_PITCH = 3; // radius of the visible surroundings of each module of a group
+const MAX_ELEVATION = 1.56; // rad; at π/2 the up direction is undefined
 const MAX_ZOOM = 8; // largest distance while following, as a multiple of the usual one
 const NEAREST_PITCH = 1.5; // smallest distance from the target with Follow off
 const FARTHEST = 40; // largest distance with Follow off, as a multiple of the usual one
-const MIN_DEPTH = 0.02; // smallest distance that an address can say
+const MIN_DEPTH = 0.02; // minimum distance in an address
 
 /** @typedef {typeof import("../viewer/viewpoint.js").clearestSight} Sight */
 
@@ -24,7 +24,8 @@ export const USUAL = Object.freeze({ azimuth: null, elevation: null, zoom: 1, as
 const clamp = (/** @type {number} */ value, /** @type {number} */ low, /** @type {number} */ high) => Math.min(high, Math.max(low, value));
 const steep = (/** @type {number} */ elevation) => clamp(elevation, -MAX_ELEVATION, MAX_ELEVATION);
 
-// The target of a view moved across its picture, to the right and up, by shares of the distance.
+// Return the target of a view, moved to the right and up in the picture by fractions of the
+// distance.
 /**
  * @param {View} view
  * @param {number} x
@@ -45,24 +46,24 @@ export class CameraRig {
     this.timeline = timeline;
     this.playhead = playhead;
     this.aspectNow = aspect;
-    this.calm = calm; // whether a frame that is sought is shown without a glide
+    this.calm = calm; // true if the camera jumps to a frame that was sought, instead of gliding
     this.aspect = USUAL_ASPECT;
     /** @type {View | null} */
     this.view = null;
     /** @type {View | null} */
-    this.goal = null; // to which the view glides
+    this.goal = null; // view that the camera glides to
     /** @type {CameraAt} */
     this.choice = USUAL; // direction and distance while following
-    this.minZoom = 1; // at which nothing is cut off
+    this.minZoom = 1; // at which the whole chain is in view
     /** @type {CameraAt | null} */
     this.pending = null; // a camera relative to a frame that is not loaded yet
     /** @type {number[] | null} */
-    this.group = null; // modules that are followed instead of the whole chain
+    this.group = null; // modules to follow instead of the whole chain
     /** @type {Sight | null} */
-    this.sight = null; // finds the direction in which the group is seen best
+    this.sight = null; // finds the direction with the clearest sight of the group
     /** @type {Map<number, View>} */
     this.goals = new Map();
-    this.approximate = false; // whether the goal depends on frames that are not loaded yet
+    this.approximate = false; // true if the goal depends on frames that are not loaded yet
   }
 
   get is() { return this.playhead.is; }
@@ -74,16 +75,15 @@ export class CameraRig {
     return view && { position: positionOf(view), target: view.target };
   }
 
-  // Starts anew with another timeline; the visitor's direction and distance stay.
+  // Reset for another timeline; keep the visitor's direction and distance.
   begin() {
     this.view = this.goal = null;
     this.goals.clear();
   }
 
-  // What is followed.
-
+  // Target of Follow.
   /**
-   * @param {number[]} modules none for the whole chain
+   * @param {number[]} modules empty for the whole chain
    * @param {Sight | null} sight
    */
   lookAt(modules, sight) {
@@ -99,7 +99,7 @@ export class CameraRig {
     this.goals.clear();
   }
 
-  // Finds the direction for a group once more when its frame is loaded.
+  // Choose the direction for a group; repeat it once the exact frame is loaded.
   /** @param {Snapshot} shown */
   turnToGroup(shown) {
     if (!this.sight) return;
@@ -109,7 +109,7 @@ export class CameraRig {
     this.choose({ ...USUAL, azimuth, elevation });
   }
 
-  // Follow goes on from the direction that the camera has, and off where it is.
+  // Switch Follow on, keeping the current direction, or off, keeping the current view.
   /** @param {boolean} on */
   follow(on) {
     const { view } = this;
@@ -118,8 +118,7 @@ export class CameraRig {
     else this.goal = view;
   }
 
-  // What the visitor's hand and keys do.
-
+  // Input from pointers and keys.
   /**
    * @param {Orbit} orbit
    * @param {Snapshot | null} shown
@@ -140,11 +139,11 @@ export class CameraRig {
       const least = Math.min(1, this.minZoom);
       this.choice = { ...this.choice, zoom: clamp(Math.max(this.choice.zoom, least) * zoom, least, MAX_ZOOM) };
     } else if (zoom) this.moved(gently, (view) => ({ ...view, distance: clamp(view.distance * zoom, NEAREST_PITCH * this.pitch, FARTHEST * this.whole(shown, view).distance) }));
-    const height = 2 * Math.tan(this.seeing().field / 2); // of the picture, as a share of the distance
+    const height = 2 * Math.tan(this.seeing().field / 2); // of the picture, as a fraction of the distance
     if (move) this.moved(gently, (view) => ({ ...view, target: across(view, -height * move[0], -height * move[1]) }));
   }
 
-  // Changes the view at once, or, gently, where it glides to.
+  // Change the view at once or, with `gently`, the goal that it glides to.
   /**
    * @param {boolean} gently
    * @param {(view: View) => View} change
@@ -156,13 +155,13 @@ export class CameraRig {
     if (!gently) this.view = this.goal;
   }
 
-  // What an address says.
+  // Camera in an address.
 
-  // True while the camera is that of Follow, which needs no position.
+  // True if Follow determines the camera, so that an address needs no position.
   get follows() { return this.is.follow && !this.group; }
 
-  // The camera independently of the pitch and of where the chain is: while following the visitor's
-  // choice, else its position relative to that from which the whole chain would be seen.
+  // Return the camera independently of the pitch and of the chain's position: with Follow, the
+  // visitor's choice; otherwise the position relative to the camera that shows the whole chain.
   /**
    * @param {Snapshot | null} shown
    * @returns {CameraAt}
@@ -181,11 +180,11 @@ export class CameraRig {
     };
   }
 
-  // Takes a camera that an address says; again when the frame is loaded, if that matters.
+  // Apply the camera of an address. A free camera is applied again once the exact frame is loaded.
   /**
    * @param {CameraAt} camera
    * @param {Snapshot | null} shown
-   * @param {boolean} gently whether it glides there
+   * @param {boolean} gently true if the view glides there
    */
   go(camera, shown, gently = false) {
     this.group = this.sight = null;
@@ -212,16 +211,17 @@ export class CameraRig {
     return { ...from, target: across(base, ...(aside ?? [0, 0])), distance: zoom * base.distance };
   }
 
-  // Where Follow has the camera.
+  // Camera of Follow.
 
-  // The whole chain as Follow shows it from the direction of a view.
+  // Return the view of the whole chain that Follow would choose in the direction of a view.
   /**
    * @param {Snapshot} shown
    * @param {View} view
    */
   whole(shown, { azimuth, elevation }) { return framing(this.points(shown, null), { ...this.seeing(null), azimuth, elevation }); }
 
-  // The points to have in view, in units of the scene; of the whole chain once for a snapshot.
+  // Return the points to keep in view, in units of the scene. Those of the whole chain are cached
+  // in the snapshot.
   /**
    * @param {Snapshot} snapshot
    * @returns {Vector[]}
@@ -251,7 +251,7 @@ export class CameraRig {
 
   get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.framesPerSecond)); }
 
-  // The view around a frame, computed once.
+  // Return the cached goal view at an index, where index × goalEvery is the frame.
   /** @param {number} index */
   goalAt(index) {
     let view = this.goals.get(index);
@@ -266,7 +266,7 @@ export class CameraRig {
     return view;
   }
 
-  // Takes the shape of the window.
+  // Adopt the aspect ratio of the window.
   fit() {
     const aspect = this.aspectNow();
     if (!(aspect > 0) || aspect === this.aspect) return;
@@ -274,7 +274,7 @@ export class CameraRig {
     this.goals.clear();
   }
 
-  // Sets the view to glide to, while following.
+  // Set the goal view, if Follow is on.
   /** @param {Snapshot} shown */
   aim(shown) {
     const { is, view, choice } = this;
@@ -283,7 +283,8 @@ export class CameraRig {
     this.fit();
     const still = !(is.playing || is.live || is.turn);
     const nearest = this.framed(shown, is.turn && view ? view.azimuth : null);
-    // Of a long timeline only what is around the playhead is loaded: at rest that would show.
+    // Only frames around the playhead of a long timeline are loaded; blending them at rest would
+    // make the camera move as they arrive.
     const goal = is.turn || (still && this.timeline.windowed) ? nearest : this.among(shown, nearest);
     const least = ROOM * this.needed(shown, goal);
     this.minZoom = (this.group ? NEAREST_PITCH * this.pitch : least) / goal.distance;
@@ -292,7 +293,7 @@ export class CameraRig {
     if (!view || (this.calm && still)) this.view = this.goal;
   }
 
-  // Looks ahead and back along the timeline, so that the camera moves evenly and in time.
+  // Blend the views before and after a frame, so that the camera moves smoothly and in time.
   /**
    * @param {Snapshot} shown
    * @param {View} nearest
@@ -301,7 +302,8 @@ export class CameraRig {
     const { timeline } = this;
     const here = shown.frame / this.goalEvery;
     const end = timeline.last / this.goalEvery;
-    // Towards both ends of a whole timeline it looks less far, and at rest there it frames exactly.
+    // Near both ends of a complete timeline the range shrinks, so that the end frames are framed
+    // exactly.
     const reach = timeline.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
     this.approximate = false;
     if (reach <= 1e-6) return nearest;
@@ -317,14 +319,14 @@ export class CameraRig {
     return blended(views, weights, nearest);
   }
 
-  // The smallest distance at which nothing is cut off.
+  // Return the minimum distance at which all points are in view.
   /**
    * @param {Snapshot} snapshot
    * @param {View} view
    */
   needed(snapshot, view) { return distanceNeeded(this.points(snapshot), view, this.seeing()); }
 
-  // Lets the camera glide on; true while it moves.
+  // Advance the glide of the camera. Return true while it moves.
   /**
    * @param {number} passed in seconds
    * @param {Snapshot} shown

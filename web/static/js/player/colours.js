@@ -1,11 +1,11 @@
-// What a module's colour says. Red alone means error, one blue alone means selected, grey means that
-// nothing was recorded; all else is told by an even ramp that colour-blind people read as well.
+// Colours of modules. Red is reserved for errors, one blue for the selection, and grey for missing
+// data; all other values use a perceptually uniform ramp that is safe for colour-blind people.
 import { newtonMetres, number, pitches, radians, si } from "../lib/text.js";
 
-const SAMPLES = 48; // moments that a scale is found from
-const NEAR = 0.5; // pitches; modules farther apart all look alike
+const SAMPLES = 48; // frames that determine the end of a scale
+const NEAR = 0.5; // pitches; larger clearances all have the same colour
 
-// The colourings there are, in the order of the menu.
+// Available colourings, in menu order.
 /** @type {[key: string, label: string][]} */
 export const COLOURINGS = [
   ["error", "Joint error"],
@@ -19,17 +19,17 @@ export const COLOURINGS = [
   ["chain", "Position in the chain"],
 ];
 
-// Those that need figures.js.
+// Colourings whose values come from figures.js.
 export const MEASURED = new Set(["position", "torque", "joint_torque", "pressed", "clearance"]);
 const ON_TABLE = new Set(["joint_torque", "pressed"]);
 const OF_HINGES = new Set(["torque", "joint_torque"]);
-const FLOATING = new Set(["torque"]); // of a chain that nothing bears
+const FLOATING = new Set(["torque"]); // only in zero gravity
 
-// The colourings of a fold that floats, or of one on a table.
+// Return the colourings of a fold in zero gravity or on a table.
 /** @param {boolean} table */
 export const colouringsOf = (table) => COLOURINGS.filter(([key]) => !(table ? FLOATING : ON_TABLE).has(key));
 
-// Shares of a ramp (n), NaN where nothing is known, as 3n sRGB bytes.
+// Return the colours (3n sRGB bytes) of n fractions of a ramp; NaN means no data.
 /**
  * @param {Numbers} shares
  * @param {Uint8Array} ramp
@@ -47,7 +47,7 @@ export function ramped(shares, ramp, unknown) {
   return colours;
 }
 
-// The end of a scale: 1, 2 or 5 times a power of ten.
+// Return the end of a scale: the value rounded up to 1, 2 or 5 times a power of ten.
 /** @param {number} value */
 export function roundUp(value) {
   if (!(value > 0)) return 1;
@@ -58,21 +58,22 @@ export function roundUp(value) {
 const largest = (/** @type {Floats} */ values) => Array.from(values).reduce((most, v) => (v > most ? v : most), 0);
 
 /**
- * What a colouring is made of.
+ * Definition of a colouring.
  * @typedef {object} Scale
  * @property {(shown: Snapshot) => Floats} values
  * @property {number | (() => number)} high
  * @property {number} [low]
  * @property {"ramp_even" | "ramp_error"} [ramp]
  * @property {(value: number) => string} text
- * @property {string | null} [none] what grey means
- * @property {(value: number) => boolean} [bad] what is as red as an error
+ * @property {string | null} [none] meaning of grey
+ * @property {(value: number) => boolean} [bad] true for values in the colour of errors
  */
 
 /** @typedef {Pick<import("./figures.js").Figures, "row" | "largest" | "lacking" | "plots">} Measured */
 
 export class Colouring {
-  // `values` tells a figure of each module at a moment, `high` the end of the scale.
+  // `scale.values` returns one value of each module at a moment; `scale.high` is the end of the
+  // scale.
   /**
    * @param {string} key
    * @param {import("./timeline.js").Timeline} timeline
@@ -114,7 +115,7 @@ export class Colouring {
   }
 }
 
-// The end of a scale that fits a figure all along the timeline, as far as it is here.
+// Return the end of a scale that fits all loaded frames of the timeline.
 /**
  * @param {import("./timeline.js").Timeline} timeline
  * @param {(shown: Snapshot) => Floats} values
@@ -142,14 +143,14 @@ export function colouring(key, timeline, figures) {
    * @param {Partial<Scale>} more
    */
   const per = (values, text, more = {}) => new Colouring(key, timeline, { values, text, high: () => scale(), ...more });
-  // A scale is looked for when it is first asked for, and again while frames still come in.
+  // Computed on first use, and again after new frames.
   let [known, version] = [0, -1];
   const scale = () => {
     if (version !== timeline.version) [known, version] = [scaled(timeline, made.scale.values), timeline.version];
     return known;
   };
   const lacking = figures?.lacking ?? null;
-  // Of long folds clearances and torques are told of the whole chain, which the plots show.
+  // Long folds have clearances and torques only of the whole chain; the plots show them.
   const none = lacking ?? (timeline.windowed ? "only the whole chain’s value is known" : "no data yet");
   const errors = (/** @type {Snapshot} */ shown) => timeline.perModule(shown.errors);
   /**
@@ -179,7 +180,7 @@ export function colouring(key, timeline, figures) {
   return made;
 }
 
-// A torque in weights of a module times the pitch, and what that is.
+// Return a torque as text: in module weight × pitch, and in N·m.
 /**
  * @param {number} torque
  * @param {number} unit_nm

@@ -1,9 +1,9 @@
-// Figures of a fold, frame by frame, that are worked out after it: clearances, torques, position errors.
+// Per-frame figures that are computed after a fold: clearances, torques, position errors.
 import { Emitter, Source } from "./timeline.js";
 import { at } from "../lib/text.js";
 
-const KEPT = 24; // stretches
-const AT_ONCE = 2;
+const KEPT = 24; // cached parts
+const AT_ONCE = 2; // concurrent requests
 const RETRY_MS = 2000;
 
 export class Figures extends Emitter {
@@ -11,7 +11,7 @@ export class Figures extends Emitter {
   constructor(id) {
     super();
     this.source = new Source(at(`/folds/${id}`));
-    /** @type {string | null} why nothing is known of single modules, where that is so */
+    /** @type {string | null} why there are no values of single modules; null if there are */
     this.lacking = null;
     /** @type {Curves | null} */
     this.plots = null;
@@ -28,7 +28,7 @@ export class Figures extends Emitter {
    */
   get(query) { return this.source.get(`figures${query}`); }
 
-  // Looks whether they are there; what a plot draws comes with them.
+  // Fetch the curves of the plots; report "missing" if there are no figures.
   async begin() {
     if (this.plots) return;
     const found = await this.get("").catch(() => null);
@@ -40,7 +40,7 @@ export class Figures extends Emitter {
   /** @param {FigureName} name */
   largest(name) { return this.plots?.largest[name] ?? 0; }
 
-  // The figures that there are of one frame; null until they are here, which `loaded` tells.
+  // Return the figures of one frame; null until they are loaded, which the event `loaded` reports.
   /**
    * @param {number} frame
    * @returns {FigureRow | null}

@@ -1,8 +1,9 @@
-// Frames of a timeline: their rows in batches, where each is stored, and which are fetched next. Needs no page and
-// no network.
+// Frames of a timeline: their rows in batches, their storage, and the order in which they are
+// fetched. Needs no page and no network.
 
-// Rows: the values of one frame. Ordinary folds have all angles, long ones those of a window;
-// web/timeline/frame_batch.py and web/timeline/window_columns.py define the columns.
+// A row holds the values of one frame. Rows of ordinary folds have all angles, those of long folds
+// the angles of a window; web/timeline/frame_batch.py and web/timeline/window_columns.py define the
+// columns.
 
 /**
  * @param {Numbers} a
@@ -11,21 +12,22 @@
  */
 const mix = (a, b, share) => Float64Array.from(a, (v, k) => v + (b[k] - v) * share);
 
-// The angle of a hinge in a row: what is before its window is folded, what is behind it straight.
+// Return the angle of a hinge in a row: hinges before the window are folded, those after it
+// straight.
 /**
  * @param {Pick<Row, "first" | "last" | "angles" | "foldedRad">} row
  * @param {number} hinge
  */
 export const angleIn = ({ first, last, angles, foldedRad }, hinge) => (hinge < first ? foldedRad[hinge] : hinge < last ? angles[hinge - first] : 0);
 
-// From which hinge to before which two rows may differ.
+// Return the half-open range of hinges in which two rows may differ.
 /**
  * @param {Row} a
  * @param {Row} b
  */
 export const differing = (a, b) => [Math.min(a.first, b.first), Math.max(a.last, b.last)];
 
-// The row between two; orientations turn the short way.
+// Interpolate between two rows; orientations turn the short way.
 /**
  * @param {Row} a
  * @param {Row} b
@@ -53,7 +55,7 @@ const bytesOf = (arrays) => Object.values(arrays).reduce((/** @type {number} */ 
  */
 const part = (values, k, width) => values.subarray(k * width, (k + 1) * width);
 
-// All angles of each frame, as windows of the whole chain.
+// Convert frames with all angles to windows that span the whole chain.
 /**
  * @param {WholeArrays} arrays
  * @param {number} joints
@@ -69,7 +71,8 @@ function asWindows({ root_position, root_wxyz, joint_angles_rad, joint_error_rad
 
 const STEP = 2 ** -20;
 
-// Angles from the hinge `first` to before `last`; what is before is folded, what is behind straight.
+// Rows of a batch. The angles are those of hinges `first` to `last` − 1; earlier hinges are folded,
+// later ones straight.
 export class Rows {
   /**
    * @param {Pick<Batch, "arrays">} batch
@@ -86,7 +89,7 @@ export class Rows {
     this.bytes = bytesOf(this.arrays);
   }
 
-  // Each angle was told as its difference from what the hinge had in the row before.
+  // Decode angles that are stored as differences from the previous row.
   /**
    * @param {Numbers} first
    * @param {Numbers} counts
@@ -97,7 +100,7 @@ export class Rows {
     const folded = (/** @type {number} */ j) => Math.floor(Math.fround(this.foldedRad[j]) / STEP + 0.5);
     let at = 0;
     for (let k = 0; k < this.rows; k++) {
-      const before = k ? at - counts[k - 1] - first[k - 1] : 0; // where hinge 0 would have been
+      const before = k ? at - counts[k - 1] - first[k - 1] : 0; // offset of hinge 0 in the previous row
       const [begin, end] = k ? [first[k - 1], first[k - 1] + counts[k - 1]] : [0, 0];
       for (let i = 0, j = first[k]; i < counts[k]; i++, j++, at++) {
         if (k) steps[at] += j < begin ? folded(j) : j < end ? steps[before + j] : 0;
@@ -121,7 +124,7 @@ export class Rows {
     };
   }
 
-  // Of all hinges, of which those outside of the window are as they should be.
+  // Return the errors of all hinges; those outside the window are zero by construction.
   /**
    * @param {number} k
    * @param {number} begin
@@ -135,7 +138,7 @@ export class Rows {
   }
 }
 
-// Angles of windows backwards, then forwards: from those of a plan, the columns that a batch lacks.
+// Return the windows of a plan backwards, then forwards: the columns that a compact batch omits.
 /**
  * @param {import("../check/plan.js").Plan} plan
  * @returns {Pick<WindowArrays, "first" | "counts" | "steps" | "angles">}
@@ -151,28 +154,27 @@ export function thereAndBack({ frames, first, last, offsets, values }) {
   return { first: Int32Array.from(order, (k) => first[k]), counts: Int32Array.from(order, (k) => last[k] - first[k]), steps: new Int32Array(), angles };
 }
 
-// Where frames are stored.
-
+// Storage of frames.
 const MAX_BYTES = 384 * 2 ** 20;
 const MAX_WINDOW_BYTES = 64 * 2 ** 20;
 const BATCH_BYTES = 2 ** 20;
 const MAX_BATCH_FRAMES = 128;
 const WINDOW_FRAMES = 256;
-const FEWEST_CHUNKS = 4; // that are stored in any case
-const AHEAD = 6; // chunks of a long timeline that are fetched before they are needed
+const FEWEST_CHUNKS = 4; // stored in any case
+const AHEAD = 6; // chunks of a long timeline to fetch ahead of the playhead
 const BEHIND = 1;
 
 export class FrameStore {
   total = 0; // frames of the timeline
-  focus = 0; // frame around which frames are wanted
-  /** @type {Map<number, { batch: Rows, k: number }>} the batch that has each frame, and the row there */
+  focus = 0; // frame around which frames are fetched
+  /** @type {Map<number, { batch: Rows, k: number }>} batch and row of each frame */
   frames = new Map();
-  /** @type {Set<number>} chunks that are being fetched */
+  /** @type {Set<number>} chunks in flight */
   loading = new Set();
 
   /**
    * @param {number} joints
-   * @param {boolean} windowed whether only what is around the focus is fetched, of a long timeline
+   * @param {boolean} windowed true for a long timeline, of which only the frames around the focus are fetched
    */
   constructor(joints = 0, windowed = false) {
     this.windowed = windowed;
@@ -182,15 +184,16 @@ export class FrameStore {
 
   get last() { return Math.max(0, this.total - 1); }
 
-  // Number of chunks of the timeline, and that at the focus.
+  // Number of chunks of the timeline.
   get count() { return Math.ceil(this.total / this.rows); }
 
+  // Index of the chunk at the focus.
   get here() { return this.indexOf(this.focus); }
 
   /** @param {number} frame */
   indexOf(frame) { return Math.floor(frame / this.rows); }
 
-  // Stores the rows of a batch.
+  // Store the rows of a batch.
   /**
    * @param {Rows} batch
    * @param {Pick<BatchHeader, "start" | "stride">} header
@@ -208,7 +211,7 @@ export class FrameStore {
     return found ? found.batch.row(found.k) : null;
   }
 
-  // The nearest frame that is here.
+  // Return the nearest loaded frame.
   /** @param {number} frame */
   nearest(frame) {
     for (let away = 0; away <= this.last; away++) {
@@ -219,7 +222,7 @@ export class FrameStore {
     return null;
   }
 
-  // The frames to fetch for a chunk: from the first that is missing on.
+  // Return the frames to fetch for a chunk, from its first missing frame on.
   /**
    * @param {number} index
    * @returns {{ from: number, to: number }}
@@ -237,8 +240,8 @@ export class FrameStore {
     return from >= to;
   }
 
-  // The chunk to fetch next: those around the focus first; null when all that is wanted is here.
-  /** @param {boolean} end whether the last frame of a long timeline is wanted as well */
+  // Return the next chunk to fetch, nearest to the focus; null if all required chunks are loaded.
+  /** @param {boolean} end true if the last frame of a long timeline is required, too */
   next(end) {
     for (const index of this.windowed ? this.near(end) : this.onward()) if (!this.full(index) && !this.loading.has(index)) return index;
     return null;
@@ -259,7 +262,7 @@ export class FrameStore {
     for (let away = 0; away < Math.min(this.count, most); away++) yield (this.here + away) % this.count;
   }
 
-  // Lets go of what is farthest from the focus when there is too much.
+  // Drop the chunks that are farthest from the focus while memory use exceeds the limit.
   spare() {
     const { here, count, windowed } = this;
     const away = (/** @type {number} */ index) => (windowed ? Math.abs(index - here) : (index - here + count) % count);

@@ -1,10 +1,10 @@
-// The fold in motion on the first page.
+// The animated fold on the first page.
 import { get } from "../lib/text.js";
 import { playerIn } from "./player.js";
 
 const SPEED = 1.6;
 
-// Plays the timeline whose address `hero` names on its canvas.
+// Play the timeline whose address `hero` names on its canvas.
 /**
  * @param {HTMLElement} hero
  * @param {HTMLCanvasElement} canvas
@@ -16,7 +16,7 @@ export function playHero(hero, canvas, { calm }) {
     player.send({ do: "set", loop: true, speed: SPEED, turn: !calm });
     if (!calm) player.send({ do: "play" });
   });
-  // What moves by itself can be stopped.
+  // Motion that starts by itself needs a way to stop it (WCAG 2.2.2).
   const button = get("hero-pause");
   player.on("state", (/** @type {State} */ { playing }) => {
     button.hidden = false;

@@ -1,18 +1,19 @@
-// The keys of a page that plays: one table says what each does, and fills the dialog that shows them.
+// Keyboard shortcuts of a page with a player. One table defines them and fills the dialog that
+// lists them.
 import { element, get, store, stored } from "../lib/text.js";
 
 const KEPT = "foldback:single-keys";
-const TURN_RAD = Math.PI / 18; // by one press
+const TURN_RAD = Math.PI / 18; // per key press
 const ZOOM = 1.15;
 
 /**
  * @typedef {object} Row
  * @property {string[]} shown
  * @property {string} text
- * @property {Record<string, (it: Keys) => void>} does by the key, with "Shift+" before it where it has no sign of its own
- * @property {boolean} [held] whether a key that is held does it again
- * @property {(bar: import("./bar.js").Bar) => string} [says] what it has led to, for who does not see it
- * @property {(it: Keys) => unknown} [there] whether a page has it
+ * @property {Record<string, (it: Keys) => void>} does actions by key; keys without a character of their own have the prefix "Shift+"
+ * @property {boolean} [held] true if a held key repeats the action
+ * @property {(bar: import("./bar.js").Bar) => string} [says] result of the action, for screen readers
+ * @property {(it: Keys) => unknown} [there] true if the page has this shortcut
  */
 
 const send = (/** @type {Command} */ command) => (/** @type {Keys} */ { player }) => { player.send(command); };
@@ -50,15 +51,16 @@ const TABLE = [
 
 const plain = (/** @type {string} */ key) => key.replace("Shift+", "");
 
-// All keys that do something, also with Caps Lock.
+// All keys with an action, also with Caps Lock.
 export const KEYS = [...new Set(TABLE.flatMap(({ does }) => Object.keys(does)).map(plain).flatMap((key) => (key.length > 1 ? [key] : [key, key.toUpperCase()])))];
 
-// What a key is called in the table; signs have their Shift in them.
+// Return the name of a key in the table; characters already include Shift.
 /** @param {Pick<KeyboardEvent, "key" | "shiftKey">} event */
 export const nameOf = ({ key, shiftKey }) => (key.length === 1 ? key.toLowerCase() : shiftKey ? `Shift+${key}` : key);
 
 export class Keys {
-  // `alone` says that one fold is played, with times of its own; `module` leads to the choice of a module.
+  // `alone`: the page plays a single fold, so that steps in seconds are possible; `module` starts
+  // the selection of a module.
   /**
    * @param {Playing} player
    * @param {import("./bar.js").Bar} bar

@@ -1,5 +1,5 @@
-// From hinge angles and a root pose to the poses of all modules, how far the chain is folded, and the orientation
-// in which it is shown. The poses, as in planner/chain/module.py:
+// Forward kinematics from hinge angles and a root pose, the progress of folding, and the displayed
+// orientation. The poses, as in planner/chain/module.py:
 // T[i+1] = T[i] · Trans(anchor) · Rot(axis_1, q_1) … Rot(axis_K, q_K) · turn · Trans(offset).
 import { angleIn } from "./frames.js";
 import { quaternionOf, times, turned } from "../viewer/camera.js";
@@ -26,7 +26,7 @@ export class Kinematics {
   /** @type {Poses | undefined} */
   straightTable;
 
-  // `chain` as in the scene bundle's header; `foldedRad` for poses of windows.
+  // `chain` as in the scene bundle's header; poses of windows need `foldedRad`.
   /**
    * @param {Chain} chain
    * @param {Floats | null} foldedRad
@@ -38,7 +38,7 @@ export class Kinematics {
     this.chain = chain;
   }
 
-  // The rotation across the joint of a link; `angle` tells that of a hinge.
+  // Return the rotation across the joint of a link; `angle` returns the angle of a hinge.
   /**
    * @param {(hinge: number) => number} angle
    * @param {number} link
@@ -51,7 +51,7 @@ export class Kinematics {
     return times(q, turn);
   }
 
-  // Centres (3n) and orientations (4n) of one configuration.
+  // Return centres (3n) and orientations (4n) of one configuration.
   /**
    * @param {Numbers} angles
    * @param {Numbers} position
@@ -64,10 +64,10 @@ export class Kinematics {
     return found;
   }
 
-  // The same, of a chain that is folded before the hinge `first` and straight from `last` on, with the
-  // `angles` of the hinges in between and the pose of module 0. What is folded keeps its shape, and
-  // what is straight is a rod: only the window is computed joint by joint. Modules up to `core` are
-  // folded, those from `rod` on are the rod.
+  // Return the poses of a chain that is folded before the hinge `first` and straight from `last`
+  // on, given the `angles` of the hinges in between and the pose of module 0. The folded core and
+  // the straight tail are rigid, so that only the window is computed joint by joint. The core ends
+  // before module `core`; the tail begins with module `rod`.
   /** @param {Row} row */
   windowPoses(row) {
     const { modules: n, rigid_links: rigid, hinges } = this.chain;
@@ -82,7 +82,7 @@ export class Kinematics {
     return { ...found, core, rod };
   }
 
-  // From the pose of `begin` on to that of `end` - 1, which is told.
+  // Compute the poses of modules `begin` to `end` − 1. Return the last one.
   /**
    * @param {(hinge: number) => number} angle
    * @param {number} begin
@@ -107,7 +107,7 @@ export class Kinematics {
     return [p, q];
   }
 
-  // The folded chain with its first module there, kept until that moves.
+  // Return the folded chain with its first module at this pose; cached until the pose changes.
   /**
    * @param {Numbers} position
    * @param {Numbers} wxyz
@@ -123,7 +123,7 @@ export class Kinematics {
     return this.resting;
   }
 
-  // The folded and the straight chain from the first module on.
+  // Poses of the folded and of the straight chain relative to the first module.
   get folded() {
     const foldedRad = /** @type {Floats} */ (this.foldedRad);
     return (this.foldedTable ??= this.table((j) => foldedRad[j]));
@@ -145,7 +145,7 @@ export class Kinematics {
   room(Type) { return { positions: new Type(3 * this.chain.modules), wxyzs: new Type(4 * this.chain.modules) }; }
 }
 
-// Puts one pose in its place, its orientation as a unit quaternion.
+// Store one pose, with its quaternion normalised.
 /**
  * @param {number} i
  * @param {Vector} p
@@ -158,8 +158,8 @@ function put(i, p, q, { positions, wxyzs }) {
   for (let k = 0; k < 4; k++) wxyzs[4 * i + k] = q[k] /= l;
 }
 
-// Puts the modules from `begin` to `end` - 1 of a chain that keeps the shape of `table`, when the pose of
-// module `known` is p, q.
+// Store the poses of modules `begin` to `end` − 1 of a rigid chain in the shape of `table`, where
+// module `known` has the pose p, q.
 /**
  * @param {Poses} table
  * @param {number} known
@@ -177,12 +177,13 @@ function moved({ positions: from, wxyzs: turns }, known, [begin, end], p, q, fou
   }
 }
 
-// Middles of faces are compared on a grid.
+// Centres of faces are compared on a grid.
 const CELLS_PER_PITCH = 4;
-const MAX_CELL = 2 ** 16; // from the origin, either way
+const MAX_CELL = 2 ** 16; // from the origin, in both directions
 
-// For each module of the folded chain, face by face of `sketch`, the module that it touches there, which hides
-// the face; `modules` where none. `sketch` and `shown_size` as in the scene bundle's header.
+// Return, for each module of the folded chain and each face of `sketch`, the module that touches
+// and hides the face; `modules` if there is none. `sketch` and `shown_size` as in the scene
+// bundle's header.
 /**
  * @param {Pick<BundleHeader, "sketch" | "shown_size">} header
  * @param {Poses} folded
@@ -205,7 +206,7 @@ export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
   return found;
 }
 
-// For each module how many must be folded, from the first on, until all of its faces are hidden.
+// Return, for each module, the number of folded modules from which on all its faces are hidden.
 /**
  * @param {Int32Array} neighbours
  * @param {number} modules
@@ -215,9 +216,10 @@ export function buriedBy(neighbours, modules) {
   return Int32Array.from({ length: modules }, (_, i) => Math.max(i, ...neighbours.subarray(i * faces, (i + 1) * faces)) + 1);
 }
 
-// The measure of folding: 0 for the straight chain, 1 when all hinges have the angles of the shape. It is the
-// mean over the hinges of angle / goal, each from 0 to 1 and weighted with |goal|. A plain sum of errors would
-// stay at 0 while the chain bends everywhere on its way; this one rises steadily.
+// Return the progress of folding: 0 for the straight chain, 1 if all hinges have the angles of the
+// shape. It is the mean over the hinges of angle / goal, each from 0 to 1 and weighted with |goal|.
+// A plain sum of errors would stay at 0 while the chain bends everywhere; this measure rises
+// steadily.
 /**
  * @param {(hinge: number) => number} angle
  * @param {Floats} goal
@@ -233,8 +235,8 @@ export function foldedness(angle, goal) {
   return all > 0 ? reached / all : 1;
 }
 
-// The frame of the fold with that share of folding, between two where need be; found by halving, of the
-// frames that are here.
+// Return the fractional playback frame with this progress of folding, by bisection over the loaded
+// frames.
 /**
  * @param {import("./timeline.js").Timeline} timeline
  * @param {number} wanted
@@ -252,7 +254,7 @@ export function frameFolded(timeline, wanted) {
   let [less, more] = [value(low) ?? 0, value(high) ?? 1];
   while (high - low > 1) {
     const middle = timeline.nearest(Math.ceil((low + high) / 2));
-    if (middle === null || middle <= low || middle >= high) break; // nothing in between is here
+    if (middle === null || middle <= low || middle >= high) break; // no loaded frame in between
     const found = value(middle) ?? 0;
     if (found < wanted) [low, less] = [middle, found];
     else [high, more] = [middle, found];
@@ -261,20 +263,21 @@ export function frameFolded(timeline, wanted) {
   return low + (high - low) * Math.min(1, Math.max(0, share));
 }
 
-/** Seconds in which the correction fades in when a timeline is completed on an open page. Chosen. */
+/** Duration of the fade-in of the correction when a timeline is completed on an open page. Chosen. */
 const FADE_S = 0.8;
-const MIN_SINE = 1e-9; // of half the angle of a correction; a smaller one is none
+const MIN_SINE = 1e-9; // of half the angle of a correction; smaller corrections are ignored
 
-// The finished shape stands as it was drawn. A chain that floats turns as a whole while it folds, so the
-// orientation at the end of a simulated fold is not that of the drawing. The playback is shown in a frame
-// of reference that turns evenly: not at all at the straight chain, fully at the last frame. Only the
-// orientation of the first or root module changes; hinge angles and files stay as recorded.
+// Shows the finished shape in the orientation of its drawing. A floating chain rotates as a whole
+// while it folds, so that a simulated fold ends in another orientation. The playback is therefore
+// shown in a reference frame that rotates smoothly: not at all at the straight chain, fully at the
+// last frame. Only the orientation of the first or root module changes; hinge angles and files stay
+// as recorded.
 export class Standing {
   /** @type {{ angle: number, axis: Vector, from: number, to: number } | null} */
   correction = null;
-  amount = 0; // of the correction that is shown, 0 to 1
+  amount = 0; // applied fraction of the correction, 0 to 1
 
-  // Sets the correction from the orientations of one module at the last frame and in the drawing.
+  // Set the correction from the orientations of one module at the last frame and in the drawing.
   /**
    * @param {Numbers} end
    * @param {Numbers} drawn
@@ -296,7 +299,7 @@ export class Standing {
 
   get fading() { return this.correction !== null && this.amount < 1; }
 
-  // Lets seconds pass; true while the correction fades in.
+  // Advance the fade-in by some seconds. Return true while it lasts.
   /** @param {number} passed */
   advance(passed) {
     if (!this.fading) return false;
@@ -304,7 +307,7 @@ export class Standing {
     return true;
   }
 
-  // The orientation that is shown in place of a recorded one at a frame.
+  // Return the displayed orientation for a recorded one at a frame.
   /**
    * @param {Floats} wxyz
    * @param {number} frame

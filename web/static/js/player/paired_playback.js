@@ -1,5 +1,5 @@
-// Two folds on one playhead: each goes through a phase in step with the other, however many frames it
-// has there; one that has no such phase waits.
+// Two folds on one playhead. Both go through a phase in step, whatever their numbers of frames; a
+// fold without that phase waits.
 import { frameFolded } from "./kinematics.js";
 import { Ticker } from "./player.js";
 import { largestError } from "./player_state.js";
@@ -19,7 +19,7 @@ export class Pair extends Emitter {
     this.playhead = new Playhead(this);
     this.ticker = new Ticker((passed, now) => { if (this.playhead.advance(passed, now)) this.sync(); else this.wake(); });
     this.syncing = false;
-    this.turning = false; // while a camera is passed on
+    this.turning = false; // while a camera is copied to the other players
     this.told = "";
     for (const player of players) {
       player.on("outline", () => this.begin());
@@ -31,14 +31,14 @@ export class Pair extends Emitter {
 
   get growing() { return this.players.some(({ timeline }) => timeline.growing); }
 
-  // Without a fold that has no frames the other one is played by itself.
+  // Remove a fold that has no frames; the other one then plays alone.
   /** @param {Player} player */
   leave(player) {
     this.players = this.players.filter((each) => each !== player);
     this.begin();
   }
 
-  // The phases of both, as long as the longer of them.
+  // Merge the phases of both folds; each is as long as the longer one.
   begin() {
     const outlines = this.players.map(({ timeline }) => timeline.outline);
     if (!this.players.length || this.players.some(({ shown, timeline }) => !shown || !timeline.outline)) return;
@@ -62,20 +62,20 @@ export class Pair extends Emitter {
     this.sync();
   }
 
-  // What of the view is that of the pair.
+  // The part of the view that both folds share.
   get moment() {
     const { is, frame } = this.playhead;
     return { frame, from: is.loop ? is.from : null, to: is.loop ? is.to : null, loop: is.loop, speed: is.speed, play: is.playing };
   }
 
-  // Where a phase stands in the fold that has it.
+  // Return the index of a phase in the folds that have it.
   /**
    * @param {TimelineOutline[]} outlines
    * @param {string} name
    */
   place(outlines, name) { return Math.min(...outlines.map(({ phases }) => phases.findIndex((p) => p.name === name)).filter((k) => k >= 0)); }
 
-  // The larger error of the two, column by column.
+  // Return the larger error of the two folds for each column of the plot.
   /** @param {TimelineOutline[]} outlines */
   errors(outlines) {
     return Array.from({ length: 240 }, (_, k) => {
@@ -111,14 +111,14 @@ export class Pair extends Emitter {
     if (message.do === "select") { for (const player of this.players) player.send(message); return true; }
     if (!this.playhead.do(message.do === "fold" ? { do: "seek", frame: this.frameFolded(message.percent / 100) } : message)) return false;
     if (message.do === "set") {
-      const { follow, turn } = message; // what of it is about the camera
+      const { follow, turn } = message; // the part that concerns the camera
       for (const player of this.players) player.send({ do: "set", ...("follow" in message && { follow }), ...("turn" in message && { turn }) });
     }
     this.sync();
     return true;
   }
 
-  // Turning one turns the others: each to the same camera relative to its own chain.
+  // Give the other players the same camera, relative to their own chains.
   /** @param {Player} player */
   turned(player) {
     if (this.turning) return;
@@ -130,7 +130,7 @@ export class Pair extends Emitter {
     this.tell("camera");
   }
 
-  // The frame at which the first fold has that share of folding.
+  // Return the frame at which the first fold has this progress of folding.
   /** @param {number} wanted */
   frameFolded(wanted) {
     const [first] = this.players;
@@ -138,7 +138,7 @@ export class Pair extends Emitter {
     return frame === null ? this.playhead.frame : this.frameAt(first, frame);
   }
 
-  // The pair's frame at which one fold is at a frame of its own.
+  // Return the pair's frame for a frame of one fold.
   /**
    * @param {Player} player
    * @param {number} frame

@@ -1,9 +1,9 @@
-// A player: shows the moment of a visitor's playhead, lets time pass, and moves the camera.
+// A player: shows the moment at the playhead, advances it, and moves the camera.
 //
-// It takes the messages of playhead.js and more: select {module} highlights a module, null for none;
-// pass {seconds} and change {way} seek a frame by its time, or the next that looks otherwise; orbit
-// turns, zooms and moves the view, and camera {camera} sets it, null as usual.
-// It tells what is by events: waiting, begun, outline, state, module, camera, drawn, painted.
+// Besides the messages of playhead.js it accepts: select {module} highlights a module (null: none);
+// pass {seconds} seeks a frame by its time; change {way} seeks the next visible change; orbit
+// turns, zooms and moves the view; camera {camera} sets it (null: the default). Its events are
+// waiting, begun, outline, state, module, camera, drawn and painted.
 import { picked } from "../viewer/camera.js";
 import { Sketch } from "../viewer/sketch.js";
 import { CameraRig, USUAL } from "./camera_rig.js";
@@ -17,14 +17,14 @@ const USUAL_ASPECT = 1.6;
 
 /** @typedef {import("../viewer/stage.js").Stage} Stage */
 
-// Ticks with the pictures of the page while it is asked to.
+// Calls `tick` with the animation frames of the page, once per request.
 export class Ticker {
   due = false;
   tickedMs = 0; // time of the last tick
-  /** @type {number | null} of the tick before, in seconds; null where nothing moved */
+  /** @type {number | null} time of the previous tick, in seconds; null after a rest */
   clock = null;
   /** @type {ReturnType<typeof setTimeout> | undefined} */
-  pause = undefined; // before the next tick
+  pause = undefined; // timer of the pause before the next tick
 
   /**
    * @param {(passed: number, now: number) => void} tick in seconds
@@ -35,7 +35,8 @@ export class Ticker {
     this.pauseMs = pauseMs;
   }
 
-  // Ask for one more tick: after the pause, or with the next picture for a visitor who moves the view.
+  // Request one more tick: after the pause or, with `soon`, with the next animation frame, for a
+  // visitor who moves the view.
   wake(soon = false) {
     if (this.due && !(soon && this.pause)) return;
     clearTimeout(this.pause);
@@ -57,17 +58,17 @@ export class Ticker {
     });
   }
 
-  // Nothing moves any more: the time until the next tick does not count.
+  // Stop the clock while nothing moves: the time until the next tick does not count.
   rest() { this.clock = null; }
 }
 
 export class Player extends PlayerState {
-  // Shows on `stage`, for which `standIn` may draw, or on the sketch alone. For who wants little to
-  // move, the camera is where a frame that is sought asks for it at once.
+  // Shows the fold on `stage`, for which `standIn` draws at first, or on the sketch alone. With
+  // reduced motion (`calm`), the camera jumps to the goal of a frame that was sought.
   /**
    * @param {Timeline} timeline
    * @param {{ stage?: Stage | null, standIn?: import("../viewer/stage.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean, pauseMs?: () => number }} shownOn
-   *   `pauseMs` is the minimum time between two pictures of a motion that plays by itself
+   *   `pauseMs` returns the minimum time between two pictures of an automatic motion
    */
   constructor(timeline, { stage = null, standIn = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false, pauseMs }) {
     super(timeline, calm);
@@ -84,7 +85,7 @@ export class Player extends PlayerState {
     this.gliding = false;
     this.changed = false;
     /** @type {Command[]} */
-    this.unheard = []; // what was asked for while a timeline that is begun anew is fetched
+    this.unheard = []; // messages that wait until a restarted timeline is loaded
     timeline.on("waiting", () => { this.shown = null; this.tell("waiting"); });
     timeline.on("begun", () => this.begin());
     timeline.on("grew", () => this.grew());
@@ -98,8 +99,7 @@ export class Player extends PlayerState {
 
   get is() { return this.playhead.is; }
 
-  // What a message does.
-
+  // Messages.
   /**
    * @param {Command} asked
    * @returns {boolean}
@@ -130,7 +130,7 @@ export class Player extends PlayerState {
     this.tell("module", this.module);
   }
 
-  // Modules that stay highlighted, as those where a fold stalls or as selected ones.
+  // Highlight modules persistently, in the colour of stalled or of selected ones.
   /**
    * @param {number[]} modules
    * @param {"stuck" | "selected"} as
@@ -141,7 +141,7 @@ export class Player extends PlayerState {
     this.show(true);
   }
 
-  // Turns, zooms or moves the view, or sets it. To move it is to let go of the chain.
+  // Turn, zoom, move or set the view. Moving it switches Follow off.
   /** @param {Command & { do: "orbit" | "camera" }} message */
   look(message) {
     const { rig, shown, is } = this;
@@ -158,8 +158,8 @@ export class Player extends PlayerState {
     return true;
   }
 
-  // Has the camera follow some modules instead of the whole chain, from where `sight` says that they are
-  // seen best; none for all again.
+  // Make the camera follow some modules, from the direction that `sight` finds best; an empty list
+  // restores the whole chain.
   /**
    * @param {number[]} modules
    * @param {import("./camera_rig.js").Sight | null} sight
@@ -182,7 +182,7 @@ export class Player extends PlayerState {
     this.send({ do: "select", module: module === this.selected ? null : module });
   }
 
-  // Another way to colour the modules; see colours.js.
+  // Set the colouring of the modules; see colours.js.
   /** @param {import("./colours.js").Colouring} chosen */
   colourBy(chosen) {
     this.colouring = chosen;
@@ -190,8 +190,7 @@ export class Player extends PlayerState {
     this.show(true);
   }
 
-  // What time does.
-
+  // Time.
   begin() {
     const { timeline } = this;
     this.shown = this.search = null;
@@ -235,7 +234,7 @@ export class Player extends PlayerState {
     if (this.busy) this.ticker.wake(); else this.ticker.rest();
   }
 
-  // Takes the snapshot that the playhead is at.
+  // Show the snapshot at the playhead.
   show(again = false) {
     const { timeline } = this;
     if (!timeline.chain || !this.colouring) return;
@@ -254,7 +253,8 @@ export class Player extends PlayerState {
     this.ticker.wake();
   }
 
-  // While a drawing stands in, as often as one can read: every word has to be put into the picture.
+  // Report the state. While the fallback renderer draws, report it at a readable rate only: every
+  // change of text makes the page paint again.
   /** @param {Snapshot} shown */
   tellState(shown) {
     const { told, playhead: { frame, is: { playing } } } = this;
@@ -283,7 +283,8 @@ export class Player extends PlayerState {
   }
 }
 
-// A player of the timeline whose address a part of the page names, on a canvas in it alone.
+// Return a player of the timeline whose address an element names, on a canvas in that element,
+// without the 3D view.
 /**
  * @param {HTMLElement} part
  * @param {HTMLCanvasElement} canvas

@@ -1,13 +1,13 @@
-// State of a player, without a picture or a clock: where the playhead is, the moment that it shows, the selected
-// and the marked modules and their colours; and what is reported of them.
+// State of a player, without drawing or clock: the playhead, the displayed moment, the selected and
+// marked modules and their colours, and the reports about them.
 import { frameFolded } from "./kinematics.js";
 import { Playhead, after, nextChange } from "./playhead.js";
 import { Story } from "./story.js";
 import { Emitter } from "./timeline.js";
 
-const BESIDE = 0.4; // how blue the neighbours of the selected module are
+const BESIDE = 0.4; // fraction of blue in the neighbours of the selected module
 
-// Name of a hinge, as planner/chain/module.py names it.
+// Return the name of a hinge, as in planner/chain/module.py.
 /**
  * @param {Chain} chain
  * @param {number} j
@@ -17,7 +17,7 @@ function nameOf({ rigid_links: rigid, hinge_names: names }, j) {
   return `joint_${rigid + Math.floor(j / names.length)}${hinge && `_${hinge}`}`;
 }
 
-// The largest joint error of a moment; null where none is recorded.
+// Return the largest joint error of a moment; null if none is recorded.
 /** @param {Pick<Snapshot, "errors">} shown */
 export function largestError({ errors }) {
   let largest = -1;
@@ -34,14 +34,14 @@ export class PlayerState extends Emitter {
   marked = [];
   /** @type {"stuck" | "selected"} */
   markedAs = "stuck";
-  /** @type {{ way: number, from: Row } | null} of a change that may lie in frames that are not here yet */
+  /** @type {{ way: number, from: Row } | null} search for a change that continues in frames that are not loaded yet */
   search = null;
   /** @type {Snapshot | null} */
   shown = null;
 
   /**
    * @param {import("./timeline.js").Timeline} timeline
-   * @param {boolean} calm whether nothing plays by itself
+   * @param {boolean} calm true if nothing starts to play by itself
    */
   constructor(timeline, calm) {
     super();
@@ -50,7 +50,7 @@ export class PlayerState extends Emitter {
     this.story = this.playhead.story = new Story(this.playhead, timeline, calm);
   }
 
-  // Takes the timeline as it begins.
+  // Initialise the state when the timeline begins.
   begin() {
     const { timeline, playhead } = this;
     if (this.selected !== null && this.selected >= timeline.chain.modules) this.selected = null;
@@ -59,7 +59,7 @@ export class PlayerState extends Emitter {
     playhead.frame = Math.min(playhead.frame, timeline.last);
   }
 
-  // Return steps that are not told in frames as the frame that they lead to.
+  // Convert a step in seconds, progress or changes to a seek.
   /**
    * @param {Command} message
    * @returns {Command}
@@ -77,7 +77,7 @@ export class PlayerState extends Emitter {
   /**
    * @param {number} frame
    * @param {number} way
-   * @param {Row | null} start of a search that goes on
+   * @param {Row | null} start row where a continued search began
    */
   changeFrom(frame, way, start = null) {
     const { frame: found, from } = nextChange(this.timeline, frame, way, start);
@@ -85,7 +85,7 @@ export class PlayerState extends Emitter {
     return found;
   }
 
-  // Goes on with a search whose frame is here now; true where it did.
+  // Continue a search whose frame is now loaded. Return true if there was one.
   searchOn() {
     const { search, timeline, playhead: { frame } } = this;
     if (!search || !timeline.row(frame)) return false;
@@ -99,7 +99,7 @@ export class PlayerState extends Emitter {
     return exists;
   }
 
-  // Return what the playhead shows: phase, error, how far the chain is folded, pace.
+  // Return the state at the playhead: phase, error, progress of folding, pace.
   /**
    * @param {Snapshot} shown
    * @returns {State}
@@ -112,7 +112,7 @@ export class PlayerState extends Emitter {
     };
   }
 
-  // Seconds of the robot that pass in one second of playing; null where no robot moves.
+  // Return the seconds of robot time per second of playback; null while no robot moves.
   /** @param {Snapshot} shown */
   paceAt({ low, phase, exact }) {
     const { timeline, playhead, story } = this;
@@ -129,7 +129,7 @@ export class PlayerState extends Emitter {
     return { ...timeline.outline, frames: timeline.total, growing: timeline.growing, modules: timeline.chain.modules };
   }
 
-  // The selected module and its joint at the moment that is shown.
+  // The selected module and its joint at the displayed moment.
   /** @returns {ModuleTold | { index: null }} */
   get module() {
     const { timeline, shown, selected: index } = this;
@@ -148,7 +148,8 @@ export class PlayerState extends Emitter {
     };
   }
 
-  // Colours of all modules, with the selected one, its neighbours and those that are marked.
+  // Return the colours of all modules, including highlights of the selected module, its neighbours
+  // and the marked modules.
   colours() {
     if (!this.colouring || !this.shown) return new Uint8Array(0);
     const colours = this.colouring.of(this.shown);

@@ -1,36 +1,36 @@
-// Where a visitor is in a timeline and how that moves. A message has one verb, `do`:
+// Position in a timeline and its motion. A message has one verb, `do`:
 //   play, pause, toggle           run or stop; play at the end starts over
 //   seek {frame} or {percent}     go there and stop
-//   step {by}                     whole frames back or forward, and stop
-//   set {speed, loop, reverse, follow, turn, live, real}   any of them; real plays in the robot's time
-//   set {from, to}                loop over these frames and what is between; null for the whole
+//   step {by}                     go whole frames back or forward, and stop
+//   set {speed, loop, reverse, follow, turn, live, real}   any of them; real plays in real time of the robot
+//   set {from, to}                loop from one frame to another; null for the end of the timeline
 import { angleIn, differing } from "./frames.js";
 
 const SPEEDS = [0.05, 20];
 const SWITCHES = /** @type {const} */ (["loop", "reverse", "follow", "turn", "live", "real"]);
 const WHOLE_PLAYBACK_S = 20;
 const SLOWEST_FPS = 12;
-const FASTEST_FPS = 240; // a long timeline takes longer, else its modules fly by
+const FASTEST_FPS = 240; // a long timeline takes longer; otherwise its modules would move too fast to see
 const CATCH_UP_S = 0.4;
 const HOLD_S = 1.2;
-const SEEN_RAD = 0.05; // a hinge that has turned by more shows it
+const SEEN_RAD = 0.05; // smallest visible rotation of a hinge
 
 /** @typedef {import("./timeline.js").Timeline} Timeline */
 
 export class Playhead {
-  // `timeline` tells its `last` frame and whether it is `growing`.
+  // `timeline` provides its `last` frame and whether it is `growing`.
   /** @param {{ last: number, growing: boolean, row?: Timeline["row"] }} timeline */
   constructor(timeline) {
     this.timeline = timeline;
     this.frame = 0;
     this.hold = 0;
-    /** @type {{ framesPerSecond: number | null } | null} sets the pace while it has one */
+    /** @type {{ framesPerSecond: number | null } | null} determines the pace unless that is null */
     this.story = null;
     /** @type {Switches} */
     this.is = { playing: false, speed: 1, loop: false, reverse: false, follow: true, turn: false, live: false, real: false, from: null, to: null };
   }
 
-  // True when the message was understood.
+  // Execute a message. Return true if its verb is known.
   /** @param {Command} message */
   do(message) {
     const { is, timeline } = this;
@@ -60,7 +60,8 @@ export class Playhead {
     Object.assign(this.is, { playing: false, live: false });
   }
 
-  // An end that is that of the timeline is none; of two that cross the one before it is let go.
+  // Set the ends of the loop. An end at that of the timeline becomes null; if both ends cross, the
+  // older one becomes null.
   /** @param {Partial<Pick<Switches, "from" | "to">>} message */
   loopOver({ from, to }) {
     const { is, timeline: { last, growing } } = this;
@@ -70,7 +71,7 @@ export class Playhead {
     if ((from !== undefined || to !== undefined) && (is.from !== null || is.to !== null)) is.loop = true;
   }
 
-  // The first and the last frame of what is played.
+  // First and last frame of the range that is played.
   get range() {
     const { is: { loop, from, to }, timeline: { last } } = this;
     return loop && (from ?? 0) < last ? [from ?? 0, Math.min(to ?? last, last)] : [0, last];
@@ -87,7 +88,7 @@ export class Playhead {
     Object.assign(is, { playing, live: false });
   }
 
-  // Lets seconds pass, up to `now`; true when the playhead has moved.
+  // Advance by the seconds that passed until `now`. Return true if the playhead moved.
   /**
    * @param {number} passed
    * @param {number} now
@@ -101,7 +102,7 @@ export class Playhead {
       return true;
     }
     if (!is.playing || now < this.hold) return false;
-    // Of a robot's time, the frames that it takes so many seconds for; none at the end.
+    // In real time: the number of frames that the robot needs so many seconds for; 0 at the end.
     const robot = is.real && timeline.row && !this.story?.framesPerSecond ? /** @type {Timeline} */ (timeline) : null;
     const real = robot ? Math.abs(after(robot, this.frame, is.reverse ? -passed : passed) - this.frame) : 0;
     this.runOn(real || passed * this.framesPerSecond * is.speed, now);
@@ -137,10 +138,10 @@ export class Playhead {
   }
 }
 
-// Steps that are not told in frames.
+// Steps in seconds and in visible changes.
 
-// The frame so many seconds from one, between two where need be. Where frames are not here yet they are
-// taken for as long as the last one that is.
+// Return the fractional frame at some seconds from a frame. Frames that are not loaded count as
+// long as the last loaded one.
 /**
  * @param {Timeline} timeline
  * @param {number} frame
@@ -151,13 +152,13 @@ export function after(timeline, frame, seconds) {
   const end = way > 0 ? timeline.last : 0;
   let here = frame;
   let left = Math.abs(seconds);
-  let length = 0; // of a frame, in seconds
+  let length = 0; // duration of a frame, in seconds
   while (left > 1e-9 && here !== end) {
     const low = way > 0 ? Math.floor(here) : Math.ceil(here) - 1;
     const [a, b] = [timeline.row(low), timeline.row(low + 1)];
     if (a && b) length = b.time_s - a.time_s;
-    else if (!length) return Math.min(Math.max(here + way, 0), timeline.last); // nothing is known of these
-    const share = way > 0 ? low + 1 - here : here - low; // of this frame that is still ahead
+    else if (!length) return Math.min(Math.max(here + way, 0), timeline.last); // durations are unknown
+    const share = way > 0 ? low + 1 - here : here - low; // fraction of this frame that is still ahead
     if (share * length > left) return here + (way * left) / length;
     left -= share * length;
     here = way > 0 ? low + 1 : low;
@@ -165,9 +166,9 @@ export function after(timeline, frame, seconds) {
   return here;
 }
 
-// The next frame, `way` 1 on or -1 back, at which some hinge has turned by what one sees since this one,
-// or another phase goes on; the end when none is found before. A search that meets a frame that is not
-// here stops there: it goes on from that frame with the row that it told as `from`.
+// Return the next frame (`way` 1: forward, −1: back) at which a hinge has visibly turned or another
+// phase begins; otherwise the end of the timeline. A search stops at a frame that is not loaded; to
+// continue it, pass that frame and the returned `from`.
 /**
  * @param {Timeline} timeline
  * @param {number} frame

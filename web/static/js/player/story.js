@@ -1,24 +1,25 @@
-// The story of a fold that is computed while its page is open. As soon as there are frames, the
-// explosion plays at a pace that can be watched; then the fold plays. When the fold is over (see
-// "settled" of timeline.js), the fold plays from straight to folded and rests on the finished shape.
-// A visitor who goes to a frame, plays or pauses ends the story; one who turns the view or selects a
-// module sees the motion go on, without a jump back to the straight chain at the end.
+// Automatic playback of a fold that is computed while its page is open. As soon as there are
+// frames, the explosion plays at a watchable pace; then the fold plays. When the fold is over
+// (event "settled" of timeline.js), it plays once more from straight to folded and rests on the
+// finished shape. A visitor who goes to a frame, plays or pauses ends the story. If the visitor
+// turns the view or selects a module, the motion continues, without a jump back to the straight
+// chain at the end.
 
-// Seconds that a phase takes, however many frames it has. Chosen.
+// Duration of a phase in seconds, independent of its number of frames. Chosen.
 const EXPLOSION_S = 5;
 const FOLD_S = 8;
-/** Minimum pace in frames per second; a phase of few frames takes less time. Chosen. */
+/** Minimum pace in frames per second; phases of few frames take less time. Chosen. */
 const MIN_FPS = 12;
 /** Maximum pace of a long timeline, whose frames are fetched while they are played. Chosen. */
 const MAX_WINDOWED_FPS = 240;
-/** Seconds to the newest frame within which the pace drops, so that the motion does not stop dead. Chosen. */
+/** Seconds before the newest frame within which the pace drops, so that the motion does not stop abruptly. Chosen. */
 const SLOWING_S = 0.4;
-/** Seconds in which the pace reaches most of a change. Chosen. */
+/** Time constant of changes of the pace, in seconds. Chosen. */
 const SMOOTHING_S = 0.3;
 /** Seconds for which the straight chain rests before it folds. Chosen. */
 const REST_S = 0.6;
-const END = 1e-6; // frames that count as none
-/** Frames to the newest one below which the motion stops, so that nothing is drawn while it waits. Chosen. */
+const END = 1e-6; // tolerance in frames
+/** Distance in frames to the newest frame at which the motion stops, so that nothing is drawn while it waits. Chosen. */
 const STILL = 0.05;
 const ENDING = new Set(["seek", "step", "pass", "change", "fold", "play", "pause", "toggle"]);
 
@@ -38,18 +39,18 @@ export class Story {
     this.calm = calm;
     /** @type {Part} */
     this.part = "before";
-    this.looking = false; // the visitor turned the view or selected a module
-    this.waited = false; // the fold stood still for want of frames
+    this.looking = false; // true once the visitor has turned the view or selected a module
+    this.waited = false; // true once the playhead has waited for new frames of the fold
     this.rest = 0;
     /** @type {string | undefined} */
     this.phase = undefined;
     this.pace = 0;
   }
 
-  // True while the story decides what is shown.
+  // True while the story controls the playhead.
   get telling() { return this.part === "telling" || this.part === "finale"; }
 
-  // A timeline is there; once more if it is begun anew.
+  // Start when a timeline begins, or restarts.
   begun() {
     if (this.part === "over" || (this.part === "before" && this.timeline.over)) return;
     this.play("telling", 0);
@@ -57,12 +58,12 @@ export class Story {
 
   /** @param {Command} message */
   heard(message) {
-    // An address without a loop sets its ends to null, which is no act of a visitor.
+    // An address without a loop sets its ends to null; that is no action of the visitor.
     if (ENDING.has(message.do) || (message.do === "set" && (message.live || message.reverse || message.from != null || message.to != null))) this.end();
     else if (message.do === "orbit" || (message.do === "select" && message.module !== null)) this.looking = true;
   }
 
-  // Nothing more comes.
+  // Play the finale once the timeline is complete.
   settled() {
     if (!this.telling) return;
     const { playhead, timeline, folding } = this;
@@ -91,7 +92,7 @@ export class Story {
 
   get folding() { return this.timeline.outline.phases.findLast(({ name }) => name === "playback"); }
 
-  // Lets seconds pass. The playhead, which `framesPerSecond` moves, comes after.
+  // Advance by some seconds, before the playhead, which reads `framesPerSecond`.
   /** @param {number} passed */
   advance(passed) {
     if (!this.telling) return;
@@ -122,6 +123,6 @@ export class Story {
     return Math.min(pace, most, timeline.growing ? gap / SLOWING_S : Infinity);
   }
 
-  // The pace of the playhead; null where the story does not decide it.
+  // Pace of the playhead; null while the story does not control it.
   get framesPerSecond() { return this.telling ? (this.rest > 0 ? 0 : this.pace) : null; }
 }

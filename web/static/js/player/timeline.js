@@ -1,5 +1,5 @@
-// A fold's frames as they come in, and the poses of a moment. What has been fetched once is scrubbed without a
-// request to the server; see frames.js.
+// Frames of a fold, loaded progressively, and the poses of a moment. Scrubbing over loaded frames
+// needs no requests; see frames.js.
 import { decode } from "../lib/columns.js";
 import { FrameStore, Rows, angleIn, between, differing } from "./frames.js";
 import { Kinematics, Standing, foldedness, touching } from "./kinematics.js";
@@ -7,21 +7,21 @@ import { Kinematics, Standing, foldedness, touching } from "./kinematics.js";
 /** @type {Record<string, string>} */
 export const PHASES = { explosion: "Explosion", unfolding: "Unfolding", playback: "Playback" };
 
-const AT_ONCE = 2; // requests
-const COARSE = 64; // frames that are fetched first, spread over the whole timeline
+const AT_ONCE = 2; // concurrent requests
+const COARSE = 64; // frames to fetch first, spread over the whole timeline
 const RETRY_MS = 300;
-/** Pause before the next look for the first frames of a fold that has just begun. A larger value delays the first motion. Chosen. */
+/** Pause between requests for the first frames of a new fold. A larger value delays the first motion. Chosen. */
 const QUICK_RETRY_MS = 50;
-/** Number of those looks, after which the fold is taken to wait in the queue. A larger value costs requests. Chosen. */
+/** Number of such requests, after which the fold is assumed to wait in the queue. A larger value costs requests. Chosen. */
 const MAX_QUICK_TRIES = 40;
 const LOOK_MS = 1000;
 const MOST_LOOKS = 1800; // half an hour
 const WAIT_S = 1;
-const DAMAGED = 500; // the service says so of stored data that is not what was written
+const DAMAGED = 500; // stored data is corrupt
 
-const BUSY = 429; // too many requests of this visitor wait
+const BUSY = 429; // too many requests of this visitor are waiting
 
-// Something that tells what is: events with a name and a detail.
+// An object with events that have a name and a detail.
 export class Emitter extends EventTarget {
   /**
    * @param {string} name
@@ -39,7 +39,7 @@ export class Emitter extends EventTarget {
 
 class DamagedError extends Error {}
 
-// The service did not answer; it may after a pause.
+// The service refused a request; another try after a pause may succeed.
 class RefusedError extends Error {
   /** @param {Response} answer */
   constructor(answer) {
@@ -49,7 +49,7 @@ class RefusedError extends Error {
   }
 }
 
-// Scene bundle and batches under an address of this server.
+// Source of a scene bundle and batches under an address of this server.
 export class Source {
   /** @type {(address: string) => Promise<Response>} */
   static fetch = (address) => fetch(address);
@@ -70,7 +70,7 @@ export class Source {
     return this.get(`batch?${asked}`);
   }
 
-  // What a browser can take apart, or null while there is nothing.
+  // Return a decoded message; null while there is no data.
   /**
    * @template {Message<object, object>} Told
    * @param {string} what
@@ -85,7 +85,7 @@ export class Source {
   }
 }
 
-// A whole timeline in one batch, which is fetched once.
+// A complete timeline in a single batch, which is fetched once.
 export class Recording extends Source {
   /** @type {Promise<Batch | null> | undefined} */
   once;
@@ -94,7 +94,8 @@ export class Recording extends Source {
 }
 
 export class Timeline extends Emitter {
-  // Null until the timeline has begun: chain and outline; the others are not there before.
+  // Chain and outline are null until the timeline has begun; the next three are undefined until
+  // then.
   /** @type {Chain & Hull} */
   chain;
   /** @type {TimelineOutline} */
@@ -103,7 +104,7 @@ export class Timeline extends Emitter {
   bundle;
   /** @type {Kinematics} */
   kinematics;
-  /** @type {boolean} a long timeline, of which only what is around the playhead is fetched */
+  /** @type {boolean} true for a long timeline, of which only the frames around the playhead are fetched */
   windowed;
   /** @type {Floats | null} angles at the first frame */
   startRad = null;
@@ -115,9 +116,9 @@ export class Timeline extends Emitter {
   /** @type {BatchHeader["status"]} */
   status;
   store = new FrameStore();
-  version = 0; // another one with every batch
+  version = 0; // incremented with every batch
 
-  // `over` says that nothing more comes: the fold is over, whatever its timeline says.
+  // `over`: the fold is over and no more frames follow, whatever the status of the timeline is.
   /**
    * @param {TimelineSource} source
    * @param {{ over?: boolean }} how
@@ -128,10 +129,10 @@ export class Timeline extends Emitter {
     this.over = over;
     this.unsure = !over;
     /** @type {{ id: string, bundle: Promise<Bundle | null> } | null} */
-    this.early = null; // the bundle of a timeline that has no frames yet
+    this.early = null; // bundle of a timeline without frames
     this.looks = 0;
     this.tries = 0;
-    this.grown = false; // on this page
+    this.grown = false; // true once the timeline has grown on this page
     this.ended = false;
     this.running = false;
     this.forget();
@@ -151,7 +152,7 @@ export class Timeline extends Emitter {
 
   get growing() { return this.status === "growing" && !this.over; }
 
-  // The joint error at which a module is fully red; timelines beside each other share one.
+  // The joint error at which a module is fully red; timelines side by side share it.
   get errorScale() { return Math.max(this.outline.error_scale_rad, this.sharedScale ?? 0); }
 
   get foldedRad() { return this.bundle.arrays.folded_rad; }
@@ -164,7 +165,7 @@ export class Timeline extends Emitter {
 
   stop() { this.ended = true; }
 
-  // The fold is over: what is here is looked at once more.
+  // Mark the fold as over and check for final frames.
   finish() {
     this.over = true;
     this.run();
@@ -183,14 +184,14 @@ export class Timeline extends Emitter {
         else break;
       } catch (error) {
         if (error instanceof DamagedError) this.damaged(error.message);
-        else await pauseAfter(error); // what is here stays
+        else await pauseAfter(error); // loaded frames stay
       }
     }
     this.running = false;
     if (this.over && !this.ended) this.tell("settled");
   }
 
-  // Fetches the frames that follow those that are here; false where the timeline is another one.
+  // Fetch the frames after the loaded ones. Return false if the timeline was replaced.
   async fetchNext(wait = 0) {
     const { id } = this;
     const batch = await this.source.batch({ from: this.total, wait });
@@ -203,7 +204,7 @@ export class Timeline extends Emitter {
     return true;
   }
 
-  // While a fold goes on, a timeline that is complete may yet be begun anew: its plan was refused.
+  // Poll a complete timeline while the fold is running: it restarts if its plan is refused.
   async look() {
     if (!this.over) await pause(LOOK_MS);
     this.looks++;
@@ -211,7 +212,7 @@ export class Timeline extends Emitter {
     if (await this.fetchNext() && over) this.unsure = false;
   }
 
-  // No motion is shown any more; the page says why.
+  // Stop and drop the motion; the page shows the reason.
   /** @param {string} detail */
   damaged(detail) {
     this.stop();
@@ -226,7 +227,7 @@ export class Timeline extends Emitter {
   }
 
   async begin() {
-    // A fold that has just begun is asked for frames alone until there are some.
+    // While a new fold has no frames, only batches are requested.
     const waited = this.tries ? await this.source.batch({ to: 1 }) : null;
     const none = this.tries && !waited?.header.total;
     if (waited && none && this.early?.id !== waited.header.id) {
@@ -239,7 +240,8 @@ export class Timeline extends Emitter {
       await pause(this.tries++ < MAX_QUICK_TRIES ? QUICK_RETRY_MS : RETRY_MS);
       return;
     }
-    // Frames spread over the whole timeline up to its last, so that it can be scrubbed everywhere at once.
+    // Fetch frames spread over the whole timeline, including the last, so that scrubbing works at
+    // once.
     const stride = Math.ceil(first.header.total / COARSE);
     const from = (first.header.total - 1) % stride;
     this.windowed = "first" in first.arrays;
@@ -259,13 +261,13 @@ export class Timeline extends Emitter {
     this.load();
   }
 
-  // Keeps what a batch brings.
+  // Store the frames and the header of a batch.
   /** @param {Batch} batch */
   take(batch) {
     const { header } = batch;
     const { store } = this;
     store.put(new Rows(batch, this.foldedRad), header);
-    // A timeline that grows may have more than this batch; what is missing is asked for next.
+    // A growing timeline may have more frames than this batch; they are requested next.
     store.total = this.growing && header.status === "growing" && !this.windowed ? Math.max(store.total, header.stop) : header.total;
     this.status = header.status;
     this.outline = header.outline;
@@ -274,7 +276,7 @@ export class Timeline extends Emitter {
     store.spare();
   }
 
-  // Turns the fold so that its last frame, once that is here, has the drawing's orientation.
+  // Rotate the fold so that its last frame, once loaded, has the orientation of the drawing.
   stand() {
     const { standing, outline, bundle: { header }, windowed } = this;
     if (this.growing) { standing.clear(); return; }
@@ -284,13 +286,13 @@ export class Timeline extends Emitter {
     standing.set(end.wxyz, windowed ? header.chain.folded_wxyz : header.chain.folded_root_wxyz, folding, this.grown);
   }
 
-  // Whether all that is wanted is here.
+  // True if all required frames are loaded.
   get complete() { return this.chain !== null && !this.growing && !this.store.loading.size && this.next === null; }
 
-  // The chunk to fetch next; the last frame tells how the fold is to stand.
+  // The chunk to fetch next; the correction of the orientation needs the last frame.
   get next() { return this.store.next(!this.growing && !this.standing.correction); }
 
-  // Fetches until everything that is wanted is here.
+  // Fetch chunks until all required frames are loaded.
   load() {
     while (!this.ended && this.chain && this.store.loading.size < AT_ONCE) {
       const { next } = this;
@@ -301,7 +303,7 @@ export class Timeline extends Emitter {
 
   /**
    * @param {number} index
-   * @param {FrameStore} store another one once the timeline is begun anew
+   * @param {FrameStore} store replaced if the timeline restarts
    */
   async fetchChunk(index, store) {
     store.loading.add(index);
@@ -319,15 +321,15 @@ export class Timeline extends Emitter {
     if (store === this.store) this.load();
   }
 
-  // The nearest frame that is here.
+  // Return the nearest loaded frame.
   /** @param {number} frame */
   nearest(frame) { return this.store.nearest(frame); }
 
   /** @param {number} frame */
   row(frame) { return this.store.row(frame); }
 
-  // The moment at a frame, between two when it is not whole; the nearest one that is here until the
-  // right one is. Centres in pitches. From now on what is around it is fetched first.
+  // Return the moment at a fractional frame, or at the nearest loaded frame until that one is
+  // loaded; centres in pitches. Frames around it are fetched first from now on.
   /** @param {number} frame */
   snapshot(frame) {
     const { store } = this;
@@ -338,7 +340,7 @@ export class Timeline extends Emitter {
     return found;
   }
 
-  // The same, of what is here.
+  // Return the same moment without changing the order of fetches.
   /**
    * @param {number} frame
    * @returns {Snapshot | null}
@@ -363,16 +365,16 @@ export class Timeline extends Emitter {
     };
   }
 
-  // How many modules, from the first on, a camera should have in view; as web/pictures/camera.py tells.
+  // Return the number of modules, from the first on, to keep in view, as in web/pictures/camera.py.
   /** @param {WindowPoses} poses */
   framed({ rod = Infinity }) { return Math.min(this.chain.modules, rod + 1 + (this.bundle.header.camera?.stretch ?? Infinity)); }
 
-  // How far the chain is folded at a moment, 0 to 1: into the shape that it folds into or, before it is
-  // straight, the one that it comes from.
+  // Return the progress of folding at a moment, 0 to 1: towards the shape or, during the explosion,
+  // relative to the first frame.
   /** @param {Snapshot} snapshot */
   folded({ phase, angle }) { return foldedness(angle, phase === "playback" ? this.foldedRad : this.startRad ?? this.foldedRad); }
 
-  // How fast each hinge turns around a frame, in rad/s; NaN where the frames beside it are not here.
+  // Return the speed of each hinge at a frame, in rad/s; NaN if the adjacent frames are not loaded.
   /** @param {number} frame */
   speeds(frame) {
     const low = Math.min(Math.max(Math.floor(frame), 0), Math.max(0, this.last - 1));
@@ -384,7 +386,8 @@ export class Timeline extends Emitter {
     return found;
   }
 
-  // A figure of each hinge as one of each module: of those of the joint that it carries the largest, either way.
+  // Convert values per hinge to values per module: the largest absolute value of the joint that it
+  // carries.
   /** @param {Floats} values */
   perModule(values) {
     const { modules, rigid_links: rigid, hinges } = this.chain;
@@ -398,7 +401,7 @@ export class Timeline extends Emitter {
   }
 }
 
-// Pauses before the next try: as long as the service asks, or a moment if the connection broke.
+// Pause before the next try: as long as the service asks, or briefly after a connection error.
 /** @param {unknown} error */
 const pauseAfter = (error) => pause(error instanceof RefusedError ? error.pauseMs : 4 * RETRY_MS);
 

@@ -1,17 +1,17 @@
-// Shows the stops of a tour in a player: moves to a stop, waits there while its caption is read, goes on.
+// Plays the stops of a tour: moves to a stop, waits until its caption is read, and continues.
 import { cameraIn } from "../player/address.js";
 import { clearestSight } from "../viewer/viewpoint.js";
 import { frameBetween, movingSeconds, readingSeconds } from "./state.js";
 
-const STILL = 1e-6; // frames that are none
-const SLACK = 0.5; // frames by which somebody else has moved the playhead
+const STILL = 1e-6; // tolerance in frames
+const SLACK = 0.5; // frames; a larger deviation means that the visitor has moved the playhead
 
 export class Flight {
-  // For who wants little to move, a stop is shown at once.
+  // With reduced motion (`calm`), a stop is shown without an animation.
   /**
    * @param {import("../player/player.js").Player} player
    * @param {{ calm: boolean, page: Addressed, over: () => void }} around
-   *   `over` is told when a caption has been read
+   *   `over` is called after the reading time of a caption
    */
   constructor(player, { calm, page, over }) {
     this.player = player;
@@ -27,7 +27,7 @@ export class Flight {
     this.reading = undefined;
   }
 
-  // Moves to a stop; with `view` false only its modules are marked, as an address names the view.
+  // Move to a stop. With `view` false, only mark its modules, because the address names a view.
   /**
    * @param {TourStop} stop
    * @param {{ playing?: boolean, view?: boolean }} how
@@ -55,7 +55,7 @@ export class Flight {
   step() {
     const { way, player } = this;
     if (!way) return;
-    // Whoever plays or scrubs has the playhead.
+    // The visitor took over the playhead.
     if (player.is.playing || Math.abs(player.playhead.frame - way.frame) > SLACK) { this.end(); return; }
     const share = (performance.now() - way.begun) / 1000 / way.seconds;
     if (share >= 1) { this.arrive(); return; }
@@ -77,14 +77,14 @@ export class Flight {
     if (this.playing) this.reading = setTimeout(() => this.over(), 1000 * readingSeconds(stop.caption));
   }
 
-  // Stops where it is.
+  // Stop at the current frame.
   end() {
     clearTimeout(this.reading);
     this.way = null;
     this.playing = false;
   }
 
-  // Leaves the fold as it was without a tour.
+  // Restore the view without a tour.
   close() {
     this.end();
     this.stop = null;

@@ -1,10 +1,10 @@
-// A follower of a class: shows what the leader looks at, until the visitor looks around.
+// A follower of a class: mirrors the leader's view until the visitor takes over.
 import { get } from "../lib/text.js";
 import { viewIn } from "../player/address.js";
 import { frameBetween } from "./state.js";
 import { MAX_TRIES, RETRY_MS, openPanel, socketAt } from "./leader.js";
 
-const GLIDE_MS = 120; // to a new frame, while the next is on its way
+const GLIDE_MS = 120; // duration of the motion to a new frame
 const ENDED = "The class has ended. The view stays as it is.";
 const LOST = "The connection to the class is lost, or the class has ended.";
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
@@ -19,12 +19,12 @@ export class Follower {
     this.code = code;
     this.player = player;
     this.page = place.page;
-    this.own = false; // whether a command is of the leader
+    this.own = false; // true while a command of the leader is executed
     this.ready = false;
     this.follows = true;
     this.tries = 0;
-    this.glide = 0; // number of the latest one
-    this.looked = ""; // the camera of the leader that is shown
+    this.glide = 0; // number of the latest glide
+    this.looked = ""; // the leader's camera that was applied last, as JSON
     /** @type {string | null} */
     this.latest = null;
     this.words = openPanel();
@@ -88,14 +88,14 @@ export class Follower {
     if (module !== this.player.selected) this.send({ do: "select", module });
     if (follow !== this.player.is.follow) this.send({ do: "set", follow });
     if (frame !== null) this.go(frame, follow && !calm);
-    // A camera that does not follow is relative to the frame.
+    // A free camera is relative to the frame.
     const looked = JSON.stringify(camera);
     if (follow && looked === this.looked) return;
     this.looked = looked;
     this.send({ do: "camera", camera, gently: !calm });
   }
 
-  // Goes to a frame evenly, as leaders send ten views a second.
+  // Glide to a frame, because leaders send only ten views a second.
   /**
    * @param {number} to
    * @param {boolean} evenly

@@ -1,14 +1,15 @@
-// A fold in an exhibition: its tour plays again and again. A visitor may take over; after some time without
-// input the tour begins anew. The page around it, kiosk.js in pages, hears how it goes: see docs/links.md.
+// A fold in an exhibition: its tour plays in a loop. A visitor can take over; after some time
+// without input the tour restarts. The page around it (pages/kiosk.js) receives its state: see
+// docs/links.md.
 import { TourPanel } from "./panel.js";
 
 const USUAL_S = 60;
 const RANGE_S = [10, 3600];
-const PAUSE_MS = 3000; // before the tour begins again
-const STILL_MS = 10_000; // at the folded shape, for who wants little to move and a fold without a tour
+const PAUSE_MS = 3000; // before the tour restarts
+const STILL_MS = 10_000; // at the folded shape, with reduced motion and without a tour
 const INPUTS = ["pointerdown", "keydown", "input", "wheel"];
 
-// Return the seconds without input that an address asks for with `kiosk`; null without it.
+// Return the idle time in seconds that an address requests with `kiosk`; null without it.
 /** @param {string} search */
 export function idleSeconds(search) {
   const asked = new URLSearchParams(search).get("kiosk");
@@ -22,12 +23,12 @@ export function exhibit({ stage, ...toured }) {
   const { player, calm } = toured;
   const idleMs = 1000 * (idleSeconds(location.search) ?? USUAL_S);
   const panel = new TourPanel({ ...toured, id: null, toast: () => {} });
-  let held = false; // by a visitor
-  let telling = false; // without a tour
+  let held = false; // true while a visitor is active
+  let telling = false; // true while a fold without a tour plays
   /** @type {ReturnType<typeof setTimeout> | undefined} */
-  let timer; // until it begins anew
+  let timer; // until the restart
 
-  // Tells the page around it; the words are no secrets.
+  // Report to the page around it; the messages are not confidential.
   const tell = (/** @type {"ready" | "touched" | "over"} */ word) => { if (parent !== window) parent.postMessage({ kiosk: word }, "*"); };
 
   async function begin() {
@@ -52,7 +53,7 @@ export function exhibit({ stage, ...toured }) {
     timer = setTimeout(begin, PAUSE_MS);
   }
 
-  // A visitor does something: the tour waits, and begins anew once nothing more is done.
+  // Pause the tour after input of a visitor; restart it after the idle time.
   const touch = (/** @type {EventTarget | null} */ target) => {
     held = true;
     telling = false;
@@ -69,6 +70,6 @@ export function exhibit({ stage, ...toured }) {
   player.on("camera", (/** @type {Command} */ { do: what }) => { if (what === "orbit") touch(null); });
   player.on("state", (/** @type {State} */ { playing }) => { if (telling && !playing && player.playhead.frame >= player.timeline.last) over(); });
   const drag = document.querySelector("label.folded");
-  if (drag) panel.box.prepend(drag); // from straight to folded
+  if (drag) panel.box.prepend(drag); // the slider from straight to folded
   begin();
 }

@@ -1,15 +1,16 @@
-// The leader of a class: others see live what this page shows. See server/pages/class_connections.py.
+// The leader of a class: followers see the view of this page live; see
+// server/pages/class_connections.py.
 import { at, copyText, get, toast } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
 import { hashOf } from "../player/address.js";
 
-const SEND_MS = 100; // between two looks at what is shown
-export const MAX_TRIES = 6; // to come back to a class, for leaders and followers
-export const RETRY_MS = 500; // before the first of them; each pause is twice as long
-const ENDED = [1000, 1008]; // codes with which the service ends a class; with any other the connection is lost
+const SEND_MS = 100; // between two updates
+export const MAX_TRIES = 6; // for reconnecting to a class, of leaders and followers
+export const RETRY_MS = 500; // before the first try; each pause is twice as long as the one before
+const ENDED = [1000, 1008]; // close codes with which the service ends a class; any other means a lost connection
 const STYLE = "/static/css/live_class.css";
 
-// Return the words of a view that followers see.
+// Return a view as the text that is sent to followers.
 /** @param {AddressedView} view */
 export const wordsOfView = (view) => hashOf({ ...view, from: null, to: null, loop: false, speed: 1, play: null, stop: null }).slice(1);
 
@@ -17,7 +18,7 @@ export const wordsOfView = (view) => hashOf({ ...view, from: null, to: null, loo
 /** @param {string} path */
 export const socketAt = (path) => `${location.origin.replace(/^http/, "ws")}${at(path)}`;
 
-// Show the panel of a class over the view, with its style; return the element that says how the class goes.
+// Show the panel of a class over the view. Return its status element.
 export function openPanel() {
   addStyle(STYLE);
   get("class-panel").hidden = false;
@@ -35,11 +36,11 @@ export function lead(id, place) {
   leading = true;
   /** @type {WebSocket | null} */
   let socket = null;
-  let back = ""; // words of the address with which the leader comes back
+  let back = ""; // query with which the leader reconnects
   let tries = 0;
   let ended = false;
   /** @type {ReturnType<typeof setInterval> | undefined} */
-  let looks = undefined; // once the class has begun
+  let looks = undefined; // timer of updates, once the class has begun
   let sent = "";
   const send = () => {
     const view = place.page.view();
@@ -75,7 +76,7 @@ export function lead(id, place) {
     clearInterval(looks);
     toast(looks ? "The class has ended." : "The class could not be started. Try again later.");
     get("class-panel").hidden = true;
-    socket?.close(1000); // the server ends the class for no other code
+    socket?.close(1000); // only this code makes the server end the class
   };
   get("class-end").onclick = end;
   connect();

@@ -1,4 +1,4 @@
-// The tour of a fold over its view: captions with previous, play and next, and the list for editing.
+// The tour panel over the view: captions with previous, play and next, and a list for editing.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { button, element, get, save, wordsOf } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
@@ -15,7 +15,7 @@ const NOBODYS = "Only the owner of this fold can save its tour. You can download
  * @property {import("../player/address.js").Place} place
  * @property {boolean} calm
  * @property {() => Promise<Tour | null>} load
- * @property {string | null} id of the fold where its tour can be edited
+ * @property {string | null} id of the fold, if its tour can be edited
  * @property {(text: string) => void} toast
  */
 
@@ -31,7 +31,7 @@ export class TourPanel {
     this.state = null;
     this.flight = new Flight(player, { calm, page: place.page, over: () => this.next() });
     this.playing = false;
-    this.onEnd = () => {}; // called when the last caption has been read
+    this.onEnd = () => {}; // called after the last caption
     this.box = get("tour-panel");
     get("tour-edit").hidden = !id;
     /** @type {Record<string, () => void>} */
@@ -44,7 +44,7 @@ export class TourPanel {
     addEventListener("keydown", (event) => this.key(event));
   }
 
-  // Opens the tour at a stop, counted from 1; with `view` false, the view is as the address says.
+  // Open the tour at a stop, counted from 1. With `view` false, keep the view of the address.
   /** @param {{ stop?: number, view?: boolean, playing?: boolean }} how */
   async open({ stop = 1, view = true, playing = false } = {}) {
     if (!this.state) {
@@ -93,7 +93,7 @@ export class TourPanel {
     this.go();
   }
 
-  // On to the next stop; the last one ends the playing.
+  // Go to the next stop; after the last one, stop playing.
   next() {
     if (this.state?.go(this.state.at + 1)) { this.go(); return; }
     this.playing = false;
@@ -107,7 +107,7 @@ export class TourPanel {
     this.show();
   }
 
-  // Writes what the current stop says.
+  // Show the caption and the number of the current stop.
   say() {
     const { state } = this;
     if (!state) return;
@@ -129,7 +129,7 @@ export class TourPanel {
     this.offer();
   }
 
-  // Writes what can be done now.
+  // Update the buttons of the editor.
   offer() {
     this.say();
     get("tour-undo").disabled = !this.state?.undone.length;
@@ -144,7 +144,7 @@ export class TourPanel {
     const { state } = this;
     const field = element("textarea", { rows: 3, maxlength: MAX_CAPTION, "aria-label": `Caption of stop ${k + 1}` });
     field.value = stop.caption;
-    // The list stays as it is: the click that ended the editing is meant for a button in it.
+    // Keep the list: the click that ended the edit may be on one of its buttons.
     field.onchange = () => { state?.edit(k, field.value); this.offer(); };
     const act = (/** @type {string} */ sign, /** @type {string} */ words, /** @type {() => void} */ press, off = false) =>
       button("icon-button", sign, () => { press(); this.show(); get("tour-list").children[state?.at ?? 0]?.querySelector("textarea")?.focus(); }, { "aria-label": `${words} stop ${k + 1}`, title: words, disabled: off });
@@ -161,7 +161,7 @@ export class TourPanel {
     this.show();
   }
 
-  // Adds a stop with what is seen now.
+  // Add a stop with the current view.
   add() {
     const view = this.place.page.view();
     if (!this.state || !view) return;

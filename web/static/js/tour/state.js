@@ -1,13 +1,15 @@
-// A tour as its page edits and plays it, without the page: see docs/tours.md. Frames count from 1.
+// State of a tour during editing and playback, without the page; see docs/tours.md. Frames count
+// from 1.
 
 export const FORMAT = "foldback-tour/1";
 export const MAX_STOPS = 50;
 export const MAX_CAPTION = 300;
 const MAX_UNDONE = 100;
-// Seconds in which a caption is read: a beginning, and some for each character. Chosen.
+// Reading time of a caption: a constant, and a time for each character. Chosen.
 const READING_S = 2;
 const READING_CHARACTER_S = 0.055;
-// Seconds of the motion from one stop to the next, and frames a second in between. Chosen.
+// Minimum and maximum duration of the motion between two stops, and its frames per second in
+// between. Chosen.
 const MOVING_S = [1, 6];
 const MOVING_FPS = 90;
 
@@ -17,7 +19,7 @@ export const readingSeconds = (caption) => READING_S + READING_CHARACTER_S * cap
 /** @param {number} frames */
 export const movingSeconds = (frames) => Math.min(MOVING_S[1], Math.max(MOVING_S[0], Math.abs(frames) / MOVING_FPS));
 
-// Return the frame on the way between two after a share of the time: slow at both ends.
+// Interpolate between two frames, with ease-in and ease-out, at a fraction of the time.
 /**
  * @param {number} from
  * @param {number} to
@@ -35,7 +37,7 @@ export class TourState {
     this.saved = JSON.stringify(tour);
     this.at = 0;
     /** @type {{ tour: Tour, at: number }[]} */
-    this.undone = []; // what undo brings back, the last one first
+    this.undone = []; // states for undo, the latest first
   }
 
   get stops() { return this.tour.stops; }
@@ -46,7 +48,7 @@ export class TourState {
 
   get full() { return this.stops.length >= MAX_STOPS; }
 
-  // Goes to a stop, or to the nearest one that there is; true if that is another one.
+  // Go to a stop, or to the nearest existing one. Return true if the stop changes.
   /** @param {number} at */
   go(at) {
     const before = this.at;
@@ -64,7 +66,7 @@ export class TourState {
     this.at = at;
   }
 
-  // Adds a stop after the current one.
+  // Add a stop after the current one.
   /** @param {TourStop} stop */
   add(stop) {
     if (this.full) return false;
@@ -72,7 +74,7 @@ export class TourState {
     return true;
   }
 
-  // Removes a stop; the last one stays.
+  // Remove a stop; a tour keeps at least one.
   /** @param {number} at */
   remove(at) {
     if (this.stops.length < 2) return false;
@@ -80,7 +82,7 @@ export class TourState {
     return true;
   }
 
-  // Moves a stop by so many places.
+  // Move a stop by some positions.
   /**
    * @param {number} at
    * @param {number} by
@@ -92,7 +94,7 @@ export class TourState {
     return true;
   }
 
-  // Gives a stop another caption; one without visible characters is none.
+  // Change the caption of a stop; ignore blank ones.
   /**
    * @param {number} at
    * @param {string} text
@@ -104,7 +106,7 @@ export class TourState {
     return true;
   }
 
-  // Takes another tour, as a draft.
+  // Replace the stops, for example by a draft.
   /** @param {Tour} tour */
   replace(tour) { this.change(tour.stops, 0); }
 
@@ -115,6 +117,6 @@ export class TourState {
     return true;
   }
 
-  // What is here now is what the service has.
+  // Mark the current tour as saved.
   keep() { this.saved = JSON.stringify(this.tour); }
 }

@@ -1,25 +1,26 @@
-// Runs inside viser's client, before it: stands in for the worker that would hold its websocket. The
-// page around the frame says over a port what is to be seen, and hears over it what is done here.
-// The frame's origin is its own: the client can't reach the page, and is handed the messages named
-// here and no others.
+// Runs inside viser's client, before its own code, and replaces the worker that would hold its
+// websocket. The page around the frame sends scene messages over a port and receives input events
+// over it. The frame has an opaque origin: the client cannot reach the page, and receives only the
+// messages that are named here.
 (() => {
-  // The client plays recordings and calls servers that its address names. It is not told any, and has
-  // nothing to fetch with: what it fetches at its start is for splats, and a light that scenes do without.
+  // The client would play recordings and call servers that its address names. Remove the address
+  // and `fetch`: what the client fetches at its start is for splats and for a light that the scenes
+  // do not use.
   window.fetch = () => new Promise(() => {});
   try {
     if (location.search || location.hash) history.replaceState(null, "", location.pathname);
-  } catch { } // not all browsers let go of an address
-  history.replaceState = () => {}; // it would write the name of its server there
+  } catch { } // some browsers refuse to change the address
+  history.replaceState = () => {}; // the client would write the name of its server there
 
-  // The client paints all the time, also what has not changed, which costs a battery. It rests a while
-  // after what it was last told, asked or shown: then it paints once a second.
+  // The client paints continuously, even if nothing changes, which drains batteries. Some time
+  // after the last message or input, it is throttled to one picture a second.
   const RESTS_AFTER_MS = 1500;
   const RESTING_MS = 1000;
   const NOTICED = ["pointerdown", "pointermove", "wheel", "touchstart", "touchmove", "keydown", "resize", "focus"];
   const paintNext = window.requestAnimationFrame.bind(window);
   const paintNoMore = window.cancelAnimationFrame.bind(window);
   /** @type {Map<number, FrameRequestCallback>} */
-  const waiting = new Map(); // timer → what is to be painted then
+  const waiting = new Map(); // timer → callback to call then
   let noticed = performance.now();
   window.requestAnimationFrame = (draw) => {
     if (performance.now() - noticed < RESTS_AFTER_MS) return paintNext(draw);
@@ -39,7 +40,7 @@
   }
   for (const name of NOTICED) addEventListener(name, notice, { capture: true, passive: true });
 
-  const PICTURES = 2; // it is told in the first, and there in the second
+  const PICTURES = 2; // a message is processed in the first picture and visible in the second
   const SHOWN = new Set([
     "BackgroundImageMessage", "BatchedMeshesMessage", "DirectionalLightMessage", "EnableLightsMessage", "EnvironmentMapMessage",
     "FrameMessage", "GridMessage", "HemisphereLightMessage", "LineSegmentsMessage", "MeshMessage",
@@ -50,11 +51,12 @@
   /** @type {MessagePort | null} */
   let port = null; // to the page
   /** @type {{ tell(data: unknown): void } | null} */
-  let wire = null; // to the client, which thinks that it is its worker
+  let wire = null; // to the client, which takes it for its worker
   /** @type {string[]} */
-  let keys = []; // that the page wants to hear of
+  let keys = []; // keys to report to the page
 
-  // Pictures that the client has painted, and whether modules that it was given are in none yet.
+  // Number of pictures that the client has painted, and whether new modules are in none of them
+  // yet.
   let pictures = 0;
   let missing = false;
   /** @type {CSSNumberish | null} */
@@ -69,13 +71,13 @@
     return drawElementsInstanced.apply(this, given);
   };
 
-  // The client puts what it is told into its scene after the picture that it paints next, and stops
-  // painting a quarter of a second after it was told. Where a picture takes longer than that the one
-  // that is due would wait for the client's heartbeat, or two: it is told something again.
+  // The client applies a message after the picture that it paints next, and stops painting a
+  // quarter of a second after the message. If a picture takes longer than that, the pending one
+  // would wait for one or two heartbeats of the client; another message keeps it painting.
   const PAINTS_MS = 250;
   const NOTHING = { type: "SetSceneNodeVisibilityMessage", owner: "", name: "", visible: true };
-  let due = 0; // of its pictures, the first that shows what it was told last
-  let spoken = 0; // when it was told something last
+  let due = 0; // number of the first picture that shows the last message
+  let spoken = 0; // time of the last message
   let watching = false;
   /** @param {SceneMessage[]} messages */
   function tell(messages) {
@@ -95,8 +97,8 @@
     if (!watching) watch();
   }
 
-  // The client moves its camera before the next picture, but its modules only after it. The camera waits
-  // for that picture: otherwise a chain that moves fast would leave the view that follows it.
+  // The client moves its camera before the next picture, but its modules only after it. The camera
+  // is held back for one picture; otherwise a fast chain would leave the view that follows it.
   const CAMERA = new Set(["SetCameraLookAtMessage", "SetCameraPositionMessage"]);
   /** @type {SceneMessage[]} */
   let waitingCamera = [];
@@ -116,7 +118,7 @@
     owe();
   }
 
-  // The browser has taken the graphics away: only a new client has them again.
+  // The WebGL context is lost: only a new client gets another one.
   addEventListener("webglcontextlost", () => say({ is: "lost" }), { capture: true });
 
   const say = (/** @type {Record<string, unknown>} */ message) => port?.postMessage(message);
@@ -154,14 +156,14 @@
     else twice(() => say({ is: "done", id }));
   }
 
-  // Light and dark are the page's, which need not be the system's.
+  // Apply the theme of the page, which may differ from that of the system.
   /** @param {unknown} scheme */
   function dress(scheme) {
     if (scheme === "light" || scheme === "dark" || scheme === "light dark") document.documentElement.style.setProperty("color-scheme", scheme, "important");
   }
 
-  // In an embed the wheel and a finger that moves up or down scroll the page around it. A click hands
-  // the wheel to the view until the focus leaves; so do Ctrl and ⌘. client.py has the style.
+  // In an embed the wheel and vertical swipes scroll the page around it. After a click, until the
+  // focus leaves, or with Ctrl or ⌘, the wheel zooms the view. client.py has the style.
   let yields = false;
   let clicked = false;
   /** @param {boolean} on */
@@ -171,13 +173,13 @@
   }
   addEventListener("blur", () => { clicked = false; });
 
-  // The client's own controls are hidden, so the keyboard stops at the picture alone. The page draws the
-  // ring around it, because its drawing may cover this frame.
+  // The client's own controls are hidden, so that only the picture can have the focus. The page
+  // draws the focus ring, because its own drawing may cover this frame.
   function limitFocus() {
     for (const one of document.querySelectorAll("a, button, input, select, textarea, summary, [tabindex]")) {
       if (one instanceof HTMLElement && one.tabIndex >= 0 && one.tagName !== "CANVAS") one.tabIndex = -1;
     }
-    const canvas = document.querySelector("canvas[data-engine]"); // three.js marks the one that it draws on; the client has another
+    const canvas = document.querySelector("canvas[data-engine]"); // three.js marks its canvas; the client has another one
     if (!(canvas instanceof HTMLCanvasElement) || canvas.tabIndex === 0) return;
     canvas.tabIndex = 0;
     canvas.setAttribute("role", "application");
@@ -187,7 +189,7 @@
   addEventListener("focusin", ({ target }) => say({ is: "focus", on: target instanceof Element && target.matches(":focus-visible") }));
   addEventListener("focusout", () => say({ is: "focus", on: false }));
 
-  // Only the page around the frame hands over a port, and only one is taken.
+  // Accept a single port, from the page around the frame only.
   /** @param {MessageEvent<{ keys?: string[], holds?: boolean, scheme?: string, yields?: boolean } | null>} event */
   function begin({ source, ports, data }) {
     if (source !== parent || parent === window || ports.length !== 1) return;
@@ -202,11 +204,11 @@
   }
   addEventListener("message", begin);
 
-  // What the client would tell its server.
+  // Handle a message of the client to its server.
   /** @param {{ type?: string, position: number[], look_at: number[] }} message */
   function told(message) {
     if (message.type !== "ViewerCameraMessage") return;
-    notice(); // it glides to where it was sent
+    notice(); // the camera glides to its goal
     if (!holds) say({ is: "camera", position: [...message.position], target: [...message.look_at] });
   }
 
@@ -233,9 +235,9 @@
     event.stopImmediatePropagation();
     say({ is: "key", key, shift });
   }, { capture: true });
-  // The page moves the camera, and finds the module under a tap: the client's own clicks leave out touch, and
-  // its camera rests while the page's drawing covers it.
-  const LINE_PX = 33; // a wheel that counts in lines
+  // The page moves the camera and finds the module under a tap: the client's own clicks ignore
+  // touch, and its camera gets no events while the page's drawing covers it.
+  const LINE_PX = 33; // pixels per line, for wheels that report lines
   /** @param {MouseEvent & { pointerId?: number, pointerType?: string, deltaY?: number, deltaMode?: number }} event */
   function relay({ type: kind, pointerId: id = 0, pointerType, clientX: x, clientY: y, deltaY = 0, deltaMode, button }) {
     say({ is: "pointer", pointer: { kind, id, x, y, by: deltaMode ? LINE_PX * deltaY : deltaY, button, touch: pointerType === "touch" } });
@@ -245,17 +247,17 @@
   addEventListener("wheel", (event) => {
     const scrolls = yields && !clicked && !event.ctrlKey && !event.metaKey;
     if (holds && !scrolls) event.preventDefault();
-    if (holds || scrolls) event.stopImmediatePropagation(); // the client would keep it
+    if (holds || scrolls) event.stopImmediatePropagation(); // the client would consume the event
     if (scrolls) say({ is: "scroll" }); else relay(event);
   }, { capture: true, passive: false });
 
-  // A file that is dragged here is the page's.
+  // The page handles files that are dragged here.
   for (const name of /** @type {const} */ (["dragenter", "dragover", "drop"])) {
     addEventListener(name, (event) => { event.preventDefault(); if (name === "dragenter") say({ is: "drag" }); });
   }
 
-  // Where the page moves the camera the client, which would move it too, does not hear of pointers: its camera
-  // listens to moves at the document, its clicks at elements below it.
+  // If the page moves the camera, the client, which would move it, too, must not receive pointer
+  // events: its camera listens for moves at the document, its clicks at elements below.
   let holds = false;
   function hold() {
     holds = true;

@@ -1,4 +1,4 @@
-// A camera that keeps the whole chain in view, smoothly; what is under a ray from it, and rotations.
+// Camera that keeps the whole chain in view and moves smoothly; picking of modules; rotations.
 // `web/pictures/camera.py` frames movies by the same equations.
 const MOST_POINTS = 600;
 /** @type {Vector[]} */
@@ -42,7 +42,7 @@ export function positionOf(view) {
   return vector((k) => view.target[k] + view.distance * out[k]);
 }
 
-// Azimuth and elevation from which `position` looks at `target`.
+// Return azimuth and elevation of `position` as seen from `target`.
 /**
  * @param {Vector} position
  * @param {Vector} target
@@ -66,8 +66,8 @@ export function axesOf(azimuth, elevation) {
   return [right, cross(out, right), out];
 }
 
-// Up to some hundreds of points that stand for all n: every so many-th, and where all end, either way,
-// along each of WAYS.
+// Return some hundreds of points that represent all n: a regular sample, and the extreme points in
+// both directions along each of WAYS.
 /**
  * @param {Numbers} points
  * @param {number} n
@@ -96,11 +96,12 @@ export function fewPoints(points, n = points.length / 3) {
 /** @param {(axis: number) => number} part */
 const vector = (part) => /** @type {Vector} */ ([part(0), part(1), part(2)]);
 
-// The middle between the least and the largest of some values.
+// Return the midpoint between the minimum and the maximum.
 /** @param {number[]} values */
 const midway = (values) => (Math.min(...values) + Math.max(...values)) / 2;
 
-// The nearest view that shows all points: centres of modules that reach `radius` far; see fewPoints.
+// Return the nearest view that shows all points: centres of modules with the given radius; see
+// fewPoints.
 /**
  * @param {Vector[]} points
  * @param {Seeing & { elevation: number, azimuth?: number | null, margin?: [number, number] }} seeing
@@ -126,7 +127,7 @@ export function framing(points, { radius, aspect, field, home, azimuth = null, e
   return { target, azimuth, elevation, distance };
 }
 
-// The least distance from which a view cuts nothing off, for the target that it has.
+// Return the minimum distance from the view's target at which all points are in view.
 /**
  * @param {Vector[]} points
  * @param {View} view
@@ -144,7 +145,8 @@ export function distanceNeeded(points, view, { radius, aspect, field }) {
   return needed;
 }
 
-// The ray from the camera through a place of the picture, in shares of its width and height from the top left.
+// Return the ray from the camera through a point of the picture, given as fractions of its width
+// and height from the top left.
 /**
  * @param {Eye} eye
  * @param {[x: number, y: number]} place
@@ -160,7 +162,7 @@ export function rayThrough({ position, target }, [x, y], aspect, field) {
   return [position, vector((k) => way[k] / length)];
 }
 
-// A view between several, from as far as the one that must not be cut off needs.
+// Return the weighted mean of several views, far enough away to contain the nearest one.
 /**
  * @param {View[]} views
  * @param {number[]} weights
@@ -181,7 +183,7 @@ export function blended(views, weights, nearest) {
   };
 }
 
-// A view some seconds later, which glides to the one that it should be: that one itself when it has arrived.
+// Return a view some seconds later on its glide to the goal; the goal itself on arrival.
 /**
  * @param {View} view
  * @param {View} goal
@@ -202,7 +204,8 @@ export function glided(view, goal, seconds) {
   };
 }
 
-// A long chain is looked at from its side, on a tall window from nearer its end.
+// Return the azimuth that shows a long chain from its side, or from nearer its end in a tall
+// window.
 /**
  * @param {Vector[]} points
  * @param {number} aspect
@@ -221,8 +224,9 @@ function sideOf(points, aspect, home) {
   return home + weight * turns.reduce((a, b) => (Math.abs(b) < Math.abs(a) ? b : a));
 }
 
-// The two largest eigenvalues of a symmetric 3×3 matrix without negative ones, and the axis of the largest: the
-// powers of the matrix tend to it. It is not exact where both are about the same, which is for shapes without a long side.
+// Return the two largest eigenvalues of a positive semidefinite symmetric 3×3 matrix and the axis
+// of the largest, by power iteration. The result is inexact if both are similar: then the shape has
+// no long side.
 /** @param {number[][]} matrix */
 function principal(matrix) {
   const trace = (/** @type {number[][]} */ m) => m[0][0] + m[1][1] + m[2][2];
@@ -235,12 +239,12 @@ function principal(matrix) {
   const column = power.reduce((a, b) => (Math.hypot(...b) > Math.hypot(...a) ? b : a));
   const axis = column.map((v) => v / (Math.hypot(...column) || 1));
   const longest = axis.reduce((sum, v, j) => sum + v * matrix[j].reduce((all, w, k) => all + w * axis[k], 0), 0);
-  // Of the other two are known their sum and that of their squares.
+  // The sum and the sum of squares of the other two eigenvalues are known.
   const [sum, squares] = [trace(matrix) - longest, trace(square(matrix)) - longest ** 2];
   return { axis, longest, second: sum / 2 + Math.sqrt(Math.max(0, squares / 2 - sum ** 2 / 4)) };
 }
 
-// Which module a ray meets first, or null.
+// Return the first module that a ray hits; null if there is none.
 /**
  * @param {Hull} hull
  * @param {{ positions: Numbers, wxyzs: Numbers }} poses
@@ -276,7 +280,7 @@ export function picked(hull, { positions, wxyzs }, origin, direction) {
 
 // Rotations.
 
-// The product of two quaternions w, x, y, z.
+// Return the product of two quaternions (w, x, y, z).
 /**
  * @param {Quaternion} a
  * @param {Quaternion} b
@@ -286,7 +290,7 @@ export const times = ([w, x, y, z], [p, q, r, s]) => [
   w * p - x * q - y * r - z * s, w * q + x * p + y * s - z * r, w * r - x * s + y * p + z * q, w * s + x * r - y * q + z * p,
 ];
 
-// The vector (x, y, z) turned by the quaternion q.
+// Return the vector (x, y, z) rotated by the quaternion q.
 /**
  * @param {Quaternion} q
  * @param {Vector} vector
@@ -300,5 +304,5 @@ export function turned(q, [x, y, z]) {
   return [x + w * u + b * t - c * v, y + w * v + c * u - a * t, z + w * t + a * v - b * u];
 }
 
-// The orientation of a module among those of all.
+// Return the orientation of module i from those of all modules.
 export const quaternionOf = (/** @type {Numbers} */ q, i = 0) => /** @type {Quaternion} */ ([q[4 * i], q[4 * i + 1], q[4 * i + 2], q[4 * i + 3]]);

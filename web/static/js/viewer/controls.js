@@ -1,5 +1,4 @@
-// Controls of a 3D view: the menu of sides, the button for the path, and the scale of
-// the colours.
+// Controls of a 3D view: the menu of sides, the path button, and the colour legend.
 import { get } from "../lib/text.js";
 import { Player } from "../player/player.js";
 import { Hand } from "./scene.js";
@@ -10,13 +9,13 @@ const QUARTER = Math.PI / 2;
 /** @type {Record<string, [azimuth: number, elevation: number]>} */
 const SIDES = { front: [-QUARTER, 0], right: [0, 0], back: [QUARTER, 0], left: [Math.PI, 0], top: [-QUARTER, QUARTER], below: [-QUARTER, -QUARTER] };
 
-// A player of a timeline on a 3D view, which pointers move, and on the drawing that stands in for it.
+// Create a player of a timeline on a 3D view with pointer controls, and on the fallback drawing.
 /**
  * @param {import("../player/timeline.js").Timeline} timeline
  * @param {HTMLIFrameElement} frame
  * @param {HTMLCanvasElement} canvas
- * @param {{ calm: boolean, onFirst?: () => void, onScroll?: () => void, pauseMs?: () => number }} options `onFirst` is called with
- *   the first drawing, `onScroll` when the page around an embed scrolls
+ * @param {{ calm: boolean, onFirst?: () => void, onScroll?: () => void, pauseMs?: () => number }} options `onFirst` is called after
+ *   the first drawing, `onScroll` if the page around an embed scrolls
  */
 export function playerOn(timeline, frame, canvas, { calm, onFirst, onScroll, pauseMs }) {
   const sketch = new Sketch(canvas, onFirst);
@@ -34,7 +33,7 @@ export function playerOn(timeline, frame, canvas, { calm, onFirst, onScroll, pau
   return { player, stage, sketch, standIn };
 }
 
-// The menu of the sides from which a fold can be seen.
+// Set up the menu of viewing directions.
 /** @param {Pick<Playing, "send">} player */
 export function offerSides(player) {
   const menu = get("sides");
@@ -46,7 +45,7 @@ export function offerSides(player) {
   };
 }
 
-// The button that shows the path of the chain through see-through modules.
+// Set up the button that makes modules transparent and shows the path of the chain.
 /** @param {import("./stage.js").Stage[]} stages */
 export function pathButton(stages) {
   const button = get("through");
@@ -65,7 +64,7 @@ export function pathButton(stages) {
   return path;
 }
 
-// The scale of a colouring, in numbers.
+// Show the legend of a colouring.
 /**
  * @param {import("../player/colours.js").Colouring} chosen
  * @param {import("../player/timeline.js").Timeline} timeline

@@ -1,6 +1,6 @@
-// Messages between a fold in a frame and the <foldback-fold> element of the page that embeds it (../../foldback-fold.js):
-// does what they ask for and reports what is shown. Who may frame the page is decided before; only names, numbers and
-// texts cross.
+// Messages between an embedded fold and the <foldback-fold> element of the host page
+// (../../foldback-fold.js): commands of the host and reports of the state. Framing is authorised
+// elsewhere; messages contain only names, numbers and texts.
 
 /**
  * @param {{ player: import("../player/player.js").Player, timeline: import("../player/timeline.js").Timeline, open: (stop: number) => boolean }} shown

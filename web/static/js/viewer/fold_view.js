@@ -1,5 +1,6 @@
-// What every page that shows one fold has: the timeline, the 3D view with the drawing that stands in for
-// it, the timeline, the legend and, where there are panels for them, module and plots.
+// Common parts of the pages that show one fold: the timeline, the 3D view with its fallback
+// drawing, the timeline bar, the legend and, on pages with a drawer, the module panel and the
+// plots.
 import { Bar } from "../player/bar.js";
 import { Timeline } from "../player/timeline.js";
 import { Keys } from "../player/keys.js";
@@ -11,16 +12,16 @@ import { get, later } from "../lib/text.js";
 
 const DRAW_MS = 250;
 const START_DELAY_MS = 1500;
-/** Number of processor cores up to which the 3D view waits while a fold is computed, because service and browser may share them. Chosen: it takes 3 of 11 s on two cores. */
+/** Number of processor cores up to which the 3D view waits while a fold is computed, because service and browser may share them. Chosen: starting the view takes 3 of 11 s on two cores. */
 const MAX_SHARED_CORES = 4;
-/** Longest such wait; the page's own drawing is shown meanwhile. A larger value lets a long fold have all cores. Chosen. */
+/** Maximum wait; the page shows its own drawing meanwhile. A larger value leaves all cores to a long fold. Chosen. */
 const MAX_WAIT_3D_MS = 15_000;
-/** Minimum time between two pictures while a fold is computed on so few cores. A larger value leaves the computation more time, and the motion jerks. Chosen: at 60 pictures a second they take more time than the computation. */
+/** Minimum time between two pictures while a fold is computed on so few cores. A larger value leaves more time to the computation but makes the motion jerky. Chosen: 60 pictures a second take more time than the computation. */
 const COMPUTING_PICTURE_MS = 66;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 /**
- * The drawer, and what fills its panels.
+ * The drawer and the classes of its panels.
  * @typedef {object} Details
  * @property {import("../panels/drawer.js").Drawer} drawer
  * @property {typeof import("../panels/module_panel.js").ModulePanel} ModulePanel
@@ -36,14 +37,15 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {Details | null} [details]
  * @property {boolean} [play]
  * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>, id: string | null, toast: (text: string) => void }} kept
- *   what is kept with the fold; `id` is that of a fold with which more can be kept
- * @property {() => void} [onScroll] called when the page around an embed scrolls in place of a zoom
+ *   tour and module values stored with the fold; `id` is that of a fold that accepts new ones
+ * @property {() => void} [onScroll] called if the page around an embed scrolls instead of a zoom
  */
 
-// `load` begins to load viser's client into the frame; the drawer is shown when a module is selected.
+// Set up the view. `load` starts loading viser's client into the frame; selecting a module opens
+// the drawer.
 /** @param {Viewed} viewed */
 export function view({ source, figures, load, over = true, details = null, play = !calm, kept, onScroll }) {
-  // What embeds ask for: the picture alone.
+  // Embeds can hide the controls.
   const kiosk = /[?&]kiosk=/.test(location.search);
   if (kiosk || /[?#&]controls=0\b/.test(location.search + location.hash)) document.body.classList.add("bare");
   document.body.classList.toggle("kiosk", kiosk);
@@ -51,7 +53,7 @@ export function view({ source, figures, load, over = true, details = null, play 
   const frame = get("view");
   const shares = navigator.hardwareConcurrency <= MAX_SHARED_CORES;
   const pauseMs = () => (shares && !timeline.over && (player.shown?.frame ?? 0) > 0 ? COMPUTING_PICTURE_MS : 0);
-  // The page draws the fold by itself until the 3D view, which takes longer to start, has taken over.
+  // The page draws the fold itself until the 3D view, which takes longer to start, takes over.
   /** @type {ReturnType<typeof playerOn>} */
   const { player, stage, sketch, standIn } = playerOn(timeline, frame, get("sketch"), {
     calm, pauseMs, onScroll, onFirst: () => {
@@ -80,7 +82,7 @@ export function view({ source, figures, load, over = true, details = null, play 
     const computing = timeline.growing && performance.now() < MAX_WAIT_3D_MS;
     if (computing && shares && !through.on) return;
     started = true;
-    // To ask is to start the browser's 3D graphics, which takes a second where they are software.
+    // The check starts the browser's 3D graphics, which takes a second with software rendering.
     if (hasWebGL()) load(frame); else get("flat").hidden = false;
   }
   setTimeout(start3d, START_DELAY_MS);
@@ -109,7 +111,8 @@ export function view({ source, figures, load, over = true, details = null, play 
   return { timeline, player, stage, sketch, bar, place, plots };
 }
 
-// Offers the tour of the fold; what comes back opens it at a stop, or where the address says so, and says whether it does.
+// Offer the tour of the fold. Return a function that opens it at a stop, or at the stop in the
+// address, and returns whether there is one.
 /**
  * @param {Viewed["kept"]} kept
  * @param {import("../player/player.js").Player} player
@@ -119,7 +122,7 @@ function offerTour(kept, player, place) {
   const touring = later(() => import("../tour/panel.js").then(({ TourPanel }) => new TourPanel({ player, place, calm, load: kept.tour, id: kept.id, toast: kept.toast })), kept.toast);
   get("tour").onclick = () => touring(async (panel) => { if (panel.box.hidden) await panel.open({ playing: !calm }); else panel.close(); });
   const open = (/** @type {number | null} */ asked = null) => {
-    get("tour").hidden = false; // there are frames now
+    get("tour").hidden = false; // frames are loaded
     const { stop, named, frame } = viewIn(asked === null ? location.hash : `#stop=${asked}`);
     if (stop !== null) touring((panel) => panel.open({ stop: stop + 1, view: !named && frame === null }));
     return stop !== null;
@@ -128,7 +131,8 @@ function offerTour(kept, player, place) {
   return open;
 }
 
-// Takes files that are dropped on the view. While one is dragged, its frame lets the page have the pointer.
+// Accept files that are dropped on the view. During a drag, the page receives the pointer events of
+// the frame.
 /** @param {(file: File) => void} take */
 function takeFiles(take) {
   const { classList } = get("main");
@@ -141,5 +145,5 @@ function takeFiles(take) {
       if (name === "drop" && file) take(file);
     });
   }
-  addEventListener("pointermove", () => classList.remove("dropping")); // none comes while something is dragged
+  addEventListener("pointermove", () => classList.remove("dropping")); // there are no pointer moves during a drag
 }

@@ -1,4 +1,4 @@
-// The 3D scene of a preview: layers that come and go, and one module that stands out; see
+// The 3D scene of a preview: layers that can be toggled, and a highlighted module; see
 // web/viser/preview_scene.py.
 import { framing, picked, positionOf } from "./camera.js";
 import { decode } from "../lib/columns.js";
@@ -18,8 +18,8 @@ const RETRY_S = 2;
 
 /** @extends {Scene<PreviewBundle>} */
 export class PreviewStage extends Scene {
-  // Heard are: shown() when a scene can be seen, failed() when it cannot be had, settled() after
-  // either, and pick(module, cell), null and null for a click beside.
+  // Listener methods: shown() when a scene is visible, failed() when it cannot be loaded, settled()
+  // after either, and pick(module, cell), with null and null for a click on the background.
   /**
    * @param {HTMLIFrameElement} frame
    * @param {PreviewHeard} heard
@@ -39,7 +39,7 @@ export class PreviewStage extends Scene {
     new ResizeObserver(() => this.look()).observe(frame);
   }
 
-  // Shows the scene at an address, unless another one is wished for meanwhile.
+  // Load and show the scene at an address, unless another one is requested meanwhile.
   /** @param {string} address */
   async show(address) {
     if (address === this.address) { this.select(null); return; }
@@ -115,7 +115,7 @@ export class PreviewStage extends Scene {
     this.listener.pick(module, module === null ? null : [...bundle.arrays.cells.subarray(3 * module, 3 * module + 3)]);
   }
 
-  // Where the modules are, as the scene has them.
+  // Return the poses of the modules in the scene.
   modules() {
     const { header, arrays } = /** @type {PreviewBundle} */ (this.bundle);
     const cells = header.messages.find((message) => message.props && message.name === "/cells");
@@ -123,7 +123,7 @@ export class PreviewStage extends Scene {
     return { positions: arrays[columns.batched_positions.column], wxyzs: arrays[columns.batched_wxyzs.column] };
   }
 
-  // Around the path the modules are a ghost; the selected one is whole in any case.
+  // Colour the modules: transparent if the path is visible, except for the selected one.
   paint() {
     const { bundle } = this;
     if (!bundle || !this.open || !this.nodes.has("/cells")) return;
@@ -147,7 +147,7 @@ export class PreviewStage extends Scene {
     this.apply(messages);
   }
 
-  // Keeps the shape in view of a window that changes, until somebody turned it.
+  // Keep the shape in view when the window changes, until the visitor turns it.
   look() {
     const { clientWidth: wide, clientHeight: high } = this.frame;
     if (!this.open || !this.bundle || this.touched || !wide || !high) return;

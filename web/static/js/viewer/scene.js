@@ -1,13 +1,13 @@
-// A 3D scene: viser's client in a frame, shown what the page says, and the pointers on it; see bridge.js and web/viser/scene_bundle.py.
-// The frame is no part of the page, and what it says is looked at before it is believed.
+// A 3D scene: viser's client in a frame, controlled by the page, and its pointer events; see
+// bridge.js and web/viser/scene_bundle.py. The frame is not trusted: its messages are validated.
 import { rayThrough } from "./camera.js";
 
 const FARTHEST = 1e9;
-const RELOAD_MS = 500; // before the client starts anew for the first time
-const STILL_PX = { mouse: 4, touch: 10 }; // how far a press may move and still be a tap; chosen
-const TURN_RAD = 2 * Math.PI; // for a way as long as the view is high
-const ZOOM_PER_PX = 0.0012; // of a wheel, as an exponent
-const MAX_WHEEL_PX = 400; // of one event
+const RELOAD_MS = 500; // delay before the first restart of the client
+const STILL_PX = { mouse: 4, touch: 10 }; // maximum motion of a tap; chosen
+const TURN_RAD = 2 * Math.PI; // for a drag over the height of the view
+const ZOOM_PER_PX = 0.0012; // exponent per pixel of wheel motion
+const MAX_WHEEL_PX = 400; // per event
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 export const linear = Uint8Array.from({ length: 256 }, (_, byte) => {
@@ -38,10 +38,10 @@ export const cameraTo = ({ position, target }) => [
   { type: "SetCameraLookAtMessage", look_at: target, initial: false },
 ];
 
-// How light the page is, in the words of CSS: see theme.js.
+// Return the CSS color-scheme of the page; see theme.js.
 const scheme = () => document.documentElement.dataset.theme ?? "light dark";
 
-// The scene's messages with their arrays in place.
+// Replace column references in scene messages by the arrays.
 /**
  * @param {SceneMessage[]} messages
  * @param {Record<string, Column>} arrays
@@ -80,8 +80,8 @@ function isPointer(value) {
 
 /** @template {Staged} [Told=Bundle] */
 export class Scene {
-  // Heard are: open(), and pointers. `keys` pressed in the frame count as pressed in the page. With `holds`
-  // the page moves the camera, and the client leaves pointers alone.
+  // `heard` receives open() and pointer events. `keys` that are pressed in the frame are dispatched
+  // to the page. With `holds` the page moves the camera, and the client gets no pointer events.
   /**
    * @param {HTMLIFrameElement} frame
    * @param {SceneHeard} heard
@@ -100,9 +100,9 @@ export class Scene {
     /** @type {MessagePort | null} */
     this.port = null;
     /** @type {Eye | null} */
-    this.camera = null; // of the client, where the page does not move it
+    this.camera = null; // camera of the client, if the page does not move it
     this.yields = false;
-    this.losses = 0; // of its graphics
+    this.losses = 0; // number of lost WebGL contexts
     this.asks = 0;
     /** @type {Map<unknown, { what: "pass" | "paint", then: () => void }>} */
     this.asked = new Map();
@@ -110,14 +110,14 @@ export class Scene {
     addEventListener("themechange", () => this.port?.postMessage({ do: "dress", scheme: scheme() }));
   }
 
-  // Let the wheel and a finger that moves up or down scroll the page around an embed.
+  // Let the wheel and vertical swipes scroll the page around an embed.
   /** @param {boolean} on */
   yieldScrolling(on) {
     this.yields = on;
     this.port?.postMessage({ do: "yield", on });
   }
 
-  // Another scene bundle in place of the one before.
+  // Replace the scene bundle.
   /** @param {Told} bundle */
   set(bundle) {
     this.bundle = bundle;
@@ -136,11 +136,11 @@ export class Scene {
   /** @param {SceneMessage[]} messages */
   apply(messages) { this.port?.postMessage({ do: "show", messages }); }
 
-  // Calls back when what the client was given can be seen.
+  // Call back when the last messages to the client are visible.
   /** @param {() => void} then */
   painted(then) { this.ask("paint", then); }
 
-  // Calls back after two pictures' time, or when they have been painted.
+  // Call back after two animation frames ("pass") or when the scene is painted ("paint").
   /**
    * @param {"pass" | "paint"} what
    * @param {() => void} then
@@ -150,8 +150,8 @@ export class Scene {
     this.port?.postMessage({ do: what, id: this.asks });
   }
 
-  // Hands the client that the frame has loaded its end of a port. Its origin has no name that it could
-  // be sent to alone, but only what this service serves is ever loaded there.
+  // Send the loaded client its end of a port. Its opaque origin cannot be named as the target, but
+  // the frame only ever loads pages of this service.
   connect() {
     this.port?.close();
     this.open = false;
@@ -163,14 +163,14 @@ export class Scene {
     for (const [id, { what }] of this.asked) port1.postMessage({ do: what, id });
   }
 
-  // Has the client start anew, less and less soon: where graphics are lost again and again it rests.
+  // Restart the client after a lost context, with exponential back-off.
   reload() {
     this.open = false;
     this.heard.lost?.();
     setTimeout(() => this.frame.parentNode?.insertBefore(this.frame, this.frame.nextSibling), RELOAD_MS * 2 ** this.losses++);
   }
 
-  // The camera was moved; one that looks nowhere is not believed.
+  // Store a moved camera; ignore invalid ones.
   /**
    * @param {unknown} position
    * @param {unknown} target
@@ -179,11 +179,11 @@ export class Scene {
     if (isVector(position) && isVector(target) && position.some((v, k) => v !== target[k])) this.camera = { position, target };
   }
 
-  // The camera of the picture that is seen.
+  // Camera of the visible picture.
   /** @returns {Eye | null} */
   get eye() { return this.camera; }
 
-  // Pick what is at a place of the picture, in pixels from the top left.
+  // Pick at a point of the picture, in pixels from the top left.
   /**
    * @param {number} x
    * @param {number} y
@@ -193,7 +193,7 @@ export class Scene {
     if (bundle && eye && wide && high) this.pick(...rayThrough(eye, [x / wide, y / high], wide / high, bundle.header.camera.field_of_view_rad));
   }
 
-  // A ray in the scene was clicked.
+  // Report a click as a ray in the scene.
   /**
    * @param {Vector} origin
    * @param {Vector} direction
@@ -232,8 +232,9 @@ export class Scene {
 
 /** @typedef {{ x: number, y: number, fromX: number, fromY: number, button: number, still: number, drags: boolean }} Finger */
 
-// Pointers on a view, which move the camera. A press that hardly moves is a tap. One pointer turns the camera, with the right or the
-// middle button it moves the picture; two zoom, and move the picture unless the chain is followed.
+// Pointer controls of the camera. A press without motion is a tap. One pointer turns the camera;
+// with the right or middle button it moves the picture. Two pointers zoom and, unless the camera
+// follows the chain, move the picture.
 export class Hand {
   /**
    * @param {(orbit: Orbit) => void} does
@@ -284,13 +285,13 @@ export class Hand {
     } else this.does(finger.button > 0 ? { move: [dx, -dy] } : { turn: [-TURN_RAD * dx, TURN_RAD * dy] });
   }
 
-  // How far two fingers are apart.
+  // Return the distance between two pointers.
   spread() {
     const [a, b] = [...this.fingers.values()];
     return a && b ? Math.hypot(a.x - b.x, a.y - b.y) : 0;
   }
 
-  // Listens to an element of the page itself.
+  // Listen to an element of the page.
   /** @param {HTMLElement} element */
   on(element) {
     const hear = (/** @type {PointerEvent | WheelEvent} */ event) => {
@@ -310,14 +311,13 @@ export class Hand {
   }
 }
 
-// What the browser's 3D graphics are called, once it was asked whether it has any.
+// Name of the WebGL renderer; set by hasWebGL.
 let renderer = "";
 
-// Whether pictures are computed without a graphics card, as far as the browser tells.
 /**
- * Load the page of a 3D view into its frame. The frame is put into the document anew: one that was
- * there when the browser went back holds a page already, and another one would be a further entry
- * of the history, which Forward does not survive.
+ * Load the page of a 3D view into its frame. The frame is reinserted into the document: after a
+ * navigation back it already contains a page, and loading another one would add a history entry
+ * and discard those for Forward.
  * @param {HTMLIFrameElement} frame
  * @param {string} href
  */
@@ -328,6 +328,7 @@ export function load(frame, href) {
   parentNode?.insertBefore(frame, nextSibling);
 }
 
+// Return true if the browser reports software rendering.
 export const isSoftware = () => SOFTWARE.test(renderer);
 
 export function hasWebGL() {

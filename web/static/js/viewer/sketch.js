@@ -1,22 +1,22 @@
-// A fold drawn by the page itself, in a worker: at once, and without WebGL.
+// 2D drawing of a fold in a worker: available at once and without WebGL.
 
 import { at as hrefOf } from "../lib/text.js";
 
-// Colours of the table that a chain folds on, by the page's theme.
-// `top` and `edge` are what the drawing has, `lit` what becomes the same in the 3D view's light.
+// Colours of the table by theme. The drawing uses `top` and `edge`; `lit` gives the same colour
+// under the lights of the 3D view.
 /** @type {Record<"light" | "dark", { lit: Colour, top: Colour, edge: Colour }>} */
 const COLOURS = {
   light: { lit: [206, 190, 166], top: [222, 214, 200], edge: [184, 172, 152] }, // as web/pictures/table_top.py
   dark: { lit: [62, 68, 77], top: [76, 83, 93], edge: [50, 56, 64] },
 };
-// What the table looks like now.
+// Return the colours of the table in the current theme.
 export function tableColours() {
   const { theme } = document.documentElement.dataset;
   return COLOURS[theme === "light" || theme === "dark" ? theme : matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark"];
 }
 
-// The radial gradient that an element has for a ground: its size and place in shares, and its colours;
-// null when it has another.
+// Return the radial gradient in the background of an element: its size and centre as fractions, and
+// its colours; null if the background is of another kind.
 /**
  * @param {Element} element
  * @returns {Ground | null}
@@ -28,7 +28,7 @@ function gradientOf(element) {
   return place && stops.length ? { place, stops } : null;
 }
 
-// The height of the ground, just below what is in view of the chain, in pitches.
+// Return the height of the ground, in pitches: just below the visible part of the chain.
 /** @param {Pick<Snapshot, "positions" | "framed">} shown */
 export function floorUnder({ positions, framed }) {
   let low = Infinity;
@@ -37,12 +37,12 @@ export function floorUnder({ positions, framed }) {
 }
 
 const GROUND_GAP = 0.35; // pitches
-const MAX_SIDE_PX = 8192; // of a picture; browsers have no larger canvases everywhere
+const MAX_SIDE_PX = 8192; // maximum side of a picture; some browsers have no larger canvases
 
 export class Sketch {
   static script = hrefOf("/static/js/viewer/sketch_worker.js");
 
-  // Calls `onFirst` when the first frame has been drawn.
+  // `onFirst` is called after the first frame is drawn.
   /**
    * @param {HTMLCanvasElement} canvas
    * @param {() => void} onFirst
@@ -50,16 +50,16 @@ export class Sketch {
   constructor(canvas, onFirst = () => {}) {
     this.canvas = canvas;
     /** @type {Ground | null} */
-    this.painted = null; // the ground
+    this.painted = null; // background gradient
     this.onDrawn = () => {};
     this.waiting = false;
     /** @type {((png: Blob) => void)[]} */
-    this.pictures = []; // who waits for one
+    this.pictures = []; // callbacks of pending pictures
     /** @type {SketchFrame | null} */
     this.next = null;
     this.pitch = 1;
     const paper = canvas.transferControlToOffscreen();
-    // No module: browsers refuse those to a page that was opened as a file.
+    // A classic worker: browsers refuse module workers to pages that are opened as files.
     this.worker = new Worker(Sketch.script);
     let first = true;
     this.worker.onmessage = ({ data }) => {
@@ -80,8 +80,8 @@ export class Sketch {
    */
   tell(message, given = []) { this.worker.postMessage(message, given); }
 
-  // A ground that the drawing has in it covers what is behind, which the browser then need not put
-  // together: that would take longer than all the rest where graphics are software.
+  // Move the background of the canvas into the drawing. An opaque canvas saves the browser the
+  // compositing, which would take longer than all the rest with software rendering.
   ground() {
     this.canvas.style.background = "";
     const found = gradientOf(this.canvas);
@@ -98,7 +98,7 @@ export class Sketch {
     } });
   }
 
-  // Of the ground and a table, as the page has them.
+  // Return the colours of background and table in the current theme.
   colours() { return { ground: this.ground(), wood: tableColours() }; }
 
   /**
@@ -109,7 +109,7 @@ export class Sketch {
    */
   draw(shown, colours, view, ground) {
     const frame = this.frame(shown, colours, view, ground);
-    // A newer frame replaces one that still waits.
+    // A newer frame replaces a waiting one.
     if (this.waiting) this.next = frame; else this.post(frame);
   }
 
@@ -126,7 +126,7 @@ export class Sketch {
     return { positions, wxyzs, colours, eye, target: at, floor: ground === null ? floorUnder(shown) : ground / this.pitch, core, rod };
   }
 
-  // The view as a PNG, `scale` times as large as on the page.
+  // Return the view as a PNG, `scale` times as large as on the page.
   /**
    * @param {[shown: Snapshot, colours: Uint8Array, view: Eye, ground: number | null]} drawn
    * @param {{ scale: number, transparent: boolean }} options

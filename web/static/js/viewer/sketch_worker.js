@@ -1,13 +1,13 @@
-// Draws sketches of a fold: convex modules, the farthest first, each face in the light that falls on it.
+// Draws a fold in 2D: convex modules from back to front (painter's algorithm), with shaded faces.
 const SHADOW_SCALE = 1 / 6;
 const SHADOW = 0.2;
 const NEAREST = 0.05;
 const EDGE = "rgb(20 22 26 / .38)";
 const EDGED_PX = 5;
-const GAPPED_PX = 12; // modules beside hidden ones that are larger show the gap between them
-const GAP = 0.6; // and how bright it is
+const GAPPED_PX = 12; // minimum size of modules that show the gaps to their neighbours
+const GAP = 0.6; // brightness of the gap
 
-/** @typedef {{ place: number[], stops: [at: number, colour: string][] }} Ground a gradient, in shares of the paper */
+/** @typedef {{ place: number[], stops: [at: number, colour: string][] }} Ground gradient, in fractions of the canvas */
 /** @typedef {Outline & { neighbours: Int32Array | null, rods: boolean, full: number, table: TableTold | null }} Drawn */
 /**
  * One frame, in pitches: poses and colours of the modules, the camera, and the height of the ground. Modules before `core` are folded,
@@ -16,9 +16,9 @@ const GAP = 0.6; // and how bright it is
  */
 /** @typedef {{ top: Colour, edge: Colour }} Wood colours of a table */
 /** @typedef {{ i: number, many: number, hidden: number, far: number }} Piece */
-/** @typedef {(x: number, y: number, z: number, at: number[]) => number} See where a place is in the picture, and how deep */
+/** @typedef {(x: number, y: number, z: number, at: number[]) => number} See writes the projection of a point to `at` and returns its depth */
 /**
- * What the page says.
+ * Messages of the page.
  * @typedef {{ is: "begin", paper: OffscreenCanvas, size: typeof size, ground: Ground | null, wood: Wood }
  *   | { is: "dress", ground: Ground | null, wood: Wood }
  *   | { is: "size", size: typeof size }
@@ -27,7 +27,7 @@ const GAP = 0.6; // and how bright it is
  *   | { is: "picture", frame: SketchFrame, size: typeof size, ground: Ground | null }} SketchTold
  */
 
-// These three are there from "begin" on.
+// Set by the message "begin".
 /** @type {OffscreenCanvas} */
 let paper;
 /** @type {OffscreenCanvasRenderingContext2D} */
@@ -60,7 +60,7 @@ onmessage = (/** @type {MessageEvent<SketchTold>} */ { data }) => {
   ask(data.is === "frame");
 };
 
-// Draws one frame on a paper of its own, of any size and with or without a ground, as a PNG.
+// Draw one frame as a PNG, on a separate canvas of any size, with or without background.
 /** @param {SketchTold & { is: "picture" }} asked */
 async function picture(asked) {
   const own = { paper, pen, size, ground, back };
@@ -75,7 +75,7 @@ async function picture(asked) {
   postMessage(await drawn.convertToBlob({ type: "image/png" }));
 }
 
-// By the processor: quicker where graphics are software.
+// Return a context that draws on the CPU, which is faster with software rendering.
 /**
  * @param {OffscreenCanvas} canvas
  * @param {boolean} alpha
@@ -98,7 +98,7 @@ function ask(told) {
   });
 }
 
-// An empty paper, or the ground on it.
+// Clear the canvas, or draw the background.
 function clear() {
   const width = Math.round(size.width * size.scale);
   const height = Math.round(size.height * size.scale);
@@ -144,7 +144,8 @@ const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a
 const unit = (a) => { const l = Math.hypot(...a) || 1; return [a[0] / l, a[1] / l, a[2] / l]; };
 const SIDE = unit([-0.3, -1.0, 0.5]);
 
-// How bright a face with this outward normal is: sky, a light from the side, a little from below.
+// Return the brightness of a face with this outward normal: ambient light, the sky, and a light
+// from the side.
 /**
  * @param {number} x
  * @param {number} y
@@ -155,8 +156,8 @@ function light(x, y, z) {
   return Math.min(1.2, 0.5 + 0.26 * (z * 0.5 + 0.5) + 0.36 * Math.max(0, z) + 0.3 * side);
 }
 
-const GROUPED_PX = 6; // straight modules that are smaller are drawn as one
-const ALIKE = 48; // and so much their colours may differ
+const GROUPED_PX = 6; // smaller modules of the straight tail are drawn as one
+const ALIKE = 48; // maximum difference between the colours of such modules
 
 /**
  * @param {Drawn} drawn
@@ -203,12 +204,12 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, table,
   for (const { i, many, hidden } of drawn) {
     const [x, y, z] = [positions[3 * i], positions[3 * i + 1], positions[3 * i + 2]];
     turn(wxyzs, i, r);
-    // The eye as the module sees it tells which faces look at us.
+    // The eye in the frame of the module determines the visible faces.
     const e = [eye[0] - x, eye[1] - y, eye[2] - z];
-    // Modules that are large enough show their edges; on small ones the line closes hairlines.
+    // Large modules have visible edges; on small ones the stroke covers hairlines between faces.
     const large = zoom / Math.max(NEAREST, dot(e, out)) / size.scale;
     const edged = large > EDGED_PX;
-    // What is seen through a gap is a hidden face, in the dark; without a gap there must be no hole.
+    // Through a gap, a hidden face is visible in the dark; without gaps there must be no holes.
     const gapped = hidden && large > GAPPED_PX;
     const local = [0, 1, 2].map((c) => r[c] * e[0] + r[3 + c] * e[1] + r[6 + c] * e[2]);
     const place = (/** @type {number} */ grown, /** @type {number[][]} */ into) => corners.forEach(([front, left, top], v) => {
@@ -229,7 +230,7 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, table,
   }
 }
 
-// A table seen from above: its top, and its edge below that.
+// Draw a table from above: its edge, then its top.
 /**
  * @param {TableTold} table
  * @param {See} see
@@ -247,7 +248,7 @@ function slab({ height, thickness, outline: ring }, see, [eye, out]) {
   };
   const low = height - thickness;
   pen.fillStyle = pen.strokeStyle = `rgb(${wood.edge.join(" ")})`;
-  // The side goes piece by piece: what looks away is under the top.
+  // The edge is drawn segment by segment; the top covers those that face away.
   if (fill(ring.map(([x, y]) => [x, y, low]))) {
     ring.forEach(([x, y], k) => {
       const [u, v] = ring[(k + 1) % ring.length];
@@ -258,7 +259,7 @@ function slab({ height, thickness, outline: ring }, see, [eye, out]) {
   fill(ring.map(([x, y]) => [x, y, height]));
 }
 
-// The part of a flat outline that is in front of the eye.
+// Clip a flat outline to the half-space in front of the eye.
 /**
  * @param {Vector[]} points
  * @param {Numbers} eye
@@ -280,12 +281,12 @@ function inFront(points, eye, out) {
   return found;
 }
 
-// What is to be drawn: modules, and straight stretches of `many` where they are small, that are in the
-// picture; a bit in `hidden` for each face that another one covers.
+// Return the visible pieces: single modules, and runs of `many` small modules of the straight tail.
+// `hidden` has a bit for each face that a neighbour covers.
 /** @param {Pick<Drawn, "modules" | "faces" | "neighbours" | "rods"> & { frame: SketchFrame, see: See, zoom: number, radius: number, width: number, height: number }} drawn */
 function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, width, height }) {
   const { positions, colours, core } = frame;
-  const rod = rods ? Math.min(frame.rod, modules) : modules; // what is straight looks like one long module
+  const rod = rods ? Math.min(frame.rod, modules) : modules; // a straight run looks like one long module
   const all = 2 ** faces.length - 1;
   /** @type {Piece[]} */
   const found = [];
@@ -333,7 +334,7 @@ function alike(colours, i, j) {
   return apart <= ALIKE;
 }
 
-// A soft shadow on the ground: footprints drawn small and let to blur as they are enlarged.
+// Draw a soft shadow on the ground: small footprints, which enlarging blurs.
 /** @type {OffscreenCanvas | null} */
 let small = null;
 /**
@@ -366,18 +367,18 @@ function shadow(drawn, { positions, floor }, see, width, height) {
     }
     brush.fill();
   }
-  // The part that has a shadow: enlarging all of it takes longer than the modules.
+  // Enlarge only the part with a shadow: the whole would take longer than the modules.
   [left, top] = [Math.max(0, Math.floor(left) - 1), Math.max(0, Math.floor(top) - 1)];
   [w, h] = [Math.min(w, Math.ceil(beyond) + 1) - left, Math.min(h, Math.ceil(below) + 1) - top];
   if (w <= 0 || h <= 0) return;
   pen.globalAlpha = SHADOW;
   pen.imageSmoothingEnabled = true;
-  pen.imageSmoothingQuality = "medium"; // "high" takes more than twice as long, and looks the same
+  pen.imageSmoothingQuality = "medium"; // "high" takes more than twice as long and looks the same
   pen.drawImage(small, left, top, w, h, left / SHADOW_SCALE, top / SHADOW_SCALE, w / SHADOW_SCALE, h / SHADOW_SCALE);
   pen.globalAlpha = 1;
 }
 
-// The rotation matrix of a module's orientation, row by row.
+// Write the rotation matrix of a module to r, in row-major order.
 /**
  * @param {Floats} wxyzs
  * @param {number} i

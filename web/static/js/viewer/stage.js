@@ -1,5 +1,5 @@
-// The stage: the 3D scene of a fold, given a pose, colours and a camera frame by frame; and the page's own
-// drawing, which is shown in its place while the scene is not ready or too slow.
+// The 3D scene of a fold, which receives poses, colours and a camera for each frame; and the
+// fallback to the page's own drawing while the scene is not ready or too slow.
 import { Scene, cameraTo, isSoftware, linear, update, visibility } from "./scene.js";
 import { KEYS } from "../player/keys.js";
 import { buriedBy } from "../player/kinematics.js";
@@ -7,25 +7,25 @@ import { floorUnder, tableColours } from "./sketch.js";
 
 const SINK_S = 0.05;
 const RISE_S = 0.5;
-const LEVEL = 0.01; // pitches from where it goes at which the ground arrives
+const LEVEL = 0.01; // distance in pitches at which the ground snaps to its target
 const SEEN_THROUGH = 0.22;
 const NOWHERE = -1e6;
-const SLOW_MS = 70; // for a picture; below it the view keeps up
-const MEASURED = 4; // pictures, of which the slowest does not count: it may have compiled shaders
-const MANY = 300; // modules, which software never shows in time
+const SLOW_MS = 70; // for a picture; below it the view is fast enough
+const MEASURED = 4; // pictures; the slowest is ignored, because it may have compiled shaders
+const MANY = 300; // modules; software rendering of so many is always too slow
 const REST_MS = 400;
 
-// Discs on the table, that tell how hard modules press on it.
-const ABOVE = 0.02; // pitches that the lowest disc is above the table
-const APART = 0.002; // and the next one above it, so that none flickers
-const AREA = 0.62; // radius of a disc, in pitches, of a module that presses with its own weight
-const LEAST = 0.05; // weights; what presses less has no disc
+// Discs on the table that show the contact forces of modules.
+const ABOVE = 0.02; // height of the lowest disc above the table, in pitches
+const APART = 0.002; // distance between two discs in pitches, which avoids z-fighting
+const AREA = 0.62; // radius of the disc for a force of one module weight, in pitches
+const LEAST = 0.05; // module weights; smaller forces have no disc
 
 /** @typedef {[Snapshot, Uint8Array, Eye]} Picture */
 
 /** @extends {Scene<Bundle>} */
 export class Stage extends Scene {
-  // Heard is one more than by a scene: pick(origin, direction) in pitches.
+  // In addition to the events of Scene, `heard` receives pick(origin, direction) in pitches.
   /**
    * @param {HTMLIFrameElement} frame
    * @param {SceneHeard} heard
@@ -44,9 +44,9 @@ export class Stage extends Scene {
     this.buried = null;
     this.away = false;
     /** @type {Eye | null} */
-    this.drawn = null; // the camera of the picture that is seen, also of the page's own drawing
+    this.drawn = null; // camera of the visible picture, including that of the page's own drawing
     /** @type {((shown: Snapshot) => Floats | null) | null} */
-    this.pressed = null; // how hard modules press on the table, where that is to be seen
+    this.pressed = null; // returns the contact forces on the table, if they are displayed
     addEventListener("themechange", () => this.dress());
   }
 
@@ -55,10 +55,10 @@ export class Stage extends Scene {
   /** @returns {TableTold | null} */
   get table() { return this.bundle?.header.table ?? null; }
 
-  // The table in the colour of the page.
+  // Apply the theme of the page to the table.
   dress() { if (this.open && this.table) this.apply([update("/table", { color: tableColours().lit })]); }
 
-  // The scene of another chain.
+  // Set the scene of another chain.
   /** @param {Bundle} bundle */
   set(bundle) {
     this.pitch = bundle.header.pitch;
@@ -85,7 +85,7 @@ export class Stage extends Scene {
    */
   pick(origin, direction) { this.heard.pick?.([origin[0] / this.pitch, origin[1] / this.pitch, origin[2] / this.pitch], direction); }
 
-  // Shows poses in colours (3n sRGB bytes) as the camera sees them.
+  // Draw poses with colours (3n sRGB bytes) from a camera.
   /**
    * @param {Snapshot} snapshot
    * @param {Uint8Array} colours
@@ -107,18 +107,18 @@ export class Stage extends Scene {
     this.apply(messages);
   }
 
-  // Nobody looks: viser's client, which draws once a second all the same, has less to draw until the
-  // next `draw`.
+  // Hide the expensive nodes until the next `draw`, while the page's drawing covers the view:
+  // viser's client still draws once a second.
   rest() {
     if (this.away || !this.open) return;
     this.away = true;
     this.apply(this.seen.map((name) => visibility(name, false)));
   }
 
-  // What takes long to draw.
+  // Nodes that are expensive to draw.
   get seen() { return this.table ? ["/modules", "/table"] : ["/modules", "/ground"]; }
 
-  // Discs under the modules that stand on the table, in the modules' colours.
+  // Return messages for the discs under the modules on the table, in the colours of the modules.
   /**
    * @param {Snapshot} snapshot
    * @param {Uint8Array} colours
@@ -133,7 +133,7 @@ export class Stage extends Scene {
     ];
   }
 
-  // Colours are sent when they are others.
+  // Return updates of the modules; colours are sent only if they have changed.
   /**
    * @param {Snapshot} snapshot
    * @param {Uint8Array} colours
@@ -149,7 +149,8 @@ export class Stage extends Scene {
     return updates;
   }
 
-  // Modules that others hide are put where no camera looks: viser draws what is in view.
+  // Return the positions of the modules. Buried ones are moved out of sight, because viser draws
+  // only what is in view.
   /** @param {WindowPoses} poses */
   positions({ positions, core = 0 }) {
     const found = positions.map((v) => v * this.pitch);
@@ -158,7 +159,7 @@ export class Stage extends Scene {
     return found;
   }
 
-  // Lets one look through the modules at the way that the chain takes in them.
+  // Make the modules transparent and show the path of the chain, or reverse this.
   /** @param {boolean} on */
   seeThrough(on) {
     this.through = on;
@@ -185,7 +186,7 @@ export class Stage extends Scene {
     return [sum[0] / framed, sum[1] / framed];
   }
 
-  // Studs on the free faces: behind the first module, before the last one.
+  // Return the poses of the studs on the free faces of the first and the last module.
   /** @param {Poses} poses */
   ends({ positions, wxyzs }) {
     const { shown_size: size, reach } = /** @type {Bundle} */ (this.bundle).header;
@@ -196,13 +197,14 @@ export class Stage extends Scene {
       const [w, x, y, z] = wxyzs.subarray(4 * i, 4 * i + 4);
       const ahead = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)];
       for (let c = 0; c < 3; c++) at[3 * k + c] = (positions[3 * i + c] + side * size * reach * ahead[c]) * this.pitch;
-      // Half a turn about z points the first stud backwards.
+      // A half turn about z points the first stud backwards.
       turn.set(side < 0 ? [-z, y, -x, w] : [w, x, y, z], 4 * k);
     });
     return { batched_positions: at, batched_wxyzs: turn };
   }
 
-  // Lets the ground sink and rise to just below what is in view of the chain; true while it moves.
+  // Move the ground towards its height just below the visible part of the chain. Return true while
+  // it moves.
   /**
    * @param {number} seconds
    * @param {Snapshot} snapshot
@@ -217,9 +219,10 @@ export class Stage extends Scene {
   }
 }
 
-// Discs whose areas are the forces of the table under the modules, in the scene's units.
+// Return discs with areas in proportion to the contact forces under the modules, in units of the
+// scene.
 /**
- * @param {Numbers} pressed weights of a module, NaN where that is not known
+ * @param {Numbers} pressed forces in module weights, NaN if unknown
  * @param {Numbers} positions
  * @param {number} height
  * @param {number} pitch
@@ -239,8 +242,8 @@ export function discs(pressed, positions, height, pitch) {
   return { places, scales };
 }
 
-// Shows a fold in the 3D view or in the page's own drawing on top of it: until the view has started and, where
-// 3D graphics are software and take long for a picture, while anything moves.
+// Chooses between the 3D view and the page's own drawing on top of it. The drawing is visible until
+// the view has started and, if the view is too slow, during every motion.
 export class StandIn {
   /**
    * @param {HTMLCanvasElement} canvas
@@ -251,11 +254,11 @@ export class StandIn {
     this.canvas = canvas;
     this.stage = stage;
     this.sketch = sketch;
-    this.opened = false; // the view has taken over
-    this.begun = false; // it has been given a picture
+    this.opened = false; // true once the view has taken over
+    this.begun = false; // true once the view has a picture
     /** @type {Picture | null} */
-    this.given = null; // the latest one before it took over
-    this.asked = false; // whether the first picture can be seen
+    this.given = null; // latest picture before the view took over
+    this.asked = false; // true once the view was asked to report its first picture
     this.onOpen = () => {};
     /** @type {number[]} */
     this.times = [];
@@ -265,7 +268,7 @@ export class StandIn {
     /** @type {ReturnType<typeof setTimeout> | undefined} */
     this.timer = undefined;
     this.painted = () => {};
-    this.busy = () => false; // whether more is to come by itself
+    this.busy = () => false; // true during automatic motion
     sketch.onDrawn = () => {
       if (this.latest) { canvas.classList.remove("gone"); stage.frame.classList.add("behind"); }
       this.painted();
@@ -279,14 +282,14 @@ export class StandIn {
     return (sum - Math.max(...times)) / (MEASURED - 1) > SLOW_MS;
   }
 
-  // The view takes over when its first picture can be seen.
+  // Let the view take over once its first picture is visible.
   takeOver() {
     if (this.asked || !this.given || !this.stage.open) return;
     this.asked = true;
     this.stage.painted(() => this.open());
   }
 
-  // The drawing stands in again, until the view has started anew.
+  // Show the drawing again until the view has restarted.
   fallBack() {
     this.opened = this.begun = this.asked = false;
     this.given = this.stage.latest;
@@ -312,7 +315,7 @@ export class StandIn {
     stage.drawn = eye;
     if (!this.opened) {
       this.given = [shown, colours, eye];
-      // The view needs a picture to begin with; one that takes seconds for it gets no more of them.
+      // The view needs a first picture; a slow view gets no more of them.
       if (!this.slow || !this.begun) { stage.draw(shown, colours, eye); this.begun = stage.open; }
       sketch.draw(shown, colours, eye, stage.ground);
       this.takeOver();
@@ -333,13 +336,14 @@ export class StandIn {
     this.timer = setTimeout(() => this.rest(), REST_MS);
   }
 
-  // The drawing goes, in a fade where both show the same: of what moves it would leave a ghost.
+  // Hide the drawing, with a fade if nothing moves: during a motion a fade would leave a ghost
+  // image.
   leave() {
     this.canvas.classList.toggle("fading", !this.busy());
     this.canvas.classList.add("gone");
   }
 
-  // Nothing has moved for a while: the view shows the same.
+  // Hand over to the view after some time without motion.
   rest() {
     if (this.busy()) { this.timer = setTimeout(() => this.rest(), REST_MS); return; }
     if (this.latest) this.stage.draw(...this.latest);
@@ -347,7 +351,8 @@ export class StandIn {
     this.yield();
   }
 
-  // The drawing goes when what the view was given can be seen, unless it has to stand in again.
+  // Hide the drawing once the view shows the same picture, unless the drawing is needed again by
+  // then.
   yield() {
     const { latest } = this;
     clearTimeout(this.timer);
@@ -361,7 +366,7 @@ export class StandIn {
     });
   }
 
-  // How long the view takes to show what it was just given.
+  // Measure the time in which the view shows its latest picture.
   measure() {
     const begun = performance.now();
     const told = !this.measuring;

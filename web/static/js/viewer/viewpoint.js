@@ -1,15 +1,16 @@
 import { outward } from "./camera.js";
 
-// From where modules are seen best: from a side on which the fewest others stand before them.
+// Choice of the direction in which the fewest modules hide the given ones.
 const TURNS = 16;
 const RISES = [0.15, 0.5, 0.9, -0.3];
-const MOST = 12; // modules that are looked for
-const WIDE = 0.8; // pitches; who is nearer to the line of sight hides what is behind
+const MOST = 12; // maximum number of modules to check
+const WIDE = 0.8; // pitches; modules nearer to the line of sight hide those behind them
 
 /** @param {number[]} modules */
 const spread = (modules) => modules.filter((_, k) => k % Math.ceil(modules.length / MOST) === 0);
 
-// Azimuth and elevation, the nearest to `home` of those that are as good.
+// Return azimuth and elevation of the clearest sight, with a preference for those near the given
+// ones.
 /**
  * @param {Floats} positions
  * @param {number[]} modules
@@ -34,7 +35,7 @@ export function clearestSight(positions, modules, [azimuth, elevation]) {
   return best;
 }
 
-// Whether something stands before a module, seen along `way`: 1 or 0.
+// Return 1 if another module hides this one in the given direction; otherwise 0.
 /**
  * @param {Floats} positions
  * @param {number} module
