@@ -96,7 +96,6 @@ def _timeline(context: Context, fold_id: str) -> Timeline:
         NotFound: If the fold ended without one.
         Conflict: If it does not exist yet.
     """
-    # The timeline brings compiled kernels along, which the start of the server need not wait for.
     row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
     if row.over:
         check(directory, TIMELINE)
