@@ -1,4 +1,4 @@
-"""Schemas: what the API takes and gives, as JSON."""
+"""Schemas: JSON bodies of requests and responses of the API."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Routes of shapes: the gallery, and what would come of a shape before it is folded."""
+"""Routes of shapes: the gallery, and previews before folding."""
 
 from __future__ import annotations
 
