@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from foldback_client.downloads import Place
 
 EVENT_TIMEOUT_S: Final = 45.0
-"""Time without an event on a fold's event stream, in s, after which the client connects anew; the
+"""Time without an event on a fold's event stream, in s, after which the client reconnects; the
 service sends one at least every 15 s. A smaller value breaks off slow connections; a larger one
 notices broken ones later. Chosen."""
 DIRECT_FILES: Final = frozenset({"plan.json", "plan.npz", "model.xml", "certificate.json"})

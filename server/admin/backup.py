@@ -24,7 +24,7 @@ from server.store.schema_version import Schema
 
 
 def back_up(settings: Settings, directory: Path) -> Manifest:
-    """Write a backup of a service, which may run meanwhile.
+    """Write a backup of a service, which may be running.
 
     Args:
         settings: The settings of the service.

@@ -59,7 +59,7 @@ class Manifest(
     """Content of a backup.
 
     Attributes:
-        foldback: Version of the foldback that made it.
+        foldback: Version of the foldback that created it.
         created_at: Time of its start, in seconds since 1970.
         schema: Version of the rows' tables.
         storage: Kind of the stored files: ``directory`` or ``objects``.

@@ -257,8 +257,8 @@ def stored_input(directory: Path) -> tuple[BinaryIO, str | None]:
     """Return the input of a fold, open, and the name of its file.
 
     Raises:
-        NotFound: If it is not there any more.
-        DamagedError: If it is not what was written.
+        NotFound: If it no longer exists.
+        DamagedError: If it is damaged.
     """
     try:
         source = open(directory / INPUT, "rb")  # noqa: SIM115 (the caller closes it)

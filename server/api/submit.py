@@ -88,7 +88,7 @@ def fold_origin(
     """Open the input that an origin names, and submit it.
 
     Raises:
-        ServiceError: As of ``open_source`` and ``submit``.
+        ServiceError: As in ``open_source`` and ``submit``.
     """
     with (
         open_source(context, origin, request) as (stream, source),
@@ -102,7 +102,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
     """Check a submission, store it durably, and put it into the queue.
 
     Raises:
-        ServiceError: If it can't be used, there is too much to do, or no room.
+        ServiceError: If the input cannot be used, or the queue or the disk is full.
     """
     if (known := _known(context, submission)) is not None:
         return known

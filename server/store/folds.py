@@ -64,9 +64,9 @@ SLICE_END_S: Final = 1.0
 of the queue and the end of a computing step. A larger value makes estimated waiting times longer.
 Chosen."""
 CANCELLATION_MEMORY_S: Final = 3600.0
-"""Time, in s, for which gallery folds of a visitor who has cancelled one no longer go before all
-others in the queue. With a smaller value visitors who start and cancel gallery folds again and
-again delay others more. Chosen."""
+"""Time, in s, after a visitor has cancelled a gallery fold for which the visitor's gallery folds no
+longer go before all others in the queue. With a smaller value visitors that repeatedly start and
+cancel gallery folds delay others more. Chosen."""
 DAY_S: Final = 86400.0
 """Number of seconds in a day."""
 PACE_SAMPLES: Final = 40
@@ -466,7 +466,7 @@ class Store:
 
     @staticmethod
     def begin_in(session: Session, fold_id: str, stage: str, execution: str) -> int | None:
-        """Do what ``begin`` does, in a transaction of the caller."""
+        """Mark a stage as running, as ``begin`` does, in a transaction of the caller."""
         same = FoldRow.worker == execution
         begun = session.execute(
             sa.update(FoldRow)
