@@ -39,7 +39,7 @@ class Submission:
         upload: Bytes of the input.
         source: Origin of the input, with the request that it completes.
         visitor: Name of the visitor with its networks.
-        token: Token of the client, which owns the new fold.
+        owner: Owner of the new fold.
     """
 
     upload: Upload
