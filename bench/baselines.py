@@ -1,4 +1,4 @@
-"""Baselines: direct servoing, which fails, and the preset with the published parameters."""
+"""Baselines: direct servoing, which usually fails, and the preset with published parameters."""
 
 from __future__ import annotations
 

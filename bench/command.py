@@ -48,7 +48,7 @@ class Run:
 
 
 def fold(shape: str, *options: str, out: Path | None = None) -> Run:
-    """Fold an example shape or a file in a process of its own; write the plan to ``out``."""
+    """Fold an example shape or a file in a separate process; write the plan to ``out``."""
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
         command = [
             *(sys.executable, "-m", "server.cli.command_line", "fold", shape),

@@ -75,7 +75,8 @@ class Bar:
     Attributes:
         least: Minimum number of verified folds.
         seconds: Maximum wall time of each fold, s; None if times are only reported.
-        robot_s: Maximum duration of each folding at the joints' speed limit, s; None likewise.
+        robot_s: Maximum duration of each folding at the joints' speed limit, s; None if only
+            reported.
     """
 
     least: int

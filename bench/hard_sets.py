@@ -50,7 +50,7 @@ def _growth(rng: np.random.Generator) -> set[Cell]:
 
 
 def _sponge(rng: np.random.Generator) -> set[Cell]:
-    """Return the cells of a block that are left after a random choice for each cell."""
+    """Return a block from which random cells have been removed."""
     sides = rng.integers(6, 9, size=3)
     kept = np.argwhere(rng.random(sides) < rng.uniform(0.5, 0.7))
     return {(x, y, z) for x, y, z in kept.tolist()}

@@ -207,7 +207,7 @@ def _voxelised(section: Section, forms: dict[str, Callable[[], Mesh]], which: st
 
 
 def _large(section: Section) -> None:
-    """Measure a mesh of 100 000 triangles, from a file to a path, in a process of its own."""
+    """Measure a mesh of 100 000 triangles, from a file to a path, in a separate process."""
     fine = trimesh.creation.torus(2.0, 0.8, major_sections=250, minor_sections=200)
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
         file, out = Path(directory) / "torus.stl", Path(directory) / "path.json"

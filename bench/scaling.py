@@ -42,7 +42,7 @@ class Case:
 
     Attributes:
         shape: Name of an example, or of a file.
-        data: Returns the content of that file; None for an example.
+        data: Function that returns the content of the file; None for an example.
         options: Options of the command.
         bar_s: Maximum wall time, s; None if there is no bar.
     """

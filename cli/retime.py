@@ -107,7 +107,7 @@ def retime(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Retimed:
-    """A retimed plan.
+    """Retimed plan.
 
     Attributes:
         plan: The plan.

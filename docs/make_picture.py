@@ -36,7 +36,7 @@ FRAME_MS = 90
 slowly. Chosen."""
 PAUSE_MS = 900
 """Duration of the frames with the straight and the folded chain in the animated GIF of the
-documentation, in ms, so that they can be seen at leisure. Chosen."""
+documentation, in ms. A larger value shows them longer. Chosen."""
 PALETTE_COLOURS = 48
 """Number of colours of the animated GIF in the documentation. A larger value shows shades more
 exactly and makes a larger file. Chosen."""

@@ -58,7 +58,7 @@ CODE = re.compile(
     r"|\bno-(cache|store)\b|^[a-z]+(-[a-z]+)+( [a-z]+(-[a-z]+)+)+$|\bu?int\d+ [a-z]|^MSG: "
 )
 """Matches SQL statements, lists of CSS classes, headers of HTTP, definitions of messages and other
-pieces of code, which no person is shown."""
+code that is not shown to people."""
 
 MARKUP = re.compile(r"^(?!.*\b(alt|title)=\"[^\"{])<[^<>]*>( ?<[^<>]*>)*$")
 """Matches elements of XML or HTML without a text, a title or an alternative text of their own."""

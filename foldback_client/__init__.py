@@ -1,4 +1,4 @@
-"""A client of foldback's HTTP interface that needs nothing but httpx.
+"""Client of foldback's HTTP API that requires only httpx.
 
 >>> with Client("http://127.0.0.1:8000") as client:             # doctest: +SKIP
 ...     fold = client.fold("part.stl", modules=240).wait()

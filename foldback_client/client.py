@@ -1,4 +1,4 @@
-"""Client: talks to one service."""
+"""Client of one service."""
 
 from __future__ import annotations
 
@@ -27,16 +27,16 @@ value the client notices later that the service cannot be reached. Chosen."""
 
 
 class Client:
-    """Client of one service. Requests are idempotent, so a lost answer is requested again.
+    """Client of one service. Requests are idempotent, so they are repeated if a response is lost.
 
     Args:
         base_url: Address of the service.
         token: Secret of the folds' owner: 24 to 200 characters. A new one if omitted.
         retries: Policy for repeating a request if the service is busy or cannot be reached.
-        timeout_s: Maximum time without data of an answer.
-        verify: Check of the ``https`` certificate, as for httpx.
+        timeout_s: Maximum time without data of a response, in s.
+        verify: Verification of the ``https`` certificate, as in httpx.
 
-    Thread-safe. Close it, or use it in a ``with``.
+    Thread-safe. Close the client, or use it in a ``with`` statement.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class Client:
         verify: ssl.SSLContext | bool = True,
     ) -> None:
         self.base_url = base_url.rstrip("/")
-        # One's own from the start: an upload whose answer got lost is still one's own.
+        # Chosen by the client, so that it owns an upload even if the response is lost.
         self.token = token or secrets.token_urlsafe(32)
         self.retries = retries or Retries()
         self._http = httpx.Client(
@@ -80,15 +80,15 @@ class Client:
         """Request a fold; the same request again returns the same fold.
 
         Args:
-            source: A file's path, its bytes, an open file, cells in the order of a path as (n, 3)
+            source: Path of a file, its bytes, an open file, cells in the order of a path as (n, 3)
                 numbers (or of a solid, with ``as_voxels``), or a solid as a 3D array.
-            shape: The name of a gallery shape instead.
+            shape: Name of a gallery shape instead of a source.
             filename: Name of the source; its ending distinguishes some formats.
             options: Options of the fold, as for ``POST /api/folds``.
 
         Raises:
-            Problem: The service refuses it.
-            ConnectionError: The service cannot be reached.
+            Problem: If the service refuses it.
+            ConnectionError: If the service cannot be reached.
         """
         payload = self._post(
             "/api/folds", source, shape, filename, form_of(options, FoldOptions, shape)
@@ -109,15 +109,15 @@ class Client:
 
         Args:
             source: Same as for ``fold``.
-            shape: The name of a gallery shape instead.
+            shape: Name of a gallery shape instead of a source.
             filename: Name of the source.
-            path: True to search for a path; without one the cells are ready sooner.
-            full: True to return cells and mesh too, which may be large.
+            path: True to search for a path; without it the cells are ready sooner.
+            full: True to return cells and mesh as well, which may be large.
             options: Options that turn the shape into a chain.
 
         Raises:
-            Problem: The service refuses it.
-            ConnectionError: The service cannot be reached.
+            Problem: If the service refuses it.
+            ConnectionError: If the service cannot be reached.
         """
         asked = {"path": path, "full": full}
         words = {name: "true" if value else "false" for name, value in asked.items()}
@@ -128,12 +128,12 @@ class Client:
         """Return an existing fold by its id.
 
         Raises:
-            Problem: There is none.
+            Problem: If there is none.
         """
         return Fold(self, fold_id, token=token or self.token).refresh()
 
     def folds(self) -> list[Fold]:
-        """Return the folds of the gallery and one's own, newest first."""
+        """Return the folds of the gallery and of this client's token, newest first."""
         payload = self.ask("GET", "/api/folds", token=self.token)["folds"]
         return [Fold(self, each["id"], token=self.token, state=each) for each in payload]
 
@@ -151,22 +151,22 @@ class Client:
         return self.ask("GET", "/api/shapes")["shapes"]
 
     def ask(self, method: str, path: str, **asked: Any) -> Any:
-        """Return an answer's JSON; None if it is empty or an earlier attempt had succeeded."""
+        """Return a response's JSON; None if it is empty or an earlier attempt had succeeded."""
         return self._call(_json, method, path, **asked)
 
     def save(self, path: str, to: Path, filename: str) -> Path:
-        """Write an answer to a file; return the file's path."""
+        """Write a response to a file; return the file's path."""
         saved = self._call(partial(save, to=to, filename=filename), "GET", path)
         assert saved is not None
         return saved
 
     @contextmanager
     def opened(self, path: str, *, silence_s: float) -> Generator[httpx.Response]:
-        """Open an endless answer, without retries.
+        """Open an endless response, without retries.
 
         Raises:
-            Problem: The service refuses it.
-            ConnectionError: The connection breaks.
+            Problem: If the service refuses it.
+            ConnectionError: If the connection breaks.
         """
         timeout = httpx.Timeout(silence_s, connect=min(silence_s, CONNECT_TIMEOUT_S))
         try:
@@ -203,15 +203,15 @@ class Client:
         again: Collection[int] = (),
         **asked: Any,
     ) -> T | None:
-        """Return what ``take`` reads; None if an earlier attempt had succeeded.
+        """Send a request; return what ``take`` reads, or None if an earlier attempt had succeeded.
 
         Args:
-            take: Reads the content, which has not been read yet.
+            take: Function that reads the content of the response.
             method: HTTP method.
             path: Path within the service.
             token: Owner token, if the request needs it.
-            again: Statuses which show, from the second attempt on, that an earlier one succeeded.
-            asked: Further arguments of httpx.
+            again: Statuses that show, from the second attempt on, that an earlier one succeeded.
+            asked: Additional arguments of httpx.
         """
         path = self._inside(path)
         headers = {} if token is None else {"Authorization": f"Bearer {token}"}

@@ -1,4 +1,4 @@
-"""Downloads: answers that become files, whole or not at all."""
+"""Downloads: responses that are written to files atomically."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ Place = str | os.PathLike[str]
 
 
 def save(answer: httpx.Response, to: Path, filename: str) -> Path:
-    """Write an answer to a temporary file, and rename it when it is complete.
+    """Write a response to a temporary file, and rename it when it is complete.
 
     Args:
-        answer: Whose content is still to come.
-        to: The file, or a directory that is there.
-        filename: Name of the file in a directory.
+        answer: Response whose content has not been read yet.
+        to: The file, or an existing directory.
+        filename: Name of the file if ``to`` is a directory.
     """
     path = to / Path(filename).name if to.is_dir() else to
     aside = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")

@@ -1,4 +1,4 @@
-"""Fold: one fold of the service, to watch and to download."""
+"""Fold of the service: state, results and changes."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from foldback_client.downloads import Place
 
 EVENT_TIMEOUT_S: Final = 45.0
-"""Time without an event on a fold's event stream, in s, after which the client connects anew; the
+"""Time without an event on a fold's event stream, in s, after which the client reconnects; the
 service sends one at least every 15 s. A smaller value breaks off slow connections; a larger one
 notices broken ones later. Chosen."""
 DIRECT_FILES: Final = frozenset({"plan.json", "plan.npz", "model.xml", "certificate.json"})
@@ -61,7 +61,7 @@ class Fold:
 
     @property
     def state(self) -> dict[str, Any]:
-        """All that the service reports of it; requested once, and again by ``refresh``."""
+        """State that the service reports; requested once, and again by ``refresh``."""
         return self._state if self._state is not None else self.refresh().state
 
     @property
@@ -90,7 +90,7 @@ class Fold:
         return f"{self._client.base_url}/folds/{self.id}"
 
     def refresh(self) -> Fold:
-        """Request the current state."""
+        """Request the current state and return this fold."""
         self._state = self._client.ask("GET", self._here)
         return self
 
@@ -99,11 +99,11 @@ class Fold:
         timeout_s: float | None = None,
         on_progress: Callable[[Progress], None] | None = None,
     ) -> Fold:
-        """Wait until the fold has ended, and reconnect as often as necessary.
+        """Wait until the fold has ended; reconnect as often as necessary.
 
         Raises:
-            TimeoutError: The fold has not ended after ``timeout_s``; it continues.
-            Problem: It was deleted.
+            TimeoutError: If the fold has not ended after ``timeout_s``; it continues.
+            Problem: If it was deleted.
         """
         deadline = time.monotonic() + (float("inf") if timeout_s is None else timeout_s)
         attempt = 0
@@ -134,16 +134,16 @@ class Fold:
     def frames(
         self, start: int = 0, stop: int | None = None, stride: int = 1, *, poses: bool = False
     ) -> Iterator[Frames]:
-        """Frames that are there, a page after the other.
+        """Yield the available frames, page by page.
 
         Args:
-            start: The first.
-            stop: Past the last; all there are if not given.
-            stride: Every so many-th.
-            poses: Also where every module is.
+            start: Number of the first frame.
+            stop: Number after the last frame; all available frames if None.
+            stride: Step between frame numbers.
+            poses: True to include the poses of all modules.
 
         Raises:
-            Problem: When there is no such stretch, or no timeline (yet).
+            Problem: If there are no such frames, or there is no timeline (yet).
         """
         asked = {"from": start, "to": stop, "stride": stride, "poses": "true" if poses else None}
         query = {name: value for name, value in asked.items() if value is not None}
@@ -157,7 +157,7 @@ class Fold:
         """Return the formats in which a finished fold can be downloaded, by ``name``.
 
         Raises:
-            Problem: The fold has not finished.
+            Problem: If the fold has not finished.
         """
         return self._client.ask("GET", f"{self._here}/exports")["exports"]
 
@@ -165,12 +165,12 @@ class Fold:
         """Download ``plan.json``, ``plan.npz``, ``model.xml``, ``certificate.json`` or an export.
 
         Args:
-            name: The file, or the name of an export, such as ``urdf``.
-            to: The file to write, or a directory that is there. It never holds half a file.
+            name: Name of the file or of an export, such as ``urdf``.
+            to: The file to write, or an existing directory. Incomplete files never appear there.
 
         Raises:
-            Problem: When the service does not have it (yet).
-            OSError: When it cannot be written.
+            Problem: If the service does not have it (yet).
+            OSError: If it cannot be written.
         """
         if name in DIRECT_FILES:
             return self._client.save(f"{self._here}/{name}", Path(to), name)
@@ -196,8 +196,8 @@ class Fold:
             options: Options of the movie.
 
         Raises:
-            Problem: It cannot be made.
-            TimeoutError: It takes longer; the service continues to make it.
+            Problem: If the movie cannot be created.
+            TimeoutError: If it takes longer; the service continues to create it.
         """
         deadline = time.monotonic() + (float("inf") if timeout_s is None else timeout_s)
         if Path(to).suffix.lower() == ".gif":
@@ -221,29 +221,29 @@ class Fold:
         """Cancel the fold.
 
         Raises:
-            Problem: When the token is not its owner's, or others asked for the same shape of the
-                gallery.
+            Problem: If the token is not its owner's, or others have requested the same gallery
+                shape.
         """
         self._client.ask("POST", f"{self._here}/cancel", token=self.token, again={403})
         return self.refresh()
 
     def rename(self, name: str) -> Fold:
-        """Change its name on pages, in lists and in names of files.
+        """Change the name of the fold on pages, in lists and in file names.
 
         Args:
             name: 1 to 200 characters.
 
         Raises:
-            Problem: When the token is not its owner's, or it belongs to the gallery.
+            Problem: If the token is not its owner's, or it belongs to the gallery.
         """
         self._state = self._client.ask("PATCH", self._here, json={"name": name}, token=self.token)
         return self
 
     def delete(self) -> None:
-        """Delete the fold for good.
+        """Delete the fold permanently.
 
         Raises:
-            Problem: When the token is not its owner's, or it belongs to the gallery.
+            Problem: If the token is not its owner's, or it belongs to the gallery.
         """
         self._client.ask("DELETE", self._here, token=self.token, again={403, 404})
 

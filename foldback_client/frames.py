@@ -1,4 +1,4 @@
-"""Frames: a range of a fold's timeline."""
+"""Frames of a fold's timeline."""
 
 from __future__ import annotations
 
@@ -16,32 +16,31 @@ FRAME_ARRAYS: Final = (
     "positions",
     "wxyzs",
 )
-"""Names of the arrays with one entry per frame in the JSON that the service returns for a
-motion."""
+"""Names of the arrays with one entry per frame in the JSON of the service."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frames:
-    """Frames of F moments, J hinges and n modules; lengths in pitches.
+    """F frames of a chain with J hinges and n modules; lengths in pitches.
 
-    Values are NumPy arrays where NumPy is installed, else lists; what is not known is NaN or None.
+    Values are NumPy arrays if NumPy is installed, else lists; unknown ones are NaN or None.
 
     Attributes:
         status: Status of the timeline: ``growing``, ``complete`` or ``failed``.
-        total: Frames that the timeline has.
-        start: The first of these.
-        stop: Past the last.
-        stride: Every so many-th.
-        phases: Names of the numbers in ``phase``.
+        total: Number of frames of the timeline.
+        start: Number of the first of these frames.
+        stop: Number after the last of these frames.
+        stride: Step between frame numbers.
+        phases: Names of the phases; ``phase`` contains indices of these.
         joint_names: Names of the J hinges.
-        time_s: (F,)
-        phase: (F,)
-        joint_angles_rad: (F, J)
-        root_position: (F, 3)
-        root_wxyz: (F, 4)
-        max_error_rad: (F,)
-        positions: (F, n, 3), or None when they were not asked for.
-        wxyzs: (F, n, 4), likewise.
+        time_s: (F,) times.
+        phase: (F,) indices of the phases.
+        joint_angles_rad: (F, J) joint angles.
+        root_position: (F, 3) positions of the first module.
+        root_wxyz: (F, 4) unit quaternions of the first module.
+        max_error_rad: (F,) largest joint errors.
+        positions: (F, n, 3) positions of the modules; None if not requested.
+        wxyzs: (F, n, 4) unit quaternions of the modules; None if not requested.
     """
 
     status: str
@@ -62,7 +61,7 @@ class Frames:
 
     @classmethod
     def of(cls, payload: Mapping[str, Any]) -> Frames:
-        """Return the frames in an answer."""
+        """Return the frames in a response."""
         return cls(
             status=payload["status"],
             total=payload["total"],

@@ -8,14 +8,14 @@ import httpx
 
 
 class Problem(Exception):
-    """An answer that is a problem (RFC 9457), or a job that ended as one.
+    """Error response of the service (RFC 9457), or error of a failed job.
 
     Attributes:
-        status: The HTTP status; None when a job ended so.
-        code: Short stable word for programs.
-        detail: Value found, value expected, remedy.
+        status: The HTTP status; None for a failed job.
+        code: Short stable identifier for programs.
+        detail: Actual value, expected value, remedy.
         where: Position in the input, or None.
-        retry_after: Seconds after which to try again, when the service says so.
+        retry_after: Seconds to wait before another attempt, if the service states them.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class Problem(Exception):
 
     @classmethod
     def of(cls, answer: httpx.Response) -> Problem:
-        """Return the problem in an answer that was read; a proxy may have written it."""
+        """Return the problem in a response, which may also come from a proxy."""
         try:
             body: Any = answer.json()
         except ValueError:

@@ -25,11 +25,11 @@ class Progress:
         simulated_s: Simulated time of the stage, in s; 0 if unknown.
         message: Short text for people.
         modules: Number of modules of the chain.
-        queue_position: Position in the queue, 1 for the next; 0 if it does not wait.
-        paused: True if it makes room for waiting folds; it continues by itself.
+        queue_position: Position in the queue, from 1; 0 if the fold does not wait.
+        paused: True if the fold is paused for waiting folds; it continues by itself.
         frames: Number of frames that can be displayed so far.
-        remaining_s: Estimated time until it ends, in s, by similar folds there; 0 if it takes
-            longer than they did, None if unknown.
+        remaining_s: Estimated time until the end from similar folds, in s; 0 if the fold takes
+            longer than these, None if unknown.
         told: All fields that the service reported.
     """
 
@@ -49,13 +49,13 @@ class Progress:
 
     @classmethod
     def of(cls, told: Mapping[str, Any]) -> Progress:
-        """Return the progress in an answer or an event."""
+        """Return the progress in a response or an event."""
         names = {each.name for each in fields(cls)} - {"told"}
         return cls(**{name: value for name, value in told.items() if name in names}, told=told)
 
 
 def lines_of(answer: httpx.Response) -> Iterator[tuple[str, str] | None]:
-    """Yield server-sent events as name and data; None for each other line, a sign of life."""
+    """Yield server-sent events as name and data, and None for each other line (keep-alive)."""
     return _events(answer.iter_lines())
 
 

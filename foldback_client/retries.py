@@ -16,7 +16,7 @@ class Retries:
     """Exponential backoff with jitter between the attempts of one request.
 
     Attributes:
-        attempts: Maximum number of attempts, with the first.
+        attempts: Maximum number of attempts, including the first.
         first_s: Approximate pause before the second attempt, in s.
         longest_s: Maximum pause, in s. If the service asks for a longer one, its problem is raised.
     """

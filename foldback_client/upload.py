@@ -1,4 +1,4 @@
-"""Upload: the source of a fold, as bytes with a name."""
+"""Upload: conversion of a source to a file and of options to a form."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from foldback_client.options import PlanOptions, PreviewOptions
 
 
 class Array(Protocol):
-    """Array like NumPy's, which need not be installed."""
+    """Array such as NumPy's; NumPy itself is optional."""
 
     @property
     def ndim(self) -> int:
@@ -21,22 +21,22 @@ class Array(Protocol):
         ...
 
     def tolist(self) -> Any:
-        """Return its numbers as nested lists."""
+        """Return the elements as nested lists."""
         ...
 
 
 Source = str | os.PathLike[str] | bytes | IO[bytes] | Sequence[Sequence[int]] | Array
-"""A file's path, its bytes, an open file, cells as (n, 3) numbers, or a solid as a 3D array."""
+"""Path of a file, its bytes, an open file, (n, 3) cells, or a solid as a 3D array."""
 
 
 class ShapeOptions(PreviewOptions, total=False):
-    """Options that turn a shape into a chain, or a preview that has done so."""
+    """Options that turn a shape into a chain, or the id of a preview."""
 
     preview: str
 
 
 class FoldOptions(ShapeOptions, PlanOptions, total=False):
-    """Options of a fold, with those of its shape, and the folds that it is made from."""
+    """Options of a fold and of its shape, and ids of the folds that it is based on."""
 
     fold: str
     refold: str
@@ -61,10 +61,10 @@ class MovieOptions(TypedDict, total=False):
 
 
 def form_of(options: Any, known: type[Any], shape: str | None) -> dict[str, str]:
-    """Return the fields of a form.
+    """Return the form fields of the options.
 
     Raises:
-        TypeError: When an option is not known; the service would not notice.
+        TypeError: If an option is unknown; the service would ignore it.
     """
     if unknown := set(options) - set(known.__annotations__):
         allowed = sorted(known.__annotations__)
@@ -74,11 +74,11 @@ def form_of(options: Any, known: type[Any], shape: str | None) -> dict[str, str]
 
 
 def file_of(source: Source, filename: str | None) -> tuple[str, bytes]:
-    """Return the name and the bytes of a source.
+    """Return the file name and the bytes of a source.
 
     Raises:
-        OSError: When a file cannot be read.
-        ValueError: When an array is neither cells nor a solid.
+        OSError: If a file cannot be read.
+        ValueError: If an array contains neither cells nor a solid.
     """
     given: Any = source
     if isinstance(source, str | os.PathLike):

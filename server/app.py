@@ -104,7 +104,7 @@ ROUTERS: Final = (
 
 
 def create_app(settings: Settings | None = None) -> FastAPI:
-    """Return the application with the given settings, or those of the environment."""
+    """Return the application with the given settings, or with those of the environment."""
     settings = settings or Settings()
     metrics = Metrics()
 
@@ -138,11 +138,11 @@ def create_app(settings: Settings | None = None) -> FastAPI:
         },
         openapi_url="/api/openapi.json",
         servers=[{"url": settings.base_path}] if settings.base_path else None,
-        # FastAPI's own pages load scripts from elsewhere; ours is in prerendered_pages.py.
+        # FastAPI's pages load scripts from other sites; the service's is in prerendered_pages.py.
         docs_url=None,
         redoc_url=None,
     )
-    app.openapi_version = "3.2.0"  # the first that describes server-sent events
+    app.openapi_version = "3.2.0"  # first version that describes server-sent events
     problems.install(app, problem_page)
 
     for module in ROUTERS:
@@ -154,7 +154,7 @@ def create_app(settings: Settings | None = None) -> FastAPI:
 
 
 def _add_middleware(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
-    """Add what handles each request before its route, the innermost first."""
+    """Add the middleware, innermost first."""
     app.add_middleware(ResponseCache)
     app.add_middleware(HeadAsGet)
     app.add_middleware(
@@ -180,8 +180,8 @@ def _add_middleware(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
 
 
 async def _warm_up(context: Context) -> None:
-    """Start and load what the first visitors would wait for."""
-    # In a thread: starting a process takes a moment that the first answer need not wait for.
+    """Start the fork server and prepare the landing page before the first requests."""
+    # In a thread, so that the first response does not wait for the start of the process.
     await asyncio.to_thread(context.fork_server.start)
-    await asyncio.sleep(WARM_UP_DELAY_S)  # the service has come to rest
+    await asyncio.sleep(WARM_UP_DELAY_S)  # until the start is complete
     await asyncio.to_thread(landing.warm_up, context.gallery)

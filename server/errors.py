@@ -1,6 +1,6 @@
 """Errors of the service: reasons why it refuses or cannot complete a request.
 
-They know no protocol: ``server.http.problems`` says what each is over HTTP.
+They do not depend on a protocol: ``server.http.problems`` maps them to HTTP responses.
 """
 
 from __future__ import annotations
@@ -13,8 +13,8 @@ from planner.file_names import CHAIN, PLAN, PLAN_TEXT, TIMELINE
 from planner.files import READ_ONLY_ERRORS
 
 MOTION_FILES: Final = (TIMELINE, CHAIN, PLAN, PLAN_TEXT)
-"""Files that hold the motion of a fold. If one of them is damaged, error messages say that the
-motion is damaged."""
+"""Files with the motion of a fold. If one of them is damaged, error messages say that the motion is
+damaged."""
 FULL_DISK_RETRY_S: Final = 60
 """Value of the ``Retry-After`` header, in s, if a request is refused because the disk is full or
 cannot be written. A smaller value brings more requests that fail again. Chosen."""
@@ -22,11 +22,11 @@ READ_ONLY_WORDS: Final = "New folds cannot be accepted: the disk is read-only."
 
 
 class ServiceError(Exception):
-    """Root of the reasons for which a request is refused. Subclasses are kinds of reasons.
+    """Base class of the reasons why a request is refused; subclasses are kinds of reasons.
 
     Attributes:
-        code: Short stable word for programs.
-        detail: The value found, the value expected, and the remedy.
+        code: Short stable identifier for programs.
+        detail: Actual value, expected value, remedy.
         where: Part of the input, or None.
         retry_after_s: Time after which another attempt may succeed, in s; None if it would not.
     """
@@ -50,7 +50,7 @@ class Unusable(ServiceError):
 
     @classmethod
     def of(cls, error: InputError) -> Self:
-        """Return the error that the planner cannot use an input."""
+        """Return the error for an input that the planner refuses."""
         return cls(error.code, error.detail, where=error.where)
 
 
@@ -59,11 +59,11 @@ class TooLarge(ServiceError):
 
 
 class Unidentified(ServiceError):
-    """The request is for an owner only, and has no token."""
+    """The request requires an owner token and has none."""
 
 
 class Forbidden(ServiceError):
-    """The request is not permitted to this client."""
+    """This client is not permitted to make the request."""
 
 
 class NotFound(ServiceError):
@@ -71,7 +71,7 @@ class NotFound(ServiceError):
 
 
 class NoSuch(NotFound, LookupError):
-    """There is nothing with the requested id, or not any more."""
+    """There is no item with the requested id, or it has been deleted."""
 
 
 class Conflict(ServiceError):
@@ -79,7 +79,7 @@ class Conflict(ServiceError):
 
 
 class WebsocketNeeded(ServiceError):
-    """The resource is available over a websocket only."""
+    """The resource is available only over a websocket."""
 
 
 class TooMany(ServiceError):
@@ -87,7 +87,7 @@ class TooMany(ServiceError):
 
 
 class Unavailable(ServiceError):
-    """The request cannot be served now: the service is busy, or a part of it is away."""
+    """The service is busy, or a part of it is unavailable."""
 
 
 class TooSlow(ServiceError):
@@ -95,16 +95,16 @@ class TooSlow(ServiceError):
 
 
 class Damaged(ServiceError):
-    """Stored data is missing, or is not what was written."""
+    """Stored data are missing or damaged."""
 
     @classmethod
     def of(cls, error: DamagedError) -> Self:
-        """Return the error that visitors read; the log names the file."""
+        """Return the error for visitors; only the log names the file."""
         return cls("damaged-data", f"{damage_words([error.path])}. The operator can restore it.")
 
 
 def damage_words(names: Iterable[str]) -> str:
-    """Return what is said of a fold with damaged files, without a full stop."""
+    """Return the message about a fold with damaged files, without a full stop."""
     motion = any(part in name for name in names for part in MOTION_FILES)
     return f"The stored {'motion' if motion else 'data'} of this fold is damaged"
 
@@ -114,24 +114,24 @@ class NoRoom(ServiceError):
 
 
 def read_only() -> NoRoom:
-    """Return the error of a disk that cannot be written at all."""
+    """Return the error for a read-only disk."""
     return NoRoom("read-only", READ_ONLY_WORDS, retry_after_s=FULL_DISK_RETRY_S)
 
 
 def not_stored(what: str, error: OSError) -> NoRoom:
-    """Return the error of something that could not be written."""
+    """Return the error for something that could not be written."""
     if error.errno in READ_ONLY_ERRORS:
         return read_only()
     return no_room(f"The {what} could not be stored ({error.strerror}); try again later.")
 
 
 def no_room(detail: str) -> NoRoom:
-    """Return the error of a disk that is full, or nearly so."""
+    """Return the error for a disk that is full or nearly full."""
     return NoRoom("no-room", detail, retry_after_s=FULL_DISK_RETRY_S)
 
 
 def refusal_of(error: ServiceError | InputError | DamagedError) -> ServiceError:
-    """Return the reason for a refusal that an error gives."""
+    """Return the service error that corresponds to an error."""
     match error:
         case InputError():
             return Unusable.of(error)

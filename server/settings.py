@@ -34,7 +34,7 @@ shorter one. With a smaller value tokens could be guessed. Chosen."""
 Count = Annotated[int, Field(ge=1)]
 """Whole number, at least 1."""
 Names = Annotated[tuple[str, ...], NoDecode]
-"""Names, which a variable separates by commas."""
+"""Names, separated by commas in an environment variable."""
 
 
 class Settings(BaseSettings):
@@ -273,7 +273,7 @@ class Settings(BaseSettings):
     @field_validator("origins", "embed_origins")
     @classmethod
     def _origins(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
-        value = tuple(name.removesuffix("/") for name in value)  # as browsers name it
+        value = tuple(name.removesuffix("/") for name in value)  # as browsers send it
         for name in value:
             if name == "*" and info.field_name == "embed_origins":
                 continue
@@ -298,7 +298,7 @@ class Settings(BaseSettings):
     @field_validator("database_url", "jobs_url")
     @classmethod
     def _url(cls, value: str | None) -> str | None:
-        # What stands in it may be secret: what is wrong with it is not repeated.
+        # The message does not quote the value, because it may contain a password.
         if value and not _is_database(value):
             raise ValueError(
                 "got an unsupported address, expected an address like postgresql://user@host/name."
@@ -328,48 +328,48 @@ class Settings(BaseSettings):
 
     @cached_property
     def root(self) -> Path:
-        """The data directory, absolute."""
+        """Absolute path of the data directory."""
         return self.data_dir.expanduser().resolve()
 
     @cached_property
     def read_only(self) -> bool:
-        """True if the data directory is there and cannot be written; looked at once."""
+        """True if the data directory exists and is read-only; checked only once."""
         places = (self.root, self.folds_dir, self.uploads_dir, self.root / "foldback.db")
         return any(refuses_writing(place) for place in places)
 
     @property
     def folds_dir(self) -> Path:
-        """Holds a directory for each fold."""
+        """Directory with a subdirectory for each fold."""
         return self.root / "folds"
 
     @property
     def uploads_dir(self) -> Path:
-        """Holds uploads until they are accepted."""
+        """Directory for uploads until they are accepted."""
         return self.root / "uploads"
 
     @property
     def work_dir(self) -> Path:
-        """Directory in which folds are computed if they are stored elsewhere."""
+        """Directory in which folds are computed if they are stored in an object store."""
         return self.root / "work"
 
     @property
     def cache_dir(self) -> Path:
-        """Copies of files that are kept elsewhere."""
+        """Directory for local copies of files from the object store."""
         return self.root / "cache"
 
     @property
     def scratch_dir(self) -> Path:
-        """Holds what is being made, until it is whole."""
+        """Directory for unfinished files."""
         return self.root / "scratch"
 
     @property
     def motions_dir(self) -> Path:
-        """Holds what is being retimed; only this is open to the process that does so."""
+        """Directory for retiming, the only one that the retiming process may access."""
         return self.root / "motions"
 
     @property
     def previews_dir(self) -> Path:
-        """Holds uploads that somebody looks at before folding them."""
+        """Directory for uploads under preview."""
         return self.root / "previews"
 
     @property
@@ -382,12 +382,12 @@ class Settings(BaseSettings):
         return url
 
     def make_directories(self) -> None:
-        """Make the directories that are not there yet, unless the disk is read-only."""
+        """Create missing directories, unless the disk is read-only."""
         if self.read_only:
             return
         for directory in (self.root, self.folds_dir, self.uploads_dir):
             directory.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with suppress(OSError):  # it belongs to somebody else
+        with suppress(OSError):  # it belongs to another user
             self.root.chmod(0o700)
 
 
@@ -404,7 +404,7 @@ def unknown_names(names: Iterable[str]) -> dict[str, str | None]:
 
 
 def unknown_words(name: str, nearest: str | None) -> str:
-    """Return the message about a name that is no setting."""
+    """Return the message about a variable that is not a setting."""
     return f"{name} is not a setting and is ignored" + (
         f"; did you mean {nearest}?" if nearest else ""
     )
@@ -424,7 +424,7 @@ def _is_origin(value: str) -> bool:
 
 
 def _is_database(value: str) -> bool:
-    # Loaded only when there is one: processes that compute have none.
+    # Imported only if needed: computing processes have no database.
     from sqlalchemy.engine import make_url
     from sqlalchemy.exc import ArgumentError
 

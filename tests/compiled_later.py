@@ -1,4 +1,4 @@
-"""Kernels that are compiled after a warm-up, found in a process that has compiled nothing else."""
+"""Kernels that are compiled after a warm-up, detected in a process without other kernels."""
 
 import json
 

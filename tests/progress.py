@@ -1,4 +1,4 @@
-"""Progress of a run on several processes: a line for each tenth, and failures at once."""
+"""Progress of a run on several processes: a line for each tenth, and failures immediately."""
 
 import time
 

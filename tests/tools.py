@@ -1,4 +1,4 @@
-"""Programs that tests use besides Python: found where they are, or installed.
+"""Programs that tests need besides Python: they are located or installed.
 
 ``python -m tests.tools`` installs missing ones, and reports in one line those that it could not
 install. As root on a Debian it installs packages; Chromium may also be Playwright's own download.

@@ -51,9 +51,9 @@ def inside(arguments: list[str]) -> int | None:
 class Disk:
     """A disk for one service, mounted at ``path``.
 
-    It is an ext4 image. It can fail while processes write to it, and then loses what was not
-    synced, as in a power cut. Where images cannot be mounted, it is a tmpfs, which can only become
-    read-only while no file is open for writing, and loses nothing.
+    It is an ext4 image, which can fail while processes write to it; unsynced data are then lost, as
+    in a power cut. Where images cannot be mounted, it is a tmpfs, which can become read-only only
+    while no file is open for writing, and which loses no data.
     """
 
     def __init__(self, place: Path) -> None:

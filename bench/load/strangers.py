@@ -138,7 +138,7 @@ class _Witness:
 
 
 def _drive(service: Service, fold: str, seconds: float) -> int:
-    """Connect robots that ask for speed limits of their own and report to be on target.
+    """Connect robots that request different speed limits and report that they are on target.
 
     Returns:
         Number of robots that received a target.

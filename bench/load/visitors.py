@@ -1,4 +1,4 @@
-"""Visitors: many at once, in a process of their own, so that their own cost can be measured.
+"""Visitors: many at once, in a separate process, so that their own cost can be measured.
 
 ``python -m bench.load.visitors`` reads ``Visits`` as JSON from standard input and writes the
 measurements as JSON to standard output.

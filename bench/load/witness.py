@@ -1,4 +1,4 @@
-"""Witness: a thread that watches folds and reports lost, incomplete and repeated ones."""
+"""Witness: a thread that watches folds and detects lost, incomplete and repeated ones."""
 
 from __future__ import annotations
 

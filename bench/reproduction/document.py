@@ -24,7 +24,7 @@ modules at which a fold fails.
 
 
 def document(page: dict[str, Any]) -> str:
-    """Return the Markdown of the values that ``telling.told`` returns."""
+    """Return the Markdown of the values that ``page_text.told`` returns."""
     parts = [
         INTRODUCTION,
         page["lead"],

@@ -28,8 +28,8 @@ FRAMES_PER_PHASE: Final = 120
 over the rotation of the hinges. A larger value plays more smoothly; films that become too large get
 fewer frames. Chosen."""
 MAX_FILM_BYTES: Final = 250_000
-"""Maximum size of the stored film of one fold, in bytes; frames are left out of a larger film until
-it fits. A larger value makes the page with all films slower to load. Chosen."""
+"""Maximum size of the stored film of one fold, in bytes; frames are omitted from a larger film
+until it fits. A larger value makes the page with all films slower to load. Chosen."""
 FRAMES_REDUCTION: Final = 0.8
 """Factor by which the number of frames of a film is multiplied, again and again, until its file is
 small enough. A smaller value finds the end sooner and may leave out more frames than necessary.
@@ -48,7 +48,7 @@ with fewer artefacts. Chosen."""
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Moment:
-    """The moment of a failure: a frame of the timeline, which may lie between two, and modules."""
+    """Moment of a failure: its modules, and its frame, which may be a fraction between two."""
 
     frame: float
     modules: tuple[int, ...]

@@ -232,7 +232,7 @@ def _figures(
 
 
 def _whole(stages: dict[str, tuple[int, int]]) -> tuple[int, int] | None:
-    """Return the frames of a playback, with the unfolding if it is a refold; None if none."""
+    """Return the frames of a playback, with the unfolding of a refold; None without a playback."""
     found = [stages[name] for name in ("unfolding", "playback") if name in stages]
     return (found[0][0], found[-1][1]) if found else None
 

@@ -52,7 +52,7 @@ def run_missing(
     Args:
         path: File with one JSON object per line; created if it does not exist.
         cases: All cases, in the order in which they are run.
-        run: Returns the row of a case, in a process of its own.
+        run: Returns the row of a case, in a separate process.
         minutes: Minutes after which no further case is started.
         workers: Number of cases at the same time.
     """

@@ -1,7 +1,7 @@
-"""Backup and restoration of a service: rows first, then files, so that no row lacks its files.
+"""Backup and restoration of a service: rows first, then files.
 
 A backup is a directory with a dump of the database, the stored files, and a manifest. Previews and
-caches are not part of it.
+caches are not included.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from server.store.schema_version import Schema
 
 
 def back_up(settings: Settings, directory: Path) -> Manifest:
-    """Write a backup of a service, which may run meanwhile.
+    """Write a backup of a service, which may be running.
 
     Args:
         settings: The settings of the service.
-        directory: Directory of the backup, empty or not there yet.
+        directory: Directory of the backup, empty or missing.
 
     Raises:
-        AdminError: There is nothing to back up, the directory is not empty, or a dump failed.
-        SQLAlchemyError: The database does not answer.
-        StorageError: The object store does not answer.
-        OSError: A file cannot be read or written.
+        AdminError: If there is nothing to back up, the directory is not empty, or a dump failed.
+        SQLAlchemyError: If the database does not answer.
+        StorageError: If the object store does not answer.
+        OSError: If a file cannot be read or written.
     """
     schema = schema_of(settings)
     if schema.found is None:
@@ -64,20 +64,21 @@ def back_up(settings: Settings, directory: Path) -> Manifest:
 
 
 def restore(settings: Settings, directory: Path, *, replace: bool) -> Manifest:
-    """Bring a service to the state of a backup. All its processes must be stopped.
+    """Restore the state of a service from a backup. All its processes must be stopped.
 
-    Nothing is changed before every file of the backup has been compared with its digest.
+    Every file of the backup is compared with its digest before anything changes.
 
     Args:
         settings: The settings of the service.
         directory: Directory of the backup.
-        replace: Also if the service has folds; they are deleted.
+        replace: True to delete and replace existing folds; otherwise they are an error.
 
     Raises:
-        AdminError: The backup is damaged or of another kind, or the service is not empty or runs.
-        SQLAlchemyError: The database does not answer.
-        StorageError: The object store does not answer.
-        OSError: A file cannot be written.
+        AdminError: If the backup is damaged or of another kind, or the service is not empty or
+            runs.
+        SQLAlchemyError: If the database does not answer.
+        StorageError: If the object store does not answer.
+        OSError: If a file cannot be written.
     """
     manifest = _read(directory)
     settings.make_directories()
@@ -94,7 +95,7 @@ def restore(settings: Settings, directory: Path, *, replace: bool) -> Manifest:
         with open_inside(directory, database.file) as source:
             database.restore(source)
         stored.replace((file.name for file in manifest.files), lambda n: open_inside(directory, n))
-    for copies in (settings.work_dir, settings.cache_dir):  # of the folds that were there before
+    for copies in (settings.work_dir, settings.cache_dir):  # copies of the replaced folds
         shutil.rmtree(copies, ignore_errors=True)
     settle(settings.root)
     return manifest
@@ -107,12 +108,12 @@ def _make_empty(directory: Path) -> None:
             f"got the directory {directory}, which is not empty; name a new one, because a backup "
             "never overwrites files."
         )
-    with suppress(PermissionError):  # a disk that belongs to another user
+    with suppress(PermissionError):  # the directory belongs to another user
         directory.chmod(0o700)
 
 
 def _make_private(path: Path) -> Path:
-    """Create an empty file for this user alone."""
+    """Create an empty file that only this user can access."""
     path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
     os.close(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_NOFOLLOW, 0o600))
     return path

@@ -1,6 +1,6 @@
-"""Manifest of a backup: every file with its size and digest. It is written last.
+"""Manifest of a backup: size and digest of every file. It is written last.
 
-A backup may come from elsewhere. Names in a manifest are checked before they become paths.
+A backup may come from an untrusted source, so names in a manifest are checked before use as paths.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ FILE_NAMES: Final = re.compile(
     r"folds/[0-9A-Za-z]{1,32}(/(?!\.)[^/\\\x00-\x1f]{1,255}){1,32}"
     r"|movies/[0-9A-Za-z]{1,32}/(?!\.)[^/\\\x00-\x1f]{1,255}"
 )
-"""Names of stored files: the id of a fold, then parts that begin with no dot. Unfinished files
-begin with one, and are not backed up."""
+"""Pattern of the names of stored files: the id of a fold, then parts without a leading dot.
+Temporary files have one and are not backed up."""
 
 
 class BackupFile(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -59,7 +59,7 @@ class Manifest(
     """Content of a backup.
 
     Attributes:
-        foldback: Version of the foldback that made it.
+        foldback: Version of the foldback that created it.
         created_at: Time of its start, in seconds since 1970.
         schema: Version of the rows' tables.
         storage: Kind of the stored files: ``directory`` or ``objects``.
@@ -83,7 +83,7 @@ class Manifest(
         """Return the manifest of a JSON text.
 
         Raises:
-            AdminError: It is no manifest of this format, or has a name that leads elsewhere.
+            AdminError: If it is not a manifest of this format, or contains an invalid name.
         """
         try:
             found = msgspec.json.decode(text, type=cls)

@@ -1,7 +1,7 @@
-"""The database of a service: dump, state, and restoration.
+"""Database of a service: dump, checks, and restoration.
 
-SQLite is copied by its backup API, PostgreSQL by its own programs. Passwords reach these in their
-environment and never on their command line, which other users of the machine can read.
+SQLite is copied by its backup API, PostgreSQL by its own programs. These get passwords in the
+environment instead of the command line, which other users of the machine can read.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ from server.settings import VARIABLE_PREFIX
 from server.store.tables import read_only_engine, reading_connection
 
 SECRET_PREFIXES: Final = (VARIABLE_PREFIX, "AWS_", "PG")
-"""Beginnings of the names of variables that PostgreSQL's programs do not inherit from this process:
-they may hold secrets, or name another database."""
+"""Prefixes of the environment variables that PostgreSQL's programs do not inherit from this
+process, because they may contain secrets or select another database."""
 LOG_SUFFIXES: Final = ("-wal", "-shm", "-journal")
-"""Suffixes of the files that SQLite keeps beside a database."""
+"""Suffixes of the files that SQLite creates next to a database."""
 
 
 @dataclass(frozen=True, slots=True)
 class Database:
-    """The database of a service: its address, with its password."""
+    """Address of a service's database, including its password."""
 
     url: str
 
@@ -51,15 +51,15 @@ class Database:
 
     @property
     def file(self) -> str:
-        """Name of its file in a backup; the suffix tells the kind of database."""
+        """Name of its file in a backup; the suffix depends on the kind of database."""
         return "rows.sqlite" if self.is_sqlite else "rows.dump"
 
     def dump(self, target: Path) -> None:
         """Write a consistent copy into an existing file, while the service runs.
 
         Raises:
-            AdminError: PostgreSQL's program is missing or failed.
-            SQLAlchemyError: The SQLite database cannot be read.
+            AdminError: If PostgreSQL's program is missing or failed.
+            SQLAlchemyError: If the SQLite database cannot be read.
         """
         if self.is_sqlite:
             with self._reading() as connection, closing(sqlite3.connect(target)) as copy:
@@ -69,7 +69,7 @@ class Database:
             self._run("pg_dump", "--format=custom", "--no-owner", "--no-acl", f"--file={target}")
 
     def is_empty(self) -> bool:
-        """Return True if the database holds no tables, or does not exist."""
+        """Return True if the database has no tables or does not exist."""
         if self.is_sqlite:
             return not self.path.exists()
         with reading_connection(self.url) as connection:
@@ -79,7 +79,7 @@ class Database:
         """Refuse a database that another process has open.
 
         Raises:
-            AdminError: It is open elsewhere.
+            AdminError: If it is open elsewhere.
         """
         if self.is_sqlite:
             used = self.path.exists() and _is_open(self.path)
@@ -94,11 +94,11 @@ class Database:
             raise AdminError("the database is in use; stop all web processes and workers first.")
 
     def restore(self, source: BufferedReader) -> None:
-        """Replace the content of the database by a dump.
+        """Replace the content of the database with a dump.
 
         Raises:
-            AdminError: PostgreSQL's program is missing or failed.
-            OSError: The SQLite database cannot be written.
+            AdminError: If PostgreSQL's program is missing or failed.
+            OSError: If the SQLite database cannot be written.
         """
         if self.is_sqlite:
             self._restore_sqlite(source)
@@ -161,7 +161,7 @@ class Database:
 
 
 def _variables(url: str) -> dict[str, str]:
-    """Return the parts of an address as variables of PostgreSQL's programs; none for SQLite."""
+    """Return the parts of an address as variables of PostgreSQL's programs; empty for SQLite."""
     if url.startswith("sqlite"):
         return {}
     plain = sa.make_url(url).set(drivername="postgresql")
@@ -177,11 +177,11 @@ def _variables(url: str) -> dict[str, str]:
 def _is_open(path: Path) -> bool:
     """Return True if another process has a SQLite database open.
 
-    Leaving the write-ahead log needs the database for oneself alone.
+    Leaving the write-ahead log mode requires exclusive access to the database.
     """
     try:
         with closing(sqlite3.connect(path, timeout=1.0)) as connection:
             connection.execute("PRAGMA journal_mode=DELETE")
     except sqlite3.DatabaseError as error:
-        return "locked" in str(error)  # one that is damaged is there to be replaced
+        return "locked" in str(error)  # a damaged database may be replaced
     return False

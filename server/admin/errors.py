@@ -4,4 +4,4 @@ from __future__ import annotations
 
 
 class AdminError(Exception):
-    """A task that is not done; its text holds the reason and the remedy."""
+    """The task cannot be done; the message contains the reason and the remedy."""

@@ -21,7 +21,7 @@ from server.store.folds import DAY_S, NoSuchFoldError, Store
 from server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, missing_database
 
 INPUT_FILES: Final = ("input", "request.json", "cells.json", *COPIED_NAMES)
-"""Files of a fold that exist before anything is computed. They stay when the operator has the fold
+"""Files of a fold that exist before its computation. They stay if an operator lets the fold be
 computed again; all its other files are deleted."""
 
 
@@ -32,8 +32,8 @@ class AdminTasks:
         settings: Settings of the service. Its tables must exist; they are not migrated.
 
     Raises:
-        AdminError: There is no database, or its tables are not those of this version.
-        SQLAlchemyError: The database does not answer.
+        AdminError: If there is no database, or its tables are not those of this version.
+        SQLAlchemyError: If the database does not answer.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -58,11 +58,11 @@ class AdminTasks:
     def folds(
         self, *, status: str | None = None, older_days: float | None = None
     ) -> Sequence[FoldRow]:
-        """Return folds, the oldest first.
+        """Return folds, oldest first.
 
         Args:
             status: Status of the folds; None for all.
-            older_days: Minimum time since the request and since the last view, in days.
+            older_days: Minimum time since the request and since the last access, in days.
         """
         query = sa.select(FoldRow).order_by(FoldRow.created_at)
         if status is not None:
@@ -74,7 +74,7 @@ class AdminTasks:
         return self._store.scalars(query)
 
     def damaged(self) -> Generator[tuple[FoldRow, list[str]]]:
-        """Yield each fold that is over and has damaged files, with their names."""
+        """Yield each ended fold with damaged files, and the names of these."""
         for row in self.folds():
             if row.over and (names := damaged_among(self._store.directory(row.id), DESCRIBED)):
                 yield row, names
@@ -83,7 +83,7 @@ class AdminTasks:
         """Return the row of a fold.
 
         Raises:
-            NoSuchFoldError: There is no such fold.
+            NoSuchFoldError: If there is no such fold.
         """
         return self._store.fold(fold_id)
 
@@ -95,16 +95,16 @@ class AdminTasks:
         """Pin a fold, so that it does not expire, or unpin it.
 
         Raises:
-            NoSuchFoldError: There is no such fold.
+            NoSuchFoldError: If there is no such fold.
         """
         self._change(fold_id, pinned=pinned)
 
     def expire(self, fold_id: str, *, force: bool = False) -> None:
-        """Delete a fold: its row and its files. Its computation ends when it finds no row.
+        """Delete the row and the files of a fold. Its computation ends when it finds no row.
 
         Raises:
-            NoSuchFoldError: There is no such fold.
-            AdminError: It is pinned or of the gallery, and ``force`` is False.
+            NoSuchFoldError: If there is no such fold.
+            AdminError: If it is pinned or of the gallery, and ``force`` is False.
         """
         row = self.fold(fold_id)
         if (row.pinned or row.public) and not force:
@@ -116,19 +116,19 @@ class AdminTasks:
         self._store.folders.remove(fold_id)
 
     def requeue(self, fold_id: str, *, force: bool = False) -> None:
-        """Queue a fold that failed, was cancelled or hangs again, from the beginning.
+        """Queue an ended fold again, to compute it from the beginning.
 
-        It keeps its id, links and owner. Its checkpoint is deleted. The epoch rises, so that a
-        worker that still holds the fold can change nothing more. A content key that was given up is
-        not restored, as another fold may have it.
+        Its id, links and owner stay, but its checkpoint is deleted. The epoch increases, so that a
+        worker that still computes the fold can no longer change it. A removed content key is not
+        restored, because another fold may have it.
 
         Args:
             fold_id: The fold.
-            force: Also if it is verified.
+            force: True to repeat verified folds as well.
 
         Raises:
-            NoSuchFoldError: There is no such fold.
-            AdminError: The fold needs no repetition, or its input is missing.
+            NoSuchFoldError: If there is no such fold.
+            AdminError: If the fold needs no repetition, or its input is missing.
         """
         row = self.fold(fold_id)
         if row.status == "verified" and not force:
@@ -137,8 +137,9 @@ class AdminTasks:
             what = "waits in the queue" if row.status == "queued" else "is being computed"
             raise AdminError(f"{fold_id} {what}; wait until it ends, or delete it with `expire`.")
         self._check_inputs(row)
-        # A worker that still holds it loses it first; after a crash it can be queued again. It ends
-        # at this moment, so that no sweep deletes its files as those of an old cancelled fold.
+        # First take the fold from a worker that may still compute it. If this process crashes now,
+        # the fold can be queued again. It ends now, so that no sweep deletes its files as those of
+        # an old cancelled fold.
         self._change(
             fold_id,
             status="cancelled",

@@ -1,4 +1,4 @@
-"""Migration of the tables: what a start of this version would change, and the change itself."""
+"""Migration of the tables: list of pending changes, and their execution."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ def schema_of(settings: Settings) -> Schema:
     """Return the version of the rows' tables; nothing is changed.
 
     Raises:
-        NewerSchemaError: A newer foldback wrote them.
-        SQLAlchemyError: The database does not answer.
+        NewerSchemaError: If a newer foldback wrote them.
+        SQLAlchemyError: If the database does not answer.
     """
     if missing_database(settings.store_url):
         return Schema.of(None)
@@ -26,19 +26,19 @@ def pending_changes(settings: Settings) -> list[str]:
     """Return one line for each change that `run_migration` would make; nothing is changed.
 
     Raises:
-        NewerSchemaError: A newer foldback wrote the tables.
-        SQLAlchemyError: The database does not answer.
+        NewerSchemaError: If a newer foldback wrote the tables.
+        SQLAlchemyError: If the database does not answer.
     """
     return [f"the tables of folds to version {version}" for version in schema_of(settings).missing]
 
 
 def run_migration(settings: Settings) -> None:
-    """Bring the tables to the newest version, as a start of the service does.
+    """Migrate the tables to the newest version, as the service does when it starts.
 
     Raises:
-        NewerSchemaError: A newer foldback wrote the tables.
-        SQLAlchemyError: The database does not answer.
-        OSError: The disk is read-only.
+        NewerSchemaError: If a newer foldback wrote the tables.
+        SQLAlchemyError: If the database does not answer.
+        OSError: If the disk is read-only.
     """
     settings.make_directories()
     engine = engine_of(settings)

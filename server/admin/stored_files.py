@@ -1,4 +1,4 @@
-"""Files of folds, in a directory of this machine or in an object store, for backups."""
+"""Files of folds in a local directory or an object store, for backups."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class DirectoryFiles:
         self._folds = settings.folds_dir
 
     def names(self) -> Iterator[str]:
-        """Yield the names of all files; links are none."""
+        """Yield the names of all files except symbolic links."""
         for directory, _, files in os.walk(self._folds):
             below = Path("folds") / Path(directory).relative_to(self._folds)
             for file in files:
@@ -49,7 +49,7 @@ class DirectoryFiles:
         return True
 
     def replace(self, names: Iterable[str], opened: Callable[[str], BufferedReader]) -> None:
-        """Replace all files; they are complete before the present ones are deleted.
+        """Replace all files; the new ones are complete before the old ones are deleted.
 
         Args:
             names: Names of the new files.
@@ -113,7 +113,7 @@ def stored_files(settings: Settings) -> Generator[StoredFiles]:
     """Open the files of a service.
 
     Raises:
-        StorageError: The object store's address is invalid, or obstore is missing.
+        StorageError: If the object store's address is invalid, or obstore is missing.
     """
     storage = open_storage(settings)
     try:
@@ -133,7 +133,7 @@ def open_inside(directory: Path, name: str) -> BufferedReader:
     """Open a regular file below a directory without following a link in its name.
 
     Raises:
-        OSError: It is missing, a link leads to it, or it is no regular file.
+        OSError: If it is missing, not a regular file, or its path contains a symbolic link.
     """
     handle = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
@@ -142,7 +142,7 @@ def open_inside(directory: Path, name: str) -> BufferedReader:
             inner = os.open(folder, os.O_RDONLY | os.O_DIRECTORY | os.O_NOFOLLOW, dir_fd=handle)
             os.close(handle)
             handle = inner
-        # A pipe would wait for a writer without O_NONBLOCK.
+        # Without O_NONBLOCK, opening a named pipe would wait for a writer.
         found = os.open(last, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=handle)
     finally:
         os.close(handle)

@@ -1,7 +1,7 @@
-"""Alternatives: verified plans that a fold's preference has not chosen, shown like folds.
+"""Alternatives: verified plans of a fold that were not selected, displayed like folds.
 
-The id of an alternative is that of its fold with the number of the attempt, counted from 0:
-``abc-3``. It can be looked at and compared; it has no files to download and no jobs.
+The id of an alternative is the fold's id with the number of the attempt, from 0: ``abc-3``. It can
+be viewed and compared, but has no files to download and no jobs.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Context: what the routes of one running service share."""
+"""Context: resources that the routes of a running service share."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ smaller value refuses more uploads under load; a larger one keeps more connectio
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Context(Viewing):
-    """Everything with a lifetime that a request may need."""
+    """Shared resources of all requests, from start to shutdown."""
 
     settings: Settings
     store: Store
@@ -76,7 +76,7 @@ class Context(Viewing):
 
     @classmethod
     def open(cls, settings: Settings, metrics: Metrics) -> Context:
-        """Open all that the application needs.
+        """Open all resources of the application.
 
         Args:
             settings: The settings.
@@ -94,7 +94,7 @@ class Context(Viewing):
         Scratch(settings.motions_dir).sweep()
         motions = replace(awaited, folders=(str(settings.motions_dir),))
         retimer = Pool("retimer", motions, wall_s=settings.retime_seconds, fork_server=fork_server)
-        # Started by itself: the fork server would have to load and compile what pictures need.
+        # Without the fork server, which would have to load and compile the drawing code.
         drawer = Pool("pictures", motions, wall_s=settings.preview_seconds)
         estimates = Estimates(store)
         remaining = EtaEstimator(store, leases, estimates)
@@ -139,7 +139,7 @@ class Context(Viewing):
         )
 
     def close(self) -> None:
-        """Close what has been opened, first what uses the rest."""
+        """Close all resources, dependent ones first."""
         for part in (
             self.reader,
             self.preview_reports,
@@ -157,10 +157,10 @@ class Context(Viewing):
             part.close()
 
     def take_list(self, request: Request) -> None:
-        """Count one list that a visitor asks for.
+        """Count a visitor's request for a list.
 
         Raises:
-            TooMany: If the visitor or its network asks for lists faster than they are answered.
+            TooMany: If the visitor or its network exceeds the rate limit of lists.
         """
         if wait_s := self.lists.take(address_of(request)):
             raise TooMany(
@@ -171,7 +171,7 @@ class Context(Viewing):
             )
 
     def visitor(self, request: Request) -> str:
-        """Return the visitor's name with its networks, without revealing the address."""
+        """Return the pseudonym of the visitor and its networks."""
         return hidden(address_of(request), self.secret)
 
 
@@ -189,7 +189,7 @@ async def in_list_rate(request: Request) -> None:
 def _artifacts(settings: Settings, store: Store) -> Artifacts:
     return Artifacts(
         store,
-        # With a storage they are among the copies, which have a bound of their own.
+        # With an object store they are among the local copies, which have their own limit.
         min_free_disk_bytes=settings.min_free_disk_bytes,
         total=settings.files_waiting,
         per_visitor=settings.files_waiting_of_visitor,
@@ -213,7 +213,7 @@ def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer)
 
 
 def _turns(what: str, total: int, per_visitor: int) -> Quota:
-    """Return the turns in which visitors use the children that read uploads."""
+    """Return the quota in which visitors take turns at the children that read uploads."""
     return Quota(
         what,
         at_once=READER_PROCESSES,

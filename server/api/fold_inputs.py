@@ -1,4 +1,4 @@
-"""Fold inputs: sources of folds, and how each of them completes the request."""
+"""Fold inputs: sources of folds, and completion of the request by each kind of source."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ from server.store.previews import NoSuchPreviewError
 from server.store.tables import FoldRow
 
 MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
-"""File name suffixes of uploads that are triangle meshes, in lower case. Other uploads hold voxels,
-paths of cells, or chains."""
+"""File name suffixes of uploads that are triangle meshes, in lower case. Other uploads contain
+voxels, paths of cells, or chains."""
 MAX_ID_CHARS: Final = 64
 """Maximum length of the id of a fold or a preview in a form, in characters; a longer text is
 refused, as no id is longer. A smaller value could refuse valid ids. Chosen."""
@@ -49,14 +49,14 @@ def id_field(description: str) -> Any:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Origin:
-    """Input of a fold as the fields of a form name it; ``check`` judges them.
+    """Input of a fold, as stated in the fields of a form; validated by ``check``.
 
     Attributes:
         file: An upload.
         shape: Name of a gallery shape.
         preview: Id of a preview.
         fold: Id of a fold whose input is used again.
-        refold: Id of the fold that a refold begins with, whatever its input is.
+        refold: Id of the fold that a refold starts from; combines with any other field.
         smooth: Id of a fold whose plan is smoothed.
     """
 
@@ -86,10 +86,10 @@ class Origin:
     ] = None
 
     def check(self) -> None:
-        """Refuse none, or several.
+        """Check that there is exactly one input.
 
         Raises:
-            Unusable: ``file-or-shape`` or ``smooth-or-refold``.
+            Unusable: If there is none or several (``file-or-shape``, ``smooth-or-refold``).
         """
         names = [each.name for each in fields(self) if each.name != "refold"]
         given = [name for name in names if getattr(self, name) is not None]
@@ -108,15 +108,15 @@ class Origin:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Source:
-    """The input of a new fold, and the request as that input completes it.
+    """Input of a new fold, and the request that it completes.
 
     Attributes:
         request: Request with the name of the input.
         shape: Name of the gallery shape; None for other inputs.
-        cells: Cells that are known already, so that the fold's page can draw them at once.
-        prepared: File of the chains that a preview has found.
-        parent: Fold that it refolds or smooths.
-        repeats: Fold that is requested once more, by its id.
+        cells: Cells for a first drawing on the fold's page; None if unknown.
+        prepared: File with the chains that a preview has computed, or None.
+        parent: Fold that it refolds or smooths, or None.
+        repeats: Fold whose input is used again, or None.
     """
 
     request: FoldRequest
@@ -128,7 +128,7 @@ class Source:
 
     @property
     def public(self) -> bool:
-        """True if everyone may find the fold: a gallery shape with the default options."""
+        """True for a gallery fold: a gallery shape with default options."""
         return self.shape is not None and self.parent is None and not self.request.changed()
 
 
@@ -139,9 +139,9 @@ def open_source(
     """Open the input that a form names, and complete a valid request by it.
 
     Raises:
-        NoSuchFoldError: When there is no such fold.
-        NoSuchPreviewError: When the preview is not there any more.
-        ServiceError: When it cannot be used.
+        NoSuchFoldError: If there is no such fold.
+        NoSuchPreviewError: If the preview no longer exists.
+        ServiceError: If the input cannot be used.
     """
     origin.check()
     stream, filename = _opened(context, origin)
@@ -183,19 +183,19 @@ def _opened_preview(context: Context, preview_id: str) -> tuple[BinaryIO, str | 
     path = context.previews.directory(preview_id) / INPUT
     try:
         return open(path, "rb"), context.previews.row(preview_id).filename
-    except FileNotFoundError as error:  # deleted this very moment
+    except FileNotFoundError as error:  # it has just been deleted
         raise NoSuchPreviewError(preview_id) from error
 
 
 def _of_gallery(source: Source, shape: str) -> Source:
-    """Complete the source of a gallery shape, whose path suits no table."""
+    """Complete the source of a gallery shape, whose own path is not suitable for a table."""
     on_table = source.request.world == "table"
     request = replace(source.request, as_voxels=source.request.as_voxels or on_table)
     return replace(source, request=request, shape=shape)
 
 
 def _of_preview(context: Context, source: Source, preview_id: str) -> Source:
-    """Complete the source of a preview by the cells and chains that it has found."""
+    """Complete the source of a preview with the cells and chains that it has computed."""
     place = context.previews.place(preview_id, PreviewRequest.of_fold(source.request).key)
     report, prepared = read_report(place), place / PREPARED
     return replace(
@@ -208,13 +208,13 @@ def _of_preview(context: Context, source: Source, preview_id: str) -> Source:
 def _of_fold(context: Context, source: Source, fold_id: str, *, smooth: bool) -> Source:
     """Complete the source of an earlier fold, whose path options are used again.
 
-    The world is requested each time. A smoothing takes the module size of its fold by default.
+    The world is not taken over. A smoothing has the module size of its fold by default.
     """
     row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
     request, cells = source.request, _stored_cells(directory)
     options = PathOptions.from_json(_stored_request(directory))
     if request.world == "table" != row.world:
-        # The path of a floating chain is not used; a mesh gets 2×2×2 modules as before.
+        # The path of a floating chain is not used; a mesh still gets 2×2×2 modules per voxel.
         mesh = cells is None or (request.filename or "").lower().endswith(MESH_SUFFIXES)
         method = "blocks" if mesh and options.method == "auto" else "auto"
         options = replace(options, as_voxels=True, method=method)
@@ -227,7 +227,7 @@ def _of_fold(context: Context, source: Source, fold_id: str, *, smooth: bool) ->
 
 
 def _parent(context: Context, origin: Origin, repeats: FoldRow | None) -> ParentFold | None:
-    """Return the fold that is refolded or smoothed; None of others."""
+    """Return the fold that is refolded or smoothed, or None."""
     if origin.smooth is not None:
         return finished_parent(context, origin.smooth, "smooth")
     if origin.refold is not None:
@@ -238,7 +238,7 @@ def _parent(context: Context, origin: Origin, repeats: FoldRow | None) -> Parent
 
 
 def _derived(source: Source, parent: ParentFold, origin: Origin) -> Source:
-    """Complete a source by its parent; a refold of a new input takes its module and count."""
+    """Complete a source by its parent; a refold into a new input has the parent's modules."""
     request, use = source.request, parent.use
     if origin.refold is not None and (origin.file is not None or origin.preview is not None):
         modules = request.modules or parent.modules
@@ -257,8 +257,8 @@ def stored_input(directory: Path) -> tuple[BinaryIO, str | None]:
     """Return the input of a fold, open, and the name of its file.
 
     Raises:
-        NotFound: If it is not there any more.
-        DamagedError: If it is not what was written.
+        NotFound: If it no longer exists.
+        DamagedError: If it is damaged.
     """
     try:
         source = open(directory / INPUT, "rb")  # noqa: SIM115 (the caller closes it)
@@ -276,7 +276,7 @@ def _stored_request(directory: Path) -> dict[str, Any]:
     """Return the values of a fold's request.
 
     Raises:
-        NotFound: If they are not there any more.
+        NotFound: If they no longer exist.
     """
     request = json_of(directory / REQUEST)
     if "filename" not in request:
@@ -285,7 +285,7 @@ def _stored_request(directory: Path) -> dict[str, Any]:
 
 
 def _stored_cells(directory: Path) -> Cells | None:
-    """Return a fold's cells for a drawing, if there are any."""
+    """Return a fold's cells for a drawing, or None."""
     try:
         return json.loads((directory / "cells.json").read_bytes())
     except (OSError, ValueError):

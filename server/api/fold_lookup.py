@@ -1,4 +1,4 @@
-"""Fold lookup: a fold for a page, without saying more than that there is none."""
+"""Fold lookup: folds and alternative plans by the id in an address."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Viewing:
-    """Services that a fold's pages need: those of the service, or of a viewer of one directory.
+    """Resources that a fold's pages need, in the service or in a viewer of one directory.
 
     Attributes:
         store: Source of folds.
         timelines: Open timelines.
         waits: Requests that wait for frames.
-        artifacts: Files that are made on request.
-        settings: None where nothing is computed.
-        estimates: As ``settings``.
-        leases: As ``settings``.
+        artifacts: Files that are computed on request.
+        settings: Settings of the service; None in a viewer.
+        estimates: Expected times of folds; None in a viewer.
+        leases: Leases of the workers; None in a viewer.
     """
 
     store: FoldSource
@@ -68,7 +68,7 @@ def found_fold(request: Request, fold_id: str) -> Found:
     """Return the fold of that id.
 
     Raises:
-        NoSuchFoldError: There is none.
+        NoSuchFoldError: If there is none.
     """
     found = find_now(request, fold_id)
     if found is None:

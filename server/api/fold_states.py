@@ -1,4 +1,4 @@
-"""Fold states: the state of folds as it changes, read once for all that follow the same fold.
+"""Fold states: progress of folds, read once for all clients that follow the same fold.
 
 One thread reads the states of all followed folds, one after the other.
 """
@@ -35,22 +35,22 @@ class FoldStates:
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="fold-states")
         self._states: TTLCache[str, dict[str, Any]] = TTLCache(MAX_CACHED_STATES, STATE_CACHE_S)
         self._looks: dict[str, asyncio.Task[dict[str, Any]]] = {}
-        """Looks that are not over, by fold: few, however slow the database is."""
+        """Unfinished reads by fold; at most one for each, even if the database is slow."""
         self._ending = asyncio.Event()
 
     def end(self) -> None:
-        """End all event streams, so that the service can stop; browsers reconnect by themselves."""
+        """End all event streams, so that the service can stop; browsers then reconnect."""
         self._ending.set()
 
     def close(self) -> None:
-        """Begin no look any more."""
+        """Start no more reads."""
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     async def state(self, fold_id: str) -> dict[str, Any]:
         """Return the fold's progress, at most ``STATE_CACHE_S`` old.
 
         Raises:
-            NoSuchFoldError: When there is no such fold.
+            NoSuchFoldError: If there is no such fold.
         """
         if (state := self._states.get(fold_id)) is not None:
             return state
@@ -59,7 +59,7 @@ class FoldStates:
         return await asyncio.shield(look)
 
     async def events(self, fold_id: str) -> AsyncIterator[ServerSentEvent]:
-        """Server-sent events ``progress`` until the fold is over, then ``done``."""
+        """Yield server-sent events ``progress`` until the fold is over, then ``done``."""
         last: dict[str, Any] | None = None
         while not self._ending.is_set():
             try:

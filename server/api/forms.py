@@ -1,4 +1,4 @@
-"""Forms: requests read from the fields of a form, which their options describe."""
+"""Forms: dependencies that read requests from form fields, one for each option."""
 
 from __future__ import annotations
 
@@ -41,6 +41,6 @@ def field(option: Option) -> Any:
         le=high,
         pattern=option.pattern,
         description=option.meaning or None,
-        # Longer ones are refused in the planner's words.
+        # The planner refuses longer values with its own message.
         json_schema_extra={"maxLength": option.max_chars} if option.max_chars else None,
     )

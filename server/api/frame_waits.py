@@ -1,7 +1,7 @@
 """Frame waits: requests that wait until a growing timeline has more frames.
 
-One thread looks once at each timeline, however many requests wait for it: a look per request would
-occupy the event loop when hundreds of visitors watch a fold. A request that waits holds no thread,
+One thread polls each timeline once for all requests that wait for it: polling per request would
+occupy the event loop when hundreds of visitors watch a fold. A waiting request occupies no thread,
 only a permit of the quota of its visitor and its networks.
 """
 
@@ -42,16 +42,16 @@ class _Wait:
 
     @property
     def served(self) -> bool:
-        """True once the awaited frame is there or will never come."""
+        """True once the awaited frame exists or can no longer appear."""
         return self.start < len(self.timeline) or not self.timeline.growing
 
 
 class FrameWaits:
-    """Waiting requests for frames, and the poll that ends their waits. For one event loop.
+    """Requests that wait for frames, and the polling that wakes them. For one event loop.
 
     Args:
         total: Maximum number of requests that wait at once.
-        per_visitor: Maximum of one visitor.
+        per_visitor: Maximum number of requests of one visitor.
     """
 
     def __init__(self, total: int = MAX_WAITS, per_visitor: int = MAX_WAITS_OF_VISITOR) -> None:
@@ -63,20 +63,20 @@ class FrameWaits:
         self._looking: asyncio.Task[None] | None = None
 
     def close(self) -> None:
-        """End the looks."""
+        """Stop polling."""
         if self._looking is not None:
             self._looking.cancel()
         self._thread.shutdown(wait=False, cancel_futures=True)
 
     @contextmanager
     def place(self, visitor: str) -> Generator[asyncio.Event]:
-        """Hold a place among the waiting requests.
+        """Hold a permit for a waiting request.
 
         Yields:
             An event that ends the wait; a newcomer that displaces the visitor sets it.
 
         Raises:
-            TooMany: If there is no place.
+            TooMany: If too many requests wait.
         """
         over = asyncio.Event()
         with self._quota.enter(visitor, end=over.set):
@@ -85,7 +85,7 @@ class FrameWaits:
     async def until(
         self, timeline: TimelineView, start: int, over: asyncio.Event, *, timeout_s: float
     ) -> None:
-        """Wait until a timeline has a frame, is complete, ``over`` is set, or the time is up."""
+        """Wait until a timeline has a frame or is complete, ``over`` is set, or a timeout."""
         wait = _Wait(timeline, start, over)
         self._waits.add(wait)
         if self._looking is None or self._looking.done():
@@ -108,7 +108,7 @@ class FrameWaits:
 
 
 def _refresh(timelines: Collection[TimelineView]) -> set[TimelineView]:
-    """Look for new frames; return the timelines that cannot be read, whose waits end."""
+    """Refresh timelines; return those that cannot be read, whose waits end."""
     unreadable: set[TimelineView] = set()
     for timeline in timelines:
         try:

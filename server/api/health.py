@@ -1,4 +1,4 @@
-"""Routes for operators: is it alive, is it ready, what are its figures."""
+"""Routes for operators: liveness, readiness, compilation and metrics."""
 
 from __future__ import annotations
 
@@ -85,9 +85,9 @@ async def get_metrics(request: Request, context: Here, credentials: Bearer) -> R
 
 
 def _may_read(context: Context, credentials: HTTPAuthorizationCredentials | None) -> bool:
-    """Return True if the figures are public, or the request brings the operator's token.
+    """Return True if the metrics are public or the request has the operator's token.
 
-    The address of a request says nothing here: it is that of a proxy on this machine as well.
+    The address of a request is not checked, because it may be that of a proxy on this machine.
     """
     token = context.settings.metrics_token
     if context.settings.metrics_public:

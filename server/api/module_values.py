@@ -1,4 +1,4 @@
-"""Routes of an owner's numbers for the modules of a fold, which colours show."""
+"""Routes of module values: an owner's numbers for the modules of a fold, shown as colours."""
 
 from __future__ import annotations
 

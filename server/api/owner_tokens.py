@@ -1,4 +1,4 @@
-"""Owner tokens: each is read once from a request, and only its digest goes further."""
+"""Owner tokens: dependencies that read them from requests and pass on only digests."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from server.store.owner import MAX_TOKEN_CHARS, MIN_TOKEN_CHARS, Claim, Owner
 
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
-"""Token of a request; the figures of the service have a token of their own."""
+"""Token of a request; an owner's, or the operator's for metrics."""
 
 
 async def _optional_claim(credentials: Bearer) -> Claim | None:

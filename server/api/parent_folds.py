@@ -1,4 +1,4 @@
-"""Parent folds: the finished folds that refolds begin with, and whose plans are smoothed."""
+"""Parent folds: finished folds that refolds start from or whose plans are smoothed."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ COPIED_FILES: Final[dict[str, dict[str, str]]] = {
 into another shape; "smooth": smooth its plan). Each entry maps the name in the new fold to the name
 in the finished fold."""
 COPIED_NAMES: Final = tuple(name for files in COPIED_FILES.values() for name in files)
-"""Names, in a new fold, of the files that it takes over from a finished fold; they exist before
-anything is computed."""
+"""Names, in a new fold, of the files that it takes over from a finished fold; they exist before its
+computation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -34,7 +34,7 @@ class ParentFold:
 
     Attributes:
         use: ``refold`` or ``smooth``.
-        fold: Its id; None when it is only known by its files.
+        fold: Its id; None if only its files are known.
         name: Name of its shape.
         module, modules: Kind and number of its chain's modules.
         files: Paths of the files by their names in the new fold.
@@ -50,7 +50,7 @@ class ParentFold:
     digest: str
 
     def copy(self, directory: Path) -> None:
-        """Copy its files into another fold's directory, so that the fold may be deleted."""
+        """Copy its files to another fold's directory, so that the parent may be deleted."""
         for name, path in self.files.items():
             shutil.copyfile(path, directory / name)
 
@@ -59,8 +59,8 @@ def finished_parent(context: Context, fold_id: str, use: Use) -> ParentFold:
     """Return a finished fold as the base of another one.
 
     Raises:
-        NoSuchFoldError: When there is no such fold.
-        ServiceError: When it is not over, or ended without a plan.
+        NoSuchFoldError: If there is no such fold.
+        ServiceError: If it is not over, or ended without a plan.
     """
     row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
     if not row.over:

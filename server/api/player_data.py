@@ -1,9 +1,8 @@
-"""Player data: what a browser shows of a fold, taken from its timeline.
+"""Player data: chain, frames and figures of a fold for browsers, read from its timeline.
 
-``/view`` is viser's client, the same for every fold, so that a browser keeps it. The page that
-frames it hands it the fold's bundle (``web.viser.scene_bundle``) and, frame by frame, what is in
-the fold's batches (``web.timeline.frame_batch``): a visitor far away scrubs as quickly as one next
-door.
+``/view`` is viser's client, the same for every fold, so that browsers can cache it. The page that
+embeds it passes it the fold's bundle (``web.viser.scene_bundle``) and then frames from the fold's
+batches (``web.timeline.frame_batch``). Scrubbing thus does not depend on the network's latency.
 """
 
 from __future__ import annotations
@@ -84,7 +83,7 @@ async def batch(
     """Return frames of a fold's timeline; wait at most ``wait`` seconds for the first one.
 
     Raises:
-        TooMany: Too many requests are waiting: of this visitor, of the visitor's network, or of
+        TooMany: If too many requests are waiting: of this visitor, of the visitor's network, or of
             all visitors.
     """
 
@@ -141,7 +140,7 @@ async def values(request: Request, fold_id: str) -> Response:
 def _stored(
     request: Request, fold_id: str, of: Callable[[FoldSource, Found], dict[str, Any] | None]
 ) -> Response:
-    """Return what is stored with a fold; 204 where there is nothing."""
+    """Return the values stored with a fold; 204 if there are none."""
     found = found_fold(request, fold_id)
     told = of(viewing_of(request).store, found)
     if told is None:
@@ -161,7 +160,7 @@ def _kept(request: Request, data: bytes) -> Response:
 
 
 def _nothing() -> Response:
-    """Return the answer while there are no frames yet."""
+    """Return the response without content, used while there are no frames yet."""
     return Response(status_code=204, headers={"Cache-Control": "no-store"})
 
 

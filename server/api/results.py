@@ -94,9 +94,8 @@ def _timeline(context: Context, fold_id: str) -> Timeline:
 
     Raises:
         NotFound: If the fold ended without one.
-        Conflict: If it is not there yet.
+        Conflict: If it does not exist yet.
     """
-    # The timeline brings compiled kernels along, which the start of the server need not wait for.
     row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
     if row.over:
         check(directory, TIMELINE)
@@ -104,12 +103,12 @@ def _timeline(context: Context, fold_id: str) -> Timeline:
         return Timeline.open(result_path(directory, TIMELINE))
     except DamagedError:
         raise
-    except (TimelineError, OSError, KeyError) as error:  # or it is just being made anew
+    except (TimelineError, OSError, KeyError) as error:  # or it is just being replaced
         raise not_there(row, "timeline") from error
 
 
 def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: bool) -> FramesBody:
-    """Return a stretch of a timeline, without a link to the rest."""
+    """Return a range of a timeline, without a link to the rest."""
     from planner.motion.motion import PHASES
 
     chain = timeline.chain
@@ -225,5 +224,5 @@ def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
 
 
 def _short(values: NDArray[Any]) -> Any:
-    """Return values as JSON numbers, rounded beyond any visible or measurable precision."""
+    """Return values as JSON numbers, rounded to 9 decimals, finer than any visible difference."""
     return values.round(9).tolist()

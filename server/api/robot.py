@@ -1,4 +1,4 @@
-"""Routes for robots: trajectories, the torques they need, and a motion in real time."""
+"""Routes for robots: trajectories, joint torques, and playback in real time."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ wrong target. Chosen."""
 DOCUMENTED_FORMS: Final = ("application/json", "text/csv")
 """Media types that the API's description states for trajectories and motors."""
 COMPUTING_PROBLEMS: Final = (404, 409, 413, 422, 429, 503)
-"""HTTP statuses of refusals to compute them."""
+"""HTTP statuses of refusals to compute trajectories or motors."""
 
 
 Speed = Annotated[float, Query(ge=1e-3, le=1e3, description="Maximum joint speed, rad/s.")]
@@ -295,7 +295,7 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
 def _wanted(
     context: Context, fold_id: str, max_speed: float, max_acceleration: float
 ) -> tuple[FoldRow, Wanted]:
-    """Return the row of a finished fold, and which trajectory of its plan is wanted."""
+    """Return the row of a finished fold, and the requested trajectory of its plan."""
     row = context.store.fold(fold_id)
     path = context.store.directory(fold_id) / PLAN
     try:
@@ -308,7 +308,7 @@ def _wanted(
 
 
 def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:
-    """Return the trajectory that a robot wants of a verified fold."""
+    """Return the trajectory of a verified fold that a robot requests."""
     if not ADDRESS_ID.fullmatch(fold_id):
         raise NoSuchFoldError(fold_id)
     row, wanted = _wanted(context, fold_id, ask.max_speed, ask.max_acceleration)
@@ -322,7 +322,7 @@ def _not_verified() -> Conflict:
 
 
 class _RobotSession:
-    """One robot being driven."""
+    """Playback of a motion by one connected robot."""
 
     def __init__(
         self,
@@ -338,7 +338,7 @@ class _RobotSession:
         self._ask = ask
         self._fold_id = fold_id
         self._clock = asyncio.get_running_loop().time
-        # Before there is a target, the robot is to be where the motion begins.
+        # Before the first target, the robot moves to the start of the motion.
         first = found.trajectory.path.frames[0]
         self._sent: deque[tuple[int, NDArray[Any]]] = deque([(0, first)], maxlen=REMEMBERED_TARGETS)
         self._there = False
@@ -349,7 +349,7 @@ class _RobotSession:
         self._pace = RobotClock(
             self._trajectory.duration_s,
             speed=ask.speed,
-            # A clock that stops at top speed must not ask for more than the largest acceleration.
+            # So that a stop at full speed does not exceed the acceleration limit.
             ramp_s=ask.max_speed / ask.max_acceleration / ask.speed,
             threshold_rad=ask.threshold_rad,
             silence_s=ask.silence_s,
@@ -361,7 +361,7 @@ class _RobotSession:
         from planner.exports.trajectory import largest_chord_error
 
         ask, trajectory = self._ask, self._trajectory
-        # A robot joins targets by straight lines; the clock goes no farther between two of them.
+        # A robot interpolates linearly between targets, which are at most this far apart in time.
         between_s = ask.speed * max(1.0 / ask.rate_hz, MAX_CLOCK_STEP_S)
         await self._send(
             Begin(
@@ -377,7 +377,7 @@ class _RobotSession:
         )
         await first_of(self._listen(), self._speak())
         try:
-            # What is on its way may still come, and the end is read before this side hangs up.
+            # Receive remaining messages, and let the robot read the end before closing.
             async with asyncio.timeout(CLOSE_TIMEOUT_S):
                 while True:
                     await receive(self._websocket)
@@ -385,9 +385,9 @@ class _RobotSession:
             return
 
     async def _speak(self) -> None:
-        """Send a target at every tick, once the robot is where the motion begins.
+        """Send a target at every tick, once the robot has reached the start of the motion.
 
-        One that is late is left out, not sent afterwards.
+        Late targets are skipped.
         """
         pace, told = self._pace, -REMINDER_S
         said: Reason | Literal["nothing"] | None = "nothing"
@@ -409,7 +409,7 @@ class _RobotSession:
                     await self._send(
                         Waiting(because=reason, time_s=pace.time_s, error_rad=pace.error_rad)
                     )
-            # Whoever does not answer is not sent more than it takes to remind it.
+            # A robot that does not answer gets only one target per ``REMINDER_S``.
             wait_s = 0.0
             if self._there and (reason not in ("silence", "behind") or now - told >= REMINDER_S):
                 told = now
@@ -506,13 +506,13 @@ class _RobotSession:
 
 
 def _echoed(ask: Ask) -> dict[str, float]:
-    """Return the options of a robot that the first message repeats."""
+    """Return the options that the first message repeats."""
     repeated = set(Ask.__struct_fields__) & set(Begin.__struct_fields__)
     return {name: getattr(ask, name) for name in repeated}
 
 
 async def _refuse(websocket: WebSocket, code: int, word: str, detail: str) -> None:
-    """Send the error, and close."""
+    """Send an error and close the websocket."""
     with contextlib.suppress(RuntimeError, WebSocketDisconnect):
         await websocket.send_text(ENCODER.encode(Wrong(code=word, detail=detail)).decode())
     await close(websocket, code, word)

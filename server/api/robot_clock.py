@@ -1,8 +1,8 @@
-"""Robot clock: the clock of a robot's motion. It stands while the robot does not follow.
+"""Robot clock: the clock of a robot's motion, which stops while the robot does not follow.
 
 The rule is the paper's: servo to a target until the largest angle error is less than a threshold,
-then go on. Here the targets lie densely on a trajectory, and the clock that runs along it slows
-down and speeds up within the acceleration that the joints may have.
+then continue. Here the targets are dense on a trajectory, and the clock slows down and speeds up
+within the acceleration limit of the joints.
 """
 
 from __future__ import annotations
@@ -17,20 +17,20 @@ permits larger jumps. Chosen."""
 
 
 class RobotClock:
-    """The clock of one motion. Times of the outer clock come in as ``now``.
+    """Clock of one motion. Callers pass the time of a monotonic clock as ``now``.
 
     Attributes:
         time_s: Current time of the motion, s.
         rate: Current rate of the clock; 1 is real time.
-        paused: True if somebody asked for a pause.
-        behind: True if too many targets are on their way to the robot.
-        error_rad: The robot's joint error, as it was last reported.
+        paused: True if the robot has requested a pause.
+        behind: True if the robot has not answered too many targets.
+        error_rad: Last reported joint error of the robot.
 
     Args:
         duration_s: Duration of the motion, s.
         speed: Rate of the clock if the robot keeps up; 1 is real time.
         ramp_s: Time from a stop to that rate, s.
-        threshold_rad: Error above which it stands.
+        threshold_rad: Joint error above which the clock stops.
         silence_s: Time without a report after which the clock stops, s.
     """
 
@@ -58,12 +58,12 @@ class RobotClock:
         self._last = now
 
     def report(self, error_rad: float, now: float) -> None:
-        """Note the robot's largest joint error."""
+        """Record the robot's largest joint error."""
         self.error_rad = error_rad
         self.heard = now
 
     def waiting(self, now: float) -> Reason | None:
-        """Return the reason why the clock stands or slows down; None while it runs."""
+        """Return the reason why the clock stops or slows down; None while it runs."""
         if self.paused:
             return "pause"
         if self.error_rad is None:
@@ -77,7 +77,7 @@ class RobotClock:
         return None
 
     def advance(self, now: float) -> None:
-        """Let time pass up to ``now``."""
+        """Advance the motion to the time ``now``."""
         step = min(max(0.0, now - self._last), MAX_CLOCK_STEP_S)
         self._last = now
         wanted = self._speed if self.waiting(now) is None else 0.0

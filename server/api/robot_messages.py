@@ -1,7 +1,7 @@
-"""Messages between the service and the program that drives a robot, as JSON on a websocket.
+"""Messages between the service and a robot's program, as JSON on a websocket.
 
-What comes in says ``do``, what goes out says ``is``. ``schema`` describes both; docs/robot.md tells
-how they are used.
+The field ``do`` is the type of incoming messages, ``is`` that of outgoing ones. ``schema``
+describes both; docs/robot.md explains their use.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Schemas: what the API takes and gives, as JSON."""
+"""Schemas: JSON bodies of requests and responses of the API."""
 
 from __future__ import annotations
 
@@ -493,7 +493,7 @@ class Preview(Body):
         preparing: Preparing | None,
         full: bool,
     ) -> Preview:
-        """Return the report of a preview; without what is large unless ``full``."""
+        """Return the report of a preview; without cells, mesh and poses unless ``full``."""
         without = {"cells": [], "mesh": None, "positions": None, "wxyzs": None, "line": None}
         large = {} if full else without
         more = {
@@ -572,14 +572,14 @@ def moment(seconds: float) -> datetime:
 
 def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
     """Return the progress of a fold, as its events tell it."""
-    # What the stage before has said is not of the one that begins.
+    # At the start of a stage, the stored progress may still be that of the previous one.
     told = row.progress if row.progress.get("stage") in (None, row.stage) else {}
     outlook = remaining.of(row)
     preparing = PreparingBody.of(outlook.preparing)
     paused = row.status == "queued" and row.pauses > 0
     message = PAUSED_MESSAGE if paused else str(told.get("message", ""))
     if row.stage == "explode" and row.smooths and not paused:
-        message = SMOOTHING_MESSAGE  # one that only smooths never counts as an explosion
+        message = SMOOTHING_MESSAGE  # smoothing runs in this stage, but is not an explosion
     return {
         "status": row.status,
         "stage": row.stage,

@@ -1,4 +1,4 @@
-"""Routes of shapes: the gallery, and what would come of a shape before it is folded."""
+"""Routes of shapes: the gallery, and previews before folding."""
 
 from __future__ import annotations
 
@@ -138,7 +138,8 @@ def bounded(options: PreviewRequest, max_modules: int) -> None:
     """Refuse options that are invalid or ask for too many modules.
 
     Raises:
-        Unusable: ``too-many-modules``, or as ``validate`` does.
+        Unusable: If there are too many modules (``too-many-modules``).
+        InputError: If an option is invalid.
     """
     if options.modules is not None and options.modules > max_modules:
         raise Unusable(

@@ -1,7 +1,7 @@
-"""Shipped folds: a few finished ones in the package, so that a new service has something to show.
+"""Shipped folds: finished folds in the package, which a new service displays.
 
-``examples/make_shipped_folds.py`` makes them. Each is imported once into a database: an operator
-who deletes one does not get it again. They belong to nobody and count for no quota.
+``examples/make_shipped_folds.py`` creates them. Each is imported only once into a database: if an
+operator deletes one, it stays deleted. They have no owner and do not count in any quota.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def import_shipped_folds(settings: Settings, store: Store, gallery: Gallery) -> 
         try:
             if _import(path, store, gallery, scratch):
                 names.append(path.stem)
-        except Exception:  # what is shown besides folds of one's own must not keep it from starting
+        except Exception:  # shipped folds must not prevent the start of the service
             log.exception("the finished fold %s could not be imported", path.stem)
     return names
 
@@ -70,9 +70,9 @@ def _import(path: Path, store: Store, gallery: Gallery, scratch: Scratch) -> boo
             session.flush()
             known = sa.select(FoldRow.id).where(FoldRow.content_key == key)
             wanted = key is None or session.scalar(known) is None
-            if wanted:  # else somebody has folded it here already
+            if wanted:  # otherwise the same fold exists already
                 session.add(_row(fold_id, about, key))
-    except IntegrityError:  # another process was quicker
+    except IntegrityError:  # another process was faster
         wanted = False
     except BaseException:
         store.folders.remove(fold_id)
@@ -83,10 +83,10 @@ def _import(path: Path, store: Store, gallery: Gallery, scratch: Scratch) -> boo
 
 
 def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str | None:
-    """Return the key under which a visitor's wish for the same fold finds it.
+    """Return the content key with which a request for the same fold finds it.
 
-    None for a refold, which is asked for with a fold to begin with, and where the gallery has
-    another shape of that name by now.
+    It is None for a refold, whose request names an initial fold, and if the gallery now has another
+    shape of this name.
     """
     shape = gallery.shape(str(about["shape"]))
     if about["refold"] is not None or shape is None:
@@ -107,7 +107,7 @@ def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str |
 
 
 def _row(fold_id: str, about: dict[str, Any], content_key: str | None) -> FoldRow:
-    """Return the row of a finished fold; it takes no bytes of any quota and never expires."""
+    """Return the row of a finished fold, which counts in no quota and never expires."""
     now, summary = time.time(), about["summary"]
     return FoldRow(
         id=fold_id,

@@ -1,4 +1,4 @@
-"""Submissions: how an upload, or a shape of the gallery, becomes a fold in the queue."""
+"""Submissions: validation of requests for folds, and their entry into the queue."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ class Submission:
         upload: Bytes of the input.
         source: Origin of the input, with the request that it completes.
         visitor: Name of the visitor with its networks.
-        token: Token of the client, which owns the new fold.
+        owner: Owner of the new fold.
     """
 
     upload: Upload
@@ -49,14 +49,15 @@ class Submission:
 
     @property
     def content_key(self) -> str:
-        """The same for the same bytes, parameters and version: such folds are computed once.
+        """Key that is equal for the same input, options and version; such folds are computed once.
 
-        One that is not public has its owner in it, so that nobody learns what others have sent.
+        For folds that are not public it depends on the owner, so that clients do not learn what
+        others have uploaded.
         """
         return self.key_of(self.owner.digest)
 
     def key_of(self, owner: str | None) -> str:
-        """Return its content key, also if it belongs to a visitor."""
+        """Return the content key of the submission for a given owner digest."""
         request, parent = self.source.request, self.source.parent
         parameters = {
             "format": "foldback-fold/1",
@@ -74,7 +75,7 @@ class Submission:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Receipt:
-    """Answer to a submission; ``own`` is True if the fold belongs to the owner who submitted it."""
+    """Result of a submission; ``own`` is True if the fold belongs to its submitter."""
 
     row: FoldRow
     own: bool
@@ -87,7 +88,7 @@ def fold_origin(
     """Open the input that an origin names, and submit it.
 
     Raises:
-        ServiceError: As of ``open_source`` and ``submit``.
+        ServiceError: As in ``open_source`` and ``submit``.
     """
     with (
         open_source(context, origin, request) as (stream, source),
@@ -101,7 +102,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
     """Check a submission, store it durably, and put it into the queue.
 
     Raises:
-        ServiceError: When it can't be used, there is too much to do, or no room.
+        ServiceError: If the input cannot be used, or the queue or the disk is full.
     """
     if (known := _known(context, submission)) is not None:
         return known
@@ -128,7 +129,7 @@ def submit(context: Context, submission: Submission) -> Receipt:
 
 
 def _row(submission: Submission, chain: dict[str, Any]) -> FoldRow:
-    """Return the row of a new fold, whose files lie in the directory of its upload.
+    """Return the row of a new fold, whose files are in the directory of its upload.
 
     Args:
         submission: The submission.
@@ -158,7 +159,7 @@ def _title(context: Context, shape: str | None) -> str | None:
 
 
 def _known(context: Context, submission: Submission) -> Receipt | None:
-    """Return the existing fold: the visitor's own, one of the gallery, or that of a link."""
+    """Return the existing equal fold: the owner's, a gallery fold, or the repeated one."""
     key, again = submission.content_key, submission.source.repeats
     if again is not None and again.content_key == (theirs := submission.key_of(again.owner)):
         key = theirs
@@ -175,9 +176,9 @@ def _check_room(context: Context, visitor: str) -> None:
 
 
 def _add(context: Context, row: FoldRow, owner: Owner) -> bool:
-    """Add a fold that the queue has room for; False if its content key is taken.
+    """Add a fold to the queue; return False if its content key exists already.
 
-    Unless it is added, nothing of it stays.
+    If it is not added, its files are deleted.
 
     Raises:
         TooMany: If the queue has no room for it.
@@ -200,10 +201,10 @@ def _add(context: Context, row: FoldRow, owner: Owner) -> bool:
 
 
 def _check_limits(cost: ExpectedCost, settings: Settings) -> None:
-    """Refuse a fold of which one stage takes longer than it may, even if all goes well.
+    """Refuse a fold if one of its stages exceeds its time limit even in the best case.
 
     Raises:
-        Unusable: ``too-long``.
+        Unusable: If a stage takes too long (``too-long``).
     """
     limit_s = min(settings.stage_seconds, settings.stage_cpu_seconds)
     if cost.least_s > limit_s:
@@ -216,7 +217,7 @@ def _check_limits(cost: ExpectedCost, settings: Settings) -> None:
 
 
 def _write(directory: Path, source: Source) -> None:
-    """Write the request and the files of its parent; they outlast a power cut."""
+    """Write the request and the files of its parent durably."""
     if source.parent is not None:
         source.parent.copy(directory)
         for name in source.parent.files:
@@ -227,11 +228,11 @@ def _write(directory: Path, source: Source) -> None:
 
 
 def _note(directory: Path, source: Source) -> None:
-    """Store what a preview has found: cells for the page's first drawing, and chains."""
+    """Store the results of a preview: cells for the page's first drawing, and chains."""
     if source.cells and len(source.cells) <= MAX_STORED_CELLS:
         (directory / "cells.json").write_text(json.dumps(source.cells))
     if source.prepared is not None:
-        with contextlib.suppress(FileNotFoundError):  # the preview was just deleted
+        with contextlib.suppress(FileNotFoundError):  # the preview has just been deleted
             shutil.copyfile(source.prepared, directory / PREPARED)
 
 

@@ -1,4 +1,4 @@
-"""Routes of tours: what a fold's tour is, and its owner's changes to it."""
+"""Routes of tours: reading, storing and deleting the tour of a fold."""
 
 from __future__ import annotations
 
@@ -137,7 +137,7 @@ def frames_of_own(fold: FoldRow, context: Here, owner: RequiredOwner) -> int:
     """Return the number of frames of a fold with which its owner stores something.
 
     Raises:
-        ServiceError: The fold is public, belongs to somebody else, runs, or has no frames.
+        ServiceError: If the fold is public, has another owner, runs, or has no frames.
     """
     check_private(fold, NOTHING_STORED)
     if not context.store.owns(fold.id, owner):

@@ -280,7 +280,7 @@ def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:
 
 
 def _shown(row: FoldRow) -> dict[str, Any]:
-    """Return the listed facts of a fold: none that grants access or that a visitor wrote."""
+    """Return the listed facts of a fold, without secrets and without text of visitors."""
     return {
         "id": row.id,
         "status": row.status,

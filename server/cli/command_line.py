@@ -1,4 +1,4 @@
-"""The command line: ``foldback``."""
+"""Command line of ``foldback``."""
 
 from __future__ import annotations
 
@@ -44,8 +44,8 @@ without importing their modules."""
 SERVICE_PACKAGES: Final[dict[str, str]] = dict.fromkeys(
     ("serve", "worker", "play", "movie", "site", "doctor", "admin"), "server.cli"
 )
-"""Packages of the commands that need the web service's code or its processes; a command is a module
-there. All others are modules of the package ``cli``, which imports nothing of the service."""
+"""Packages of the commands that need the web service's code or processes; each command is a module
+of its package. All other commands are modules of ``cli``, which imports nothing of the service."""
 
 OPENGL_COMMANDS: Final = frozenset(("serve", "worker", "movie", "doctor"))
 """Commands that draw or start processes that draw. For all others MuJoCo's OpenGL is not loaded,
@@ -58,12 +58,12 @@ garbage stays in memory for longer. Measured."""
 
 
 class LazyCommands(TyperGroup):
-    """Commands that are imported when they are called: most bring a simulator or a web server."""
+    """Commands that are imported when called, because most import a simulator or a web server."""
 
     def resolve_command(
         self, ctx: Context, args: list[str]
     ) -> tuple[str | None, Command | None, list[str]]:
-        """Return the command that is called, imported, with what its arguments are."""
+        """Import the command that is called and return it with its arguments."""
         name, command, rest = super().resolve_command(ctx, args)
         return name, command if name is None else _imported(name), rest
 
@@ -88,11 +88,11 @@ def application() -> typer.Typer:
 
 
 def _not_imported() -> None:
-    """Stands for a command in the list of all."""
+    """Stand in for a command in the list of commands."""
 
 
 def _imported(name: str) -> Command:
-    """Return the command of this name, from the module of this name."""
+    """Return the command with a name, from the module of the same name."""
     found: typer.Typer | Callable[..., None] = getattr(
         import_module(f"{SERVICE_PACKAGES.get(name, 'cli')}.{name}"), name
     )
@@ -105,22 +105,22 @@ def _imported(name: str) -> Command:
 
 def _version(asked: bool) -> None:
     if asked:
-        from importlib.metadata import version  # takes as long as all else that `--help` needs
+        from importlib.metadata import version  # this import would double the time of `--help`
 
         typer.echo(f"foldback {version('foldback')}")
         raise typer.Exit
 
 
 def main() -> None:
-    """The entry point."""
-    # Read when NumPy is imported. Threads of linear algebra bring nothing at these sizes.
+    """Run the command line."""
+    # NumPy reads these on import. Threads do not speed up linear algebra at these sizes.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
     brief = not set(sys.argv[1:2]) & OPENGL_COMMANDS
     if brief:
         os.environ.setdefault("MUJOCO_GL", "off")
-        os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # it looks for some
-    # Most of what is imported stays for good: looked through for what may go, it takes 0.2 s.
+        os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")  # the search takes time
+    # Imported objects stay in memory, so traversing them for garbage would waste 0.2 s.
     gc.set_threshold(GC_THRESHOLD_OBJECTS, *gc.get_threshold()[1:])
     try:
         application()(prog_name="foldback")
@@ -131,9 +131,9 @@ def main() -> None:
 
 
 def _leave(code: int) -> None:
-    """Exit the process, unless something else runs in it.
+    """Exit the process at once, unless other threads run.
 
-    Python would first take apart all that was imported, module by module, which takes 0.2 s.
+    Otherwise Python would first deallocate all imported modules, which takes 0.2 s.
     """
     if any(not each.daemon for each in threading.enumerate()[1:]):
         return

@@ -1,4 +1,4 @@
-"""``foldback doctor``: is all there that the service needs, and what to do where it is not."""
+"""``foldback doctor``: checks of the service's requirements, with remedies."""
 
 from __future__ import annotations
 

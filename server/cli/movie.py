@@ -1,4 +1,4 @@
-"""``foldback movie``: films a fold's directory as MP4 or GIF."""
+"""``foldback movie``: creates a movie of a fold's directory, as MP4 or GIF."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
 
 
 def _with_movie_options(command: Callable[..., None]) -> Callable[..., None]:
-    """Give a command an option for each of ``MOVIE_OPTIONS``, in place of ``options``."""
+    """Replace the parameter ``options`` of a command by an option for each of ``MOVIE_OPTIONS``."""
     *own, _, last = signature(command, eval_str=True).parameters.values()
     added = (
         Parameter(
@@ -110,7 +110,7 @@ def _tour_of(directory: Path) -> dict[str, Any]:
 
 
 def _format_of(out: Path) -> str:
-    """Return the format of a movie by the name of its file, whose folder must exist."""
+    """Return the format of a movie by its file's name; check that its directory exists."""
     kind = out.suffix.lower().removeprefix(".")
     if kind not in FORMATS:
         raise InputError(

@@ -1,4 +1,4 @@
-"""``foldback play``: view a finished fold's directory, without a service."""
+"""``foldback play``: displays a fold's directory without a service."""
 
 from __future__ import annotations
 
@@ -44,22 +44,22 @@ PLAYED_FOLD_ID: Final = "fold"
 
 
 class FolderStore:
-    """A store of one fold: a directory."""
+    """Fold source with a single fold, a directory."""
 
     def __init__(self, directory: Path) -> None:
         self._directory = directory
 
     def find(self, fold_id: str) -> Found | None:
-        """Return the only fold, by its id."""
+        """Return the only fold if the id matches."""
         return Found(self.fold(fold_id), self._directory) if fold_id == PLAYED_FOLD_ID else None
 
     def tour(self, _fold_id: str) -> dict[str, Any] | None:
-        """Return the tour in the directory; None if there is none, or none that is right."""
+        """Return the tour in the directory; None if it is missing or invalid."""
         tour = stored_tour(self._directory)
         return None if tour is None else tour.as_dict()
 
     def values(self, fold_id: str) -> dict[str, Any] | None:
-        """Return the numbers in the directory; None without any, or any that are right."""
+        """Return the module values in the directory; None if they are missing or invalid."""
         return values_in(self._directory, self.fold(fold_id).modules)
 
     def fold(self, _fold_id: str) -> ShownFold:
@@ -71,7 +71,7 @@ def row_of(directory: Path) -> ShownFold:
     """Return the row of a fold's directory.
 
     Raises:
-        TimelineError: When there is no timeline in it.
+        TimelineError: If it contains no timeline.
     """
     chain = Timeline.open(result_path(directory, TIMELINE)).chain
     request = json_of(directory / REQUEST)
@@ -113,12 +113,12 @@ def row_of(directory: Path) -> ShownFold:
 
 
 def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
-    """Return an application with the viewer of one directory."""
+    """Return an application that displays one directory."""
     store = FolderStore(directory)
 
     @contextlib.asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncGenerator[None]:
-        # The directory is somebody's own: nothing is put into it.
+        # The directory belongs to the user, so nothing is written to it.
         with TemporaryDirectory(prefix="foldback-") as place:
             artifacts = Artifacts(None, folder=Path(place))
             waits = FrameWaits()
@@ -176,7 +176,7 @@ def play(
         raise typer.Exit(INVALID_INPUT) from error
 
     if not (directory / FIGURES).exists():
-        # Folds that were cancelled have none, and those of earlier versions.
+        # Cancelled folds and folds of earlier versions have none.
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError, TimelineError):
             Workspace(directory).write_figures()
 
@@ -212,7 +212,7 @@ def _play_in_viser(directory: Path, name: str, host: str, port: int, browser: bo
     from web.viser.scene_bundle import quiet
 
     ended = threading.Event()
-    # As uvicorn does, also where the shell started this program with SIGINT ignored.
+    # As in uvicorn; also needed if the shell has started this program with SIGINT ignored.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, frame: ended.set())
     with quiet():

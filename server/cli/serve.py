@@ -1,4 +1,4 @@
-"""``foldback serve``: the pages, the API and the workers, with one command."""
+"""``foldback serve``: starts the web process and the workers."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def serve(
     set_up_logs(settings)
     warn_of_unknown_names(log)
 
-    # Workers first: they warm up on the other core while the web process imports.
+    # Workers start first: they warm up on another core while the web process imports.
     from server.ops.supervisor import Supervisor
 
     with starting("service"):
@@ -54,7 +54,7 @@ def serve(
     supervisor = Supervisor(settings)
     if not settings.read_only:
         supervisor.start()
-    # uvicorn ends in good order on these and raises them once more; by then all is done.
+    # uvicorn shuts down on these signals and then raises them again, which has no effect here.
     for number in (signal.SIGTERM, signal.SIGINT):
         signal.signal(number, lambda number, frame: log.info("ended by signal %d", number))
     try:
@@ -66,21 +66,21 @@ def serve(
 def _run(settings: Settings, first_shape: str | None) -> None:
     server = server_of(settings, first_shape)
     _allow_files(2 * settings.max_connections)
-    # Threads that compute an answer let the event loop go on after this long, instead of 5 ms each:
-    # beside a hundred visitors it halves what all others wait.
+    # Threads that compute a response yield to the event loop after this time instead of 5 ms. With
+    # a hundred visitors this halves the waiting times of others.
     sys.setswitchinterval(0.0005)
     try:
         server.run()
-    except SystemExit:  # the port is taken, or the application did not start; it has said so
+    except SystemExit:  # the port is in use or the application did not start; already logged
         raise typer.Exit(1) from None
 
 
 def server_of(settings: Settings, first_shape: str | None = None) -> uvicorn.Server:
-    """Return an HTTP server over a database of the newest schema; it has yet to be run.
+    """Migrate the database and return an HTTP server that is not running yet.
 
     Args:
         settings: The settings.
-        first_shape: A shape of the gallery to fold if it has not been yet.
+        first_shape: Gallery shape to fold unless it has been folded already.
     """
     import asyncio
 
@@ -134,10 +134,10 @@ def server_of(settings: Settings, first_shape: str | None = None) -> uvicorn.Ser
             h11_max_incomplete_event_size=MAX_HEAD_BYTES,
             forwarded_allow_ips=list(settings.trusted_proxies),
             ws_max_size=2**20,
-            # The views carry arrays that hardly shrink, many times a second.
+            # Websockets carry arrays many times per second, which compress poorly.
             ws_per_message_deflate=False,
-            # Longer than clients keep a connection that is idle (5 s is usual): where both give up
-            # at the same time, some requests are sent into a connection that is just ending.
+            # Longer than clients keep idle connections (usually 5 s). If both close them at the
+            # same time, some requests are sent on a connection that is just being closed.
             timeout_keep_alive=max(1, int(0.75 * settings.header_seconds)),
             timeout_graceful_shutdown=3,
             server_header=False,

@@ -1,4 +1,4 @@
-"""``foldback site``: finished folds, the paper's experiments and benchmarks as a static website."""
+"""``foldback site``: creates a static website of folds, the paper's experiments and benchmarks."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def site(
 
 
 def _check_address(service: str) -> None:
-    """Raise InputError unless a link may lead to an address."""
+    """Raise InputError unless an address is a valid target of a link."""
     address = urlsplit(service)
     if address.scheme not in ("http", "https") or not address.hostname:
         detail = f"got {service!r}, expected an address such as https://fold.example.org."
@@ -89,7 +89,7 @@ def _check_address(service: str) -> None:
 
 @contextmanager
 def _shipped(finished: bool) -> Generator[list[Found]]:
-    """Unpack the finished folds that come with the package, while they are needed."""
+    """Unpack the finished folds of the package for the duration of a context."""
     with tempfile.TemporaryDirectory(prefix="foldback-site-") as place:
         folds: list[Found] = []
         for path in sorted(SHIPPED_FOLDS_DIR.glob("*.fold")) if finished else ():
@@ -103,7 +103,7 @@ def _shipped(finished: bool) -> Generator[list[Found]]:
 
 
 def _folds_in(directory: Path) -> list[Path]:
-    """Return a directory of a fold, or the folds in a directory."""
+    """Return the directory if it is a fold, else the folds in it."""
     if result_path(directory, TIMELINE).exists():
         return [directory]
     inside = sorted(directory.iterdir()) if directory.is_dir() else []
@@ -117,13 +117,13 @@ def _folds_in(directory: Path) -> list[Path]:
 
 
 def _found(directory: Path, name: str) -> Found:
-    """Return a fold with an id that may stand in addresses."""
+    """Return a fold with an id that is valid in addresses."""
     fold_id = re.sub(r"[^A-Za-z0-9_-]+", "-", name).strip("-")[:60] or "fold"
     return Found(replace(row_of(directory), id=fold_id), directory)
 
 
 def _named_apart(folds: list[Found]) -> list[Found]:
-    """Return the folds, shortest chain first, with an id for each."""
+    """Return the folds, shortest chain first, with unique ids."""
     apart: dict[str, Found] = {}
     for fold in sorted(folds, key=lambda fold: (fold.row.modules, fold.row.name)):
         ids = (fold.row.id if k == 1 else f"{fold.row.id}-{k}" for k in count(1))

@@ -1,4 +1,4 @@
-"""``foldback worker``: one more process that takes folds from the queue."""
+"""``foldback worker``: starts an additional worker."""
 
 from __future__ import annotations
 

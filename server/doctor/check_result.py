@@ -1,4 +1,4 @@
-"""Check result: what a check of the doctor has found, and what to do about it."""
+"""Check result: finding and remedy of a check of ``foldback doctor``."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ Check = Callable[[Settings], "CheckResult"]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckResult:
-    """One line of the doctor.
+    """Result of one check.
 
     Attributes:
         name: Name of the check, which ``examine`` adds.
-        verdict: ``problem`` keeps the service from working, ``warning`` does not.
+        verdict: ``ok``; ``warning``; ``problem`` if the service cannot work.
         found: Short description of the finding.
-        remedy: Advice that solves it; None if there is no problem.
+        remedy: Advice for solving it; None if there is no problem.
     """
 
     name: str = ""
@@ -30,28 +30,28 @@ class CheckResult:
 
     @property
     def line(self) -> str:
-        """The finding as one line."""
+        """Finding and remedy in one line."""
         words = f"{self.verdict:<8} {self.name}: {self.found}"
         return words if self.remedy is None else f"{words}. {self.remedy}"
 
 
 def ok(found: str) -> CheckResult:
-    """Return the result that all is well."""
+    """Return the result of a successful check."""
     return CheckResult(verdict="ok", found=found)
 
 
 def warning(found: str, remedy: str) -> CheckResult:
-    """Return the result of something that the service works without."""
+    """Return the result of a failed check without which the service still works."""
     return CheckResult(verdict="warning", found=found, remedy=remedy)
 
 
 def problem(found: str, remedy: str) -> CheckResult:
-    """Return the result of something that keeps the service from working."""
+    """Return the result of a failed check without which the service cannot work."""
     return CheckResult(verdict="problem", found=found, remedy=remedy)
 
 
 def examine(checks: Sequence[tuple[str, Check]], settings: Settings) -> list[CheckResult]:
-    """Run checks; one that raises is a problem and does not stop the others."""
+    """Run checks; one that raises an error is a problem and does not stop the others."""
     found: list[CheckResult] = []
     for name, check in checks:
         try:

@@ -1,4 +1,4 @@
-"""Check of the confinement of computing processes."""
+"""Check of the sandbox of computing processes."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ with tempfile.NamedTemporaryFile() as foreign, tempfile.TemporaryDirectory() as 
 
 
 def confinement(settings: Settings) -> CheckResult:
-    """Check that processes reading strangers' files reach neither database nor network."""
+    """Check that processes that read uploads can access neither database nor network."""
     code, words = run_python(_CONFINE, str(settings.root / "foldback.db"))
     free = words.split()[1:]
     if code or not words.startswith("free"):

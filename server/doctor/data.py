@@ -1,4 +1,4 @@
-"""Checks of the data: the directory and its disk, the databases, the storage."""
+"""Checks of the data: directory and disk, database, storage."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ reports harmless ones. Chosen."""
 
 
 def directory(settings: Settings) -> CheckResult:
-    """Check that the data directory is writable; state its disk and its free space."""
+    """Check that the data directory is writable; report its disk and free space."""
     root = settings.root
     there = _nearest(root)
     try:
@@ -90,7 +90,7 @@ def _kind_of_disk(path: Path) -> str:
 
 
 def database(settings: Settings) -> CheckResult:
-    """Check that the database answers, and the version of its tables."""
+    """Check that the database answers and has tables of a known version."""
     url = settings.store_url
     if (missing := missing_database(url)) is not None:
         return ok(f"{missing} will be created")
@@ -132,7 +132,7 @@ def storage(settings: Settings) -> CheckResult:
         return ok(f"{place} will be created")
     try:
         _check_storage(settings)
-    except Exception as error:  # each kind of storage has its own kinds of error
+    except Exception as error:  # storages raise different types of errors
         if settings.storage_url is None:
             remedy = "Make the directory writable for the user that runs foldback."
         else:
@@ -152,7 +152,7 @@ def _check_storage(settings: Settings) -> None:
 
 
 def _ahead_s(connection: sa.Connection, schema: Schema) -> float:
-    """Return the seconds between the database's clock and this one, or to rows in the future."""
+    """Return the seconds by which the database's clock differs, or its newest row is ahead."""
     if connection.dialect.name == "postgresql":
         theirs = connection.scalar(sa.text("SELECT extract(epoch FROM clock_timestamp())"))
         return abs(float(theirs) - time.time())

@@ -1,4 +1,4 @@
-"""Doctor: checks of all that the service needs."""
+"""Doctor: all checks of the service's requirements."""
 
 from __future__ import annotations
 
@@ -31,10 +31,10 @@ CHECKS: Final[tuple[tuple[str, Check], ...]] = (
 
 
 def examined(given: Mapping[str, Any]) -> list[CheckResult]:
-    """Return the findings of all checks, or the errors of the settings.
+    """Return the results of all checks, or the errors of the settings.
 
     Args:
-        given: Settings from the command line, by name; None is none.
+        given: Settings from the command line, by name; None if not given.
     """
     try:
         settings = Settings(**{name: value for name, value in given.items() if value is not None})

@@ -1,6 +1,6 @@
-"""Checks of what draws and computes: OpenGL, the encoder, compiled kernels.
+"""Checks of OpenGL, movie encoder and compiled kernels.
 
-Each runs in a process of its own: what is broken there may end it.
+Each runs in its own process, because a faulty library can crash it.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ print(one_circuit.stats.cache_path)
 
 
 def gl(_: Settings) -> CheckResult:
-    """Check that movies can be drawn: which OpenGL backend works without a screen."""
+    """Check that an OpenGL backend can draw movies without a screen."""
     tried = backends()
     said: list[str] = []
     for backend in tried:
@@ -56,7 +56,7 @@ def gl(_: Settings) -> CheckResult:
 
 
 def encoder(_: Settings) -> CheckResult:
-    """Check that movies can be encoded: GIF always can, MP4 by ffmpeg."""
+    """Check that ffmpeg can encode movies as MP4; GIF needs no encoder."""
     code, words = run_python(_ENCODE)
     if code == 0 and words.endswith(" with x264"):
         return ok(words)
@@ -67,7 +67,7 @@ def encoder(_: Settings) -> CheckResult:
 
 
 def kernels(_: Settings) -> CheckResult:
-    """Check that compiled kernels can be cached, and where."""
+    """Check that compiled kernels can be cached."""
     code, words = run_python(_COMPILE)
     if code == 0:
         return ok(f"compiled solvers are stored in {words}")
@@ -79,7 +79,7 @@ def kernels(_: Settings) -> CheckResult:
 def run_python(
     code: str, *arguments: str, environment: dict[str, str] | None = None
 ) -> tuple[int, str]:
-    """Run Python; return its exit code and its last line."""
+    """Run Python code in a new process; return the exit code and the last line of output."""
     try:
         done = subprocess.run(
             [sys.executable, "-P", "-c", code, *arguments],

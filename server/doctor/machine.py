@@ -1,4 +1,4 @@
-"""Checks of the machine: packages, ports, memory, files, names, the clock."""
+"""Checks of the machine: packages, port, memory, open files, host names and clock."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ a busy service. Chosen."""
 
 
 def python(_: Settings) -> CheckResult:
-    """Check the interpreter and the packages that foldback needs."""
+    """Check the versions of Python and of the required packages."""
     wrong: list[str] = []
     count = 0
     for line in requires("foldback") or ():
@@ -70,7 +70,7 @@ def python(_: Settings) -> CheckResult:
 
 
 def variables(settings: Settings) -> CheckResult:
-    """Check that each variable that looks like a setting is one."""
+    """Check that each environment variable that resembles a setting is one."""
     unknown = unknown_names(os.environ)
     if not unknown:
         return ok(
@@ -121,7 +121,7 @@ def _foldback_answers(settings: Settings) -> bool:
 
 
 def files(settings: Settings) -> CheckResult:
-    """Check that enough files may be open for all visitors."""
+    """Check that the limit of open files suffices for all visitors."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     needed = settings.max_streams + settings.max_robots + OTHER_OPEN_FILES
     if soft == resource.RLIM_INFINITY or soft >= needed:
@@ -139,7 +139,7 @@ def _count(limit: int) -> str:
 
 
 def memory(settings: Settings) -> CheckResult:
-    """Check that all folds, the web process and its children fit into memory together."""
+    """Check that all folds, the web process and its children together fit into memory."""
     there = min(psutil.virtual_memory().total, *_allowed_bytes())
     folds = settings.workers * settings.folds_per_worker
     besides = WEB_PROCESS_BYTES + INTERACTIVE_CHILDREN * WEB_CHILD_BYTES
@@ -173,7 +173,7 @@ def _mib(size: int) -> str:
 
 
 def names(settings: Settings) -> CheckResult:
-    """Check that foreign host names cannot be pointed at the service."""
+    """Check that the service refuses foreign host names."""
     host = settings.host
     if settings.allowed_hosts:
         if "*" in settings.allowed_hosts:
@@ -191,7 +191,7 @@ def names(settings: Settings) -> CheckResult:
 
 
 def clock(settings: Settings) -> CheckResult:
-    """Check that the clock is later than times that are known to be past."""
+    """Check that the clock is later than time stamps of existing files."""
     past = Path(__file__).stat().st_mtime
     newest = settings.root / "foldback.db"
     if newest.exists():

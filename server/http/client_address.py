@@ -8,5 +8,5 @@ from server.limits.networks import visitor_at
 
 
 def address_of(connection: HTTPConnection) -> str:
-    """Return the visitor that a request comes from, with its networks (`visitor_at`)."""
+    """Return the name of a request's visitor with its networks, as in ``visitor_at``."""
     return visitor_at(connection.client.host if connection.client else "unknown")

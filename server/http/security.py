@@ -75,8 +75,8 @@ class AllowedHosts(Guard):
     """Middleware that refuses requests under host names that are not the service's own.
 
     Otherwise another site could let its name point to this service (DNS rebinding), and its pages
-    would count as the service's own. The IP address to which the connection was made is permitted,
-    because no other name can stand for it.
+    would count as the service's own. The IP address of the connection is always permitted, because
+    it is not a name that another site can redirect.
     """
 
     def __init__(self, app: ASGIApp, *, hosts: Iterable[str]) -> None:

@@ -128,7 +128,7 @@ class Execution:
         """Compute the fold to its end, and store the result.
 
         Raises:
-            NotFinishedError: When it does not end here.
+            NotFinishedError: If it does not end here.
         """
         try:
             stage, files = self._claim.stage, self._claim.files
@@ -151,7 +151,7 @@ class Execution:
             files: Epoch of the files that it starts from.
 
         Raises:
-            NotFinishedError: When it does not end here.
+            NotFinishedError: If it does not end here.
         """
         epoch = 0
         try:

@@ -72,7 +72,7 @@ class Movies:
         owner: Owner,
         of_owner: bool = False,
     ) -> tuple[MovieRow, bool]:
-        """Request a movie, unless it exists or is being made. A failed one is tried again.
+        """Request a movie, unless it exists or is being created. A failed one is tried again.
 
         Args:
             fold_id: The fold.

@@ -39,7 +39,7 @@ HEARTBEATS_PER_LEASE: Final = 5
 ``lease_s``; after this time without a report it counts as dead. A larger value tolerates more lost
 reports and writes to the database more often. Chosen."""
 RECOVERY_POLLS_PER_LEASE: Final = 8
-"""Minimum number of times that a worker looks for dead workers within the configured time
+"""Minimum number of times that a worker checks for dead workers within the configured time
 ``lease_s``, after which a worker without reports counts as dead. With a smaller value the folds of
 dead workers continue later. Chosen."""
 WORKER_SWEEP_S: Final = 60.0

@@ -1,7 +1,7 @@
-"""Logs: one line an event, on standard error, for people or (as JSON) for programs.
+"""Logs: one line per event on standard error, as text or as JSON.
 
-Lines say what they are about: ``about(fold=…)`` holds for all that is logged within it,
-``extra={"fold": …}`` for one line. Whatever visitors send stays within its line.
+Lines have context fields: ``about(fold=…)`` sets them for all lines within a context,
+``extra={"fold": …}`` for a single line. Text from visitors is escaped, so it cannot start a line.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from server.settings import Settings
 QUIET_LOGGERS: Final = ("alembic", "httpx", "opentelemetry", "websockets")
 CONTEXT_FIELDS: Final = ("fold", "movie", "worker", "request")
 ACCESS_FIELDS: Final = ("method", "route", "path", "status", "duration_ms")
-"""Fields of a record of the logger ``foldback.access`` that become fields of a JSON log line; plain
-log lines hold them in their text."""
+"""Fields of a record of the logger ``foldback.access`` that become fields of a JSON log line; text
+lines contain them in the message."""
 _about: ContextVar[Mapping[str, str]] = ContextVar("about", default=MappingProxyType({}))
 
 
 @contextmanager
 def about(**facts: str) -> Generator[None]:
-    """Say what is logged within is about.
+    """Set context fields of all log lines within a context.
 
     Args:
-        facts: Some of ``CONTEXT_FIELDS``.
+        facts: Values by field, a subset of ``CONTEXT_FIELDS``.
     """
     token = _about.set({**_about.get(), **facts})
     try:
@@ -46,14 +46,14 @@ def from_now_on_about(**facts: str) -> None:
 
 
 def escaped(text: str) -> str:
-    """Return the text on one line, with nothing in it that a terminal would obey."""
+    """Return the text on one line, with control characters escaped."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
 
 
 class _Formatter(logging.Formatter):
-    """Common part of the two formats.
+    """Base class of both formats.
 
     Args:
         always: Context fields of all lines of this process.
@@ -78,7 +78,7 @@ class _Formatter(logging.Formatter):
 
 
 class JsonLines(_Formatter):
-    """One JSON object a line: ``time``, ``level``, ``logger``, ``message`` and what it is about."""
+    """JSON object per line: ``time``, ``level``, ``logger``, ``message``, context fields."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the line."""
@@ -95,7 +95,7 @@ class JsonLines(_Formatter):
 
 
 class TextLines(_Formatter):
-    """``time level logger [fold=… request=…]: message``; a traceback follows, moved in."""
+    """``time level logger [fold=… request=…]: message``, then an indented traceback."""
 
     def format(self, record: logging.LogRecord) -> str:
         """Return the line, and those of a traceback."""
@@ -108,11 +108,11 @@ class TextLines(_Formatter):
 
 
 def set_up_logs(settings: Settings, *, worker: str | None = None) -> None:
-    """Send what foldback has to say to standard error, and of libraries only warnings.
+    """Log to standard error; from some libraries, only warnings and errors.
 
     Args:
-        settings: Say the format and from which level on.
-        worker: Name of the worker that this process is, for all its lines.
+        settings: Contain the format and the lowest level.
+        worker: Name of this process if it is a worker, added to all lines.
     """
     lines = JsonLines if settings.log_format == "json" else TextLines
     handler = logging.StreamHandler()

@@ -1,4 +1,4 @@
-"""Metrics: figures of the service for Prometheus."""
+"""Metrics of the service for Prometheus."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ class Metrics:
     """Counters of the web process.
 
     Attributes:
-        in_progress: Requests that are being answered.
-        websockets: Websockets that are open.
+        in_progress: Number of requests in progress.
+        websockets: Number of open websockets.
     """
 
     def __init__(self) -> None:
@@ -45,11 +45,11 @@ class Metrics:
         )
 
     def count(self, *, method: str, route: str, status: int, seconds: float) -> None:
-        """Count one HTTP answer."""
+        """Count one HTTP response."""
         self._seconds.labels(method, route, f"{status // 100}xx").observe(seconds)
 
     def text(self, figures: Figures | None, places: Places, *, streams: int, robots: int) -> bytes:
-        """Return all figures, in the format that Prometheus reads.
+        """Return all metrics in the text format of Prometheus.
 
         Args:
             figures: Figures of the rows; None if the database does not answer.

@@ -1,4 +1,4 @@
-"""Readiness: whether this process can take folds now, and if not, why."""
+"""Readiness: state of the parts that a process needs to accept folds."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ log = logging.getLogger("foldback.web")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """Findings for each part: ``ok`` or the problem; ``workers`` is the number of live ones."""
+    """State of each part: ``ok`` or the problem; ``workers`` is the number of live ones."""
 
     database: str
     disk: str
@@ -60,12 +60,12 @@ class Places:
 
 
 class Readiness:
-    """State of all that the service needs, cached for ``READINESS_CACHE_S``.
+    """State of the parts that the service needs, cached for ``READINESS_CACHE_S``.
 
     Args:
         settings: The settings.
-        leases: Knows the workers.
-        storage: Raises when files that are kept elsewhere cannot be reached.
+        leases: Leases of the workers.
+        storage: Function that raises an error if the object store cannot be used.
     """
 
     def __init__(
@@ -83,7 +83,7 @@ class Readiness:
         self._ending.set()
 
     def state(self) -> State:
-        """Return the current state; that of disk and storage may be a moment old."""
+        """Return the current state; that of disk and storage is cached."""
         database, workers = OK, 0
         try:
             workers = len(self._leases.workers())
@@ -118,9 +118,9 @@ class Readiness:
         )
 
     def places(self) -> Places:
-        """Return the state of disk and storage, at most ``READINESS_CACHE_S`` old if they answer.
+        """Return the state of disk and storage, cached for ``READINESS_CACHE_S``.
 
-        One thread checks at a time. The others return its last result, even if the storage hangs.
+        Only one thread checks at a time. Others return the last result, even if the storage hangs.
         """
         if self._lock.acquire(blocking=self._kept is None):
             try:
@@ -153,7 +153,7 @@ class Readiness:
 
 
 def disk_says(settings: Settings) -> str:
-    """Return ``ok`` if uploads can be written and there is room, or the problem."""
+    """Return ``ok`` if uploads can be written and enough space is free, or the problem."""
     try:
         free = free_space(settings.root)
         if free < settings.min_free_disk_bytes:
@@ -170,7 +170,7 @@ def check_folder(settings: Settings) -> None:
     """Write, read, list and delete a probe in this machine's directory of folds.
 
     Raises:
-        OSError: When that does not work.
+        OSError: If one of these fails.
     """
     folder = settings.folds_dir
     handle, name = tempfile.mkstemp(prefix=".probe-", dir=folder)

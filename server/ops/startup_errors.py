@@ -35,9 +35,9 @@ off. A larger value makes messages longer. Chosen."""
 
 
 def settings_of(**given: Any) -> Settings:
-    """Return the settings of the environment, with what was given on the command line.
+    """Return the settings of the environment, with those given on the command line.
 
-    What they can't be ends the program with one line and the exit code 1.
+    Invalid settings end the program with a message of one line and the exit code 1.
     """
     try:
         return Settings(**{name: value for name, value in given.items() if value is not None})
@@ -65,7 +65,7 @@ def _fault(one: Mapping[str, Any]) -> str:
 
 
 def warn_of_unknown_names(log: logging.Logger) -> None:
-    """Warn of variables that look like settings and are none."""
+    """Log warnings about variables that resemble settings but are none."""
     for name, nearest in unknown_names(os.environ).items():
         log.warning("%s", unknown_words(name, nearest))
 
@@ -77,7 +77,7 @@ def starting(what: str) -> Generator[None]:
     Args:
         what: Name of the starting program, for the message.
     """
-    # Loaded late: settings are wanted by commands that need no database.
+    # Imported here, because commands without a database use this module as well.
     from sqlalchemy.exc import DBAPIError
 
     from server.store.object_store import StorageError

@@ -1,4 +1,4 @@
-"""Supervisor: starts worker processes, and starts them again when they die."""
+"""Supervisor: starts worker processes, and restarts those that die."""
 
 from __future__ import annotations
 
@@ -27,9 +27,9 @@ log = logging.getLogger("foldback.supervisor")
 
 
 class Supervisor:
-    """Running workers, as many as the settings say.
+    """Worker processes, in the number of the settings.
 
-    Workers end when their standard input does: when this process is killed, they follow.
+    A worker ends when its standard input is closed, and thus also if this process is killed.
     """
 
     def __init__(self, settings: Settings) -> None:
@@ -69,7 +69,7 @@ class Supervisor:
 
 
 class _Worker:
-    """One worker process at a time; the faster it dies, the longer the pause."""
+    """Worker process with restarts; the pause doubles if it dies soon after its start."""
 
     def __init__(self) -> None:
         self.process: subprocess.Popen[bytes] | None = None
@@ -95,7 +95,7 @@ class _Worker:
                 [sys.executable, "-P", "-m", "server.jobs.worker", "--leashed"],
                 stdin=subprocess.PIPE,
                 env=environment,
-                # A key press that interrupts the server must not reach them on its own.
+                # Ctrl-C in the terminal must reach only the service, which stops its workers.
                 start_new_session=True,
             )
 

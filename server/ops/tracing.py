@@ -1,4 +1,4 @@
-"""Tracing: the folds of a worker as OpenTelemetry traces, a span a fold and one a stage."""
+"""Tracing: OpenTelemetry traces of a worker, with a span for each fold and each stage."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def start_tracing(settings: Settings) -> None:
     """Send the spans of this process to ``otlp_endpoint``; do nothing unless it is set.
 
     Raises:
-        NoTracingError: When the packages are missing.
+        NoTracingError: If the packages are missing.
     """
     global _provider
     if settings.otlp_endpoint is None:
@@ -47,7 +47,7 @@ def start_tracing(settings: Settings) -> None:
 
 @contextmanager
 def span(name: str, **attributes: str) -> Generator[None]:
-    """Trace what is done within; free of charge unless tracing was started."""
+    """Trace the code within a context; do nothing unless tracing was started."""
     if _provider is None:
         yield
         return
@@ -56,6 +56,6 @@ def span(name: str, **attributes: str) -> Generator[None]:
 
 
 def send_rest() -> None:
-    """Send what waits to be sent, within ``FLUSH_TIMEOUT_MS``; for a process that ends."""
+    """Send the remaining spans within ``FLUSH_TIMEOUT_MS``; called before the process ends."""
     if _provider is not None:
         _provider.force_flush(FLUSH_TIMEOUT_MS)

@@ -1,7 +1,7 @@
-"""Estimates: the one source of how long a fold takes, for previews, folds and comparisons.
+"""Estimates: expected computing times of folds, for previews, queue and comparisons.
 
-The stages of similar folds that ended in this database are measured. Below ``MIN_SIMILAR_FOLDS`` of
-them the planner's expected cost stands in.
+Estimates use the measured stages of similar folds in the database. If there are fewer than
+``MIN_SIMILAR_FOLDS``, they use the planner's expected cost.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ KIND_COLUMNS: Final = (
     "module",
     *(name for name in REQUESTED_COLUMNS if name not in ("seed", "module_size")),
 )
-"""Columns of a fold's row in which folds are alike whose durations are compared."""
+"""Columns of a fold's row that must be equal for durations to be compared."""
 DURATIONS_CACHE_S: Final = 5.0
 """Time for which durations of earlier folds are cached, in s. A larger value includes the newest
 folds in estimates later; a smaller one reads the database more often. Chosen."""
@@ -59,7 +59,7 @@ measured. With too small a fraction a stage counts as late too early. Measured: 
 took 0.5 to 2.5 s (explode), 5 to 10 s (play back) and 1 to 2 s (certify)."""
 
 Expected = Callable[[FoldRow], float]
-"""Returns the seconds that a fold is expected to take."""
+"""Function that returns the seconds that a fold is expected to take."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,12 +87,12 @@ def expected_of_cost(row: FoldRow) -> float:
 
 
 def _kind_of(_estimates: Estimates, row: FoldRow) -> tuple[object, ...]:
-    """Return in what folds are alike whose durations are compared."""
+    """Return the properties of a fold that must be equal for durations to be compared."""
     return (*(getattr(row, name) for name in KIND_COLUMNS), row.smooths is None, row.refold is None)
 
 
 class Estimates:
-    """Expected times of folds. Safe to use from many threads.
+    """Expected times of folds. Safe for use by several threads.
 
     Args:
         store: Rows of the folds.
@@ -145,8 +145,8 @@ class Estimates:
 def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | None:
     """Return the expected seconds of each stage; None if fewer than ``MIN_SIMILAR_FOLDS``.
 
-    Of each stage it is the median over other folds, weighted by the similarity of their sizes, each
-    scaled by the expected costs of the two chains.
+    For each stage, this is the median over other folds, weighted by the similarity of their sizes.
+    Each duration is scaled by the ratio of the expected costs of the two chains.
     """
     if row.modules <= 0:
         return None

@@ -1,8 +1,8 @@
-"""Folders: where the files of a fold are on this machine.
+"""Fold files: directories with the files of folds on this machine.
 
-Without a storage there is one directory a fold, which all processes share. With one, a worker
-computes in a directory of its own and keeps what it has made under the fold's epoch, and readers
-have copies of what the last epoch has kept.
+Without an object store, each fold has one directory, which all processes share. With one, a worker
+computes in its own directory and uploads the files under the fold's epoch; readers have copies of
+the files of the last published epoch.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ class NoSuchFoldError(NoSuch):
 
 
 class Folders:
-    """See the module's description. Safe to use from many threads.
+    """Files of folds. Safe for use by several threads.
 
     Args:
         settings: The settings.
@@ -85,7 +85,7 @@ class Folders:
             self.storage.close()
 
     def check(self) -> None:
-        """Raise StorageError when the storage does not answer."""
+        """Raise StorageError if the storage does not answer."""
         if self.storage is not None:
             self.storage.check()
 
@@ -93,7 +93,7 @@ class Folders:
         """Return a fold's work directory; ids are checked before they become a path.
 
         Raises:
-            NoSuchFoldError: When this is not an id.
+            NoSuchFoldError: If this is not an id.
         """
         if not (fold_id.isascii() and fold_id.isalnum() and len(fold_id) <= 32):
             raise NoSuchFoldError(fold_id)
@@ -103,10 +103,10 @@ class Folders:
     # For readers
 
     def shown(self, row: FoldRow) -> Path:
-        """Return the directory of a fold as readers see it; fetch it if it is stored elsewhere.
+        """Return the directory of a fold for readers; fetch it from the object store if needed.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         if self.storage is None:
             return self.place(row.id)
@@ -114,7 +114,7 @@ class Folders:
         with self._lock_of(copy.name):
             at, whole = self._looked.get(copy.name, (-COPY_CACHE_S, False))
             now = time.monotonic()
-            # A copy from before the end lacks files; of one that grows, a recent copy will do.
+            # A copy made before the end lacks files; for a running fold a recent copy suffices.
             enough = whole if row.over else now - at < COPY_CACHE_S
             if not (enough and (copy / FETCHED_INDEX).is_file()):
                 self.storage.fetch(_key(row.id, row.kept), copy)
@@ -125,10 +125,10 @@ class Folders:
         return copy
 
     def movie(self, fold_id: str, name: str) -> Path | None:
-        """Return the file of a movie, fetched if it is stored elsewhere; None if there is none.
+        """Return the file of a movie, fetched from the object store if needed; None if missing.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         if self.storage is None:
             path = self.place(fold_id) / MOVIES / name
@@ -150,14 +150,14 @@ class Folders:
         names = {copy.name for copy in self._settings.cache_dir.iterdir()}
         return {name.partition("-")[0] for name in names if not name.startswith(".")}
 
-    # For who takes an upload in
+    # For uploads
 
     def adopt(self, aside: Path, fold_id: str) -> None:
         """Move the directory of a new fold into place, whole or not at all.
 
         Raises:
-            OSError: When there is no room.
-            StorageError: When the storage does not answer.
+            OSError: If the disk is full.
+            StorageError: If the storage does not answer.
         """
         if self.storage is None:
             place = self.place(fold_id)
@@ -172,7 +172,7 @@ class Folders:
         """Remove all files of a fold.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         shutil.rmtree(self.place(fold_id), ignore_errors=True)
         if self.storage is not None:
@@ -181,15 +181,15 @@ class Folders:
             for copy in self._settings.cache_dir.glob(f"{fold_id}-*"):
                 self._drop(copy)
 
-    # For who makes a movie of it
+    # For movies
 
     def keep_movie(self, fold_id: str, name: str, path: Path) -> None:
         """Store a complete movie file for readers.
 
         Raises:
-            NoSuchFoldError: When there is no such fold any more.
-            OSError: When there is no room.
-            StorageError: When the storage does not answer.
+            NoSuchFoldError: If the fold no longer exists.
+            OSError: If the disk is full.
+            StorageError: If the storage does not answer.
         """
         if self.storage is not None:
             self.storage.keep_file(_movie_key(fold_id, name), path)
@@ -212,7 +212,7 @@ class Folders:
         """Remove the file of a movie, if there is one.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         with suppress(OSError):
             (self.place(fold_id) / MOVIES / name).unlink(missing_ok=True)
@@ -220,21 +220,21 @@ class Folders:
             self.storage.remove_file(_movie_key(fold_id, name))
             shutil.rmtree(self._settings.cache_dir / f"{fold_id}-{name}", ignore_errors=True)
 
-    # For who makes room
+    # For housekeeping
 
     def remove_exports(self, fold_id: str, *, before: float) -> tuple[int, int]:
         """Remove a fold's derived files on this machine that are older than a time.
 
         Args:
             fold_id: The fold.
-            before: Seconds since 1970.
+            before: The time, in seconds since 1970.
 
         Returns:
-            The bytes of what is gone, and of what is left.
+            Total size of the removed files, and of the remaining ones, in bytes.
         """
         gone = left = 0
         for path in (self.place(fold_id) / EXPORTS_DIR).glob("*"):
-            with suppress(OSError):  # another process removes it just now
+            with suppress(OSError):  # another process has just removed it
                 found = path.stat()
                 if found.st_mtime < before:
                     path.unlink()
@@ -243,7 +243,7 @@ class Folders:
                     left += found.st_size
         return gone, left
 
-    # For who computes it
+    # For workers
 
     def bring(self, fold_id: str, known: int, epoch: int) -> Path:
         """Return a fold's work directory for an epoch, with all files of the earlier one.
@@ -254,7 +254,7 @@ class Folders:
             epoch: Current epoch.
 
         Raises:
-            StorageError: The storage does not answer.
+            StorageError: If the storage does not answer.
         """
         place = self.place(fold_id)
         if self.storage is None:
@@ -272,7 +272,7 @@ class Folders:
         """Store the files in a fold's directory; return their size, without derived files.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         place = self.place(fold_id)
         if self.storage is None:
@@ -283,7 +283,7 @@ class Folders:
         """Clean up after an ended fold, except for the files of its last epoch.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         if self.storage is not None:
             shutil.rmtree(self.place(fold_id), ignore_errors=True)
@@ -303,7 +303,7 @@ class Folders:
             self._tidied = now
         copies: list[tuple[float, int, Path]] = []
         for copy in self._settings.cache_dir.iterdir():
-            with suppress(OSError):  # another process drops it just now
+            with suppress(OSError):  # another process has just removed it
                 if copy.is_dir():
                     copies.append((copy.stat().st_mtime, size_of(copy), copy))
         copies.sort()
@@ -316,7 +316,7 @@ class Folders:
                 total -= size
 
     def _drop(self, copy: Path) -> None:
-        """Remove a copy atomically, so that no reader sees half of it or writes into it."""
+        """Remove a copy atomically, so that no reader sees a part of it or writes into it."""
         going = copy.with_name(f"{REMOVED_PREFIX}{copy.name}-{secrets.token_hex(4)}")
         with self._lock_of(copy.name):
             self._looked.pop(copy.name, None)
@@ -326,7 +326,7 @@ class Folders:
 
 
 def size_of(directory: Path, *, but: Collection[str] = ()) -> int:
-    """Return the size of all files in a directory, without some of its subdirectories."""
+    """Return the size of all files in a directory, except those in ``but``."""
     total = 0
     for path in directory.rglob("*"):
         if path.relative_to(directory).parts[0] in but:
@@ -362,7 +362,7 @@ def _epoch_of(place: Path) -> int | None:
 
 
 def frames_promised(directory: Path) -> int:
-    """Frames that the timeline in a fold's directory promises."""
+    """Return the number of frames that a fold's timeline states; 0 if there is none."""
     try:
         attributes = (result_path(directory, TIMELINE) / "zarr.json").read_bytes()
         return int(json.loads(attributes)["attributes"]["frames"])

@@ -1,4 +1,4 @@
-"""Fold source: folds as pages find them, in a service or in a directory."""
+"""Fold source: access of pages to folds, in a service or in a directory."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ class Found:
     Attributes:
         row: Facts of the fold.
         directory: Directory with its files.
-        recorded: Id of the fold whose plan was smoothed, while it exists.
-        alternative_to: Id of the fold of which this is another plan; None for a fold.
+        recorded: Id of the fold whose plan was smoothed; None if there is none or it is deleted.
+        alternative_to: Id of the fold that this is an alternative plan of, or None.
     """
 
     row: ShownFold
@@ -34,14 +34,14 @@ class FoldSource(Protocol):
         ...
 
     def tour(self, fold_id: str, /) -> dict[str, Any] | None:
-        """Return the tour that is stored with a fold, as plain values; None without one."""
+        """Return the tour stored with a fold, as plain values; None if there is none."""
         ...
 
     def values(self, fold_id: str, /) -> dict[str, Any] | None:
-        """Return the numbers stored with a fold, as plain values; None without any."""
+        """Return the module values stored with a fold, as plain values; None if there are none."""
         ...
 
 
 def id_of_fold(shown_id: str) -> str:
-    """Return the id of the fold to which the id of a page belongs: ``abc`` for ``abc-3``."""
+    """Return the id of the fold that a page's id belongs to: ``abc`` for ``abc-3``."""
     return shown_id.partition("-")[0]

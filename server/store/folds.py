@@ -1,7 +1,8 @@
-"""Store: the rows of all folds, and the directory of each.
+"""Store: rows of all folds, and access to their directories.
 
-What several may do to a row at the same time is one statement each, which finds and changes it: who
-asks for a fold that is just being cancelled gets it and it goes on, or gets another one.
+Each change that several processes may make at the same time is a single statement that finds and
+changes the row. A request for a fold that is just being cancelled thus either joins it, and it
+continues, or creates another fold.
 """
 
 from __future__ import annotations
@@ -63,9 +64,9 @@ SLICE_END_S: Final = 1.0
 of the queue and the end of a computing step. A larger value makes estimated waiting times longer.
 Chosen."""
 CANCELLATION_MEMORY_S: Final = 3600.0
-"""Time, in s, for which gallery folds of a visitor who has cancelled one no longer go before all
-others in the queue. With a smaller value visitors who start and cancel gallery folds again and
-again delay others more. Chosen."""
+"""Time, in s, after a visitor has cancelled a gallery fold for which the visitor's gallery folds no
+longer go before all others in the queue. With a smaller value visitors that repeatedly start and
+cancel gallery folds delay others more. Chosen."""
 DAY_S: Final = 86400.0
 """Number of seconds in a day."""
 PACE_SAMPLES: Final = 40
@@ -80,15 +81,14 @@ def new_id() -> str:
 
 
 class Ahead(NamedTuple):
-    """Work ahead of a queued fold in its lane.
+    """Work before a queued fold in its lane.
 
     Attributes:
-        place: Its place in the queue, 1 for the next.
-        ahead_s: Expected seconds of the folds before it, on the machines measured lately.
-        running_s: Seconds left of the folds that are being computed, until their slices are over
-            at most.
-        running: Number of those.
-        compiling: Compiled fraction of the solvers where one of those compiles them; else None.
+        place: Position in the queue, from 1.
+        ahead_s: Expected seconds of the folds before it, at the recently measured speed.
+        running_s: Remaining seconds of the running folds, at most until their slices are over.
+        running: Number of running folds.
+        compiling: Compiled fraction of the solvers if a running fold compiles them; else None.
     """
 
     place: int
@@ -99,7 +99,7 @@ class Ahead(NamedTuple):
 
 
 class Store:
-    """Rows in a database, files in folders. Safe to use from many threads.
+    """Rows and files of folds. Safe for use by several threads.
 
     Attributes:
         folders: Files of the folds.
@@ -110,13 +110,13 @@ class Store:
         self._keep_days = settings.keep_days
         self._first_slice_s = settings.slice_seconds
         self.admitting = threading.Lock()
-        """Held from the look at the queue until a fold is in it."""
+        """Lock that is held from the check of the queue until a fold is in it."""
         self._engine = engine_of(settings)
         migrate(self._engine)
         self.reading = sessionmaker(self._engine, expire_on_commit=False)
-        """A session that reads."""
+        """Factory of sessions that read."""
         self.changing = self.reading.begin
-        """A session whose changes are made together, or not at all."""
+        """Factory of sessions that commit their changes together, or none of them."""
 
     def close(self) -> None:
         """Close all connections."""
@@ -124,12 +124,11 @@ class Store:
         self.folders.close()
 
     def directory(self, fold_id: str) -> Path:
-        """Return the directory with a fold's files as readers see them.
+        """Return the directory with a fold's files for readers.
 
         Raises:
-            NoSuchFoldError: When this is not an id, or, where files are kept elsewhere, when there
-                is no such fold.
-            StorageError: When the storage does not answer.
+            NoSuchFoldError: If this is not an id or, with an object store, there is no such fold.
+            StorageError: If the storage does not answer.
         """
         place = self.folders.place(fold_id)
         return place if self.folders.storage is None else self.folders.shown(self.fold(fold_id))
@@ -165,7 +164,7 @@ class Store:
         """Return the row of a fold.
 
         Raises:
-            NoSuchFoldError: When there is none.
+            NoSuchFoldError: If there is none.
         """
         row = self.get(FoldRow, fold_id)
         if row is None:
@@ -186,11 +185,11 @@ class Store:
         return Found(ShownFold.of(row), self.folders.shown(row), recorded)
 
     def tour(self, fold_id: str) -> dict[str, Any] | None:
-        """Return the tour that a fold's owner has stored, as plain values; None without one."""
+        """Return the tour that a fold's owner has stored, as plain values; None if none."""
         return self._told(TourRow, fold_id)
 
     def values(self, fold_id: str) -> dict[str, Any] | None:
-        """Return the numbers that a fold's owner has stored, as plain values; None without any."""
+        """Return the module values that a fold's owner has stored; None if there are none."""
         return self._told(ValuesRow, fold_id)
 
     def _told(self, kind: type[TourRow | ValuesRow], fold_id: str) -> dict[str, Any] | None:
@@ -228,12 +227,12 @@ class Store:
         return [Waiting(*row) for row in self.rows(query)]
 
     def others_wait(self, fold_id: str, *, spent_s: float, cheaper: bool) -> bool:
-        """Return True if a fold that runs keeps another one waiting whose turn is before its next.
+        """Return True if another fold waits whose turn is before the next one of a running fold.
 
         Args:
-            fold_id: The fold that runs.
+            fold_id: The running fold.
             spent_s: Seconds that it has computed.
-            cheaper: True if only folds that are expected to cost less count.
+            cheaper: True to count only folds with a smaller expected cost.
         """
         with self.reading() as session:
             cost_s = session.scalar(sa.select(FoldRow.cost_s).where(FoldRow.id == fold_id)) or 0.0
@@ -249,9 +248,9 @@ class Store:
             return session.scalar(queued.limit(1)) is not None
 
     def slices_s(self, fold_id: str) -> tuple[float, float]:
-        """Return the seconds until a fold makes room for cheaper ones, and for any.
+        """Return the seconds until a fold is paused for cheaper ones, and for any.
 
-        They are those of a fold that costs nothing if it was deleted.
+        If the fold was deleted, they are those of a fold without cost.
         """
         query = sa.select(FoldRow.cost_s, FoldRow.pauses).where(FoldRow.id == fold_id)
         cost_s, pauses = next(iter(self.rows(query)), (0.0, 0))
@@ -259,7 +258,7 @@ class Store:
         return slice_s(cost_s, pauses, first_s, for_cheaper=True), slice_s(cost_s, pauses, first_s)
 
     def ahead(self, row: FoldRow) -> Ahead:
-        """Return what a queued fold waits for, in its lane."""
+        """Return the work before a queued fold in its lane."""
         before = sa.or_(
             FoldRow.turn < row.turn,
             sa.and_(FoldRow.turn == row.turn, FoldRow.created_at < row.created_at),
@@ -307,9 +306,9 @@ class Store:
         return taken / cost if taken and cost else 1.0
 
     def add(self, row: FoldRow, owner: Owner) -> bool:
-        """Add a fold with its owner; False if another fold has its content key.
+        """Add a fold with its owner; return False if another fold has its content key.
 
-        Its turn in the queue is settled here.
+        This determines its turn in the queue.
         """
         row.owner = row.maker = owner.digest
         row.cost_s = cost_of(row).expected_s
@@ -331,13 +330,13 @@ class Store:
             sa.select(FoldRow.visitor, FoldRow.turn).where(FoldRow.status.in_(RUNNING_STATUSES))
         ).all()
         if not waiting:
-            session.execute(TURN_COUNTER.values(value=0))  # virtual time begins anew
+            session.execute(TURN_COUNTER.values(value=0))  # virtual time starts again
         now = session.scalar(sa.select(CounterRow.value).where(CounterRow.name == "turn")) or 0
         network = network_of(row.visitor)
         sharers = {visitor for visitor, _ in waiting if network_of(visitor) == network}
         first = bool(row.public)
         if first:
-            # Who cancels a fold of the gallery again and again does not go first again and again.
+            # Repeatedly cancelled gallery folds of a visitor lose their priority.
             first = not session.scalar(
                 sa.select(sa.func.count()).where(
                     FoldRow.public,
@@ -364,7 +363,7 @@ class Store:
                 with self.changing() as session:
                     session.add(SecretRow(name=name, value=made))
                 return made
-            except IntegrityError:  # another process was quicker
+            except IntegrityError:  # another process was faster
                 return self.secret(name, made)
         return known.value
 
@@ -376,10 +375,10 @@ class Store:
                 self._change(row.id, seen_at=now)
 
     def ask(self, content_key: str, owner: Owner) -> FoldRow | None:
-        """Join the existing fold with a content key; None if there is none.
+        """Join the existing fold with a content key; return None if there is none.
 
-        One of the gallery that somebody else has asked for too is nobody's from now on, so that
-        nobody stops it for the other. It counts as looked at just now.
+        A gallery fold that another owner requests loses its owner, so that neither can cancel it
+        for the other. This counts as an access.
         """
         shared = sa.and_(FoldRow.public, sa.not_(owned_by(owner)))
         wanted = (
@@ -415,7 +414,7 @@ class Store:
             return session.scalar(sa.select(FoldRow.id).where(*own)) is not None
 
     def expire(self, fold_id: str, seen: float | None) -> bool:
-        """Delete a fold that has not been accessed since, unless it is wanted again."""
+        """Delete a fold that is unpinned, has ended and has not been accessed since ``seen``."""
         gone = sa.delete(FoldRow).where(
             FoldRow.id == fold_id,
             FoldRow.pinned.is_(False),
@@ -429,10 +428,10 @@ class Store:
 
         Args:
             fold_id: The fold.
-            owner: Its owner; gallery folds have none. Any fold is deleted if None.
+            owner: Delete only a fold of this owner, and no gallery fold; any fold if None.
 
         Returns:
-            Whether it was deleted.
+            True if it was deleted.
         """
         gone = sa.delete(FoldRow).where(FoldRow.id == fold_id)
         if owner is not None:
@@ -448,10 +447,10 @@ class Store:
         """Store the size of a fold's derived files."""
         self._change(fold_id, derived_bytes=size)
 
-    # Writing, on the side of the workers
+    # Writing by workers
 
     def begin(self, fold_id: str, stage: str, execution: str) -> int | None:
-        """Mark a stage as running; claim the fold if nobody computes it.
+        """Mark a stage as running; claim the fold if no execution has it.
 
         Args:
             fold_id: The fold.
@@ -459,15 +458,15 @@ class Store:
             execution: Name of the execution.
 
         Returns:
-            The epoch in which it is computed; None when it is cancelled, over, deleted, or computed
-            by another execution.
+            Epoch of the execution; None if the fold is cancelled, over, deleted, or computed by
+            another execution.
         """
         with self.changing() as session:
             return self.begin_in(session, fold_id, stage, execution)
 
     @staticmethod
     def begin_in(session: Session, fold_id: str, stage: str, execution: str) -> int | None:
-        """Do what ``begin`` does, in a transaction of the caller."""
+        """Mark a stage as running, as ``begin`` does, in a transaction of the caller."""
         same = FoldRow.worker == execution
         begun = session.execute(
             sa.update(FoldRow)
@@ -493,15 +492,15 @@ class Store:
         return begun[0]
 
     def pause(self, fold_id: str, epoch: int, *, spent_s: float) -> bool:
-        """Put a running fold back into the queue, in the turn of a fold that is asked for now.
+        """Put a running fold back into the queue, with the turn of a fold that is requested now.
 
         Args:
             fold_id: The fold.
             epoch: Epoch in which it runs.
-            spent_s: Seconds that it has computed: it costs at least as much.
+            spent_s: Seconds that it has computed, a lower bound of its cost.
 
         Returns:
-            False if the fold is cancelled, over, deleted, or has changed hands.
+            False if the fold is cancelled, over, deleted, or computed by another execution.
         """
         ours = (
             FoldRow.id == fold_id,
@@ -535,13 +534,13 @@ class Store:
         self._change(fold_id, modules=modules, module=module, name=shown)
 
     def stage_s(self, fold_id: str) -> dict[str, float]:
-        """Seconds that the stages of a fold have taken so far; none when it was deleted."""
+        """Return the seconds of each stage of a fold so far; empty if it was deleted."""
         with suppress(NoSuchFoldError):
             return dict(self.fold(fold_id).progress.get("stage_s", {}))
         return {}
 
     def report(self, fold_id: str, epoch: int, progress: dict[str, Any] | None = None) -> bool:
-        """Store changed progress; False if the fold must not continue here."""
+        """Store changed progress; return False if the execution must stop."""
         going = (
             FoldRow.id == fold_id,
             FoldRow.epoch == epoch,
@@ -563,18 +562,18 @@ class Store:
         size: int | None = None,
         execution: str | None = None,
     ) -> bool:
-        """End a fold, once; False if it was deleted. A cancelled one stays cancelled.
+        """End a fold, once; return False if it was deleted. A cancelled one stays cancelled.
 
         Args:
             fold_id: The fold.
             status: One of ``ENDED``.
             summary: Figures of the result.
-            error: ``code``, ``detail``, ``where`` of what went wrong, or None.
-            repeatable: True if the same upload would end the same way. If not, the next one is
-                computed anew.
-            kept: The epoch whose files readers see from now on; as before when None.
-            size: Bytes of its files; as before when None.
-            execution: Name of the execution that must have the fold; any when None.
+            error: ``code``, ``detail`` and ``where`` of the error, or None.
+            repeatable: True if the same upload would have the same result. If False, the next one
+                is computed again.
+            kept: Epoch whose files readers see from now on; unchanged if None.
+            size: Total size of its files, bytes; unchanged if None.
+            execution: Name of the execution that must have the fold; any if None.
         """
         values: dict[str, Any] = {
             "status": status,
@@ -605,17 +604,17 @@ class Store:
 
 
 def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
-    """Return what computing a fold is expected to cost, or one like it of so many modules."""
+    """Return the expected cost of a fold, or of a similar one with ``modules`` modules."""
     return expected_cost(row.modules if modules is None else modules, request_of(row))
 
 
 def compiled_fraction(told: Mapping[str, Any]) -> float | None:
-    """Return the compiled fraction of the solvers that a running fold reports, None if ready."""
+    """Return the compiled fraction of the solvers that a running fold reports; None if ready."""
     return told.get("fraction") if told.get("message") == COMPILING else None
 
 
 def in_lane(*, quick: bool) -> sa.ColumnElement[bool]:
-    """Return the condition that a fold is in the lane for quick folds, or in the other one."""
+    """Return the condition for a fold to be in the lane for quick folds, or in the other one."""
     return FoldRow.cost_s <= QUICK_FOLD_S if quick else FoldRow.cost_s > QUICK_FOLD_S
 
 

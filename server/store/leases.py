@@ -1,8 +1,8 @@
-"""Leases: which workers live, on all machines.
+"""Leases: detection of live and expired workers on all machines.
 
-A worker counts up in its row while it lives. Who looks on and sees the count stand still for as
-long as a lease lasts, by a clock of its own that no change of date can move, knows that the worker
-is gone. On one machine the locks of ``server.store.worker_identity`` tell it at once.
+A live worker increments the counter in its row. If the counter does not change for the duration of
+a lease, measured by the observer's monotonic clock, the worker has expired. On the same machine the
+locks of ``server.store.worker_identity`` show this at once.
 """
 
 from __future__ import annotations
@@ -44,8 +44,8 @@ class Preparing:
     """Progress of the workers while none of them can compute yet.
 
     Attributes:
-        fraction: Compiled fraction of the kernels of the worker that is farthest, 0 to 1.
-        remaining_s: Estimated seconds until it can compute; None while that is not known.
+        fraction: Compiled fraction of the kernels of the most advanced worker, 0 to 1.
+        remaining_s: Estimated seconds until it can compute; None if unknown.
     """
 
     fraction: float
@@ -53,7 +53,7 @@ class Preparing:
 
 
 def _preparing_key(name: str) -> str:
-    """Return the name of the counter that says how far a worker is."""
+    """Return the name of the counter with a worker's compiled fraction."""
     return f"preparing {sha256(name.encode()).hexdigest()[:20]}"
 
 
@@ -64,7 +64,7 @@ class Leases:
         store: Store with the rows.
         identities: The workers of this machine.
         lease_s: Time without a heartbeat after which a worker counts as dead, s.
-        clock: Seconds that only rise.
+        clock: Monotonic clock in seconds.
         expects_workers: True if workers start with this process.
     """
 
@@ -103,7 +103,7 @@ class Leases:
             again = sa.update(WorkerRow).where(WorkerRow.name == name, WorkerRow.pid == pid)
             if rows_of(session.execute(again.values(beat=WorkerRow.beat + 1, **about))):
                 return
-            # It has just started, or was thought dead and taken out.
+            # It has just started, or another process took it for dead and deleted its row.
             session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
             session.add(
                 WorkerRow(
@@ -122,7 +122,7 @@ class Leases:
             session.execute(sa.delete(CounterRow).where(CounterRow.name == _preparing_key(name)))
 
     def note_preparing(self, name: str, fraction: float | None) -> None:
-        """Note the fraction of its kernels, 0 to 1, that a worker has compiled; None for ready."""
+        """Store the compiled fraction of a worker's kernels, 0 to 1; None if it is ready."""
         with self._store.changing() as session:
             session.execute(sa.delete(CounterRow).where(CounterRow.name == _preparing_key(name)))
             if fraction is not None:
@@ -130,9 +130,9 @@ class Leases:
                 session.add(CounterRow(name=_preparing_key(name), value=value))
 
     def preparing(self) -> Preparing | None:
-        """Return how far the workers are that compile kernels; None where one can compute.
+        """Return the progress of the workers' compilation; None if one can compute.
 
-        Nothing else says so for ``COMPILING_CACHE_S``: all who look share one query.
+        Callers share one query per ``COMPILING_CACHE_S``.
         """
         return self._look_at_preparing()
 
@@ -161,8 +161,8 @@ class Leases:
     def expired(self, holders: Iterable[str]) -> set[str]:
         """Return the expired workers among those with a row and ``holders`` of folds.
 
-        It must be asked several times a lease: after a longer pause, as when the database was away
-        and nobody's beat could reach it, silence begins anew.
+        Call this several times per lease. After a longer pause the leases start again, because the
+        database may have been unavailable for heartbeats as well.
         """
         rows = self._store.rows(sa.select(WorkerRow.name, WorkerRow.beat))
         beats: dict[str, int | None] = {row.name: row.beat for row in rows}

@@ -1,7 +1,7 @@
-"""Object store: files of folds that are not stored on this machine.
+"""Object store: files of folds outside of this machine.
 
-It holds copies of directories under keys such as ``folds/<id>/<epoch>``. Machines work on local
-directories: ``keep`` brings what changed in one to the storage, ``fetch`` brings a copy up to date.
+It contains copies of directories under keys such as ``folds/<id>/<epoch>``. Machines work on local
+directories: ``keep`` uploads the changes in a directory, ``fetch`` updates a local copy.
 """
 
 from __future__ import annotations
@@ -41,15 +41,15 @@ Answer = TypeVar("Answer")
 
 
 class StorageError(Exception):
-    """The storage does not answer, or not as it should."""
+    """The storage does not answer, or its answer is invalid."""
 
 
 class Storage:
-    """Directories in an object store. Safe to use from many threads.
+    """Directories in an object store. Safe for use by several threads.
 
     Args:
         store: The object store.
-        name: Name for people.
+        name: Name in messages.
     """
 
     def __init__(self, store: ObjectStore, name: str) -> None:
@@ -66,7 +66,7 @@ class Storage:
         """Write, read, list and remove a small file.
 
         Raises:
-            StorageError: When one of these fails.
+            StorageError: If one of these fails.
         """
         with self._storage_errors():
             name = f"check/{secrets.token_hex(8)}"
@@ -84,14 +84,14 @@ class Storage:
         """Upload the changes in a directory since the last call.
 
         Returns:
-            Bytes of all its files.
+            Total size of its files, bytes.
 
         Raises:
-            StorageError: When the storage does not answer; what it has is whole all the same.
+            StorageError: If the storage does not answer; its copy is still consistent.
         """
         with self._lock:
             known = self._known.setdefault(key, {})
-        # Read before all else: what it promises is there by the time it is kept.
+        # Read first, so that all frames that it states are uploaded before it.
         head = _read(directory / TIMELINE_HEAD)
         found = dict(_files(directory))
         changed = [
@@ -112,15 +112,15 @@ class Storage:
         return sum(size for _, size in found.values())
 
     def forget(self, key: str) -> None:
-        """Forget what is stored of a directory, so that the next call uploads all of it."""
+        """Forget the uploaded state of a directory, so that the next ``keep`` uploads all of it."""
         with self._lock:
             self._known.pop(key, None)
 
     def fetch(self, key: str, directory: Path) -> bool:
-        """Update a local copy from the storage; False if the storage has nothing.
+        """Update a local copy from the storage; return False if the storage has no files.
 
         Raises:
-            StorageError: When the storage does not answer; the copy is as it was, or newer.
+            StorageError: If the storage does not answer; the copy is unchanged or newer.
         """
         marks: dict[str, str] = json.loads(_read(directory / FETCHED_INDEX) or b"{}")
         with self._storage_errors():
@@ -142,7 +142,7 @@ class Storage:
                     break
             else:
                 raise StorageError(f"{key} in {self._name} changes faster than it can be read.")
-        # One that is the same stays as old as it is: things that were made of it are so, too.
+        # An equal file is not rewritten, because derived files depend on its time stamp.
         if head is not None and _read(directory / TIMELINE_HEAD) != head:
             _write_whole(directory / TIMELINE_HEAD, head)
         for name in [name for name in marks if name not in listed]:
@@ -152,10 +152,10 @@ class Storage:
         return True
 
     def fetch_file(self, key: str, path: Path) -> bool:
-        """Download one file, which may be large; False if there is none.
+        """Download one file, which may be large; return False if there is none.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         aside = temporary_path(path)
         with self._storage_errors():
@@ -177,7 +177,7 @@ class Storage:
         """Upload one file.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         with self._storage_errors():
             self._obstore.put(self._store, key, path)
@@ -186,16 +186,16 @@ class Storage:
         """Remove one file, if there is one.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         with self._storage_errors():
             self._delete(key)
 
     def remove(self, key: str, *, but: str | None = None) -> None:
-        """Remove all below a key, without what is below another one.
+        """Remove all files below a key, except those below ``but``.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         with self._storage_errors():
             names = [f"{key}/{name}" for name in self._marks(key)]
@@ -211,7 +211,7 @@ class Storage:
         """Return the names directly below a key.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         with self._storage_errors():
             found = self._obstore.list_with_delimiter(self._store, f"{key}/")
@@ -221,17 +221,17 @@ class Storage:
         """Return the names of all files below a key, relative to it.
 
         Raises:
-            StorageError: When the storage does not answer.
+            StorageError: If the storage does not answer.
         """
         with self._storage_errors():
             return list(self._marks(key))
 
     def close(self) -> None:
-        """End its threads."""
+        """Stop the threads."""
         self._threads.shutdown(wait=False, cancel_futures=True)
 
     def _put(self, key: str, name: str, data: bytes | None) -> None:
-        if data is not None:  # it went away meanwhile, which the next time shows
+        if data is not None:  # otherwise it has just been deleted, and the next call notices
             self._obstore.put(
                 self._store, f"{key}/{name}", data, use_multipart=len(data) > 64 * 2**20
             )
@@ -249,7 +249,7 @@ class Storage:
             return
 
     def _marks(self, key: str) -> dict[str, str]:
-        """Return what changes with the content of each file below a key, by the file's name."""
+        """Return the entity tag, or else the modification time, of each file below a key."""
         return {
             str(meta["path"]).removeprefix(f"{key}/"): str(meta["e_tag"] or meta["last_modified"])
             for batch in self._obstore.list(self._store, f"{key}/")
@@ -313,9 +313,9 @@ def open_storage(settings: Settings) -> Storage | None:
 
 
 def _remove(path: Path, root: Path) -> None:
-    """Remove a file, and directories below a root that are empty then: readers go by them, too."""
+    """Remove a file and its empty parents below a root, because readers list directories."""
     path.unlink(missing_ok=True)
-    with suppress(OSError):  # one that is not empty
+    with suppress(OSError):  # a directory that is not empty
         for parent in path.parents:
             if parent == root:
                 return
@@ -323,7 +323,7 @@ def _remove(path: Path, root: Path) -> None:
 
 
 def _files(directory: Path) -> Iterator[tuple[str, tuple[int, int]]]:
-    """Return the stored files with what changes with their content."""
+    """Yield the names of the files to store, with modification time and size."""
     for path in sorted(directory.rglob("*")):
         name = path.relative_to(directory).as_posix()
         parts = name.split("/")
@@ -335,7 +335,7 @@ def _files(directory: Path) -> Iterator[tuple[str, tuple[int, int]]]:
             if path.is_file() and not path.is_symlink():
                 stat = path.stat()
                 yield name, (stat.st_mtime_ns, stat.st_size)
-        except OSError:  # it went away meanwhile
+        except OSError:  # it has just been deleted
             continue
 
 
@@ -352,5 +352,5 @@ def _write_whole(path: Path, data: bytes) -> None:
 
 
 def _identity(head: bytes | None) -> str | None:
-    """Return the id of the timeline that a head belongs to."""
+    """Return the id of the timeline in its metadata."""
     return None if head is None else json.loads(head)["attributes"].get("id")

@@ -1,4 +1,4 @@
-"""Owned items: folds, tours and values stored with them, previews and movies, and their changes."""
+"""Owned items: lists and changes of the folds, previews and movies of an owner."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class FoldsMade:
     """One page of an owner's folds.
 
     Attributes:
-        rows: The newest first.
+        rows: Rows of the folds, newest first.
         next: Cursor of the next page; None on the last one.
         total: Number of the owner's folds.
     """
@@ -34,7 +34,7 @@ def folds_made(store: Store, owner: Owner, *, before: str | None, limit: int) ->
     Args:
         store: The rows.
         owner: The owner.
-        before: The ``next`` of those that are known already, ``created_at,id``.
+        before: Cursor ``created_at,id``: the ``next`` of the previous page; None for the first.
         limit: Maximum number to return.
     """
     made = owned_by(owner, FoldRow.maker)
@@ -59,9 +59,9 @@ def folds_made(store: Store, owner: Owner, *, before: str | None, limit: int) ->
 def change_fold(
     store: Store, fold_id: str, owner: Owner, *, name: str | None, heir: Owner | None
 ) -> bool:
-    """Rename a fold or hand it over to an heir; False if it does not belong to the owner.
+    """Rename a fold or transfer it to an heir; return False if it is not the owner's.
 
-    The same upload, sent again, is a fold of its own once this one was handed over.
+    After a transfer, the same upload creates a new fold.
     """
     values = {
         **({} if name is None else {"name": name, "renamed": True}),
@@ -86,14 +86,14 @@ def write_beside(
     kind: type[TourRow | ValuesRow],
     told: dict[str, Any] | None,
 ) -> bool:
-    """Store something with a fold, in place of what was there, or remove it.
+    """Store, replace or remove a tour or module values of a fold.
 
     Args:
         store: The rows.
         fold_id: The fold.
         owner: Its owner.
         kind: Table: tours, or values of modules.
-        told: Its plain values; None to remove it.
+        told: Plain values; None to remove them.
 
     Returns:
         False if the fold does not belong to the owner; gallery folds belong to none.
@@ -110,9 +110,9 @@ def write_beside(
 
 
 def hand_over_all(store: Store, owner: Owner, heir: Owner) -> int:
-    """Move everything of an owner to an heir atomically; return the number of folds.
+    """Transfer all items of an owner to an heir atomically; return the number of folds.
 
-    An upload that is sent again is a fold of its own then, as after ``change_fold``.
+    Afterwards the same uploads create new folds, as with ``change_fold``.
     """
     owned = sa.update(FoldRow).where(owned_by(owner))
     with store.changing() as session:

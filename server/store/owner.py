@@ -1,4 +1,4 @@
-"""Owner of folds, previews and movies: the digest of a secret token, which alone is stored."""
+"""Owner of folds, previews and movies, identified by the stored digest of a secret token."""
 
 from __future__ import annotations
 
@@ -45,17 +45,17 @@ class Owner:
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """Owner of what a request creates, with the token for the answer.
+    """Owner of the items that a request creates, with the token for the response.
 
     Attributes:
-        token: The secret; only the answer to the request contains it.
+        token: The secret; only the response to the request contains it.
     """
 
     token: str = field(repr=False)
 
     @property
     def owner(self) -> Owner:
-        """Owner with this token."""
+        """Owner with the token."""
         return Owner.from_token(self.token)
 
     @classmethod
@@ -70,5 +70,5 @@ def new_token() -> str:
 
 
 def owned_by(owner: Owner, column: DigestColumn = FoldRow.owner) -> sa.ColumnElement[bool]:
-    """Return the condition that an owner's digest stands in a column."""
+    """Return the condition for a column to contain an owner's digest."""
     return column == owner.digest

@@ -1,7 +1,7 @@
-"""Previews: uploads that nobody has folded yet, stored for a day or while there is room.
+"""Previews: uploads before folding, stored until they expire or the disk space is needed.
 
-Rows name their visitors and sizes. Each upload has a directory, with one below it for each set of
-options: what they were (``request.json``) and what came of them (``report.json``). With an object
+The rows contain their visitors and sizes. Each upload has a directory, with a subdirectory for each
+set of options: these options (``request.json``) and the result (``report.json``). With an object
 store the directories are copies, which all web processes fetch from there.
 """
 
@@ -69,7 +69,7 @@ log = logging.getLogger("foldback.web")
 
 
 class NoSuchPreviewError(NoSuch):
-    """There is no preview with this id, or not any more."""
+    """There is no preview with this id, or it has expired."""
 
     def __init__(self, preview_id: str) -> None:
         super().__init__(
@@ -82,11 +82,11 @@ class PreviewSize:
     """Size of a stored preview.
 
     Attributes:
-        id: The preview's.
+        id: Id of the preview.
         visitor: Visitor that sent the upload.
         seen_at: Time of the last access, s since 1970.
-        own: Bytes of the upload and of the reports that its visitor requested.
-        foreign: Bytes of the reports that others requested.
+        own: Size of the upload and of the reports that its visitor requested, bytes.
+        foreign: Size of the reports that others requested, bytes.
         protected: True if a sweep must not delete it.
     """
 
@@ -99,7 +99,7 @@ class PreviewSize:
 
 
 class Previews:
-    """See the module's description. Safe to use from many threads.
+    """Stored previews. Safe for use by several threads.
 
     Args:
         settings: The settings.
@@ -127,11 +127,11 @@ class Previews:
     # Uploads
 
     def add(self, row: PreviewRow, directory: Path) -> None:
-        """Move the directory of an upload here.
+        """Add an upload and move its directory into place.
 
         Raises:
-            NoRoom: When the disk has no room for it.
-            StorageError: When the storage does not answer.
+            NoRoom: If the disk is full.
+            StorageError: If the storage does not answer.
         """
         row.bytes = blocks_of(directory)
         with self._store.changing() as session:
@@ -150,7 +150,7 @@ class Previews:
         """Return the row of a preview; ids are checked before they become a path.
 
         Raises:
-            NoSuchPreviewError: When there is none.
+            NoSuchPreviewError: If there is none.
         """
         row = self._store.get(PreviewRow, preview_id)
         if row is None:
@@ -161,8 +161,8 @@ class Previews:
         """Return the directory of an upload.
 
         Raises:
-            NoSuchPreviewError: When there is none.
-            StorageError: When it is stored elsewhere and the storage does not answer.
+            NoSuchPreviewError: If there is none.
+            StorageError: If it is stored elsewhere and the storage does not answer.
         """
         directory = self._root / self.row(preview_id).id
         if not (directory / INPUT).is_file():
@@ -186,8 +186,8 @@ class Previews:
         """Return the directory for an upload's report with some options, which may be missing.
 
         Raises:
-            NoSuchPreviewError: When there is no such upload.
-            StorageError: When it is stored elsewhere and the storage does not answer.
+            NoSuchPreviewError: If there is no such upload.
+            StorageError: If it is stored elsewhere and the storage does not answer.
         """
         place = self.directory(preview_id) / key
         if self._storage is not None and not (place / "report.json").is_file():
@@ -195,20 +195,20 @@ class Previews:
         return place
 
     def reports(self, preview_id: str, *, foreign: bool) -> int:
-        """Return the number of an upload's reports that strangers, or its visitor, requested."""
+        """Return the number of an upload's reports requested by others, or by its visitor."""
         count = sa.select(sa.func.count()).where(
             ReportRow.preview_id == preview_id, ReportRow.foreign.is_(foreign)
         )
         return self._store.scalar(count) or 0
 
     def keep_report(self, place: Path, *, foreign: bool) -> None:
-        """Store what has been written to the directory of a report.
+        """Store the files in the directory of a report.
 
         If the storage does not answer, other processes compute the report again.
 
         Args:
             place: The directory.
-            foreign: True if another visitor than that of the upload requested the report.
+            foreign: True if a visitor other than the uploader requested the report.
         """
         preview_id, key, size = place.parent.name, place.name, blocks_of(place)
         row = ReportRow(preview_id=preview_id, key=key, foreign=foreign, bytes=size)
@@ -228,7 +228,7 @@ class Previews:
         Args:
             preview_id: The preview.
             owner: Its owner.
-            view: Columns of ``PreviewRow`` that describe the shape as it was viewed.
+            view: Columns of ``PreviewRow`` that describe the viewed shape and options.
         """
         own = sa.update(PreviewRow).where(
             PreviewRow.id == preview_id, owned_by(owner, PreviewRow.owner)
@@ -237,7 +237,7 @@ class Previews:
             self._store.change(own.values(**view, seen_at=time.time()))
 
     def owned(self, owner: Owner) -> Sequence[PreviewRow]:
-        """Return the previews that an owner has viewed, the last viewed first."""
+        """Return the previews that an owner has viewed, last viewed first."""
         wanted = (
             sa.select(PreviewRow)
             .where(owned_by(owner, PreviewRow.owner), PreviewRow.key != "")
@@ -248,7 +248,10 @@ class Previews:
         return self._store.scalars(wanted)
 
     def remove(self, preview_id: str, owner: Owner) -> bool:
-        """Delete an owner's preview; the next sweep deletes its files. False if it is another's."""
+        """Delete an owner's preview; return False if it is not the owner's.
+
+        The next sweep deletes its files.
+        """
         gone = self._forget(PreviewRow.id == preview_id, owned_by(owner, PreviewRow.owner))
         if gone:
             self._searched = -STORED_SWEEP_S
@@ -258,16 +261,16 @@ class Previews:
     # Sweeps
 
     def start_sweeping(self) -> None:
-        """Sweep in a thread of its own, from time to time and after much was written."""
+        """Start a thread that sweeps periodically, and after many bytes were written."""
         threading.Thread(target=self._sweep_when_due, name=SWEEPING_THREAD, daemon=True).start()
 
     def sweep(self) -> None:
-        """Delete previews that are expired or too many, and files that belong to none.
+        """Delete expired and excess previews, and files without a preview.
 
         Raises:
-            OSError: When the directory cannot be read.
-            SQLAlchemyError: When the database does not answer.
-            StorageError: When the storage does not answer.
+            OSError: If the directory cannot be read.
+            SQLAlchemyError: If the database does not answer.
+            StorageError: If the storage does not answer.
         """
         for preview in superfluous(self._sizes(), self._settings, now=time.time()):
             unused = (PreviewRow.id == preview.id, PreviewRow.seen_at == preview.seen_at)
@@ -298,7 +301,7 @@ class Previews:
             self._sweep_due.wait(PREVIEW_SWEEP_S)
 
     def _sizes(self) -> list[PreviewSize]:
-        """Return the sizes of all previews, the newest first."""
+        """Return the sizes of all previews, newest first."""
         own, foreign = (
             sa.func.coalesce(
                 sa.func.sum(ReportRow.bytes).filter(ReportRow.foreign.is_(of_others)), 0
@@ -331,18 +334,18 @@ class Previews:
         return sizes
 
     def _ids(self, *, before: float | None = None) -> set[str]:
-        """Return the ids of all previews, or of those that were sent before a time."""
+        """Return the ids of all previews, or of those created before a time."""
         query = sa.select(PreviewRow.id)
         if before is not None:
             query = query.where(PreviewRow.created_at < before)
         return set(self._store.scalars(query))
 
     def _forget(self, *which: sa.ColumnElement[bool]) -> bool:
-        """Delete the row of a preview; True if there was one."""
+        """Delete the row of a preview; return True if there was one."""
         return bool(self._store.change(sa.delete(PreviewRow).where(*which)))
 
     def _note_written(self, size: int) -> None:
-        self._written += size  # a number that another thread overwrites delays a sweep at most
+        self._written += size  # a race with another thread at most delays a sweep
         if self._written >= self._sweep_bytes:
             self._sweep_due.set()
 
@@ -356,13 +359,13 @@ class Previews:
                 self._storage.forget(key)
 
     def _fetch_upload(self, directory: Path) -> None:
-        """Fetch an upload and its reports from the object store, whole or not at all."""
+        """Fetch an upload and its reports from the object store atomically."""
         if self._storage is None:
             return
         aside = directory.with_name(f".{directory.name}.{new_id()}")
         try:
             if self._storage.fetch(f"{PREVIEWS_KEY}/{directory.name}", aside):
-                with suppress(OSError):  # another request was quicker
+                with suppress(OSError):  # another request was faster
                     aside.rename(directory)
         finally:
             shutil.rmtree(aside, ignore_errors=True)
@@ -371,14 +374,14 @@ class Previews:
 def superfluous(
     previews: Iterable[PreviewSize], settings: Settings, *, now: float
 ) -> list[PreviewSize]:
-    """Return the previews to delete: expired ones, and the oldest of visitors with too many.
+    """Return the previews to delete: expired ones, and the oldest ones of visitors above a limit.
 
     If all together exceed a limit, the visitor with the most loses the oldest ones first.
 
     Args:
         previews: All previews.
         settings: Settings with the limits.
-        now: Time of the clock, s since 1970.
+        now: Current time, s since 1970.
     """
     oldest_first = sorted(previews, key=lambda preview: preview.seen_at)
     sizes: Counter[str] = Counter()
@@ -415,11 +418,11 @@ def superfluous(
 
 
 def blocks_of(directory: Path) -> int:
-    """Return the bytes of the disk blocks that a directory and its files occupy."""
+    """Return the size of the disk blocks of a directory and its files, in bytes."""
     paths = (directory, *directory.rglob("*"))
     return sum(path.lstat().st_blocks for path in paths) * STAT_BLOCK_BYTES
 
 
 def _is_settled(entry: os.DirEntry[str]) -> bool:
-    """Return False for files that are just being fetched."""
+    """Return False for a directory that is just being fetched."""
     return not entry.name.startswith(".") or entry.stat().st_mtime < time.time() - MIN_LOST_AGE_S

@@ -1,4 +1,4 @@
-"""Schema: which version of the tables a database has, and whether this foldback knows it."""
+"""Schema version: version of a database's tables, compared with those known to this version."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from alembic.script import ScriptDirectory
 
 
 class NewerSchemaError(Exception):
-    """The database was written by a newer foldback."""
+    """A newer foldback has written the database."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,8 +21,8 @@ class Schema:
     """Versions of the database's tables.
 
     Attributes:
-        found: The version of the database's tables; None when it has none yet.
-        known: The versions that this foldback knows, the oldest first.
+        found: Version of the database's tables; None if it has none yet.
+        known: Versions that this foldback knows, oldest first.
     """
 
     found: str | None
@@ -36,7 +36,7 @@ class Schema:
             connection: The database; None if there is none yet.
 
         Raises:
-            SQLAlchemyError: When the database does not answer.
+            SQLAlchemyError: If the database does not answer.
         """
         scripts = ScriptDirectory.from_config(config())
         known = tuple(reversed([script.revision for script in scripts.walk_revisions()]))
@@ -47,7 +47,7 @@ class Schema:
 
     @property
     def head(self) -> str:
-        """The newest version that is known."""
+        """Newest known version."""
         return self.known[-1]
 
     @property
@@ -57,7 +57,7 @@ class Schema:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """The versions to which the tables have not been migrated yet, the oldest first."""
+        """Versions to which the tables have not been migrated yet, oldest first."""
         if self.found is None:
             return self.known
         return () if self.newer else self.known[self.known.index(self.found) + 1 :]
@@ -66,7 +66,7 @@ class Schema:
         """Refuse a database that a newer foldback wrote.
 
         Raises:
-            NewerSchemaError: Saying what to do.
+            NewerSchemaError: If a newer foldback wrote it.
         """
         if self.newer:
             raise NewerSchemaError(

@@ -1,4 +1,4 @@
-"""Stats: a few sums over all rows, for operators; asked for rarely, answered from memory else."""
+"""Stats: cached figures over all rows, for operators."""
 
 from __future__ import annotations
 
@@ -63,11 +63,11 @@ class Figures:
 class Stats:
     """Counts for operators, cached for ``FIGURES_CACHE_S``.
 
-    It has a connection of its own: when a crowd holds all others, operators want to see it.
+    It has its own connection, so that it works while requests occupy all others.
 
     Args:
-        settings: Say where the rows are.
-        leases: Knows the workers.
+        settings: Contain the address of the database.
+        leases: Leases of the workers.
     """
 
     def __init__(self, settings: Settings, leases: Leases) -> None:
@@ -86,7 +86,7 @@ class Stats:
         """Return the figures, at most ``FIGURES_CACHE_S`` old.
 
         Raises:
-            SQLAlchemyError: When the database does not answer.
+            SQLAlchemyError: If the database does not answer.
         """
         now = time.time()
         took = FoldRow.ended_at - FoldRow.started_at

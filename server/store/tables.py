@@ -1,4 +1,4 @@
-"""Tables of the service, and how a database is brought to the newest schema."""
+"""Tables of the service, database engines, and the migration to the newest schema."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 
 class Base(DeclarativeBase):
-    """Root of all rows."""
+    """Base class of all rows."""
 
     type_annotation_map = {dict[str, Any]: sa.JSON(), float: sa.Double()}
 
@@ -32,32 +32,31 @@ class Base(DeclarativeBase):
 class FoldRow(Base):
     """One fold of a visitor.
 
-    ``status`` is one of ``STATUSES``; ``stage`` one of ``planner.progress.STAGES`` or None;
-    ``refold`` is the name of the shape that a refold begins as, None where the chain is straight;
-    ``smooths`` is the id of the fold whose plan is smoothed, None where it is recorded;
-    ``prefer`` tells which of several plans is wanted, see ``planner.pipeline.preference``;
-    ``world`` is where it folds, see ``planner.parameters.parameters.WORLD_CHOICES``;
-    ``settings`` is what ``planner.parameters.settings_text.settings_text`` makes of those of its
-    preset.
+    ``status`` is one of ``STATUSES``; ``stage`` is one of ``planner.progress.STAGES`` or None;
+    ``refold`` is the name of the initial shape of a refold, None if the chain starts straight;
+    ``smooths`` is the id of the fold whose plan is smoothed, None for a recorded plan;
+    ``prefer`` is the objective for choosing among several plans, see
+    ``planner.pipeline.preference``; ``world`` is one of
+    ``planner.parameters.parameters.WORLD_CHOICES``; ``settings`` are the changes to the preset, as
+    written by ``planner.parameters.settings_text.settings_text``.
 
-    ``turn`` is its place in the queue, the least first, and ``cost_s`` what computing it is
-    expected to take. ``worker`` is the execution that computes it, the name of the worker and a
-    random part, None while nobody does; ``epoch`` counts the executions, each of which writes files
-    of its own. ``checkpoint`` is what follows the last finished stage, see ``server.jobs.queue``,
-    and ``losses`` counts the executions since then whose worker died. Readers see the files of
-    epoch ``kept``.
-    ``bytes`` is what its own files take, from the moment on that it is accepted;
-    ``derived_bytes`` what exports and pictures take that were made of it and can be made again.
-    ``seen_at`` is when somebody last looked, or when it was asked for or ended if that was later;
-    only rows of an earlier version that is still running have none. What is ``pinned`` never
-    expires.
+    ``turn`` is its virtual finish time, by which the queue is ordered, and ``cost_s`` its expected
+    computing time. ``worker`` is the execution that computes it: the name of the worker and a
+    random part; None if there is none. ``epoch`` counts the executions, each of which writes its
+    own files. ``checkpoint`` is the next stage after the last finished one, see
+    ``server.jobs.queue``, and ``losses`` counts the executions since then whose worker died.
+    Readers see the files of epoch ``kept``.
+    ``bytes`` is the size of its own files, from its acceptance on; ``derived_bytes`` is the size of
+    its exports and pictures, which can be computed again. ``seen_at`` is the time of the last
+    access, or of its request or end if that was later; it is missing only in rows of an earlier
+    version that is still running. A ``pinned`` fold never expires.
 
-    ``owner`` is the hash of the token of who asked for it, None when it is nobody's: a ``public``
-    fold that several have asked for. ``maker`` is that of who asked first: it stays in his list.
-    ``renamed`` tells that its owner has called it ``name``.
+    ``owner`` is the hash of its owner's token, None for a ``public`` fold that several clients have
+    requested. ``maker`` is the hash of the token of the first request, in whose owner's list the
+    fold stays. ``renamed`` is True if its owner has set ``name``.
 
-    ``pauses`` counts how often it went back to the queue so that others had their turn;
-    ``resumed_at`` is when ``worker`` began or went on.
+    ``pauses`` counts its pauses for other folds; ``resumed_at`` is the time at which ``worker``
+    started or resumed it.
     """
 
     __tablename__ = "folds"
@@ -130,7 +129,7 @@ REQUESTED_COLUMNS: Final = (
 
 
 def columns_of(request: FoldRequest) -> dict[str, Any]:
-    """Return the columns of a row that hold a request."""
+    """Return the columns of a row that contain a request."""
     return {name: getattr(request, name) for name in REQUESTED_COLUMNS}
 
 
@@ -146,10 +145,10 @@ ENDED = frozenset({"verified", "failed", "cancelled"})
 
 
 class WorkerRow(Base):
-    """A worker that lives, or did so until a moment ago: its ``beat`` rises while it does.
+    """A live worker, or one that has just died; a live one increments ``beat``.
 
-    Beats are counted, not dated: whoever watches one stand still for long enough by a clock of its
-    own knows that its worker is gone, whatever the clocks of the machines say.
+    Heartbeats are a counter instead of a time, so that observers can detect dead workers by their
+    own monotonic clocks, even if the clocks of the machines differ.
     """
 
     __tablename__ = "workers"
@@ -166,11 +165,11 @@ class WorkerRow(Base):
 class MovieRow(Base):
     """A requested movie of a fold.
 
-    ``id`` is the key of its options, which are ``wishes``; ``job`` the name of what makes it, whose
-    end is that of its file; ``status`` one of ``queued``, ``running``, ``ready`` and ``failed``;
-    ``problem`` the ``code``, ``detail``, ``where`` of what went wrong. ``bytes`` are those of its
-    file. ``of_owner`` tells that the fold's owner has asked for it. ``worker`` and ``losses`` are
-    like those of a fold.
+    ``id`` is the key of its options, ``wishes``; ``job`` is the name of the job, which ends with
+    the name of the file; ``status`` is one of ``queued``, ``running``, ``ready`` and ``failed``;
+    ``problem`` contains ``code``, ``detail`` and ``where`` of an error. ``bytes`` is the size of
+    the file. ``of_owner`` is True if the fold's owner has requested it. ``worker`` and ``losses``
+    are like those of a fold.
     """
 
     __tablename__ = "movies"
@@ -199,7 +198,7 @@ class MovieRow(Base):
 
 
 UNFINISHED_MOVIE_STATUSES = ("queued", "running")
-"""Statuses of movies that wait or are being made."""
+"""Statuses of movies that wait or are being created."""
 
 
 def movie_file(job: str) -> str:
@@ -208,7 +207,7 @@ def movie_file(job: str) -> str:
 
 
 class TourRow(Base):
-    """The tour that the owner of a fold has stored, as ``planner.plan.tour.Tour.as_dict``."""
+    """Tour that the owner of a fold has stored, as in ``planner.plan.tour.Tour.as_dict``."""
 
     __tablename__ = "tours"
 
@@ -219,7 +218,7 @@ class TourRow(Base):
 
 
 class ValuesRow(Base):
-    """The numbers that the owner of a fold has stored: ``planner.plan.module_values``."""
+    """Module values that the owner of a fold has stored; see ``planner.plan.module_values``."""
 
     __tablename__ = "own_values"
 
@@ -232,10 +231,10 @@ class ValuesRow(Base):
 class PreviewRow(Base):
     """An upload under preview, with the options that its owner viewed last.
 
-    ``visitor`` has sent it. ``owner`` is the hash of his token, None without one; the preview is in
-    his list once he has viewed it with some options. ``key`` stands for these, which are the
-    ``query`` of the page's address; it is empty before. ``bytes`` are those of the upload;
-    ``seen_at`` is when somebody last viewed it.
+    ``visitor`` has sent it. ``owner`` is the hash of the visitor's token, None without one; the
+    owner's list contains the preview once it has been viewed with some options. These are the
+    ``query`` of the page's address, and ``key`` is derived from them; it is empty before.
+    ``bytes`` is the size of the upload; ``seen_at`` is the time of the last access.
     """
 
     __tablename__ = "previews"
@@ -255,10 +254,10 @@ class PreviewRow(Base):
 
 
 class ReportRow(Base):
-    """A set of options for which a preview was requested, under the ``key`` of the options.
+    """Report of a preview with one set of options, identified by their ``key``.
 
-    It is ``foreign`` if another visitor than that of the upload requested it; ``bytes`` are those
-    of its files, also where it has failed.
+    It is ``foreign`` if a visitor other than the uploader requested it; ``bytes`` is the size of
+    its files, even if it has failed.
     """
 
     __tablename__ = "preview_reports"
@@ -272,7 +271,7 @@ class ReportRow(Base):
 
 
 class CounterRow(Base):
-    """A number that all processes share: ``turn`` is the latest turn that has come."""
+    """Number shared by all processes; the one named ``turn`` is the queue's virtual time."""
 
     __tablename__ = "counters"
 
@@ -301,7 +300,7 @@ processes must use the same."""
 
 
 def engine_of(settings: Settings) -> sa.Engine:
-    """Return the engine of a service; on a read-only disk it changes no SQLite database."""
+    """Return the engine of a service; on a read-only disk it never writes to SQLite."""
     url = settings.store_url
     read_only = settings.read_only and url.startswith("sqlite")
     return read_only_engine(url) if read_only else engine_for(url)
@@ -331,7 +330,7 @@ def missing_database(url: str) -> Path | None:
 
 
 def reading_engine(url: str) -> sa.Engine:
-    """Return an engine for a look at an existing database, which it neither creates nor repairs."""
+    """Return an engine for reading an existing database, which it neither creates nor repairs."""
     if url.startswith("sqlite"):
         return read_only_engine(url)
     return sa.create_engine(
@@ -343,7 +342,7 @@ def reading_engine(url: str) -> sa.Engine:
 
 @contextmanager
 def reading_connection(url: str) -> Generator[sa.Connection]:
-    """A connection of ``reading_engine``."""
+    """Open a connection of ``reading_engine``."""
     engine = reading_engine(url)
     try:
         with engine.connect() as connection:
@@ -360,8 +359,8 @@ def is_read_only(engine: sa.Engine) -> bool:
 def engine_for(url: str) -> sa.Engine:
     """Return an engine; SQLite gets a write-ahead log, a lock timeout, and foreign keys.
 
-    Its connections are enough for all threads of a web process where they cost little; those to a
-    server are fewer, and one that is silent is given up.
+    SQLite connections are cheap, so there are enough for all threads of a web process. A server
+    gets fewer connections, and unresponsive ones are closed.
     """
     if url.startswith("postgresql"):
         return sa.create_engine(
@@ -399,7 +398,7 @@ def migrate(engine: sa.Engine) -> None:
     """Migrate the tables to the newest schema, if they are older.
 
     Raises:
-        NewerSchemaError: When a newer foldback wrote them.
+        NewerSchemaError: If a newer foldback wrote them.
     """
     from alembic import command
 
@@ -424,7 +423,7 @@ def migrate(engine: sa.Engine) -> None:
 
 
 def passes(error: BaseException) -> bool:
-    """Return True if an error may be transient: the database is away, locked or full."""
+    """Return True if an error may be transient: the database is unreachable, locked or full."""
     return isinstance(error, OperationalError | InterfaceError | PoolTimeoutError) or (
         isinstance(error, DBAPIError) and error.connection_invalidated
     )

@@ -1,7 +1,7 @@
-"""Worker identities: names of the workers on this machine, each held by one process at most.
+"""Worker identities: names of the workers on this machine, each held by at most one process.
 
-A name is held by a lock of an open file (OFD lock): whoever looks asks the kernel who holds it, and
-never takes it, so that a worker which starts just then gets its name.
+A worker holds a name by the lock of an open file (OFD lock). Observers ask the kernel if the lock
+is held and never take it, so that a worker that starts at this moment gets its name.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ whence, start, length, pid."""
 
 
 class WorkerIdentities:
-    """The identities of one data directory: a name and a lock for each worker."""
+    """Identities of one data directory: a name and a lock for each worker."""
 
     def __init__(self, settings: Settings) -> None:
         self._directory = settings.root / "workers"
-        # Machines may have the same name, as containers of the same image do.
+        # Different machines may have the same name, such as containers of one image.
         mark = self._directory / "id"
         if not mark.exists() and not settings.read_only:
             self._directory.mkdir(parents=True, exist_ok=True)
@@ -48,7 +48,7 @@ class WorkerIdentities:
         """Take the identity of the lowest free number.
 
         Raises:
-            RuntimeError: When all are taken.
+            RuntimeError: If all are taken.
         """
         for number in range(MAX_WORKERS_PER_MACHINE):
             lock = _lock(self._path(number))
@@ -60,7 +60,7 @@ class WorkerIdentities:
         )
 
     def dead(self, names: Iterable[str]) -> set[str]:
-        """Return the names of this machine that no living worker holds."""
+        """Return the names of this machine that no live worker holds."""
         found: set[str] = set()
         for name in names:
             number = name.removeprefix(self._prefix)
@@ -76,11 +76,11 @@ class WorkerIdentities:
 
 @dataclass(frozen=True, slots=True)
 class WorkerIdentity:
-    """One worker's name, the same after every start in the same identity.
+    """Name of one worker, which stays the same after a restart.
 
     Attributes:
         name: The name.
-        lock: File that is open, and locked, as long as a process holds the name.
+        lock: File that is open and locked as long as a process holds the name.
     """
 
     name: str
@@ -100,7 +100,7 @@ def _lock(path: Path) -> IO[str] | None:
 
 
 def _locked(path: Path) -> bool:
-    """Return True if a living process holds the lock of a file; the lock is not taken."""
+    """Return True if a live process holds the lock of a file; the lock is not taken."""
     try:
         with open(path) as file:
             found = fcntl(file, F_OFD_GETLK, WHOLE_FILE_LOCK)

@@ -1,4 +1,4 @@
-"""The paper's experiments: run once, stored with their pictures, and reported as they ended."""
+"""The paper's experiments: run once, stored with pictures, and reported with their results."""
 
 import json
 from dataclasses import replace
@@ -79,7 +79,7 @@ def test_experiments_are_run_once_and_reported(
     before = (files / "runs.jsonl").read_text()
     reproduce(list(tiny), tiny, files, minutes=0.0)
     assert (files / "runs.jsonl").read_text() == before
-    # Runs that are no longer asked for are removed, with their pictures.
+    # Runs of experiments that no longer exist are removed, with their pictures.
     reproduce([tiny[0]], tiny[:1], files, again=True, minutes=-1.0)
     assert (files / "runs.jsonl").read_text() == ""
     tell(tiny[:1], files, paper)

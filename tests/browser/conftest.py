@@ -321,6 +321,6 @@ def picture(page: Page) -> np.ndarray:
 
 
 def screenshot(page: Page) -> np.ndarray:
-    """Return the 3D view as it is now as an (h, w, 3) array, 0 to 255."""
+    """Return the current 3D view as an (h, w, 3) array, 0 to 255."""
     png = page.locator("main.stage").screenshot(mask=[page.locator("#legend")], mask_color="#000")
     return np.asarray(Image.open(io.BytesIO(png)).convert("RGB")).astype(float)

@@ -57,7 +57,7 @@ def test_rename_transfer_and_delete_in_my_folds(visit: Visit, service: Service) 
     other.get_by_label("A key from another browser").fill(f"  {key} ")
     other.get_by_role("button", name="Add", exact=True).click()
     expect(other.locator("#folds h3")).to_have_text([HOSTILE])
-    assert key_of(other) != key  # folds made in that browser stay there
+    assert key_of(other) != key  # the other browser keeps its own key
     assert key not in other.url and key not in other.content()
 
     moved = other.locator(f'#folds [data-id="{fold}"]')
@@ -76,7 +76,7 @@ def test_rename_transfer_and_delete_in_my_folds(visit: Visit, service: Service) 
 @pytest.mark.long
 def test_my_folds_are_paged_and_all_deleted(visit: Visit, service: Service) -> None:
     token = new_token()
-    # They are cancelled at once, so that no worker is busy with them.
+    # They are cancelled immediately, so that no worker computes them.
     for seed in range(26):
         fold = service.fold(SNAKE, seed=str(900 + seed), token=token)
         service.http.post(f"/api/folds/{fold['id']}/cancel", headers=bearer(token))

@@ -1,4 +1,4 @@
-"""Small frames, touch screens and the keyboard: what stays visible and reachable."""
+"""Small frames, touch screens and the keyboard: controls remain visible and reachable."""
 
 import pytest
 from playwright.sync_api import expect

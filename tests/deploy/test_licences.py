@@ -1,4 +1,4 @@
-"""Page of licences: every package that an installation brings, in its tested version."""
+"""Page of licences: every package of an installation, in its tested version."""
 
 from packaging.utils import canonicalize_name
 

@@ -71,7 +71,7 @@ class Scratch:
 
     @contextmanager
     def with_fault(self, fault: Fault) -> Iterator[None]:
-        """Make a fault in the copy for as long as the context lasts.
+        """Make a fault in the copy for the duration of the context.
 
         Raises:
             StaleFaultError: If the file does not hold the old text exactly once.

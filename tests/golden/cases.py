@@ -65,7 +65,7 @@ def _shape(name: str) -> bytes:
 
 
 def _folded_square(directory: FilePath) -> Plan:
-    """Return the plan of a fold, which stays in a directory below the given one."""
+    """Return the plan of a fold, whose files remain in a subdirectory of the given directory."""
     first = directory / "first"
     first.mkdir()
     Case(data=FLAT, request=FoldRequest(settings="robots=0")).fold(first)

@@ -1,6 +1,6 @@
 """Table replay: frames of a motion on a table are placed in plain MuJoCo and released.
 
-No statics of foldback's own is used: gravity, the table and contacts are MuJoCo's, and every hinge
+foldback's own statics are not used: gravity, the table and contacts are MuJoCo's, and every hinge
 has a brake, which slips beyond a torque a little larger than the certified one. A stable frame
 stays in place; one that needs more torque sinks. Frames of a simulated playback are most suitable,
 as their modules touch where they carry load; others first settle until they do.
@@ -68,7 +68,7 @@ class TableReplay:
 
     @property
     def holds(self) -> bool:
-        """True if all frames settled soon and then held still."""
+        """True if all frames settled soon and then remained at rest."""
         return (
             max(self.drifts) <= MAX_SETTLING_PITCH
             and max(self.still_drifts) <= MAX_LATE_DRIFT_PITCH

@@ -1,4 +1,4 @@
-"""S3-compatible server for tests, moto's, in a process of its own on a free port."""
+"""S3-compatible server for tests, moto's, in a separate process on a free port."""
 
 import signal
 import subprocess
@@ -18,7 +18,7 @@ REGION = "us-east-1"
 
 
 class Bucket:
-    """Server of buckets; ``bucket`` creates an empty one in it.
+    """S3 server; ``bucket`` creates an empty bucket.
 
     It holds everything in memory, so that all data are lost when the process ends. ``silent`` is an
     outage without data loss.
@@ -74,7 +74,7 @@ class Bucket:
 
     @contextmanager
     def silent(self) -> Generator[None]:
-        """Suspend the server, which then accepts calls and answers none."""
+        """Suspend the server, which then accepts connections but does not answer."""
         self._process.send_signal(signal.SIGSTOP)
         try:
             yield

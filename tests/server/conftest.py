@@ -51,7 +51,7 @@ def without_settings(monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture
 def process_state(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Keep commands of the service from changing the process of the tests."""
+    """Prevent commands of the service from changing the process of the tests."""
     for module in (serve, worker_command, worker):
         for name in ("keep_secrets", "set_up_logs", "forbid_compiling"):
             monkeypatch.setattr(module, name, lambda *_: None, raising=False)

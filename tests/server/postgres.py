@@ -131,7 +131,7 @@ class Postgres:
 
 
 def _other_user() -> dict[str, Any]:
-    """Return the user to run as if this is root; otherwise nothing."""
+    """Return the arguments to run as another user if this is root; otherwise nothing."""
     if os.geteuid() != 0:
         return {}
     names = {entry.pw_name: entry for entry in pwd.getpwall()}

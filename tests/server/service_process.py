@@ -1,4 +1,4 @@
-"""A real service for tests, in a process of its own: `foldback serve` with its workers."""
+"""A real service for tests, in a separate process: `foldback serve` with its workers."""
 
 import json
 import os
@@ -42,7 +42,7 @@ class Service:
 
     Args:
         data_dir: Directory for its data.
-        environment: Variables of its environment besides its settings.
+        environment: Additional environment variables, besides its settings.
         settings: Settings that differ from those of tests.
     """
 
@@ -156,7 +156,7 @@ class Service:
         token: str | None = None,
         **form: Any,
     ) -> httpx.Response:
-        """Return the answer to a form with a file, which is left out without data."""
+        """Return the answer to a form with a file; without data, the file is omitted."""
         files = None if data is None else {"file": (filename, data)}
         headers = {} if token is None else bearer(token)
         return self.http.post(path, data=form, files=files, headers=headers)

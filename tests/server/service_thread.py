@@ -26,7 +26,7 @@ from server.store.folds import Store
 from tests.server.service_process import TIMEOUT_S, Service
 
 UNUSED_PREFIX = "NO_TEST_SETS_THIS_"
-"""Prefix of variables for its settings, which no environment has: the machine's own are ignored."""
+"""Prefix that no environment variable has, so that the machine's own settings are ignored."""
 LOGGER = logging.getLogger("foldback")
 
 

@@ -1,4 +1,4 @@
-"""Blog: a site of another origin, which may show folds of the service that tests share."""
+"""Blog: a site of another origin that may embed folds of the shared service."""
 
 import http.server
 import threading

@@ -1,4 +1,4 @@
-"""Node.js, which runs the scripts of pages, and the pages' checker in one process of it."""
+"""Node.js for the scripts of pages, and the pages' checker in one Node process."""
 
 import json
 import os

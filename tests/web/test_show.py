@@ -167,7 +167,7 @@ def test_newest_frame_is_followed_until_another_is_chosen(growing: Growing) -> N
         wait_until(lambda: live._moments is live._whole)
         live.play()  # the fold is finished: from the first frame
         assert live.frame == 0
-        # Reports without a directory, or without a timeline in it, do no harm.
+        # Reports without a directory, or with one that has no timeline, are ignored.
         live(Progress(stage="export", fraction=1.0))
         live(Progress(stage="export", fraction=1.0, directory=str(path)))
 
@@ -184,7 +184,7 @@ def test_plan_is_posed_as_its_timeline(tmp_path: Path) -> None:
             # The plan has the target angles, the timeline those of a simulated robot.
             assert np.abs(positions(shown) - positions(whole)).max() < 0.01
             assert (colours(shown) == colours(whole)).all()
-    # The file of a plan holds no errors for the colours.
+    # The file of a plan contains no errors for the colours.
     assert np.isfinite(plan.motion.joint_error_rad).any()
     with show(Plan.load(directory / "plan.npz"), port=0) as shown:
         shown.frame = shown._playhead.last

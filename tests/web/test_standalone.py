@@ -1,4 +1,4 @@
-"""A fold in one HTML file: the parts of the plan that it holds and uses."""
+"""A fold in one HTML file: the parts of the plan that it contains and uses."""
 
 import base64
 import json

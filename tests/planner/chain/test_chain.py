@@ -19,7 +19,7 @@ QUARTER = np.pi / 2
 
 
 def test_angles_of_a_known_fold(hook_chain: Chain) -> None:
-    # The chain starts along x. To y: +90° about z. Then to z, which is up: −90° about y.
+    # The chain starts along x. A turn by +90° about z leads to y, then −90° about y to z (up).
     np.testing.assert_array_equal(hook_chain.folded_rad, [0, 0, QUARTER, 0, 0, -QUARTER])
     assert hook_chain.joint_names[2] == "joint_2_z"
     assert (hook_chain.name, hook_chain.pitch_m, len(hook_chain)) == ("hook", 0.02, 5)

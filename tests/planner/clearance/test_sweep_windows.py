@@ -65,7 +65,7 @@ def test_rod_that_swings_clear_is_proved_clear(rod: int) -> None:
     found = sweep(chain, windows, size=0.95)
     assert found.clearance == pytest.approx(0.05, abs=1e-6)
     assert 0.0 < found.bound <= found.clearance
-    # However long the rod is, its distant modules are far from everything and cause no bisections.
+    # Regardless of the rod's length, its distant modules are far from others: no bisections.
     assert found.in_betweens < 5000
 
 

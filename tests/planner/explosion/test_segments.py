@@ -49,8 +49,8 @@ def test_accelerations_are_those_of_the_whole_tree_wherever_it_is_cut(modules: i
 
 def test_contact_forces_are_those_of_the_whole_tree() -> None:
     # Folded, slightly perturbed, and hardly smaller than their cells, the modules touch in many
-    # places. MuJoCo makes a contact as soft as its bodies are light, and those of a segment are
-    # lighter than those of a whole tree, which makes a difference of a few per cent.
+    # places. In MuJoCo, contacts of lighter bodies are softer. Bodies of a segment are lighter than
+    # those of a whole tree, which causes a difference of a few per cent.
     chain = coil(32)
     material = Material(geom_size=0.999, stiffness=3.0, armature=10.0)
     segments = Segments(chain, material)

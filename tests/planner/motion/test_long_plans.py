@@ -1,4 +1,4 @@
-"""Plans of windows: all stages and exports keep their content."""
+"""Plans of windows: all stages and exports preserve their content."""
 
 import json
 import shutil
@@ -224,7 +224,7 @@ def test_strategies_by_chain_and_preset() -> None:
     assert ranked(small, "auto") == ("simultaneous", "peel")
     assert ranked(snake((6, 6, 6)), "auto") == ("simultaneous", "blocks", "peel")
     assert ranked(large, "auto") == ("peel", "simultaneous", "blocks", "one-by-one")
-    # Chains that cannot be peeled explode at once if that ends in time.
+    # Chains that cannot be peeled explode simultaneously if that is fast enough.
     assert ranked(shuffled((8, 9, 10), 20, 0), "auto")[0] == "simultaneous"
     assert ranked(small, "peel") == ("peel",)
     assert ranked(large, "simultaneous") == ("simultaneous",)

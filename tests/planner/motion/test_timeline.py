@@ -96,7 +96,7 @@ def test_frames_not_flushed_are_counted_by_the_writer_only(
 ) -> None:
     monkeypatch.setattr(timeline_module, "MIN_FLUSH_PERIOD_S", 1e9)
     writer = TimelineWriter.create(place, hook_chain)
-    writer.append(some_frames(3))  # the first frames are flushed at once
+    writer.append(some_frames(3))  # the first frames are flushed immediately
     writer.append(some_frames(5))
     assert len(writer) == 8
     assert len(Timeline.open(place)) == 3

@@ -1,4 +1,4 @@
-"""Knots: known ones are recognised, and the result is invariant under changes that keep a knot."""
+"""Knots: known ones are recognised; the result is invariant under changes that preserve a knot."""
 
 import numpy as np
 import pytest
@@ -105,7 +105,7 @@ def test_path_that_ends_deep_inside_is_unknotted() -> None:
 
 
 def test_trefoil_cut_open_anywhere_is_a_trefoil() -> None:
-    """The result holds although the ends lie amid other strands."""
+    """The trefoil is recognised although the ends lie among other strands."""
     cells = on_lattice(torus_winding(2, 3), 3.0)
     for place in range(0, len(cells), 7):
         assert knot_of(np.roll(cells, place, axis=0)).determinant == 3

@@ -53,7 +53,7 @@ def test_cells_of_a_path_become_rings() -> None:
     assert len(made.chain) == TETRAHEDRA_PER_RING * len(U)
     assert made.chain.module is TETRAHEDRON
     assert made.knot.verdict == "unknot"
-    # Each module has the name of the cell in whose ring it lies: each cell occurs twelve times.
+    # Each module is labelled with the cell in whose ring it lies: each cell occurs twelve times.
     cells, counts = np.unique(made.cells, axis=0, return_counts=True)
     np.testing.assert_array_equal(cells, np.unique(U, axis=0))
     assert set(counts) == {TETRAHEDRA_PER_RING}

@@ -50,7 +50,7 @@ def attempt_processes() -> list[psutil.Process]:
 
 
 def _command(process: psutil.Process) -> list[str]:
-    """Return the command line, which is empty briefly while it is loaded; empty for a zombie."""
+    """Return the command line; it is empty for a zombie, and briefly while a process starts."""
     while process.status() != psutil.STATUS_ZOMBIE:
         if words := process.cmdline():
             return words

@@ -97,7 +97,7 @@ def test_refused_smoothings_are_softened_up_to_a_limit() -> None:
 
 def test_long_motions_are_not_smoothed_and_expensive_attempts_not_made() -> None:
     assert not [a for a in attempts(choice("time", most_frames=99)) if a.trial.smooths is not None]
-    # There are at most two dozen blocks, however long the chain is.
+    # There are at most two dozen blocks, regardless of the chain's length.
     for modules, others in ((4000, ["blocks", "peel"]), (9600, ["peel"])):
         tried = [each.trial for each in attempts(choice("time", modules=modules))]
         assert [trial.strategy for trial in tried] == ["simultaneous", *others]

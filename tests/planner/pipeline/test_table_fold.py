@@ -41,7 +41,7 @@ def test_box_folds_on_a_table_within_the_torques_of_its_certificate(tmp_path: Pa
     assert table.on_table
     assert table.torque <= Parameters().table.most_torque
     assert len(table.torques) == len(motion)
-    # The record's torque limits the motors, which the plan's curve exceeds a little.
+    # The record's torque limits the motors; the plan's curve exceeds it slightly.
     allowed = 1.05 * TABLE_MOTOR_RESERVE * max(table.torque, MIN_SIZING_TORQUE_WP)
     assert plan.certificate.peak_torque_nm <= allowed * table.unit_nm
     assert any("No friction" in words for words in table.assumptions)

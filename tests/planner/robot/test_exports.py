@@ -132,7 +132,7 @@ def test_mjcf_keys_are_frames_of_the_plan(plan: Plan) -> None:
         turns = [site.xmat.reshape(3, 3) for site in sites]
         np.testing.assert_allclose(turns, poses.rotations, atol=1e-9)
         assert data.ncon == 0
-    # Drake would mistake body names that differ by a digit at the end for those of joints.
+    # Drake would confuse body names that differ by an appended digit with names of joints.
     bodies = {model.body(k).name for k in range(model.nbody)}
     assert not bodies & {f"{name}{k}" for name in bodies for k in range(10)}
 

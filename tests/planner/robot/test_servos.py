@@ -28,7 +28,7 @@ def test_servo_figures_are_plausible_and_name_their_sources() -> None:
             assert 600.0 < servo.mass_kg / (a * b * c) < 3500.0
             shafts_kg = servo.mass_kg / servo.axes
             assert 5.0 < servo.stall_nm / shafts_kg < 80.0
-            # Along the straight line from stall to no load the power is largest halfway.
+            # On the straight line from stall to no load, the power is largest at the midpoint.
             assert 5.0 < servo.stall_nm * servo.no_load_rad_s / 4.0 / shafts_kg < 250.0
             assert 2.0 < servo.no_load_rad_s < 50.0
             assert 3.0 < servo.volts <= 24.0

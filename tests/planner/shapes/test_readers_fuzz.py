@@ -45,7 +45,7 @@ def mutate(data: bytes, rng: random.Random, spice: Sequence[bytes]) -> bytes:
     """Return a copy with a few bytes changed, removed, doubled, inserted or overwritten."""
     changed = bytearray(data)
     for _ in range(rng.randint(1, 4)):
-        # Half of the changes are in the header, where wrong values do most harm.
+        # Half of the changes are in the header, where wrong values have the largest effect.
         reach = len(changed) if rng.random() < 0.5 else min(len(changed), 400)
         at = rng.randrange(reach + 1)
         match rng.randrange(6):

@@ -89,7 +89,7 @@ def test_contacts_of_linked_tetrahedra() -> None:
     apart = contacts(TETRAHEDRON, straight.positions + [0.0, 0.0, 9.0], straight.rotations)
     arms = apart.points - [0.5, 0.0, 9.0]
     near = (apart.first == 1) & (apart.second == 0) | (apart.first == 0) & (apart.second == 1)
-    assert np.abs(arms[near][:, :2]).max(initial=0.0) < 1e-6  # none except on the hinge itself
+    assert np.abs(arms[near][:, :2]).max(initial=0.0) < 1e-6  # only on the hinge itself
 
 
 def test_floor_bears_corners_up_to_a_bound() -> None:

@@ -25,7 +25,7 @@ FRAME_ARRAYS: Final = (
     *("phase", "max_error_rad", "root_position", "root_wxyz", "base_position", "base_wxyz"),
     *("first", "joint_angles_rad"),
 )
-"""Arrays of a plan with one row per frame, except the times, which may rise in any way."""
+"""Arrays of a plan with one row per frame, except the times, which may be any increasing values."""
 
 
 def save(

@@ -54,7 +54,7 @@ def visible(html: str) -> list[str]:
 
 
 def flat(value: object, name: str = "") -> Iterator[str]:
-    """Write nested values as lines; one line for each that holds no other lists or objects."""
+    """Return nested values as lines: one for each value without other lists or objects in it."""
     if isinstance(value, dict) and any(isinstance(each, dict | list) for each in value.values()):
         for key, each in value.items():
             yield from flat(each, f"{name}.{key}" if name else key)

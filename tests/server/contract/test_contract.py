@@ -27,6 +27,6 @@ def test_description_of_the_api_names_each_operation() -> None:
 
 @pytest.mark.long
 def test_description_of_the_api_is_valid() -> None:
-    from openapi_spec_validator import validate  # imported only where it is used, as it takes long
+    from openapi_spec_validator import validate  # imported only here, as it takes long
 
     validate(json.loads(stored()["openapi.json"]))

@@ -15,7 +15,7 @@ STORE = "run `python -m tests.server.contract --store` if the change is intended
 def texts(data_dir: Path) -> dict[str, str]:
     """Return the texts of a service on an empty data directory."""
     with ServiceThread(data_dir).start() as service, store_of(service) as store:
-        service.http.headers["Host"] = "127.0.0.1:8000"  # whatever the port is
+        service.http.headers["Host"] = "127.0.0.1:8000"  # independent of the port
         add_folds(store)
         return {
             "openapi.json": openapi_text(service.http.get("/api/openapi.json").json()),

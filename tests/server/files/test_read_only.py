@@ -114,7 +114,7 @@ def test_worker_on_read_only_disk_ends_in_one_line(stored: tuple[ServiceThread, 
 
 
 def test_database_with_unfinished_log_on_read_only_disk_is_read(tmp_path: Path) -> None:
-    """The write-ahead log of a killed service holds its latest writes."""
+    """The write-ahead log of a killed service contains its latest writes."""
     here, there = tmp_path / "here", tmp_path / "there"
     here.mkdir()
     with sqlite3.connect(here / "rows.db") as live:

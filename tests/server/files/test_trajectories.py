@@ -72,13 +72,13 @@ class TasksInProcess:
 
 
 class Motions:
-    """Trajectories of a plan, which this process computes."""
+    """Trajectories of a plan, computed in this process."""
 
     def __init__(self, place: Path, plan: Path) -> None:
         self.place, self.plan, self.tasks = place, plan, TasksInProcess()
 
     def trajectories(self, **more: int) -> Trajectories:
-        """Return trajectories within bounds, of which none has been computed."""
+        """Return an empty cache of trajectories within bounds."""
         return Trajectories(Settings(data_dir=self.place), cast("Pool", self.tasks), **more)
 
     def wanted(self, speed: float = 1.0) -> Wanted:

@@ -1,4 +1,4 @@
-"""Requests of a few addresses do not delay those of others: limits for one visitor."""
+"""Limits per visitor: requests from a few addresses do not delay those of others."""
 
 import contextlib
 import signal
@@ -148,7 +148,7 @@ def test_event_streams_are_bounded(service_with: ServiceWith) -> None:
 
     service.http.timeout = 20.0
     with ExitStack() as stack:
-        lines: list[Iterator[str]] = []  # keeps the response open, as httpx closes it on deletion
+        lines: list[Iterator[str]] = []  # keep references, as httpx closes deleted responses
         for visitor in ("203.0.113.1", "198.51.100.1"):
             lines.append(stack.enter_context(follow(visitor)).iter_lines())
             assert next(lines[-1]) == "event: progress"

@@ -49,7 +49,7 @@ def test_replaced_key_opens_nothing(idle: Service) -> None:
     path = f"/api/folds/{fold['id']}"
     taken = idle.http.patch(path, json={"name": "Taken"}, headers=bearer(leaked))
     assert (taken.status_code, list_mine(idle, leaked, "folds")) == (403, [])
-    # The old key transfers nothing back, nor anything that now belongs to the new key.
+    # The old key transfers nothing back, and cannot take what now belongs to the new key.
     assert idle.http.post("/api/mine/key", headers=bearer(leaked)).json()["folds"] == 0
     again = idle.http.post("/api/mine/key", json={"owner_token": key}, headers=bearer(leaked))
     assert (again.status_code, again.json()["folds"]) == (200, 0)

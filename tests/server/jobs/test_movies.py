@@ -69,7 +69,7 @@ def test_movie_is_requested_made_downloaded_and_deleted(finished: FinishedFold) 
     assert file.content[4:8] == b"ftyp"
     part = finished.http.get(movie["links"]["file"], headers={"Range": "bytes=4-7"})
     assert (part.status_code, part.content) == (206, b"ftyp")
-    # Equivalent options give the same movie, which exists.
+    # Equivalent options give the same movie, which exists already.
     again = ask(finished, **SMALL, format="mp4", theme=None, tour=True)
     assert (again["id"], again["status"], again["token"]) == (movie["id"], "ready", None)
     path = movie["links"]["self"]

@@ -1,4 +1,4 @@
-"""Logs: one line per event, whatever visitors send, with its context as fields."""
+"""Logs: one line per event, regardless of what visitors send, with its context as fields."""
 
 import io
 import json
@@ -42,7 +42,7 @@ def lines(log_tail: LogTail) -> list[dict[str, Any]]:
 
 
 def access(log_tail: LogTail, request_id: str) -> dict[str, Any]:
-    """Return the line of a request, which is written after the answer is sent."""
+    """Wait for the log line of a request, which follows the answer, and return it."""
 
     def found() -> list[dict[str, Any]]:
         return [line for line in lines(log_tail) if line.get("request") == request_id]

@@ -263,7 +263,7 @@ def test_child_that_reports_endlessly_has_to_wait(directory: Path, overrun: Fork
     with make_child("stages", fork_server=overrun) as child:
 
         def note_full_queue(_: object) -> None:
-            # blocks, so that the queue fills however slow the child is
+            # blocks, so that the queue fills even if the child is slow
             while not child._events.full():
                 time.sleep(0.01)
             raise InterruptedError

@@ -131,7 +131,7 @@ needs_landlock = pytest.mark.skipif(not landlock.version(), reason="a kernel wit
 
 @pytest.fixture
 def targets(tmp_path: Path) -> Iterator[dict[str, Any]]:
-    """Objects that an attacker looks for, in a data directory as the service has it."""
+    """Objects that an attacker would look for, in a data directory like the service's."""
     data = tmp_path / "data"
     fold, upload = data / "folds" / "another", data / "uploads" / "1" / "another"
     scratch = data / "scratch" / "another"
