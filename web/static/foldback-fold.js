@@ -1,12 +1,19 @@
-// <foldback-fold src="…">: a fold in any page: see docs/links.md. One file and no module, so that pages
-// opened from a disk can use it. The fold is in a sandboxed frame; names, numbers and texts cross, nothing else.
+// <foldback-fold src="…"> embeds a fold in any page; see docs/links.md. A
+// single classic script, so that pages opened from disk can use it. The fold
+// is in a sandboxed frame; messages contain only names, numbers and texts.
 (() => {
   const NAME = "foldback-fold";
   if (customElements.get(NAME)) return;
-  /** Time after a frame has loaded in which its page has to answer, in ms; then a sentence is shown until it does. A larger value leaves an empty frame for longer. Chosen. */
+  /**
+   * Time in ms for the page of a loaded frame to answer; after that a message is
+   * shown until it does. A larger value leaves an empty frame for longer. Chosen.
+   */
   const PATIENCE_MS = 5000;
   const MAX_TEXT = 300;
-  /** Matches the paths of a service's pages of a fold; the groups are the path of the service and the id. */
+  /**
+   * Matches the paths of a service's fold pages; the
+   * groups are the base path of the service and the id.
+   */
   const FOLD_PATH = /^(.*)\/(?:folds|embed)\/([A-Za-z0-9_-]+)(?:\/standalone\.html)?\/?$/;
   const STYLE = `
     :host { display: block; position: relative; aspect-ratio: 3 / 2; overflow: hidden; }
@@ -14,13 +21,13 @@
     iframe { display: block; width: 100%; height: 100%; border: 0; }
     p { position: absolute; inset: 0; display: grid; place-content: center; margin: 0; padding: 16px; overflow: auto; text-align: center; overflow-wrap: anywhere; font: 16px/1.5 system-ui, sans-serif; color: CanvasText; background: Canvas; }
     p:empty { display: none; }`;
-  // A dialog of the page needs forms, the link to the fold's own page a new tab.
+  // The page's dialogs need forms; the link to the fold page needs a new tab.
   const SANDBOX = "allow-scripts allow-forms allow-popups allow-popups-to-escape-sandbox";
 
   const off = (/** @type {string | null} */ value) => value === null || ["0", "false", "none"].includes(value);
 
-  // Where a frame shows what an address leads to. A service's page needs its own origin for what it fetches; a file
-  // has none.
+  // Return the address to load in the frame, and whether a service serves it: such a page needs its
+  // own origin to fetch data; a file has none.
   /** @param {string} src */
   function addressOf(src) {
     let url;
@@ -42,7 +49,7 @@
       super();
       this.said = document.createElement("p");
       this.said.setAttribute("role", "alert");
-      const style = new CSSStyleSheet(); // which no policy of the page forbids
+      const style = new CSSStyleSheet(); // allowed by every content security policy
       style.replaceSync(STYLE);
       const root = this.attachShadow({ mode: "open" });
       root.adoptedStyleSheets = [style];
@@ -62,12 +69,12 @@
       /** @type {ReturnType<typeof setTimeout> | undefined} */
       this.timer = undefined;
       this.answered = this.ready = this.playing = false;
-      /** Frame that is shown, from 1; 0 before the fold is there. */
+      /** Displayed frame, from 1; 0 until the fold is loaded. */
       this.currentFrame = 0;
       this.frames = 0;
       this.name = "Fold";
       /** @type {[name: string, value: unknown][]} */
-      this.waiting = []; // messages until the fold is there
+      this.waiting = []; // messages to send once the fold is ready
     }
 
     connectedCallback() {
@@ -116,7 +123,7 @@
       url.hash = this.hash(url.hash);
       const view = document.createElement("iframe");
       this.view = view;
-      view.name = NAME; // by which the page knows that it is asked to answer
+      view.name = NAME; // tells the page that its host expects messages
       view.loading = "lazy";
       view.allow = "fullscreen";
       view.setAttribute("sandbox", served ? `${SANDBOX} allow-same-origin` : SANDBOX);
@@ -129,7 +136,7 @@
       this.shadowRoot?.prepend(view);
     }
 
-    // The view that the attributes ask for, as pages of folds read it: see docs/links.md.
+    // Return the hash for the view that the attributes request; see docs/links.md.
     /** @param {string} hash */
     hash(hash) {
       const view = new URLSearchParams(hash.slice(1));
@@ -157,11 +164,11 @@
      */
     send(name, value = null) {
       if (!this.ready) { this.waiting.push([name, value]); return; }
-      // A frame without an origin can't be named; nothing that is sent is a secret.
+      // An opaque origin cannot be named as the target; the messages are not confidential.
       this.view?.contentWindow?.postMessage({ foldback: name, value }, this.origin === "null" ? "*" : this.origin);
     }
 
-    // Hears what the page of the fold tells.
+    // Handle a message of the fold page.
     /** @param {Record<string, unknown>} data */
     told(data) {
       const number = (/** @type {string} */ name) => Number(data[name]) || 0;

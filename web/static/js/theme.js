@@ -1,12 +1,12 @@
-// Light, dark or system, on every page: what was chosen is there before anything is painted, and
-// the buttons marked for it change it. No module, for those run later.
+// Theme of every page: light, dark or system. A classic script, because modules run after the first
+// paint; it applies the stored theme before that and handles the theme buttons.
 (() => {
   const KEPT = "foldback:theme";
   /** @type {Record<string, string>} */
   const WORDS = { "": "system", light: "light", dark: "dark" };
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const root = document.documentElement;
-  // An address may say the theme of the page, for this visit.
+  // An address can set the theme for this visit.
   const addressed = () => /[?#&]theme=(light|dark)\b/.exec(location.search + location.hash)?.[1];
   let chosen = addressed() ?? recall();
 
@@ -19,7 +19,7 @@
     }
   }
 
-  // What is drawn by scripts hears of it as `themechange`.
+  // Apply the theme; the event `themechange` informs scripts that draw.
   function apply() {
     if (chosen) root.dataset.theme = chosen; else delete root.dataset.theme;
     for (const meta of /** @type {NodeListOf<HTMLMetaElement>} */ (document.querySelectorAll("meta[name=theme-color]"))) {
@@ -34,11 +34,12 @@
     dispatchEvent(new Event("themechange"));
   }
 
-  // To the other one than the system's first, so that every press but the last is seen.
+  // Cycle through the themes, first to the opposite of the system's,
+  // so that every press but the last has a visible effect.
   function change() {
     const [same, other] = dark.matches ? ["dark", "light"] : ["light", "dark"];
     chosen = chosen === "" ? other : chosen === other ? same : "";
-    try { localStorage.setItem(KEPT, chosen); } catch { /* not kept, then */ }
+    try { localStorage.setItem(KEPT, chosen); } catch { /* storage is refused */ }
     apply();
   }
 
@@ -48,10 +49,10 @@
     if (!(event.target instanceof Element)) return;
     if (event.target.closest("[data-theme-switch]")) change();
     if (!event.target.closest(".skip")) return;
-    event.preventDefault(); // the address of a fold is what one sees of it
+    event.preventDefault(); // keep the hash, which describes the view
     document.getElementById("main")?.focus();
   });
   dark.addEventListener("change", apply);
   addEventListener("hashchange", () => { const asked = addressed(); if (asked && asked !== chosen) { chosen = asked; apply(); } });
-  addEventListener("storage", ({ key }) => { if (key === KEPT) { chosen = recall(); apply(); } }); // in another window
+  addEventListener("storage", ({ key }) => { if (key === KEPT) { chosen = recall(); apply(); } }); // changed in another window
 })();

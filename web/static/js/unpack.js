@@ -1,5 +1,5 @@
-// Starts a page that has no server: unpacks the scripts that it holds, and runs the one that the tag of
-// this script names. No module, for browsers load none from a folder.
+// Starts a page without a server: unpacks the scripts that it contains and runs the one named by
+// this script's tag. A classic script, because browsers load no modules from a folder.
 (async (entry) => {
   const { imports } = window.foldbackScripts;
   const bytes = Uint8Array.from(atob(imports), (character) => character.charCodeAt(0));

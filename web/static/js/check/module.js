@@ -1,5 +1,5 @@
-// A convex module, scaled to its size, and its joint to the next one: anchor, turn, hinge about the
-// third axis, turn, ..., offset.
+// A convex module, scaled to its size, and its joint to the next
+// one: anchor, turn, hinge about the third axis, turn, ..., offset.
 
 /** @typedef {[number, number, number]} Vector */
 /**
@@ -48,7 +48,10 @@ export class Module {
     this.exact = told.turns.flat(2).every((v) => v === 0 || Math.abs(v) === 1);
   }
 
-  /** True if the turns are rotations, the face normals have length 1, and all other numbers are in their ranges. */
+  /**
+   * True if the turns are rotations, the face normals have
+   * length 1, and all other numbers are in their ranges.
+   */
   get sound() {
     const { turns, faces, edges, corners, anchor, offset, apart, rigid_links: rigid } = this.told;
     return turns.every((rows) => dot(rows[0], cross(rows[1], rows[2])) > 0 && rows.length === 3
@@ -57,7 +60,10 @@ export class Module {
       && [...corners, ...edges, anchor, offset].every((v) => v.length === 3 && v.every((x) => Math.abs(x) < 1e6)) && [0, 1].includes(rigid);
   }
 
-  /** Return the minimum of (x, y, z) · corner over the corners. @type {(x: number, y: number, z: number) => number} */
+  /**
+   * Return the minimum of (x, y, z) · corner over the corners.
+   * @type {(x: number, y: number, z: number) => number}
+   */
   least(x, y, z) {
     let found = Infinity;
     for (const v of this.corners) found = Math.min(found, x * v[0] + y * v[1] + z * v[2]);
@@ -65,7 +71,8 @@ export class Module {
   }
 
   /**
-   * Write the next module's pose (centre, then three axes), given the one before and the hinge angles between them.
+   * Write the next module's pose (centre, then three axes),
+   * given the one before and the hinge angles between them.
    * @type {(P: Float64Array, from: number, to: number, q: Float64Array, at: number) => void}
    */
   next(P, from, to, q, at) {

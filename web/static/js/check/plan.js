@@ -63,7 +63,10 @@ export class Plan {
     const J = this.folded.length, frames = this.numbers(this.windowed ? "first" : "time_s").length;
     const expected = (this.n - 1) * this.module.hinges - this.pad;
     readable(J === expected && this.n >= 2, `got ${J} hinges for ${this.n} modules, expected ${this.n < 2 ? "at least 2 modules" : expected}`);
-    /** In frame k, the angles of hinges first[k] to last[k] − 1 start at values[offsets[k]]; earlier hinges are folded, later ones at 0. */
+    /**
+     * In frame k, the angles of hinges first[k] to last[k] − 1 start at
+     * values[offsets[k]]; earlier hinges are folded, later ones at 0.
+     */
     this.first = this.windowed ? this.numbers("first") : new Float64Array(frames);
     this.offsets = this.windowed ? this.numbers("offsets") : Float64Array.from({ length: frames + 1 }, (_, k) => k * J);
     this.last = this.first.map((a, k) => a + this.offsets[k + 1] - this.offsets[k]);
@@ -82,7 +85,11 @@ export class Plan {
     return values;
   }
 
-  /** Return the concatenated angles of all windows; stored plainly, as differences of frames, or as changes in windows. @param {number} J */
+  /**
+   * Return the concatenated angles of all windows; stored
+   * plainly, as differences of frames, or as changes in windows.
+   * @param {number} J
+   */
   angles(J) {
     const { arrays, told: { angles }, folded, first, last, offsets } = this, name = this.windowed ? "angles_rad" : "joint_angles_rad";
     const shape = (arrays.has(name) ? arrays.get(name) : angles)?.shape;
@@ -128,7 +135,10 @@ export class Plan {
     };
   }
 
-  /** Return the SHA-256 of the angles as 64-bit floats; for windows, of first and offsets as 64-bit integers, then the angles as 32-bit floats. */
+  /**
+   * Return the SHA-256 of the angles as 64-bit floats; for windows, of
+   * first and offsets as 64-bit integers, then the angles as 32-bit floats.
+   */
   async digest() {
     const { windowed, first, offsets, values } = this;
     const parts = windowed ? [BigInt64Array.from([...first, ...offsets], BigInt), Float32Array.from(values)] : [Float64Array.from(values)];

@@ -26,7 +26,10 @@ const PARALLEL = 1e-6; // edges with a shorter cross product give no axis
 /** Return the largest power of two up to a number, at least 1. @param {number} x */
 const powerIn = (x) => 1 << (31 - Math.clz32(Math.max(x, 1)));
 
-/** Return a coefficient of the polynomial through values o, o + 12, o + 24, ... @type {(row: number[], values: Float64Array, o: number) => number} */
+/**
+ * Return a coefficient of the polynomial through values o, o + 12, o + 24, ...
+ * @type {(row: number[], values: Float64Array, o: number) => number}
+ */
 const coefficient = (row, values, o) => row[0] * values[o] + row[1] * values[o + 12] + row[2] * values[o + 24] + row[3] * values[o + 36] + row[4] * values[o + 48];
 
 export class Proof {
@@ -49,7 +52,10 @@ export class Proof {
     this.plan = plan;
     this.module = m;
     this.size = size;
-    /** The interval begins at frame k; modules up to c are folded, those after `end` straight; P and boxes hold the folded state up to module `folded`. */
+    /**
+     * The interval begins at frame k; modules up to c are folded, those after
+     * `end` straight; P and boxes hold the folded state up to module `folded`.
+     */
     this.k = this.frame = this.c = this.end = this.folded = this.slack = this.largest = 0;
     this.P = Float64Array.from({ length: plan.n * POSES }, (_, x) => Number(x < POSES && x % 4 === 3));
     this.S = new Float64Array(plan.n);
@@ -84,7 +90,8 @@ export class Proof {
   }
 
   /**
-   * Check a fraction of the time between two frames, from t to t + w; bisect it if pairs remain unproved.
+   * Check a fraction of the time between two frames,
+   * from t to t + w; bisect it if pairs remain unproved.
    * @param {number} t
    * @param {number} w
    * @param {[number, number][] | null} only pairs of modules to check; null for all
@@ -99,7 +106,11 @@ export class Proof {
     for (const begin of [t, t + w / 2]) this.look(begin, w / 2, left);
   }
 
-  /** Compute poses at the nodes, up to the straight tail, and the bounds S of rotation. @param {number} t @param {number} w */
+  /**
+   * Compute poses at the nodes, up to the straight tail, and the bounds S of rotation.
+   * @param {number} t
+   * @param {number} w
+   */
   move(t, w) {
     const { P, S, c, end, q, step, behind, module, plan: { n } } = this, { hinges } = module, angles = q.slice();
     for (let a = 0; a < POSES; a += 12) {
@@ -123,10 +134,18 @@ export class Proof {
     }
   }
 
-  /** Return the bound of interpolation and rounding errors for a point of module j at distance r from its centre, relative to i. @type {(i: number, j: number, r: number) => number} */
+  /**
+   * Return the bound of interpolation and rounding errors for a
+   * point of module j at distance r from its centre, relative to i.
+   * @type {(i: number, j: number, r: number) => number}
+   */
   lost(i, j, r) { return REMAINDER * (Math.abs(this.S[j] - this.S[i]) + this.slack) ** ORDER * (Math.abs(j - i) * this.module.length + r) + this.E; }
 
-  /** Compute the poses of module j relative to i, or only their centres. @param {number} i @param {number} j */
+  /**
+   * Compute the poses of module j relative to i, or only their centres.
+   * @param {number} i
+   * @param {number} j
+   */
   see(i, j, count = 12) {
     const { P, M } = this;
     for (const m of [i, j]) if (m > this.end) this.place(m);
@@ -173,7 +192,11 @@ export class Proof {
     return found;
   }
 
-  /** Return true if the clearance of two modules is proved for the interval. @param {number} i @param {number} j */
+  /**
+   * Return true if the clearance of two modules is proved for the interval.
+   * @param {number} i
+   * @param {number} j
+   */
   clear(i, j) {
     this.see(i, j);
     const { frame, plan: { claim } } = this, bound = this.solids(this.lost(i, j, this.module.radius)), { gap, fits } = this.best;
@@ -183,7 +206,11 @@ export class Proof {
     return bound >= claim;
   }
 
-  /** Return the bound along the best axis at the midpoint, among centres and faces and, if necessary, edges. @param {number} lost */
+  /**
+   * Return the bound along the best axis at the midpoint,
+   * among centres and faces and, if necessary, edges.
+   * @param {number} lost
+   */
   solids(lost) {
     this.best = { gap: -Infinity, axis: [0, 0, 0], fits: -Infinity };
     this.separate(false);
@@ -193,7 +220,11 @@ export class Proof {
     return Math.max(bound, this.during() - lost);
   }
 
-  /** Find the best separating axis at the midpoint: the line of centres, a face normal, or the normal of two edges. @param {boolean} edges */
+  /**
+   * Find the best separating axis at the midpoint: the line
+   * of centres, a face normal, or the normal of two edges.
+   * @param {boolean} edges
+   */
   separate(edges) {
     const { M, module: m, size, plan: { claim } } = this, own = edges ? m.told.edges : m.told.faces;
     /** @type {Vector[]} */

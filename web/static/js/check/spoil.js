@@ -9,7 +9,10 @@ import { Proof } from "./proof.js";
 const SHY = 1e-4; // margin below the size at which modules touch
 const OFF = Math.PI / 180;
 
-/** Finds the largest module size: it starts at the size of the cells and shrinks wherever modules touch. */
+/**
+ * Finds the largest module size: it starts at the size
+ * of the cells and shrinks wherever modules touch.
+ */
 export class Largest {
   /** @type {(Place & { size: number }) | null} pair of modules that reduced the size last, and the size at which they touch */
   touch = null;
@@ -37,7 +40,8 @@ export class Largest {
 }
 
 /**
- * Turn a hinge one degree away from its folded angle, in all frames but the first and the last. Return the joint's number.
+ * Turn a hinge one degree away from its folded angle, in all
+ * frames but the first and the last. Return the joint's number.
  * @param {Plan} plan
  * @param {number} module
  */

@@ -1,12 +1,13 @@
-// Checks a plan in a separate thread, unchanged or with a deliberate fault, and reports the
-// progress.
+// Checks a plan in a separate thread, unchanged or
+// with a deliberate fault, and reports the progress.
 import { NotProved, Plan } from "./plan.js";
 import { Proof } from "./proof.js";
 import { Largest, turnMore } from "./spoil.js";
 
 /** @typedef {import("./plan.js").Place} Place */
 /**
- * `way` is the check: the plan's claim, the largest size of its modules, or the effect of a hinge that is off.
+ * `way` is the check: the plan's claim, the largest size
+ * of its modules, or the effect of a hinge that is off.
  * @typedef {{ href: string, way: "claim" | "size" | "hinge", module: number | null }} Asked
  * @typedef {{ frames: number, modules: number, size: number, claim: number }} Claimed
  * @typedef {{ is: "progress", frame: number, frames: number, tightest: Place | null }} Progress

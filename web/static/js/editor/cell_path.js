@@ -1,9 +1,9 @@
-// A path through cells as it is drawn: what may come next, and what is still wrong with it. Paths are lists
-// of keys and stay as they are; planner/chain/path.py checks finished ones in the same way.
+// A path through cells while it is drawn: its next cells and its defects. Paths are immutable lists
+// of keys; planner/chain/path.py checks finished ones in the same way.
 
 const FEWEST = 3;
 
-// Cells that share a face with one.
+// Return the cells that share a face with a cell.
 /**
  * @param {number} key
  * @param {number} size
@@ -25,7 +25,7 @@ export function neighbours(key, size) {
  */
 export const touch = (a, b, size) => neighbours(a, size).includes(b);
 
-// What is wrong with a path through filled cells.
+// Return the defects of a path through filled cells.
 /**
  * @param {Painted} painted
  * @returns {PathChecked}
@@ -56,7 +56,7 @@ export function checked({ cells, size, path }) {
   return { length: path.length, cells: count, gaps, repeats, missing, lost: lost(missing, path, size), difference, whole };
 }
 
-// Of the missing cells those that neither end of the path leads to.
+// Return the missing cells that cannot be reached from either end of the path.
 /**
  * @param {number[]} missing
  * @param {readonly number[]} path
@@ -72,7 +72,7 @@ function lost(missing, path, size) {
   return [...left];
 }
 
-// A sentence or two on it, and whether they tell of a mistake or of what is left to do.
+// Return a sentence or two about the path, with the tone: an error, success, or work in progress.
 /**
  * @param {PathChecked} found
  * @returns {{ text: string, tone: "" | "good" | "bad" }}
@@ -95,8 +95,9 @@ export function told({ length, cells, gaps, repeats, missing, lost: apart, diffe
   return { text: so, tone: "" };
 }
 
-// The path with a cell more: at the end that is drawn, at the other one if only that touches it, or within
-// a gap between two that it joins. The cell before the end takes that back. Says why when it cannot be.
+// Add a cell to a path: at the drawn end, at the other end if it
+// touches only that, or in a gap that it closes. The cell before the
+// end removes the end. Return the reason if the cell cannot be added.
 /**
  * @param {DrawnPath} drawn
  * @param {number} key
@@ -125,7 +126,7 @@ export function extended({ path, atStart }, key, size) {
   return { path: start ? [key, ...path] : [...path, key], atStart: start };
 }
 
-// The part of a path from a cell on to the end that is not drawn; that cell is the drawn end then.
+// Cut a path at a cell, which becomes the drawn end; the part with the other end remains.
 /**
  * @param {DrawnPath} drawn
  * @param {number} key
@@ -137,11 +138,11 @@ export function cut({ path, atStart }, key) {
   return { path: atStart ? path.slice(index) : path.slice(0, index + 1), atStart };
 }
 
-// The cell that is drawn from; null without a path.
+// Return the drawn end of a path; null if it is empty.
 /** @param {DrawnPath} drawn */
 export const headOf = ({ path, atStart }) => path.at(atStart ? 0 : -1) ?? null;
 
-// Cells beside the head that the path has not visited.
+// Return the neighbours of the drawn end that the path has not visited.
 /**
  * @param {DrawnPath} drawn
  * @param {number} size
@@ -152,7 +153,7 @@ export function nextCells(drawn, size) {
   return head === null ? [] : neighbours(head, size).filter((key) => !visited.has(key));
 }
 
-// A path through a few cells that begins in one, found by trying; null when there is none.
+// Find a path through a few cells from a start cell by backtracking; null if there is none.
 /**
  * @param {number[]} keys
  * @param {number} start

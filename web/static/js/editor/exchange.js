@@ -1,10 +1,13 @@
-// What the editor gives the service and gets from it: files, cells of files, and paths through cells.
+// Exchange between the editor and the service: files, cells of files, and paths through cells.
 import { ask, formOf, ownKey } from "../lib/api.js";
 export { openFold } from "../lib/fold_request.js";
 import { neighbours, through } from "./cell_path.js";
 import { cellOf, cellsOf, keyOf, keysOf, parts } from "./painting.js";
 
-/** Cells up to which the rest of a path is found here, by trying. */
+/**
+ * Maximum number of remaining cells for which the
+ * browser itself searches the path, by backtracking.
+ */
 const FEW = 8;
 
 /**
@@ -26,17 +29,17 @@ export function pathFile(name, { path, size }) {
   return new File([JSON.stringify(written)], "path.json", { type: "application/json" });
 }
 
-// Ask the service about a shape. Throws a Refusal.
+// Request the report on a shape. Throws a Refusal.
 /**
  * @param {Form} fields
  * @returns {Promise<Api.Preview>}
  */
 export const report = (fields) => ask("/api/shapes/preview", { body: formOf(fields), token: ownKey() });
 
-// The cells of a file, or of one that was sent before; no path is looked for.
+// Read the cells of a file, or of a previous upload, without a search for a path.
 /**
  * @param {{ file: File } | { preview: string }} source
- * @param {number} cells that a mesh becomes, about
+ * @param {number} cells approximate number of cells for a mesh
  */
 export async function read(source, cells) {
   const answer = await report({ ...source, method: "exact", modules: cells, path: false });
@@ -44,7 +47,7 @@ export async function read(source, cells) {
   return answer;
 }
 
-// A path through all cells that goes on from a path; null where none was found.
+// Complete a path through all cells; null if no such path was found.
 /**
  * @param {Painted} painted
  * @param {DrawnPath} drawn

@@ -1,12 +1,12 @@
-// An isometric drawing of cells, seen from (1, 1, 1); the layer being painted stands out, and the path lies
-// over it. Only what is seen is drawn: the drawing of a full grid is no larger than that of its outside.
+// Isometric drawing of cells, viewed from (1, 1, 1), with the current layer highlighted and the
+// path on top. Only visible faces are drawn: a full grid needs no more elements than its surface.
 import { svg } from "../lib/text.js";
 import { cellOf, keysOf } from "./painting.js";
 
 const UNIT = 20;
 const COSINE = Math.sqrt(0.75);
 const SIDES = ["l", "r", "t"];
-/** Corners of a face that are seen: of one half, of the other, of both. */
+/** Visible corners of a face, by the bits of its visible halves. */
 const SEEN = [[], [0, 1, 2], [0, 2, 3], [0, 1, 2, 3]];
 /** Colours along the path, from its first module to its last, as in previews: cividis. */
 const ALONG = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"];
@@ -18,7 +18,7 @@ const project = ([x, y, z]) => [(y - x) * COSINE * UNIT, ((x + y) * 0.5 - z) * U
 /** @param {number[][]} points */
 const line = (points) => `M${points.map((point) => project(point).map((v) => v.toFixed(1)).join(" ")).join("L")}`;
 
-// Corners of a face; the line from the first to the third divides it into the halves that are seen or not.
+// Return the corners of a face; the diagonal from the first to the third divides it into halves.
 /**
  * @param {Vector} cell
  * @param {string} side
@@ -29,12 +29,13 @@ function corners([x, y, z], side) {
   return [[x, y + 1, z], [x + 1, y + 1, z], [x + 1, y + 1, z + 1], [x, y + 1, z + 1]];
 }
 
-// What is seen where: seen along (1, 1, 1), a cell's faces cover six triangles of the plane, which are
-// halves of its squares (x - z, y - z). Of the cells that cover one, the nearest is seen there.
+// Return the visible halves of faces. Projected along (1, 1, 1), a
+// cell's faces cover six triangles of the plane, which are halves of its
+// squares (x - z, y - z). In each triangle the nearest cell is visible.
 /**
  * @param {number[]} keys
  * @param {number} size
- * @returns {Map<number, number>} by six times the key and twice the face, which halves are seen
+ * @returns {Map<number, number>} bits of the visible halves, by 3 × key + face
  */
 export function visible(keys, size) {
   const wide = 2 * size + 1;
@@ -49,7 +50,7 @@ export function visible(keys, size) {
     const [x, y, z] = cellOf(key, size);
     const [a, b, depth] = [x - z, y - z, x + y + z];
     const first = 6 * key;
-    cover(a, b, 0, depth, first); // l, before its dividing line, and beyond it
+    cover(a, b, 0, depth, first); // l: the half before its diagonal, then the other one
     cover(a, b - 1, 1, depth, first + 1);
     cover(a, b, 1, depth, first + 2); // r
     cover(a - 1, b, 0, depth, first + 3);
@@ -64,9 +65,9 @@ export function visible(keys, size) {
   return found;
 }
 
-// The colour of a module along the path, darker on the sides that the light does not fall on.
+// Return the colour of a module along the path, shaded by side.
 /**
- * @param {number} step of ten
+ * @param {number} step index into ALONG
  * @param {string} side
  */
 function colour(step, side) {
@@ -78,7 +79,7 @@ function colour(step, side) {
  * @param {SVGSVGElement} picture
  * @param {Painted} painted
  * @param {number} layer
- * @param {DrawnPath | null} drawn the path, where it is to be seen
+ * @param {DrawnPath | null} drawn the path, if it is displayed
  */
 export function draw(picture, { cells, size }, layer, drawn) {
   const keys = keysOf(cells);
@@ -87,8 +88,8 @@ export function draw(picture, { cells, size }, layer, drawn) {
   const path = drawn?.path ?? [];
   const place = new Map(path.map((key, index) => [key, Math.floor((ALONG.length * index) / path.length)]));
 
-  // Faces that look the same are one element.
-  /** @type {Map<string, string[]>[]} below the plane of the layer, in it and above it */
+  // Faces of the same style share one element.
+  /** @type {Map<string, string[]>[]} faces below the layer; those in it and above */
   const storeys = [new Map(), new Map()];
   for (const [face, halves] of visible(keys, size)) {
     const key = Math.floor(face / 3);
@@ -117,7 +118,8 @@ export function draw(picture, { cells, size }, layer, drawn) {
   picture.replaceChildren(...parts);
 }
 
-// The path as a line through the middles of its cells, its first cell, and the one that is drawn from.
+// Return the path as a line through the centres of its
+// cells, with marks at its first cell and its drawn end.
 /**
  * @param {DrawnPath} drawn
  * @param {number} size

@@ -1,4 +1,4 @@
-// Letters of 5×5 cells that hang together by faces; one number is a row, its bits the cells.
+// Letters of 5×5 cells, each connected by faces; a number is a row, its bits are the cells.
 /** @type {Record<string, string>} */
 const ROWS = {
   A: "1f 11 1f 11 11", B: "1e 12 1f 11 1f", C: "1f 10 10 10 1f", D: "1e 13 11 13 1e", E: "1f 10 1e 10 1f",
@@ -9,7 +9,7 @@ const ROWS = {
   Z: "1f 03 0e 18 1f",
 };
 
-// Cells (row, column) of a letter.
+// Return the cells (row, column) of a letter.
 /**
  * @param {string} letter
  * @returns {[row: number, column: number][]}

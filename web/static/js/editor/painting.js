@@ -1,5 +1,6 @@
-// The draft of the editor: a painting, and the shape's name. A painting has the filled cells, the path drawn
-// through them, and all steps so far, to be undone and done again. A key stands for a cell: (z * size + x) * size + y; x is the row, y the column, z the layer.
+// The draft of the editor: a painting and the name of the shape. A painting has
+// the filled cells, the path through them, and the steps for undo and redo. A
+// cell (row x, column y, layer z) has the key (z * size + x) * size + y.
 import { store, stored } from "../lib/text.js";
 import { neighbours } from "./cell_path.js";
 
@@ -25,7 +26,7 @@ export const keyOf = (x, y, z, size) => (z * size + x) * size + y;
  */
 export const cellOf = (key, size) => [Math.floor(key / size) % size, key % size, Math.floor(key / (size * size))];
 
-// Cells that are filled, as keys.
+// Return the keys of the filled cells.
 /** @param {Uint8Array} cells */
 export function keysOf(cells) {
   const keys = [];
@@ -56,7 +57,7 @@ export class Painting {
     this.before = null;
     try {
       this.restore(JSON.parse(stored(KEPT) ?? "null"));
-    } catch { /* what was stored is no painting */ }
+    } catch { /* the stored value is not a painting */ }
   }
 
   /** @param {{ size?: unknown, filled?: unknown, path?: unknown } | null} kept */
@@ -75,10 +76,10 @@ export class Painting {
   /** @returns {Painted} */
   get state() { return { size: this.size, cells: this.cells, path: this.path }; }
 
-  // Everything between a beginning and its end is one step. Steps within a step belong to it.
+  // Begin a step: all changes until its end are one undo step.
   begin() { this.before = { ...this.state, cells: this.cells.slice() }; }
 
-  // Fills or empties cells; true when that changed one. What is emptied is no part of the path any more.
+  // Fill or empty cells. Emptied cells leave the path. Return true if a cell changed.
   /**
    * @param {Iterable<number>} keys
    * @param {boolean} filled
@@ -94,7 +95,7 @@ export class Painting {
     return changed;
   }
 
-  // Takes a path; its cells are filled.
+  // Set the path and fill its cells.
   /** @param {readonly number[]} path */
   draw(path) {
     this.paint(path, true);
@@ -108,7 +109,7 @@ export class Painting {
     this.path = path;
   }
 
-  // Ends a step; true when anything is another than it was.
+  // End a step. Return true if it changed anything.
   end() {
     const before = this.before;
     this.before = null;
@@ -120,7 +121,7 @@ export class Painting {
     return true;
   }
 
-  // Leaves a step as if it had never begun.
+  // Cancel a step and restore the state before it.
   cancel() {
     if (this.before) this.become(this.before);
     this.before = null;
@@ -146,19 +147,19 @@ export class Painting {
   keep() { store(KEPT, JSON.stringify({ size: this.size, filled: keysOf(this.cells), path: this.path })); }
 }
 
-// The rest of the draft: how cells become modules, and the shape's name.
+// The rest of the draft: the conversion of cells to modules, and the name of the shape.
 export class Draft {
   constructor() {
     /** @type {"no" | "yes" | "path"} */
     this.how = "no";
     this.name = "";
-    this.given = ""; // the name that a letter or a file has given
+    this.given = ""; // name from a letter or a file
     try {
       const { how, name, given } = JSON.parse(stored(STORED_DRAFT) ?? "{}");
       if (CHOICES.includes(how)) this.how = how;
       if (typeof name === "string") this.name = name.slice(0, LONGEST_NAME);
       if (typeof given === "string") this.given = given;
-    } catch { /* what was stored is no draft */ }
+    } catch { /* the stored value is not a draft */ }
   }
 
   /** @param {{ how?: Draft["how"], name?: string, given?: string }} changed */
@@ -168,15 +169,15 @@ export class Draft {
     store(STORED_DRAFT, JSON.stringify({ how, name, given }));
   }
 
-  // Note a name that a letter or a file gives.
+  // Set the name from a letter or a file.
   /** @param {string} name */
   give(name) { this.note({ name: name.slice(0, LONGEST_NAME), given: name.slice(0, LONGEST_NAME) }); }
 
-  // Forget the name of what was cleared; one that the visitor has typed stays.
+  // Reset the name after clearing, unless the visitor typed it.
   clear() { if (this.name === this.given) this.note({ name: "", given: "" }); }
 }
 
-// Cells that hang together by faces, piece by piece, as keys.
+// Return the face-connected components of the filled cells, as lists of keys.
 /**
  * @param {Uint8Array} cells
  * @param {number} size
@@ -197,7 +198,7 @@ export function parts(cells, size) {
   return found;
 }
 
-// Cells of a voxel file or a path file; doubled, each becomes 2×2×2.
+// Return the cells for a voxel file or a path file; with `doubled`, each becomes 2×2×2.
 /**
  * @param {readonly number[]} keys
  * @param {number} size

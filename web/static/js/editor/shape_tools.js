@@ -1,9 +1,10 @@
-// Tools that change many cells of a painting at once. They compute: what they are given stays as it is.
+// Tools that change many cells of a painting at once. They
+// return new values and do not modify their arguments.
 import { LARGEST, SIZES, cellOf, keyOf, keysOf } from "./painting.js";
 
 /** @typedef {0 | 1 | 2} Axis of rows, columns and layers */
 
-// Cells of one layer that hang together with one by sides and are filled, or empty, as it is.
+// Return the connected region of a cell in its layer: cells that are filled, or empty, like it.
 /**
  * @param {Painted} painted
  * @param {number} start
@@ -21,7 +22,7 @@ export function region({ cells, size }, start) {
   return [...seen];
 }
 
-// All cells of the box that two cells are corners of.
+// Return all cells of the box between two corner cells.
 /**
  * @param {number} one
  * @param {number} other
@@ -37,7 +38,7 @@ export function box(one, other, size) {
   return keys;
 }
 
-// The smallest and the largest coordinates of cells; null without any.
+// Return the minimum and maximum coordinates of cells; null without cells.
 /** @param {number[][]} cells */
 const extremes = (cells) => (cells.length ? {
   low: cells.reduce((low, cell) => low.map((v, axis) => Math.min(v, cell[axis]))),
@@ -47,7 +48,7 @@ const extremes = (cells) => (cells.length ? {
 /** @param {Painted} painted */
 export const bounds = ({ cells, size }) => extremes(keysOf(cells).map((key) => cellOf(key, size)));
 
-// The painting with each cell put elsewhere, in a grid of any size that has room for them.
+// Return the painting with each cell moved by a function, in a grid of the given size.
 /**
  * @param {Painted} painted
  * @param {(cell: Vector) => number[]} place
@@ -64,7 +65,7 @@ function placed(painted, place, size = painted.size) {
   return { size, cells, path: painted.path.map(at) };
 }
 
-// The shape and its path as in a mirror at its own middle.
+// Mirror the shape and its path at the middle of the shape.
 /**
  * @param {Painted} painted
  * @param {Axis} axis
@@ -76,7 +77,7 @@ export function mirrored(painted, axis) {
   return placed(painted, (cell) => cell.with(axis, sum - cell[axis]));
 }
 
-// The shape and its path moved by so many cells, or by as many as there is room for.
+// Move the shape and its path by some cells, as far as the grid allows.
 /**
  * @param {Painted} painted
  * @param {Axis} axis
@@ -89,8 +90,8 @@ export function moved(painted, axis, by) {
   return step ? placed(painted, (cell) => cell.with(axis, cell[axis] + step)) : painted;
 }
 
-// The painting in a grid of another size, its middle kept in rows and columns, its layers where they are
-// if there is room; null when the shape is too large.
+// Move the painting to a grid of another size. The middle of the grid is preserved in rows and
+// columns, and the layers if possible. Return null if the shape is too large.
 /**
  * @param {Painted} painted
  * @param {number} size
@@ -104,8 +105,9 @@ export function resized(painted, size) {
   return placed(painted, (cell) => cell.map((v, axis) => v + by[axis]), size);
 }
 
-// The painting of cells that came with a file, in the middle of the smallest grid, no smaller than one, that
-// has room; ordered cells are its path. Throws an Error that says how large they are when none has.
+// Return the painting of cells from a file, centred in the smallest grid of
+// at least `least` cells that they fit in; ordered cells become its path.
+// Throws an Error that states their extents if no grid is large enough.
 /**
  * @param {number[][]} cells
  * @param {{ ordered: boolean, least: number }} how
@@ -129,7 +131,7 @@ export function imported(cells, { ordered, least }) {
   return { size, cells: filled, path: ordered ? keys : [] };
 }
 
-// These cells, and those opposite them on the other side of the grid's middle along each axis.
+// Return the cells and their mirror images at the middle of the grid along each axis.
 /**
  * @param {number[]} keys
  * @param {number} size
@@ -147,8 +149,8 @@ export function symmetric(keys, size, axes) {
   return found;
 }
 
-// The cells of a layer that a pointer passed on its straight way from one to another, both included; by
-// sides, each shares one with the next.
+// Return the cells of a layer on the straight line between two cells, both included. With
+// `bySides`, consecutive cells share a side.
 /**
  * @param {[x: number, y: number]} from
  * @param {[x: number, y: number]} to

@@ -1,5 +1,5 @@
-// State of the editor, without a page: the draft, the tool with what a press, a drag and a lift do with it, and
-// what would be folded.
+// State of the editor, without the page: the draft, the tool
+// and its pointer actions, and the shape that would be folded.
 import { whole } from "../lib/text.js";
 import { checked, cut, extended, headOf, told, touch } from "./cell_path.js";
 import { Draft, Painting, cellOf, keyOf, keysOf, parts } from "./painting.js";
@@ -7,18 +7,18 @@ import { box, mirrored, moved, region, resized, symmetric } from "./shape_tools.
 
 /** @typedef {"paint" | "fill" | "box" | "move" | "path"} Tool */
 
-/** Modules below which the service folds nothing. */
+/** Minimum number of modules that the service folds. */
 export const MIN_MODULES = 8;
 const MODULES_PER_CELL = { no: 8, yes: 1, path: 1 };
-const LETTER_CELLS = 5; // on a side
+const LETTER_CELLS = 5; // per side
 
 /**
- * What would be folded.
+ * Status of the shape that would be folded.
  * @typedef {object} Standing
  * @property {number} cells
- * @property {string} text in words, with what is still wrong with it
+ * @property {string} text description, including defects
  * @property {"" | "good" | "bad"} tone
- * @property {string} limit the bound in words, where it is not in the text
+ * @property {string} limit text about the limit, unless it is in the description
  * @property {boolean} whole whether a drawn path visits all cells
  * @property {boolean} completable whether the rest of a path can be searched
  * @property {boolean} ready whether it can be folded
@@ -34,12 +34,12 @@ export class Editor {
     this.sending = false;
     /** @type {Tool} */
     this.tool = "paint";
-    /** @type {Set<0 | 1 | 2>} along which painting is mirrored at the middle of the grid */
+    /** @type {Set<0 | 1 | 2>} axes along which painting is mirrored at the middle of the grid */
     this.axes = new Set();
-    /** @type {number | null} of a box that is begun */
+    /** @type {number | null} first corner of an unfinished box */
     this.corner = null;
     this.atStart = false;
-    /** @type {string} why the last thing could not be done; empty when it could */
+    /** @type {string} reason why the last action failed; empty if it succeeded */
     this.refused = "";
     this.filling = true;
     this.from = 0;
@@ -49,7 +49,7 @@ export class Editor {
   /** @returns {DrawnPath} */
   get drawn() { return { path: this.painting.path, atStart: this.atStart }; }
 
-  // The path, where it is to be seen.
+  // The path, if it is displayed.
   get shownPath() { return this.tool === "path" || this.draft.how === "path" ? this.drawn : null; }
 
   get name() { return this.draft.name.trim() || "My shape"; }
@@ -77,7 +77,7 @@ export class Editor {
     };
   }
 
-  // Show a layer, or the nearest one that there is.
+  // Show a layer, or the nearest existing one.
   /** @param {number} layer */
   turn(layer) { this.layer = Math.min(this.painting.size - 1, Math.max(0, layer)); }
 
@@ -101,7 +101,7 @@ export class Editor {
     else if (this.tool === "path") this.draw(key);
   }
 
-  /** @param {number[]} keys that were passed, in order */
+  /** @param {number[]} keys of the passed cells, in order */
   drag(keys) {
     this.to = keys[keys.length - 1] ?? this.to;
     if (this.tool === "paint") this.paint(keys);
@@ -130,7 +130,7 @@ export class Editor {
   /** @param {number[]} keys */
   paint(keys) { this.painting.paint(symmetric(keys, this.painting.size, this.axes), this.filling); }
 
-  // Draws one cell of the path.
+  // Draw one cell of the path.
   /** @param {number} key */
   draw(key) {
     const next = extended(this.drawn, key, this.painting.size);
@@ -152,7 +152,7 @@ export class Editor {
     painting.become(moved(moved(painting.before, 0, i - x), 1, j - y));
   }
 
-  // One step: what is done with the painting, to be undone at once.
+  // Run an action on the painting as one undo step.
   /** @param {() => void} act */
   step(act) {
     this.refused = "";
@@ -170,8 +170,8 @@ export class Editor {
   /** @param {0 | 1 | 2} axis */
   mirror(axis) { this.step(() => this.painting.become(mirrored(this.painting.state, axis))); }
 
-  // Draws from the head in a direction; from a cell where there is no path. Shows the layer of the head, which
-  // is returned.
+  // Extend the path from its drawn end in a direction, or start it
+  // at a cell. Show the layer of the new drawn end and return it.
   /**
    * @param {number[]} by
    * @param {number} from
@@ -198,7 +198,7 @@ export class Editor {
     this.step(() => this.follow(cut(this.drawn, key)));
   }
 
-  // The chain begins at the other end; what is drawn from stays.
+  // Reverse the path; the drawn end stays the same cell.
   reverse() {
     this.step(() => this.follow({ path: this.painting.path.toReversed(), atStart: !this.atStart }));
   }
@@ -209,14 +209,14 @@ export class Editor {
     this.turn(0);
   }
 
-  // Copies the cells of the layer below.
+  // Copy the cells of the layer below.
   repeat() {
     const area = this.painting.size ** 2;
     const below = keysOf(this.painting.cells).filter((key) => Math.floor(key / area) === this.layer - 1);
     this.step(() => this.painting.paint(below.map((key) => key + area), true));
   }
 
-  // Writes a letter in place of the shape.
+  // Replace the shape by a letter.
   /**
    * @param {string} letter
    * @param {[row: number, column: number][]} cells
@@ -232,7 +232,7 @@ export class Editor {
     this.turn(0);
   }
 
-  // Takes the shape of a file.
+  // Replace the shape by that of a file.
   /**
    * @param {Painted} painted
    * @param {string} name

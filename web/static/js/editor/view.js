@@ -1,5 +1,5 @@
-// View of the editor: the sheet, which has the cells of one layer as a grid of buttons that are painted with a
-// pointer, a finger or the keyboard, and the controls around it.
+// View of the editor: the sheet, which shows the cells of one layer as a grid of buttons for
+// pointers and keyboard, and the controls around it.
 import { element, get, svg } from "../lib/text.js";
 import { headOf, nextCells, touch } from "./cell_path.js";
 import { cellOf, keyOf } from "./painting.js";
@@ -14,7 +14,7 @@ const ARROWS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowR
 export const exact = /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll('[name="exact"]'));
 export const all = (/** @type {string} */ selector) => /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(selector));
 
-// Writes a text with its tone where it is another one: screen readers read again what is written again.
+// Write a text with its tone, if it changes: screen readers repeat a text that is written again.
 /**
  * @param {"count" | "message" | "checked" | "reading"} id
  * @param {string} text
@@ -25,7 +25,7 @@ export function say(id, text, tone = "") {
   get(id).dataset.tone = tone;
 }
 
-// Shows what the controls around the sheet can do now, and what would be folded.
+// Update the controls around the sheet, and the status of the shape.
 /**
  * @param {Editor} editor
  * @param {import("./state.js").Standing} standing
@@ -54,7 +54,7 @@ export class Sheet {
   /**
    * @param {HTMLElement} grid
    * @param {Editor} editor
-   * @param {(now: boolean) => void} changed shows what has changed, at once or with the next picture
+   * @param {(now: boolean) => void} changed updates the page, immediately or with the next frame
    */
   constructor(grid, editor, changed) {
     this.grid = grid;
@@ -72,10 +72,10 @@ export class Sheet {
     grid.addEventListener("pointerdown", (event) => this.press(event));
     grid.addEventListener("pointermove", (event) => this.drag(event));
     grid.addEventListener("pointerup", () => this.lift(true));
-    // Two fingers zoom and move the page: what the first of them has begun is taken back.
+    // Two fingers zoom and scroll the page: undo the stroke that the first one began.
     grid.addEventListener("pointercancel", () => this.lift(false));
     grid.addEventListener("keydown", (event) => this.key(event));
-    // A screen reader puts the focus where it likes.
+    // Screen readers can move the focus to any cell.
     grid.addEventListener("focusin", ({ target }) => {
       if (target instanceof HTMLButtonElement) this.focus(Number(target.dataset.x), Number(target.dataset.y));
     });
@@ -95,7 +95,7 @@ export class Sheet {
     this.focus(Math.floor(size / 2), Math.floor(size / 2));
   }
 
-  // Shows a layer. Attributes are set where they change: a grid has up to a thousand buttons.
+  // Show a layer. Only changed attributes are set, because a grid has up to a thousand buttons.
   show() {
     const { painting: { size, cells, path }, layer, shownPath: drawn, corner, axes } = this.editor;
     this.build(size);
@@ -121,7 +121,7 @@ export class Sheet {
     this.lines.replaceChildren(...(drawn ? this.course(drawn) : []));
   }
 
-  // The path within the layer; triangles say where it comes from, or goes to, a layer above or below.
+  // Return the path within the layer; triangles mark its connections to the layers above and below.
   /** @param {DrawnPath} drawn */
   course(drawn) {
     const { path } = drawn;
@@ -224,7 +224,7 @@ export class Sheet {
     event.preventDefault();
   }
 
-  // An arrow key moves the shape, draws the path or goes to the next cell.
+  // Handle an arrow key: move the shape, draw the path, or focus the next cell.
   /**
    * @param {[x: number, y: number]} by
    * @param {boolean} shift
@@ -238,7 +238,7 @@ export class Sheet {
     else this.focus(this.focused[0] + x, this.focused[1] + y).focus();
   }
 
-  // Draws from the head of the path in a direction, and goes where that leads.
+  // Extend the path from its drawn end in a direction, and focus the new end.
   /** @param {number[]} by */
   drawOn(by) {
     const head = this.editor.drawOn(by, this.focusedKey);

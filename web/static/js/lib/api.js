@@ -1,6 +1,6 @@
-// Requests to the service, and the keys of this browser that they are made with: its own, and those brought
-// from other browsers. A key is an owner token: whoever holds it holds what was made with it. Keys leave in
-// one header alone.
+// Requests to the service, and the access keys of this browser: its own, and those added from other
+// browsers. A key is an owner token, which gives access to everything that was made with it. Keys
+// are sent only in the Authorization header.
 import { UNREACHABLE, at, sentence, store, stored } from "./text.js";
 
 const OWN = "foldback:token";
@@ -14,16 +14,17 @@ const BUSY = 429;
 
 const NUMBERED_PARTS = /\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?/gi;
 
-// A text of the planner, which counts modules and cells from 0, counting from 1: `count_from_one` of server/pages/failures.py.
+// Renumber modules and cells in a text of the planner to start
+// at 1, as `count_from_one` of server/pages/failures.py.
 /** @param {string} text */
 export const countFromOne = (text) => text.replace(NUMBERED_PARTS, (named) => named.replace(/\d+(?! more)\b/g, (index) => String(Number(index) + 1)));
 
-// A refusal in words for people.
+// A refused request, with a message for the visitor.
 export class Refusal extends Error {
   /**
    * @param {string} words
-   * @param {number} status 0 where the server cannot be reached
-   * @param {string} code of the API; empty where it gave none
+   * @param {number} status 0 if the server cannot be reached
+   * @param {string} code error code of the API; empty if there is none
    */
   constructor(words, status = 0, code = "") {
     super(words);
@@ -31,14 +32,14 @@ export class Refusal extends Error {
     this.code = code;
   }
 
-  // Whether the same request is refused again.
+  // True if a retry would be refused as well.
   get final() { return this.status >= 400 && this.status < 500 && this.status !== BUSY; }
 
-  // Whether what was requested is not there, or not with this key.
+  // True if the requested item does not exist, or not for this key.
   get gone() { return GONE.has(this.status); }
 }
 
-// Return what the server said as a sentence that also says where.
+// Return the message of the server as a sentence that includes its location.
 /**
  * @param {Refused} problem
  * @param {number} status
@@ -49,7 +50,7 @@ export function refusalWords({ message, detail, where: place }, status) {
   return sentence(text.includes(where) || text.includes(where.replaceAll("_", " ")) ? text : `${where}: ${text}`);
 }
 
-// Return the JSON of an answer; none is read as {}, because proxies answer in words of their own.
+// Return the JSON of an answer; other content becomes {}, because proxies send their own pages.
 /**
  * @param {number} status
  * @param {string} text
@@ -63,7 +64,7 @@ export function contentOf(status, text) {
   return content;
 }
 
-// Return a form with fields, without those that are null.
+// Return a form with the fields that are not null.
 /** @param {Form} fields */
 export function formOf(fields) {
   const form = new FormData();
@@ -71,8 +72,8 @@ export function formOf(fields) {
   return form;
 }
 
-// Request something of the service. A body is sent with POST unless a method is named: a form as it is, other
-// values as JSON.
+// Send a request to the service. The default method with a body
+// is POST; a form is sent unchanged, other values as JSON.
 /**
  * @template Answer
  * @param {string} path
@@ -91,7 +92,7 @@ export async function ask(path, { method, body = null, token = null, signal } = 
   return contentOf(status, text);
 }
 
-// Ask now and then, until `over` says that an answer is the last one, or until what is asked for is gone.
+// Poll until `over` returns true for an answer, or until the item no longer exists.
 /**
  * @template Answer
  * @param {string} path
@@ -106,7 +107,7 @@ export async function askUntil(path, pauseMs, over) {
   }
 }
 
-// Delete something that may be gone already.
+// Delete an item; ignore one that no longer exists.
 /**
  * @param {string} path
  * @param {string | null} token
@@ -122,8 +123,8 @@ export async function remove(path, token) {
 /** @param {string} text */
 export const isKey = (text) => KEY.test(text);
 
-// The browser's own, made once; none where nothing may be kept. Who sends it again with the same file
-// gets the same fold.
+// Return the browser's own key, created on first use; null if
+// storage is refused. The same key and file give the same fold.
 export function ownKey() {
   const known = stored(OWN);
   if (known) return known;
@@ -133,7 +134,8 @@ export function ownKey() {
 
 export const newKey = () => btoa(String.fromCharCode(...crypto.getRandomValues(new Uint8Array(BYTES)))).replaceAll("+", "-").replaceAll("/", "_");
 
-// What was made with its own key is a new one's now, which was kept beside it until then.
+// Replace the browser's own key, and its tokens of
+// folds, by a new key that was stored as an added one.
 /** @param {string} made */
 export function replaceOwn(made) {
   const old = stored(OWN);
@@ -142,7 +144,7 @@ export function replaceOwn(made) {
   store(OWN, made);
 }
 
-// Those that were brought here.
+// Return the keys that were added from other browsers.
 /** @returns {string[]} */
 export function broughtKeys() {
   try {
@@ -156,7 +158,7 @@ export function broughtKeys() {
 const broughtExcept = (/** @type {string} */ key) => broughtKeys().filter((other) => other !== key);
 const storeBrought = (/** @type {string[]} */ keys) => store(BROUGHT, JSON.stringify(keys));
 
-// All of them, its own first; none is made for it.
+// Return all keys, the own key first, without creating one.
 export function keysHere() {
   const own = stored(OWN);
   return [...new Set([...(own ? [own] : []), ...broughtKeys()])];
@@ -165,7 +167,7 @@ export function keysHere() {
 /** @param {string} key */
 export const bring = (key) => storeBrought([...broughtExcept(key), key]);
 
-// From now on it asks with a key that was brought here; its own stays beside it.
+// Use an added key as the own one; keep the previous own key as an added one.
 /** @param {string} key */
 export function useKey(key) {
   const own = stored(OWN);
@@ -173,7 +175,7 @@ export function useKey(key) {
   store(OWN, key);
 }
 
-// Forgets a key that was brought here, and of which folds it is.
+// Remove an added key and its tokens of folds.
 /** @param {string} key */
 export function dropKey(key) {
   storeBrought(broughtExcept(key));
@@ -186,7 +188,7 @@ export function forgetKeys() {
   store(OWN, null);
 }
 
-// Which token this browser knows for which fold.
+// Return the tokens of folds that this browser stores.
 /** @returns {[id: string, token: string][]} */
 function ofFolds() {
   try {
@@ -196,18 +198,19 @@ function ofFolds() {
   }
 }
 
-// The token that proves that a fold is this browser's; null for others'.
+// Return the owner token of a fold; null for folds of others.
 /** @param {string} id */
 export const tokenOf = (id) => stored(OF_FOLD + id);
 
-// Where nothing may be kept a fold is seen all the same; it cannot be cancelled then.
+// Store the token of a fold, null to remove it. Without
+// storage the fold is visible but cannot be cancelled.
 /**
  * @param {string} id
  * @param {string | null} token
  */
 export const keepToken = (id, token) => store(OF_FOLD + id, token);
 
-// The headers that prove whose something is; none for a token that is not there.
+// Return the headers that prove ownership; none without a token.
 /**
  * @param {string | null} token
  * @returns {Record<string, string>}

@@ -1,4 +1,5 @@
-// Arrays and a few words about them from one binary message; web/timeline/columns.py tells its form.
+// Decoding of a binary message into a header and
+// arrays; web/timeline/columns.py defines its format.
 const TYPES = {
   "<f8": Float64Array, "<f4": Float32Array, "|u1": Uint8Array, "<u2": Uint16Array, "<u4": Uint32Array, "<i4": Int32Array,
 };

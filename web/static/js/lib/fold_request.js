@@ -3,7 +3,7 @@ import { formOf, keepToken, ownKey } from "./api.js";
 import { at, wordsOf } from "./text.js";
 import { upload } from "./upload.js";
 
-// Request a fold with a form or plain fields, and store the token that proves whose it is.
+// Request a fold with a form or plain fields, and store its owner token.
 /**
  * @param {FormData | Form} body
  * @param {import("./upload.js").Sending} how
@@ -13,15 +13,15 @@ export async function requestFold(body, how = {}) {
   const form = body instanceof FormData ? body : formOf(body);
   /** @type {Api.Accepted} */
   const { id, owner_token: token } = await upload("/api/folds", form, { ...how, token: ownKey() });
-  if (token) keepToken(id, token); // a fold of somebody else comes without
+  if (token) keepToken(id, token); // an existing fold of another visitor has none
   return { id };
 }
 
-// Request a fold and go to its page. Return whether the page is left; a refusal is said.
+// Request a fold and go to its page. Return true if the page is left; report a refusal with `say`.
 /**
  * @param {FormData | Form} body
  * @param {(words: string) => void} say
- * @param {...HTMLButtonElement} buttons that rest meanwhile
+ * @param {...HTMLButtonElement} buttons that are disabled meanwhile
  */
 export async function openFold(body, say, ...buttons) {
   for (const button of buttons) button.disabled = true;

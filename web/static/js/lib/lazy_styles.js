@@ -1,7 +1,7 @@
 // Styles of parts that most visitors do not use.
 import { at, element } from "./text.js";
 
-// Load a style once; a downloaded page has all of them in itself.
+// Load a style once; a downloaded page already contains all of them.
 /** @param {string} path */
 export function addStyle(path) {
   const style = at(path);

@@ -1,9 +1,9 @@
-// What was made with the keys of this browser, as the service lists it.
+// Items that were made with the keys of this browser, as listed by the service.
 import { ask, remove } from "./api.js";
 
 const FOLDS = "/api/mine/folds";
 
-// The folds of several keys, the newest first, some at a time.
+// Paged list of the folds of several keys, newest first.
 export class FoldList {
   /**
    * @param {string[]} keys
@@ -14,10 +14,10 @@ export class FoldList {
     /** @type {{ key: string, address: string | null, folds: Api.Fold[], total: number }[]} */
     this.ways = keys.map((key) => ({ key, address: FOLDS, folds: [], total: 0 }));
     /** @type {{ fold: Api.Fold, key: string }[]} */
-    this.found = []; // until they are returned: an answer that is missing loses none
+    this.found = []; // loaded but not returned yet, so that a failed request loses none
   }
 
-  // How many there are in all, once some were asked for.
+  // Total number of folds, known after the first request.
   get total() { return this.ways.reduce((sum, { total }) => sum + total, 0); }
 
   get done() { return this.ways.every(({ address, folds }) => address === null && !folds.length); }
@@ -37,7 +37,7 @@ export class FoldList {
     return this.found.splice(0);
   }
 
-  // One of a key's folds is gone.
+  // Count one fold less for a key.
   /** @param {string} key */
   forget(key) {
     for (const way of this.ways) if (way.key === key) way.total -= 1;
@@ -51,7 +51,7 @@ export class FoldList {
   }
 }
 
-// Delete everything that a key lists for good, but for what is public.
+// Permanently delete everything that a key lists, except public folds.
 /** @param {string} token */
 export async function deleteMade(token) {
   /** @type {string | null} */

@@ -1,18 +1,19 @@
 // Axes and lines of plots.
 import { svg } from "./text.js";
 
-/** Round numbers along an axis, about. More of them overlap. Chosen. */
+/** Approximate number of ticks of an axis. Labels of more ticks overlap. Chosen. */
 const MAX_TICKS = 5;
 const DIGITS = 3;
 
 export const round = (/** @type {number} */ value) => Number(value.toPrecision(DIGITS));
 
-// Round numbers from low to high, a few of them; powers of ten and their halves on a log scale.
+// Return a few round numbers from low to high; on a log
+// scale 1, 2 and 5 times powers of ten, or these alone.
 /**
  * @param {number} low
  * @param {number} high
  * @param {boolean} log
- * @param {number} most about the largest number of ticks
+ * @param {number} most approximate maximum number of ticks
  */
 export function ticks(low, high, log, most = MAX_TICKS) {
   if (log) {
@@ -29,7 +30,7 @@ export function ticks(low, high, log, most = MAX_TICKS) {
   return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, k) => round((first + k) * step));
 }
 
-// Return the function from values to places, from the ends of an axis to the ends of its line.
+// Return the function that maps values to positions: the ends of an axis to the ends of its line.
 /**
  * @param {[low: number, high: number]} ends
  * @param {[from: number, to: number]} places
@@ -41,7 +42,7 @@ export function scaleOf([low, high], [from, to], log = false) {
   return (/** @type {number} */ value) => from + ((of(value) - of(low)) / span) * (to - from);
 }
 
-// Return the values of a function of the column as an SVG path; columns without a value are gaps.
+// Return the values of all columns as an SVG path, with gaps where a value is missing.
 /**
  * @param {number[]} values
  * @param {(column: number) => number} x
@@ -50,7 +51,7 @@ export function scaleOf([low, high], [from, to], log = false) {
 export const linePath = (values, x, y) => values
   .map((value, k) => (Number.isFinite(value) ? `${Number.isFinite(values[k - 1]) ? "L" : "M"}${x(k).toFixed(1)} ${y(value).toFixed(1)}` : "")).join("");
 
-// Return a straight line across a plot, at a height or at a column.
+// Return a straight line across a plot, horizontal at y or vertical at x.
 /**
  * @param {string} name
  * @param {{ x?: number, y?: number }} at
@@ -59,7 +60,7 @@ export const linePath = (values, x, y) => values
 export const rule = (name, { x, y }, [from, to]) => svg("line", x === undefined
   ? { class: name, x1: from, x2: to, y1: y ?? 0, y2: y ?? 0 } : { class: name, x1: x, x2: x, y1: from, y2: to });
 
-// Move such a line to a column.
+// Move a vertical line.
 /**
  * @param {SVGElement} line
  * @param {number} x

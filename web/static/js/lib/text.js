@@ -1,4 +1,4 @@
-// Numbers and stages in words, and what else most scripts use: elements, storage, parts loaded later.
+// Formatting of numbers and stages, and other common helpers: elements, storage, lazy loading.
 /** @type {Record<string, string>} */
 export const STAGES = {
   read: "Reading the input",
@@ -17,9 +17,9 @@ const SI_PREFIXES = { [-12]: "p", [-9]: "n", [-6]: "µ", [-3]: "m", 0: "", 3: "k
 const [MIN_POWER, MAX_POWER] = [-12, 3];
 const DIGITS = 2;
 const WHOLE_BELOW = 1e6;
-const COARSE_S = 10; // steps of a time that counts the solvers, so that it does not change each second
+const COARSE_S = 10; // rounding of times that include compiling the solvers, so that they do not change every second
 
-// A quantity with an SI prefix: 34 µN·m, 0 rad, < 1 pN·m.
+// Return a quantity with an SI prefix: 34 µN·m, 0 rad, < 1 pN·m.
 /**
  * @param {number} value
  * @param {string} unit
@@ -33,7 +33,8 @@ export function si(value, unit, digits = DIGITS) {
   return `${value < 0 ? "−" : ""}${Number(`${mantissa}e${exponent - power}`)} ${SI_PREFIXES[power]}${unit}`;
 }
 
-// A number with so many significant digits, as `number` of words/quantities.py gives it: 0.0038, 30000, 1.3×10⁻¹².
+// Return a number with some significant digits, as `number`
+// of words/quantities.py: 0.0038, 30000, 1.3×10⁻¹².
 /**
  * @param {number} value
  * @param {number} digits
@@ -59,7 +60,7 @@ export const newtonMetres = (value) => si(value, "N·m");
 /** @param {string} text */
 export const sentence = (text) => text.charAt(0).toUpperCase() + text.slice(1);
 
-// What an error that was thrown says.
+// Return the message of a thrown error.
 /** @param {unknown} error */
 export const wordsOf = (error) => (error instanceof Error ? error.message : String(error));
 
@@ -70,7 +71,8 @@ export function duration(value) {
   return `about ${Math.round(value / 3600)} h`;
 }
 
-// What a fold takes that is requested now, in words; null while nobody knows how long the solvers take.
+// Return the expected time of a fold that is requested now;
+// null while the time to compile the solvers is unknown.
 /**
  * @param {number} value of the fold alone, in seconds
  * @param {Api.PreparingBody | null} preparing
@@ -84,18 +86,18 @@ export function wholeTime(value, preparing) {
 /** @param {number} value */
 export const seconds = (value) => `${value.toFixed(2)} s`;
 
-// The element of the page with an id; types.d.ts lists those that are more than an element.
+// Return the element of the page with an id; types.d.ts lists those of specific types.
 /**
  * @template {string} Id
  * @param {Id} id
  */
 export const get = (id) => /** @type {ElementOf<Id>} */ (/** @type {unknown} */ (document.getElementById(id)));
 
-// Return the address of a path of the service, which may be below a path of its host.
+// Return the address of a path of the service, which may itself be below a path of its host.
 /** @param {string} path */
 export const at = (path) => `${globalThis.document?.documentElement?.dataset?.base ?? ""}${path}`;
 
-// Addresses in the attributes are paths of the service.
+// Create an element. Attribute values that start with "/" are paths of the service.
 /**
  * @template {keyof HTMLElementTagNameMap} Name
  * @param {Name} name
@@ -111,7 +113,7 @@ export function element(name, attributes = {}, ...children) {
   return made;
 }
 
-// Return a button that does something.
+// Return a button with a click handler.
 /**
  * @param {string} look
  * @param {string} text
@@ -124,7 +126,7 @@ export function button(look, text, press, attributes = {}) {
   return made;
 }
 
-// Return an element of a drawing, with a text or elements in it.
+// Return an SVG element with children or text.
 /**
  * @param {string} name
  * @param {Record<string, string | number>} attributes
@@ -137,13 +139,13 @@ export function svg(name, attributes = {}, ...children) {
   return made;
 }
 
-// Return what this browser stores under a name; null where there is nothing or storage is refused.
+// Return the stored value of a name; null if there is none or storage is refused.
 /** @param {string} name */
 export function stored(name) {
   try { return localStorage.getItem(name); } catch { return null; }
 }
 
-// Store a value, null to remove it; false where storage is full or refused.
+// Store a value, null to remove it. Return false if storage is full or refused.
 /**
  * @param {string} name
  * @param {string | null} value
@@ -159,8 +161,9 @@ export function store(name, value) {
 
 export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
 
-// Something that is loaded when it is first used; what is made of it comes back. Where that fails,
-// `refused` is told why, nothing comes back, and the next use tries again.
+// Return a function that loads a part on first use and returns the
+// result of the given callback. If loading fails, it calls `refused`
+// with the reason and returns undefined; the next use tries again.
 /**
  * @template Part
  * @param {() => Promise<Part>} load
@@ -183,7 +186,7 @@ export function later(load, refused) {
   };
 }
 
-const KEPT_MS = 60_000; // what is being saved
+const KEPT_MS = 60_000; // lifetime of the object URL
 
 // Save a file to the visitor's disk.
 /**
@@ -200,7 +203,7 @@ const TOAST_MS = 2600;
 /** @type {ReturnType<typeof setTimeout> | undefined} */
 let toastTimer;
 
-// Show a line for a moment.
+// Show a message for a moment.
 /** @param {string} text */
 export function toast(text) {
   const line = get("toast");

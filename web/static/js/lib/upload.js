@@ -13,14 +13,14 @@ export const STOPPED = "Stopped";
  * @param {FormData} form
  * @param {Sending & { token?: string | null }} how
  * @returns {Promise<Answer>}
- * @throws {Refusal} "Stopped" when the signal ends it
+ * @throws {Refusal} with the message "Stopped" if the signal aborts it
  */
 export function upload(path, form, { token = null, signal, onSent } = {}) {
   return new Promise((resolve, reject) => {
     const request = new XMLHttpRequest();
     request.open("POST", at(path));
     for (const [name, value] of Object.entries(proof(token))) request.setRequestHeader(name, value);
-    // Without a listener no event is sent, which a request to another origin would have to be allowed.
+    // A listener would make a cross-origin request need a preflight.
     if (onSent) request.upload.onprogress = ({ loaded, total }) => onSent(loaded, total);
     request.onload = () => { try { resolve(contentOf(request.status, request.responseText)); } catch (error) { reject(error); } };
     request.onerror = request.onabort = () => reject(new Refusal(signal?.aborted ? STOPPED : UNREACHABLE));

@@ -2,7 +2,9 @@
 
 export const MAX_FILE_BYTES = 20 * 2 ** 20;
 const FORMAT = "foldback-values/1";
-/** Maximum number of values that a service stores with a fold, as in planner/plan/module_values.py. */
+/**
+ * Maximum number of values that a service stores with a fold, as in planner/plan/module_values.py.
+ */
 const MAX_KEPT = 45_000;
 const MAX_NAME = 80;
 const LEVELS = 254; // quantisation levels from minimum to maximum; the next level means no value
@@ -81,8 +83,8 @@ function jsonOf(text) {
 const counts = (/** @type {number[]} */ row) => row.length > 2 && [-1, 0, 1].some((from) => row.every((value, i) => value === i + from || (i === 0 && Number.isNaN(value))));
 const rises = (/** @type {number[][]} */ rows) => rows.every(([first], k) => k === 0 || first > rows[k - 1][0]);
 
-// Return the values from rows of module number and value; numbers start at 0 if there is a 0,
-// otherwise at 1.
+// Return the values from rows of module number and value;
+// numbers start at 0 if there is a 0, otherwise at 1.
 /**
  * @param {Cells} cells
  * @param {number} modules
@@ -159,8 +161,8 @@ export function readValues(text, file, expected) {
 /** @param {OwnValues} own */
 export const keptRows = ({ rows, values }) => Math.min(rows, Math.max(1, Math.floor((MAX_KEPT * rows) / values.length)));
 
-// Pack values for storage with a fold, quantised between minimum and maximum. Surplus rows are
-// dropped evenly.
+// Pack values for storage with a fold, quantised between
+// minimum and maximum. Surplus rows are dropped evenly.
 /**
  * @param {OwnValues} own
  * @returns {KeptValues}
@@ -193,8 +195,8 @@ export function unpacked({ name, unit, low, high, rows, data }, modules) {
   return { name: String(name), unit: String(unit), rows, values, low, high };
 }
 
-// Return the values of all modules at a fraction of the frames, 0 to 1, interpolated if both rows
-// have a value.
+// Return the values of all modules at a fraction of the
+// frames, 0 to 1, interpolated if both rows have a value.
 /**
  * @param {OwnValues} own
  * @param {number} share

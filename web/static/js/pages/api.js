@@ -1,11 +1,11 @@
-// Draws the description of the API with Swagger UI, as light or dark as the rest of the pages.
+// Shows the API description with Swagger UI, in the theme of the other pages.
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const { classList, dataset } = document.documentElement;
 const follow = () => classList.toggle("dark-mode", dataset.theme ? dataset.theme === "dark" : dark.matches);
 follow();
 addEventListener("themechange", follow);
 
-// Swagger UI puts links into buttons, and leaves out a level of headings.
+// Fix accessibility: Swagger UI puts links into buttons and skips a heading level.
 /** @param {{ React: any }} system */
 const accessible = ({ React: { createElement, Fragment } }) => ({
   wrapComponents: {
@@ -22,6 +22,6 @@ window.SwaggerUIBundle({
   deepLinking: true,
   defaultModelsExpandDepth: 0,
   plugins: [accessible],
-  // Nothing is sent to a validator elsewhere.
+  // Send nothing to an external validator.
   validatorUrl: null,
 });

@@ -1,4 +1,4 @@
-// Two folds beside each other.
+// The comparison page: two folds side by side.
 import { Bar } from "../player/bar.js";
 import { Keys } from "../player/keys.js";
 import { COLOURINGS, MEASURED, colouring } from "../player/colours.js";
@@ -9,8 +9,8 @@ import { offerSides, pathButton, playerOn, showScale } from "../viewer/controls.
 import { hasWebGL, load } from "../viewer/scene.js";
 import { at as hrefOf, copyText, element, get, later, radians, toast } from "../lib/text.js";
 
-const LOOK_MS = 2000; // at what is said of a fold that is not over
-const START_MS = 600; // two 3D views at once would keep both drawings waiting
+const LOOK_MS = 2000; // between two requests for the facts of a running fold
+const START_MS = 600; // delay of the 3D views, which would block the first drawings
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 /** @type {Facts[]} */
 const facts = JSON.parse(get("facts").textContent);
@@ -18,7 +18,7 @@ const facts = JSON.parse(get("facts").textContent);
 const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_MS); });
 
 /**
- * What is said of a fold, until it is over.
+ * Show the verdict of a fold until it is over.
  * @param {string} id
  * @param {HTMLElement} verdict
  * @param {import("../player/player.js").Player} player

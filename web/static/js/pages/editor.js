@@ -1,4 +1,4 @@
-// The editor: what its controls do with the draft, and the way to a preview or a fold.
+// The editor page: connects its controls with the draft, and requests previews and folds.
 import { SIZES } from "../editor/painting.js";
 import { imported } from "../editor/shape_tools.js";
 import { Editor, MIN_MODULES } from "../editor/state.js";
@@ -12,20 +12,20 @@ import { at, duration, element, get, later, save, whole, wholeTime, wordsOf } fr
 const facts = JSON.parse(get("facts").textContent);
 const CHECK_MS = 600;
 const DRAW_MS = 150;
-const MESH_CELLS = 160; // about, that a mesh becomes unless another number is typed
+const MESH_CELLS = 160; // approximate default number of cells of a mesh
 
 const editor = new Editor(facts.most_modules);
 const { painting, draft } = editor;
 const sheet = new Sheet(get("grid"), editor, (now) => { if (now) show(); else soon(); });
 
-// The drawing, what is sent, read and saved, and letters are loaded when they are used.
+// The drawing, the exchange of files and letters are loaded on first use.
 const message = (/** @type {string} */ text) => say("message", text);
 const picturing = later(() => import("../editor/isometric.js"), message);
 const exchanging = later(() => import("../editor/exchange.js"), (text) => { editor.refused = text; show(); });
 const writing = later(() => import("../editor/letters.js"), message);
 
-// Pointers move more often than pictures are drawn. While they do, the grid goes first: the drawing beside
-// it, which may be of thousands of faces, follows now and then.
+// Pointers move more often than frames are drawn. During a motion the grid is updated with every
+// frame, but the drawing beside it, which may have thousands of faces, only every DRAW_MS.
 let due = false;
 let drawnAt = 0;
 function soon() {
@@ -47,11 +47,12 @@ function show(drawn = true) {
   check(standing.whole && standing.ready);
 }
 
-// Does something and shows what came of it.
+// Return a handler that acts and updates the page.
 /** @param {() => void} act */
 const doing = (act) => () => { act(); show(); };
 
-// A path that visits all cells is shown to the service as well, which tells knots.
+// Send a complete path to the service, which checks
+// it for knots and estimates the time of the fold.
 /** @type {ReturnType<typeof setTimeout> | undefined} */
 let timer;
 let checkedPath = "";
@@ -136,7 +137,7 @@ get("complete").onclick = async () => {
   const completed = await exchanging((exchange) => exchange.completed(state, drawn).catch((error) => new Error(wordsOf(error))));
   button.ariaBusy = null;
   button.textContent = "Complete";
-  // What was drawn meanwhile is not drawn over.
+  // Keep a path that was changed meanwhile.
   if (completed === undefined || painting.path !== drawn.path) return;
   if (completed instanceof Error) editor.refused = completed.message;
   else if (completed) editor.step(() => editor.follow(completed));
@@ -191,7 +192,7 @@ addEventListener("drop", (event) => { event.preventDefault(); openFirst(event.da
 get("save-cells").onclick = () => exchanging(({ voxelFile }) => save(voxelFile(editor.name, painting.state), editor.fileName("voxels.json")));
 get("save-path").onclick = () => exchanging(({ pathFile }) => save(pathFile(editor.name, painting.state), editor.fileName("path.json")));
 
-// Sends the shape. `ask` sends the file, tells why not, and returns whether the page is left.
+// Send the shape. `ask` sends the file, reports a refusal, and returns true if the page is left.
 /** @param {(form: { file: File }, exchange: typeof import("../editor/exchange.js")) => Promise<boolean>} ask */
 async function send(ask) {
   const { name, draft: { how } } = editor;

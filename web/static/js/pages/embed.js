@@ -1,4 +1,4 @@
-// A fold in somebody else's page.
+// A fold that is embedded in another page.
 import { Figures } from "../player/figures.js";
 import { Source } from "../player/timeline.js";
 import { ask } from "../lib/api.js";
@@ -17,7 +17,7 @@ const { stage, player } = view({
   },
   onScroll: () => toast(`Click to zoom, or hold ${zoomKey}`),
 });
-// Full screen leaves nothing around it to scroll.
+// In full screen there is no page around it to scroll.
 const yieldScrolling = () => stage.yieldScrolling(window.parent !== window && !document.fullscreenElement);
 document.addEventListener("fullscreenchange", yieldScrolling);
 yieldScrolling();

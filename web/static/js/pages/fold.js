@@ -14,7 +14,7 @@ const formOf = (/** @type {EventTarget | null} */ field) => /** @type {HTMLFormE
 let facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const drawer = new Drawer();
-const code = new URLSearchParams(location.search).get("class"); // of a leader who is followed
+const code = new URLSearchParams(location.search).get("class"); // code of the class to follow
 const { timeline, player, place, bar } = view({
   over: !facts.running, play: code ? false : undefined,
   source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => load(frame, at("/view")),
@@ -35,7 +35,7 @@ const share = later(() => import("../panels/share.js").then(({ sharing }) => sha
 const progress = later(() => Promise.all([import("../panels/progress.js"), import("../panels/outcome.js")]), toast);
 
 const token = tokenOf(facts.id);
-const rename = document.getElementById("rename"); // not without a service
+const rename = document.getElementById("rename"); // only with a service
 if (rename) {
   rename.hidden = !token;
   rename.onclick = () => {
@@ -66,7 +66,7 @@ get("downloads")?.addEventListener("submit", (event) => {
   downloads((it) => (form.id === "movie" ? it.createMovie(facts.id, form) : it.checkMotors(facts.id, form)));
 });
 
-// Show what has come of the fold beyond what the page says.
+// Show the parts of the outcome that need scripts: failure, plan choice, figures.
 /** @param {Facts} now */
 function show(now) {
   facts = now;
@@ -77,7 +77,7 @@ function show(now) {
   get("cover-button").onclick = tryAgain;
 }
 
-// Take all that the page says of the fold as the service has it now.
+// Update the rendered parts of the page from the service. Return the new facts; null if that fails.
 /** @returns {Promise<Facts | null>} */
 async function renewed() {
   const answer = await fetch(location.pathname).catch(() => null);
@@ -92,7 +92,7 @@ async function renewed() {
   return JSON.parse(page.getElementById("facts")?.textContent ?? "");
 }
 
-// The same input once more, in the way that may do better.
+// Request another fold of the same input, with options that may work better.
 function tryAgain() {
   const { again } = facts;
   if (again) asking(({ openFold }) => openFold(again.form, toast, get("again"), get("cover-button")));

@@ -1,4 +1,4 @@
-// The gallery: shows the shapes that are wanted, and keeps what is wanted in the address.
+// The gallery: filters the shapes, and keeps the filter in the address.
 import { get, later } from "../lib/text.js";
 
 const sieve = get("sieve");
@@ -6,7 +6,7 @@ const cards = /** @type {HTMLElement[]} */ ([...get("cards").children]);
 const say = (/** @type {string} */ text) => { get("message").textContent = text; };
 const asking = later(() => import("../lib/fold_request.js"), say);
 
-// What is filled in, by its name, as the query of the page's address has it.
+// Return the values of the filter by name, as in the query of the address.
 /** @returns {Record<string, string>} */
 const wanted = () => Object.fromEntries(Array.from(new FormData(sieve), ([name, value]) => [name, String(value).trim()]).filter(([, value]) => value));
 
@@ -39,14 +39,14 @@ function sift() {
 if (sieve) {
   sieve.addEventListener("input", sift);
   sieve.addEventListener("submit", (event) => event.preventDefault());
-  // A browser that comes back fills the fields in again as they were left.
+  // After a navigation back, the browser restores the fields.
   addEventListener("pageshow", sift);
 }
 
 for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-shape]"))) {
   card.onclick = async (event) => {
     const { world } = wanted();
-    if (card.matches("a") && world !== "table") return; // its fold without gravity is there
+    if (card.matches("a") && world !== "table") return; // its fold in zero gravity exists
     event.preventDefault();
     if (card.getAttribute("aria-busy")) return;
     card.setAttribute("aria-busy", "true");

@@ -1,11 +1,12 @@
-// An exhibition: folds play in turn, each in a frame of its own, so that nothing of it stays in memory. A
-// frame is shown once its fold plays; until then the one before plays on, also without a connection.
+// An exhibition: folds play in turn, each in its own frame, so that
+// removing the frame frees its memory. A frame is shown once its fold
+// plays; until then the previous one continues, even without a connection.
 import { idleSeconds } from "../tour/kiosk.js";
 import { element, get } from "../lib/text.js";
 
-const READY_MS = 45_000; // for a frame to play; later the next fold is tried
-const STALLED_MS = 90_000; // without a word of a frame, besides the visitor's time
-const RETRY_MS = [2000, 60_000]; // before the next try, first and at most
+const READY_MS = 45_000; // time for a frame to start playing; then the next fold is tried
+const STALLED_MS = 90_000; // time without a message of the frame, in addition to the idle time
+const RETRY_MS = [2000, 60_000]; // before the next try: first and maximum
 const IDLE_MS = 1000 * (idleSeconds(location.search) ?? idleSeconds("?kiosk") ?? 0);
 
 /** @type {{ id: string, name: string, src: string }[]} */
@@ -13,14 +14,14 @@ const all = JSON.parse(get("exhibits").textContent);
 const asked = new URLSearchParams(location.search).get("folds")?.split(",") ?? [];
 const chosen = asked.flatMap((id) => all.filter((fold) => fold.id === id));
 const exhibits = chosen.length ? chosen : all;
-let at = -1; // the exhibit that is shown or comes
+let at = -1; // index of the exhibit that is shown or loading
 let failures = 0; // in a row
 /** @type {HTMLIFrameElement | null} */
 let shown = null;
 /** @type {HTMLIFrameElement | null} */
 let coming = null;
 /** @type {ReturnType<typeof setTimeout> | undefined} */
-let timer = undefined; // of the frame that comes, or of the next try
+let timer = undefined; // for the loading frame, or for the next try
 /** @type {ReturnType<typeof setTimeout> | undefined} */
 let stalled = undefined;
 
@@ -36,11 +37,12 @@ function next() {
   if (coming || timer) return;
   at = (at + 1) % exhibits.length;
   const { name, src } = exhibits[at];
-  // Without a permission for windows and for the page around it, no link leads away.
+  // The sandbox allows neither new windows nor navigation
+  // of this page, so that no link leaves the exhibition.
   coming = element("iframe", { title: name, sandbox: "allow-scripts allow-same-origin", class: "coming" });
   coming.src = `${src}?kiosk=${IDLE_MS / 1000}`;
   coming.onload = () => {
-    // A page of the browser or of an error; what files show cannot be read.
+    // Detect error pages of the browser or the server; frames of files cannot be read.
     if (location.protocol !== "file:" && !coming?.contentDocument?.getElementById("view")) fail();
   };
   get("main").append(coming);
@@ -72,7 +74,7 @@ addEventListener("message", ({ source, data }) => {
   else if (!shown || source !== shown.contentWindow) return;
   clearTimeout(stalled);
   stalled = setTimeout(next, STALLED_MS + IDLE_MS);
-  if (word === "touched") cancel(); // the visitor keeps what is touched
+  if (word === "touched") cancel(); // keep the fold that the visitor uses
   else if (word === "over") next();
 });
 get("next").onclick = () => { if (!coming) { cancel(); next(); } };

@@ -1,4 +1,4 @@
-// The landing page: takes files and shapes, and keeps the featured fold in motion.
+// The landing page: accepts files and shapes, and plays the featured fold.
 import { playHero } from "../player/hero.js";
 import { changed, follow, refused } from "../panels/paper_settings.js";
 import { at, get, later, wordsOf } from "../lib/text.js";
@@ -39,7 +39,7 @@ async function start(fields, label) {
   if (resting && !left) player.send({ do: "play" });
 }
 
-// A path or a chain is folded at once, unless it is knotted; all else is looked at first.
+// Send a file. Paths and chains without knots are folded at once; other files open a preview.
 /** @param {File} file */
 const send = (file, asVoxels = false) => uploading(async ({ sending, upload, STOPPED, Refusal, formOf, ownKey }) => {
   say(`Reading ${file.name}…`);
@@ -54,12 +54,12 @@ const send = (file, asVoxels = false) => uploading(async ({ sending, upload, STO
   } catch (error) {
     const words = wordsOf(error);
     if (words !== STOPPED) say(words, "bad");
-    else if (!sending.control) say(STOPPED); // and no other file instead
+    else if (!sending.control) say(STOPPED); // unless another file replaced it
     if (error instanceof Refusal && error.code === NO_PATH) offer(file);
   }
 });
 
-// A chain typed as one sign for each hinge is a file as well.
+// A typed chain, with one sign for each hinge, is sent as a file.
 const ANGLES = "foldback-angles/1";
 const sendTyped = () => send(new File([`${ANGLES}\n${get("angles").value}`], "chain.txt", { type: "text/plain" }));
 get("type").onclick = () => {
@@ -87,7 +87,7 @@ get("file").addEventListener("change", () => {
   get("file").value = "";
 });
 addEventListener("dragover", (event) => { event.preventDefault(); drop.classList.add("over"); });
-addEventListener("pointermove", () => drop.classList.remove("over")); // none comes while something is dragged
+addEventListener("pointermove", () => drop.classList.remove("over")); // there are no pointer moves during a drag
 addEventListener("drop", (event) => {
   event.preventDefault();
   drop.classList.remove("over");

@@ -1,4 +1,4 @@
-// My folds: what was made with the keys of this browser.
+// My folds: the items that were made with the keys of this browser.
 import { ask, keepToken, keysHere } from "../lib/api.js";
 import { FoldList } from "../lib/owned_items.js";
 import { get, wordsOf } from "../lib/text.js";
@@ -38,7 +38,7 @@ async function more() {
   get("more").disabled = true;
   try {
     const found = await list.more(PAGE);
-    if (mine !== turn) return; // the keys may be others by now
+    if (mine !== turn) return; // the keys may have changed meanwhile
     const cards = found.map(({ fold, key }) => {
       if (!fold.public) keepToken(fold.id, key); // its page lets the owner cancel it
       return new FoldCard(fold, key, () => { list.forget(key); counted(); });
@@ -79,7 +79,7 @@ async function load() {
   }
 }
 
-// What is being computed is asked for now and then, while somebody looks.
+// Poll running folds and movies every LOOK_MS while the page is visible.
 function look() {
   changing = changing.filter(({ running, item }) => running && item.isConnected);
   timer = setTimeout(async () => {

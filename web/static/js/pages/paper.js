@@ -1,4 +1,4 @@
-// Films that play where they stand: one at a time is loaded and drawn.
+// Films in the page: one at a time is loaded and drawn.
 import { PHASES } from "../player/timeline.js";
 import { Pair } from "../player/paired_playback.js";
 import { playerIn } from "../player/player.js";
@@ -9,13 +9,13 @@ const sight = later(() => import("../viewer/viewpoint.js"), () => {});
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 /**
- * What is in every figure.
+ * Return a part that every figure has.
  * @param {HTMLElement} figure
  * @param {string} selector
  */
 const within = (figure, selector) => /** @type {HTMLElement} */ (figure.querySelector(selector));
 
-// A figure whose stills have become films, until it is closed.
+// A figure whose stills are replaced by films until it is closed.
 class Showing {
   /** @param {HTMLElement} figure */
   constructor(figure) {
@@ -50,7 +50,7 @@ class Showing {
     start(figure).hidden = true;
   }
 
-  // Once the films are there.
+  // Run a callback once the films are loaded.
   /** @param {() => void} then */
   when(then) { if (this.players.every(({ shown }) => shown)) then(); else this.then = then; }
 
@@ -64,7 +64,7 @@ class Showing {
     });
   }
 
-  // What nobody sees does not move.
+  // Pause while the figure is out of view.
   /** @param {boolean} seen */
   look(seen) {
     const { playing } = this.head.playhead.is;

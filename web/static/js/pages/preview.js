@@ -1,4 +1,4 @@
-// The preview page: what its controls change, requests for reports, offers and a fold.
+// The preview page: connects its controls, and requests reports, offers and a fold.
 import { Refusal, ask, formOf, ownKey } from "../lib/api.js";
 import { UNREACHABLE, element, get, later, sentence } from "../lib/text.js";
 import { fieldsOf, refused, settingsOf } from "../panels/paper_settings.js";
@@ -17,7 +17,7 @@ const picture = new Picture(preview.id, {
 });
 const requesting = later(() => import("../lib/fold_request.js"), showProblem);
 
-// What is shown is not yet, or is, that of the figures.
+// Mark the view as busy while it does not match the figures yet.
 function settle() { document.querySelector(".stage")?.setAttribute("aria-busy", String(running || picture.waiting)); }
 
 /** @param {boolean} on */
@@ -29,7 +29,7 @@ function busy(on) {
   settle();
 }
 
-// Take other options, and look at the shape with them.
+// Change options and request a report.
 /** @param {import("../panels/preview_state.js").Offer["change"]} changed */
 function change(changed) {
   preview.change(changed);
@@ -37,7 +37,7 @@ function change(changed) {
   look();
 }
 
-// One request at a time; what was chosen meanwhile is requested next.
+// One request at a time; later changes are requested next.
 let running = false;
 let again = false;
 /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -85,7 +85,8 @@ function refuse({ message, status, code }) {
   get("verdict").textContent = "There is no preview for these options";
 }
 
-// Search for versions of the shape that fold on a table. The search ends with the next look.
+// Search for versions of the shape that fold on a table.
+// The next request for a report aborts the search.
 let searching = new AbortController();
 async function search() {
   searching = new AbortController();
@@ -116,7 +117,8 @@ for (const list of [get("preset"), get("prefer")]) {
 for (const input of radios) input.addEventListener("change", () => change({ [input.name]: input.value }));
 get("unrepair").onclick = () => change({ repair: false, ...(preview.onTable && { method: preview.choices.method[0] }) });
 
-// Loads the scripts of the request and of the fold's page for a visitor who is about to request a fold.
+// Preload the scripts of the request and of the fold
+// page when the visitor is about to request a fold.
 async function loadAhead() {
   await requesting(() => {}); // a browser has six connections to a server: the request goes first
   document.head.append(...facts.next_scripts.splice(0).map((href) => element("link", { rel: "prefetch", as: "script", href })));
@@ -135,7 +137,7 @@ get("fold").onclick = async () => {
   const opened = requesting(({ openFold }) => openFold({
     ...fieldsOf(get("more-options")), ...preview.fields, prefer, ...(settings && { settings }), ...(report.as_voxels && { as_voxels: true }),
   }, (words) => {
-    showProblem(words); // takes its room first, so that the field is seen beside it
+    showProblem(words); // reserves its space first, so that the field stays visible
     showProblem(refused(words));
   }));
   loadAhead();

@@ -1,4 +1,4 @@
-// A whole fold in one file: everything that the page needs is in the page.
+// A standalone fold: the page contains everything that it needs.
 import { decode } from "../lib/columns.js";
 import { Checking } from "../panels/plan_check.js";
 import { Drawer } from "../panels/drawer.js";
@@ -13,7 +13,7 @@ import { load } from "../viewer/scene.js";
 import { get, toast } from "../lib/text.js";
 
 /**
- * What the page holds: texts of messages, and pages and scripts of others.
+ * Content of the page: encoded messages, and the 3D client.
  * @typedef {object} Parts
  * @property {string} bundle
  * @property {string} batch
@@ -21,7 +21,7 @@ import { get, toast } from "../lib/text.js";
  * @property {string | null} curves
  * @property {string | null} forces
  * @property {string | null} client
- * @property {string | null} view address of the client, where pages share it
+ * @property {string | null} view address of the client, if pages share it
  * @property {Tour | null} tour
  * @property {KeptValues | null} values
  */
@@ -39,7 +39,7 @@ const bytesOf = (text) => Uint8Array.from(atob(text), (character) => character.c
  */
 const unpacked = (text) => /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(bytesOf(text).buffer)));
 
-// A timeline of one batch. What it shares with the plan is in the page once.
+// A timeline of one batch. Angles that are also in the plan are stored only there.
 /** @type {TimelineSource} */
 const source = {
   bundle: () => unpacked(parts.bundle),
@@ -51,8 +51,8 @@ const source = {
   },
 };
 
-// Curves only; what is told of single modules would make the file many times as long, but for what a
-// fold on a table asks of its joints.
+// Figures of a standalone page: the curves and, for a fold on a table, the forces. Other values of
+// single modules would multiply the size of the file.
 class StoredFigures extends Figures {
   lacking = "not available in a downloaded page";
 

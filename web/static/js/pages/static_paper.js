@@ -1,5 +1,5 @@
-// The page of the paper's experiments in a static website: a page that was opened from a folder may fetch
-// nothing, but it may load scripts, so each film is one.
+// The page of the paper's experiments in a static website. A page that is opened from a folder
+// cannot fetch files but can load scripts, so each film is a script.
 import { Source } from "../player/timeline.js";
 import { Sketch } from "../viewer/sketch.js";
 

@@ -1,4 +1,5 @@
-// Where one goes from a fold: beside another one, or on into another shape.
+// Dialogs that continue from a fold: comparison with
+// another fold, and refolding into another shape.
 import { ask } from "../lib/api.js";
 import { requestFold } from "../lib/fold_request.js";
 import { changed, open, refused } from "./paper_settings.js";
@@ -7,7 +8,7 @@ import { addStyle } from "../lib/lazy_styles.js";
 import { at, element, get, toast, wordsOf } from "../lib/text.js";
 
 const sending = new Sending(get("refold-sending"));
-let listed = false; // the shapes of the gallery
+let listed = false; // true once the shapes of the gallery are listed
 addStyle("/static/css/paper_settings.css");
 
 /** @param {Facts} facts */
@@ -26,8 +27,8 @@ export function compare({ id, compare: others }) {
   get("compare-dialog").showModal();
 }
 
-// Beside the published method, with settings of one's own where there are some, or must be. True
-// when the page stays.
+// Compare with the published method and its changed settings,
+// which may be required. Return true if the page stays.
 /**
  * @param {string} id
  * @param {Form} form
@@ -46,7 +47,7 @@ async function comparePublished(id, form, settable) {
   }
 }
 
-// Shapes of the gallery that this chain can become as well, and shapes of a file.
+// Offer gallery shapes that this chain can fold into, and shapes from a file.
 /** @param {Facts} facts */
 export async function refold({ id, refold: published }) {
   const form = { refold: id, ...published };
@@ -80,7 +81,7 @@ async function refoldInto(form) {
   }
 }
 
-// A button that leads to another page; `go` says true when this page stays after all.
+// Return a button that leads to another page; `go` returns true if this page stays.
 /**
  * @param {string} text
  * @param {string} hint

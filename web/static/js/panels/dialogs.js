@@ -1,7 +1,7 @@
-// Dialogs: a question before something that cannot be undone, and one for a new name.
+// Dialogs: confirmation of an action that cannot be undone, and a new name.
 import { get, toast, wordsOf } from "../lib/text.js";
 
-// Open a dialog. Return whether it is closed with its button "yes".
+// Open a dialog. Return true if it is closed with its button "yes".
 /**
  * @param {HTMLDialogElement} dialog
  * @returns {Promise<boolean>}
@@ -17,7 +17,7 @@ function answered(dialog) {
 /**
  * @param {string} heading
  * @param {string} text
- * @param {string} action what the button says that does it
+ * @param {string} action label of the button that confirms
  */
 export function confirmed(heading, text, action) {
   get("confirm-heading").textContent = heading;
@@ -26,7 +26,7 @@ export function confirmed(heading, text, action) {
   return answered(get("confirm"));
 }
 
-// Ask for another name and save it. Return whether that is done.
+// Ask for another name and save it. Return true if it was saved.
 /**
  * @param {string} name
  * @param {(name: string) => Promise<void>} save

@@ -1,4 +1,4 @@
-// Movies and torques of a fold: what the forms in its Download tab request.
+// Movies and torques of a fold, requested by the forms of the Download tab.
 import { motorWords } from "./motor_words.js";
 import { Refusal, ask, ownKey, tokenOf } from "../lib/api.js";
 import { at, element, get, toast, wordsOf } from "../lib/text.js";
@@ -6,14 +6,15 @@ import { at, element, get, toast, wordsOf } from "../lib/text.js";
 const LOOK_MS = 1000;
 const FORBIDDEN = 403;
 
-// What is filled in, by its name.
+// Return the values of a form by field name, without empty ones.
 /**
  * @param {HTMLFormElement} form
  * @returns {Record<string, string>}
  */
 const fieldsOf = (form) => Object.fromEntries(Array.from(new FormData(form), ([name, value]) => [name, String(value)]).filter(([, value]) => value !== ""));
 
-// Take what was chosen in a form: a GIF has one size, and trajectories are as fast as the robot.
+// Apply the choices of a form: GIFs have one size, and the
+// links to trajectories contain the limits of the robot.
 /** @param {HTMLFormElement} form */
 export function choose(form) {
   const { format, max_speed: speed, max_acceleration: acceleration } = fieldsOf(form);
@@ -31,7 +32,7 @@ export function choose(form) {
   }
 }
 
-// Request a movie, and follow it until it can be downloaded.
+// Request a movie, and show its progress until it can be downloaded.
 /**
  * @param {string} id of the fold
  * @param {HTMLFormElement} form
@@ -39,13 +40,13 @@ export function choose(form) {
 export async function createMovie(id, form) {
   const { size, ...options } = fieldsOf(form);
   const [width, height] = size.split("x");
-  const own = tokenOf(id) ?? ownKey(); // the owner of the fold has that of the fold
+  const own = tokenOf(id) ?? ownKey(); // the owner uses the token of the fold
   get("movie-create").disabled = true;
   get("movie-state").textContent = "Checking…";
   try {
     /** @type {Api.MovieBody} */
     const movie = await ask(`/api/folds/${id}/movies`, { token: own, body: { ...options, width, height } });
-    await follow(movie, movie.token ?? own); // the first request for a movie gets a token of its own
+    await follow(movie, movie.token ?? own); // the first request for a movie receives its own token
   } catch (error) {
     get("movie-state").textContent = wordsOf(error);
   }
@@ -84,7 +85,7 @@ async function follow(movie, token) {
   get("movie-state").replaceChildren(element("a", { href: now.links.file, download: true, class: "button primary" }, `Download the ${now.format === "gif" ? "GIF" : "MP4"}`));
 }
 
-// Say whether motors are strong enough, and offer the torques of all joints.
+// Report whether motors are strong enough, and offer the torques of all joints.
 /**
  * @param {string} id of the fold
  * @param {HTMLFormElement} form

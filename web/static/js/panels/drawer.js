@@ -1,9 +1,9 @@
-// Details at the side: the selected module, plots, properties, downloads.
+// The drawer with details: the selected module, plots, properties, downloads.
 import { copyText, element, get, toast } from "../lib/text.js";
 
 const TABS = ["attempts", "module", "plots", "properties", "downloads"];
 
-// Return a table with these words above its columns.
+// Return a table with these column headings.
 /**
  * @param {string[]} columns
  * @param {HTMLTableRowElement[]} rows
@@ -11,7 +11,7 @@ const TABS = ["attempts", "module", "plots", "properties", "downloads"];
 export const table = (columns, rows) => element("table", { class: "joints" },
   element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text)))), element("tbody", {}, ...rows));
 
-// Return the properties on the page as text: headings, and below each its labels with their values.
+// Return the properties on the page as text: headings, each followed by labels and values.
 function propertiesAsText() {
   const lines = get("properties").querySelectorAll(".group:not(#check) > :is(h3, summary), .on-table-text, dt, tr > :first-child");
   return Array.from(lines, (line) => {
@@ -60,7 +60,7 @@ export class Drawer {
     this.close();
   }
 
-  // Opens the drawer at a tab.
+  // Open the drawer at a tab.
   /** @param {string} name */
   openAt(name) {
     this.choose(name);

@@ -1,4 +1,4 @@
-// Why a fold is not verified: a card over the view, and the modules where it sticks.
+// The reason why a fold is not verified: a card over the view, and the modules where it stalled.
 import { get } from "../lib/text.js";
 import { clearestSight } from "../viewer/viewpoint.js";
 
@@ -44,7 +44,7 @@ export class Failure {
 
   mark() { if (this.player.timeline.chain) this.player.mark(this.found?.modules ?? []); }
 
-  // To the frame where it sticks, with the camera at the modules.
+  // Show the frame where the fold stalled, with the camera at the modules.
   go() {
     if (!this.found) return;
     const { frame, modules } = this.found;

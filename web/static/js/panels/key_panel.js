@@ -1,4 +1,5 @@
-// The key of this browser: shown when asked for, taken elsewhere, and keys that were brought here.
+// Access keys: show, copy and renew the key of this
+// browser, and add or remove keys of other browsers.
 import { MOST_KEYS, Refusal, ask, bring, broughtKeys, dropKey, forgetKeys, isKey, keysHere, newKey, ownKey, replaceOwn, useKey } from "../lib/api.js";
 import { deleteMade } from "../lib/owned_items.js";
 import { button, copyText, element, get, toast, wordsOf } from "../lib/text.js";
@@ -20,7 +21,7 @@ export class KeyPanel {
     this.list();
   }
 
-  // The key is in the page only while it is shown.
+  // Show or hide the key; the page contains it only while it is visible.
   /** @param {boolean} on */
   show(on) {
     const key = on ? ownKey() : "";
@@ -35,7 +36,7 @@ export class KeyPanel {
   /** @param {string} text */
   say(text) { get("key-message").textContent = text; }
 
-  // Nothing of this browser goes to who gave the key.
+  // Add a key of another browser. Nothing of this browser is shared with other holders of the key.
   /** @param {string} key */
   async add(key) {
     if (!isKey(key)) { this.say("This is not a key. A key has at least 24 letters, digits, - or _, and no spaces."); return; }
@@ -76,8 +77,8 @@ export class KeyPanel {
     await this.changed();
   }
 
-  // A key in place of one that got about. It is kept here before it is sent: should the answer get lost,
-  // what has moved is listed all the same.
+  // Replace a leaked key. The new key is stored before the request,
+  // so that moved items are still listed if the answer is lost.
   async renew() {
     const old = ownKey();
     if (old === null) { this.say("This browser does not store data for this site, so it has no key."); return; }

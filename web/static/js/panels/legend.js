@@ -1,4 +1,4 @@
-// What the colours tell: a menu, and the scale with its numbers.
+// The colour legend: a menu of colourings, and the scale with its values.
 import { MEASURED, colouring, colouringsOf } from "../player/colours.js";
 import { element, get, store, stored } from "../lib/text.js";
 import { showScale } from "../viewer/controls.js";
@@ -11,7 +11,7 @@ export class Legend {
   /**
    * @param {import("../player/player.js").Player} player
    * @param {import("../player/figures.js").Figures} figures
-   * @param {(how: "show" | "open") => void} own shows the visitor's own numbers, or where to choose them
+   * @param {(how: "show" | "open") => void} own shows the visitor's own values, or opens the panel to choose them
    */
   constructor(player, figures, own) {
     this.player = player;
@@ -21,7 +21,7 @@ export class Legend {
     this.ownName = null;
     this.menu = get("colour-by");
     /** @type {string | null} */
-    this.asked = null; // by the address
+    this.asked = null; // colouring in the address
     this.fill();
     this.menu.onchange = () => {
       const { value } = this.menu;
@@ -44,7 +44,7 @@ export class Legend {
     figures.on("loaded", () => { if (player.shown) player.show(true); });
   }
 
-  // The colourings that there are: of a fold on a table others than of one that floats.
+  // Fill the menu with the colourings of this fold, which differ between zero gravity and a table.
   fill() {
     const { plots } = this.figures;
     const before = this.menu.value;
@@ -54,14 +54,15 @@ export class Legend {
     if ([...this.menu.options].some(({ value }) => value === before)) this.menu.value = before;
   }
 
-  // Offers the visitor's own numbers by their name; null for none.
+  // Offer the visitor's own values under their name; null for none.
   /** @param {string | null} name */
   offer(name) {
     this.ownName = name;
     this.fill();
   }
 
-  // Takes the colouring of an address once there is what it needs; the visitor's own stays stored.
+  // Apply the colouring that the address names, as soon as its
+  // data are loaded. The visitor's stored choice does not change.
   /** @param {string} key */
   ask(key) {
     this.asked = key;

@@ -1,4 +1,5 @@
-// The selected module: chosen by its number, where it belongs, its joint now, what is near it.
+// The panel of the selected module: its number, its
+// cell, the state of its joint, and the nearest module.
 import { element, get, newtonMetres, number, pitches, radians, si } from "../lib/text.js";
 import { frameIn, refuse } from "../player/bar.js";
 import { table } from "./drawer.js";
@@ -12,7 +13,7 @@ export function degrees(value, digits = 1) {
   return `${Number(shown) === 0 ? (0).toFixed(digits) : shown}°`.replace("-", "−");
 }
 
-// The name of a hinge within its joint.
+// Return the name of a hinge within its joint.
 const hingeOf = (/** @type {string} */ name) => name.split("_").slice(2).join(" ") || name;
 
 /** @typedef {ModuleTold | { index: null }} Told */
@@ -44,7 +45,7 @@ export class ModulePanel {
     get("module-after").onclick = () => this.step(1);
     get("module-clear").onclick = () => { this.field.focus(); player.send({ do: "select", module: null }); };
     panel.addEventListener("click", ({ target }) => {
-      const { module } = /** @type {HTMLElement} */ (target).dataset; // of a link to a module
+      const { module } = /** @type {HTMLElement} */ (target).dataset; // set on links to modules
       if (module !== undefined) player.send({ do: "select", module: Number(module) });
     });
     panel.addEventListener("keydown", (event) => this.key(event));
@@ -73,7 +74,7 @@ export class ModulePanel {
     this.measure();
   }
 
-  // How many there are to choose from.
+  // Set the number of modules to choose from.
   /** @param {number} modules */
   count(modules) {
     this.modules = modules;
@@ -82,7 +83,7 @@ export class ModulePanel {
     this.number();
   }
 
-  // Which one is chosen, in the field.
+  // Show the number of the selected module in the field.
   number() {
     const { index, modules } = this;
     this.field.value = index === null ? "" : String(index + 1);
@@ -92,7 +93,7 @@ export class ModulePanel {
     get("module-clear").hidden = index === null;
   }
 
-  // The module whose number was typed; `asked` says that a wrong one is to be told.
+  // Select the module whose number was typed; with `asked`, report an invalid number.
   /** @param {boolean} asked */
   choose(asked) {
     const module = frameIn(this.field.value, this.modules);
@@ -100,7 +101,7 @@ export class ModulePanel {
     else if (asked) refuse(this.field, `Type a whole number from 1 to ${this.modules}.`);
   }
 
-  // Up and down go along the chain.
+  // Arrow up and down step along the chain.
   /** @param {KeyboardEvent} event */
   key(event) {
     const by = event.key === "ArrowUp" ? 1 : event.key === "ArrowDown" ? -1 : 0;
@@ -115,7 +116,7 @@ export class ModulePanel {
     if (next >= 0 && next < this.modules) this.player.send({ do: "select", module: next });
   }
 
-  // To type a number.
+  // Open the panel and focus the field of the number.
   begin() {
     this.opened();
     this.field.focus();
@@ -138,7 +139,7 @@ export class ModulePanel {
     this.write("pressed", null);
   }
 
-  // Writes a row on the module; null hides it.
+  // Write the value of a row; null hides the row.
   /**
    * @param {string} of
    * @param {string | null} text
@@ -163,7 +164,7 @@ export class ModulePanel {
     this.joints = module.joints;
   }
 
-  // What is only there when the fold has been measured.
+  // Show the values that come from the figures of a finished fold.
   measure() {
     if (this.index === null || !this.shown) return;
     const row = this.figures.row(this.shown.low);

@@ -1,17 +1,17 @@
-// Whether given motors are strong enough for a fold, as a sentence for people.
+// Sentences about whether given motors are strong enough for a fold.
 import { newtonMetres, seconds, si } from "../lib/text.js";
 
 const DIGITS = 3;
 
 /**
- * An answer of `/api/folds/ID/motors`.
+ * Answer of `/api/folds/ID/motors`.
  * @typedef {object} MotorsTold
- * @property {boolean | null} would_do null where no motor torque was given
+ * @property {boolean | null} would_do null if no motor torque was given
  * @property {number | null} motor_torque_nm
  * @property {{ name: string, peak_torque_nm: number, peak_time_s: number, would_do: boolean | null }[]} joints
  */
 
-// A torque rounded up, so that a motor of what is shown is enough.
+// Round a torque up, so that a motor with the displayed torque is strong enough.
 /** @param {number} value */
 function roundedUp(value) {
   if (!(value > 0)) return 0;

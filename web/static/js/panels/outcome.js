@@ -1,11 +1,12 @@
-// The outcome of a fold that runs while its page is open: the tab's title shows the progress and the
-// verdict, the page announces the verdict and, if the visitor asked for it, a hidden tab sends a notification.
+// The outcome of a fold that runs while its page is open: the title of the
+// tab shows the progress and the verdict, the page announces the verdict,
+// and a hidden tab sends a notification if the visitor wants one.
 import { at, get } from "../lib/text.js";
 
 const MARKS = /** @type {Record<string, string>} */ ({ good: "✓", bad: "✕" });
 const ICON = at("/static/icon.svg");
 
-// The title of the tab while a fold runs. Each stage counts from 0.
+// Return the title of the tab while a fold runs. The percentage of each stage starts at 0.
 /**
  * @param {Pick<Api.Progress, "status" | "fraction" | "preparing">} now
  * @param {string} name
@@ -18,15 +19,15 @@ export function titleOf({ status, fraction, preparing }, name, stage) {
   return `${share} · ${name} · foldback`;
 }
 
-// The title of the tab and of the notification when it is over.
+// Return the title of the tab and of the notification after the fold.
 /** @param {Pick<Facts, "name" | "verdict">} facts */
 export const headingOf = ({ name, verdict: { tone } }) => MARKS[tone] ? `${MARKS[tone]} ${name}` : name;
 
-// What the page announces; null where the failure says it.
+// Return the announcement of the page; null if the failure card reports the outcome.
 /** @param {Pick<Facts, "name" | "verdict">} facts */
 export const announcementOf = ({ name, verdict: { tone } }) => (tone === "good" ? `✓ ${name}: fold verified` : null);
 
-// Offer a notification. Return what tells of the end of the fold.
+// Offer a notification. Return the function that reports the end of the fold.
 /**
  * @param {(text: string) => void} toast
  * @returns {(facts: Facts) => void}
@@ -45,11 +46,11 @@ export function awaitOutcome(toast) {
     button.hidden = true;
     document.title = headingOf(facts);
     if (text) toast(text);
-    get("verdict").classList.add("new"); // a moment that is seen
+    get("verdict").classList.add("new"); // highlights it for a moment
     if (!notifies || !document.hidden) return;
     try {
       const shown = new Notification(headingOf(facts), { body: facts.verdict.text, tag: facts.id, icon: ICON });
       shown.onclick = () => { window.focus(); shown.close(); };
-    } catch { /* some phones take notifications of service workers only */ }
+    } catch { /* some phones allow notifications only from service workers */ }
   };
 }

@@ -1,18 +1,19 @@
-// Overall progress of a fold, which never runs backwards: attempts and several robots are combined.
+// Overall progress of a fold, combined over attempts
+// and robots so that it never decreases within a stage.
 import { STAGES } from "../lib/text.js";
 
-const SMOOTHING = "smoothing"; // the message then, as server/api/schemas.py says
+const SMOOTHING = "smoothing"; // message of that state, defined in server/api/schemas.py
 const ORDER = Object.keys(STAGES);
 
 export class OverallProgress {
   stage = "";
   attempt = 1;
-  plans = 0; // about how many there are; 0 where that is not known
-  smoothing = false; // in place of an explosion
+  plans = 0; // approximate number of plans; 0 if unknown
+  smoothing = false; // true if the stage smooths a motion instead of exploding
   fraction = 0; // largest fraction of the stage in this attempt
-  simulatedS = 0; // seconds simulated by the robot that is farthest
+  simulatedS = 0; // seconds simulated by the most advanced robot
 
-  // Note what the service reports; an earlier stage begins another attempt.
+  // Record a report of the service; a return to an earlier stage means another attempt.
   /** @param {Api.Progress} now */
   note({ stage, fraction, simulated_s: simulatedS, message, plan, plans }) {
     if (stage && stage !== this.stage) {
@@ -35,7 +36,7 @@ export class OverallProgress {
   name() { return this.smoothing ? "Smoothing" : STAGES[this.stage] ?? "Waiting"; }
 }
 
-// Return the reason why a fold waits, without names of other folds.
+// Return the reason why a fold waits, without naming other folds.
 /**
  * @param {number} place in the queue, 1 for the next
  * @param {number} running folds that are computed now

@@ -1,4 +1,4 @@
-// Cards of what this browser has made: folds, shapes that were looked at, movies.
+// Cards of items made with this browser: folds, previews, movies.
 import { Refusal, ask, remove } from "../lib/api.js";
 import { at, button, copyText, element, sentence, STAGES, toast, whole, wordsOf } from "../lib/text.js";
 import { confirmed, renamed } from "./dialogs.js";
@@ -9,7 +9,7 @@ const METHODS = { direct: "direct servoing", paper: "published method" };
 /** @type {Record<string, string>} */
 const PLURALS = { cube: "modules", tetrahedron: "tetrahedra" };
 
-// How long ago or from now, in whole minutes, hours or days.
+// Return a duration in whole minutes, hours or days.
 /** @param {number} value in seconds */
 export function span(value) {
   if (value < 90 * 60) return `${Math.max(1, Math.round(value / 60))}\u00a0min`;
@@ -28,12 +28,12 @@ const expiryOf = (moment) => `expires in\u00a0${span(Math.max(0, Date.parse(mome
 
 /**
  * @param {string} text
- * @param {string} of what it is about, for who hears it
+ * @param {string} of name of the item, for screen readers
  * @param {() => void} press
  */
 const way = (text, of, press) => button("way", text, press, { "aria-label": `${text}: ${of}` });
 
-// What has come of a fold, and how that is coloured; its page tells why.
+// Return the verdict of a fold and its tone; the page of the fold shows the reason.
 /** @param {Api.Fold} fold */
 export function verdictOf({ status, stage, progress, summary }) {
   const { certificate } = /** @type {{ certificate?: { verdict?: string } }} */ (summary);
@@ -45,15 +45,17 @@ export function verdictOf({ status, stage, progress, summary }) {
   return { tone: "running", text: `${STAGES[stage ?? ""] ?? "Computing"} ${Math.floor(100 * (progress.fraction ?? 0))} %` };
 }
 
-// The words of a card for a fold that is not by the default method or not in zero gravity; as server/pages/cards.py.
+// Return the method and environment of a fold if they are not the default; as
+// server/pages/cards.py.
 /** @param {Pick<Api.Fold, "preset" | "world">} fold */
 const methodWords = ({ preset, world }) => [METHODS[preset] ?? "", world === "table" ? "on a table" : ""].filter(Boolean).join(", ");
 
-// A picture that leads to a page, for who sees; the title says the same to all.
+// Return a picture that links to a page. Screen readers
+// skip it, because the title has the same link.
 /**
  * @param {string} page
  * @param {string} drawing
- * @param {string | null} instead where there is no drawing
+ * @param {string | null} instead picture to use if there is no drawing
  */
 function art(page, drawing, instead = null) {
   const image = element("img", { src: drawing, alt: "", loading: "lazy", decoding: "async", width: 160, height: 136 });
@@ -64,7 +66,7 @@ function art(page, drawing, instead = null) {
   return element("a", { class: "card-art", href: page, tabindex: "-1", "aria-hidden": "true" }, image);
 }
 
-// What a card of any kind does: it goes when what it shows is gone.
+// Base of all cards. A card is removed when its item no longer exists.
 class Card {
   /**
    * @param {HTMLLIElement} item
@@ -82,7 +84,7 @@ class Card {
     this.gone();
   }
 
-  // Fetch what is shown once more.
+  // Fetch the item again.
   /**
    * @template Answer
    * @param {string} address
@@ -96,9 +98,10 @@ class Card {
     }
   }
 
-  // The button that deletes it once the visitor is sure; the keyboard goes on with the card beside it.
+  // Return the button that deletes the item after a
+  // confirmation; the focus moves to the adjacent card.
   /**
-   * @param {string} label of what it deletes, for screen readers
+   * @param {string} label name of the item, for screen readers
    * @param {string} address
    * @param {[question: string, consequence: string]} asked
    */

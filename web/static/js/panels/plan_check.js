@@ -1,4 +1,5 @@
-// Plan check: a worker of this browser goes through the motion, and the page says how far it is and what came out.
+// Plan check: a worker in this browser checks the
+// motion, and the page shows its progress and outcome.
 import { at as hrefOf, get, number, whole } from "../lib/text.js";
 
 /** @typedef {import("../check/worker.js").Asked} Asked */
@@ -7,10 +8,10 @@ import { at as hrefOf, get, number, whole } from "../lib/text.js";
 /** @typedef {import("../check/worker.js").Refused} Refused */
 /** @typedef {import("../check/plan.js").Place} Place */
 
-const TOUCHING = 1e-3; // widths of a cell that are not worth a number
-const FULL = 1 - 1e-4; // cells' widths: larger modules fill theirs
+const TOUCHING = 1e-3; // cell widths; smaller gaps are not displayed
+const FULL = 1 - 1e-4; // cell widths; larger modules count as filling their cells
 
-// Widths of a cell as a percentage, rounded down.
+// Return a fraction of the cell width as a percentage, rounded down.
 /** @param {number} share */
 const percent = (share) => `${(Math.floor(1000 * share) / 10).toFixed(1)} %`;
 /** @param {Place} place */
@@ -18,7 +19,7 @@ const pair = ({ modules: [i, j] }) => `modules ${whole(i + 1)} and ${whole(j + 1
 /** @param {number} seconds */
 const took = (seconds) => `${seconds < 9.95 ? number(seconds) : whole(seconds)} s`;
 
-// What came out of a check, in words.
+// Return the outcome of a check as text.
 /**
  * @param {Asked["way"]} way
  * @param {Proved | Refused} said
@@ -36,7 +37,8 @@ export function outcome(way, said) {
   return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, no modules touch.`;
 }
 
-// The size at which modules touch is rounded up: a little below it they are proved not to.
+// Return the size at which modules touch as a percentage,
+// rounded up: the proof holds slightly below that size.
 /** @param {number} share */
 const percentUp = (share) => `${(Math.ceil(10000 * share) / 100).toFixed(2)} %`;
 
@@ -60,7 +62,7 @@ export class Checking {
   /**
    * @param {import("../player/player.js").Player} player
    * @param {string} href of the plan
-   * @param {(frame: number) => void} [seek] shows a frame of its timeline
+   * @param {(frame: number) => void} [seek] shows a frame of the player's timeline
    */
   constructor(player, href, seek = (frame) => { player.send({ do: "seek", frame }); }) {
     this.player = player;
@@ -91,7 +93,7 @@ export class Checking {
     this.worker.postMessage({ href: new URL(this.href, location.href).href, way, module: this.player.selected });
   }
 
-  // Scrolls no further than it takes to show all, or where that is too much, its beginning.
+  // Scroll just far enough to show the check.
   reveal() {
     get("checking").scrollIntoView({ block: "nearest", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "instant" : "smooth" });
   }
@@ -133,7 +135,7 @@ export class Checking {
     get("check-where").textContent = `${label}: ${pair(at)}${at.gap < TOUCHING ? "" : `, ${percent(at.gap)} apart`}`;
   }
 
-  // To the frame and the modules that are told; the plan's frames are the timeline's last.
+  // Show the reported frame and modules. The frames of the plan are the last ones of the timeline.
   go() {
     const { player, seen } = this;
     const frames = player.timeline.outline?.frames;
@@ -145,7 +147,7 @@ export class Checking {
   }
 }
 
-// The same in a dialog, on pages without details; it closes when it leads to a place.
+// Run the check in a dialog, on pages without a drawer. The dialog closes when a place is shown.
 /**
  * @param {import("../player/player.js").Player} player
  * @param {{ id: string, name: string }} fold

@@ -1,12 +1,12 @@
-// Plan choice: the plans of a fold that was asked for the best of several, as a scatter plot.
+// Plan choice: the candidate plans of a fold, as a scatter plot.
 import { round, rule, scaleOf, ticks } from "../lib/plot.js";
 import { button, element, get, newtonMetres, svg } from "../lib/text.js";
 
 const WIDE = 336;
 const HIGH = 220;
 const INSET = { left: 64, right: 14, top: 18, bottom: 34 };
-const SPARE = 0.08; // of the span, so that no dot lies on the edge
-const NEAR = { x: 26, y: 12 }; // dots nearer than this share one label, which would be on another
+const SPARE = 0.08; // fraction of the span, so that no dot lies on the edge
+const NEAR = { x: 26, y: 12 }; // closer dots share a label, because their labels would overlap
 /**
  * @typedef {"torque_mnm" | "room"} Axis
  * @typedef {{ at: number, text: string }} Tick
@@ -19,7 +19,7 @@ const AXES = {
   room: { name: "Clearance", label: () => "Clearance, module widths", text: String, log: false },
 };
 
-// Where a value lies between two places, and round values on the way.
+// Return the scale from values to positions, and its ticks.
 /**
  * @param {number[]} values
  * @param {[number, number]} places
@@ -35,7 +35,7 @@ function scale(values, places, log) {
   return { at, ticks: ticks(...ends, log).map((value) => ({ at: at(value), value })) };
 }
 
-// Where dots and ticks are; only plans that have both figures have a dot.
+// Return the positions of dots and ticks; only plans with both values have a dot.
 /**
  * @param {PlanDot[]} plans
  * @param {Axis} axis
@@ -57,7 +57,7 @@ export function layout(plans, axis) {
   };
 }
 
-// The numbers of plans, those of dots that lie close together in one label beside the first.
+// Return the labels with plan numbers; dots that are close together share one.
 /** @param {Dot[]} dots */
 export function labels(dots) {
   /** @type {{ x: number, y: number, text: string }[]} */
@@ -84,14 +84,14 @@ function picture({ plans, seconds }, axis) {
     ...across.flatMap((tick) => [rule("choice-grid", { x: tick.at }, [INSET.top, bottom]), text(tick.at, bottom + 13, "middle", tick.text)]),
     ...up.flatMap((tick) => [rule("choice-grid", { y: tick.at }, [INSET.left, right]), text(INSET.left - 5, tick.at + 4, "end", tick.text)]),
     text(right, HIGH - 4, "end", "Folding time, s"),
-    // The chosen one last, over the others.
+    // The chosen plan is drawn last, above the others.
     ...dots.toSorted((a, b) => Number(a.plan.chosen) - Number(b.plan.chosen))
       .map(({ x, y, plan }) => svg("circle", { class: `choice-dot ${endOf(plan)}`, cx: x, cy: y, r: plan.chosen ? 7 : 5 }, svg("title", {}, plan.label))),
     ...labels(dots).map((label) => text(Math.min(label.x, right), label.y - 10, label.x > WIDE / 2 ? "end" : "start", label.text)));
   return [element("p", { class: "choice-axis" }, AXES[axis].label(seconds)), drawn];
 }
 
-// Draws the plans above their table, which the page has, and shows their tab first.
+// Draw the plans above their table on the page, and select their tab.
 /**
  * @param {Choice} choice
  * @param {import("./drawer.js").Drawer} drawer

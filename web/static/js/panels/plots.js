@@ -1,4 +1,4 @@
-// Figures along the whole fold, with the playhead in them; a click goes there, and keys move it.
+// Plots of figures over the whole fold, with the playhead; clicks and keys move it.
 import { linePath, moveRule, rule, scaleOf, ticks } from "../lib/plot.js";
 import { button, element, newtonMetres, number, pitches, radians, save, seconds, svg, whole } from "../lib/text.js";
 import { shareAt } from "../player/bar.js";
@@ -6,8 +6,8 @@ import { shareAt } from "../player/bar.js";
 const COLUMNS = 360;
 const WIDE = 1000;
 const HIGH = 100;
-const TICKS = { up: 3, across: 4 }; // about so many
-const HEADROOM = 1.06; // of a plot above its highest bound
+const TICKS = { up: 3, across: 4 }; // approximate numbers
+const HEADROOM = 1.06; // height of a plot, as a multiple of its highest bound
 const FAR = 10; // frames
 /**
  * @typedef {object} Plot
@@ -26,9 +26,9 @@ const PLOTS = [
   { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
   { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
 ];
-const TORQUES = ["table_torque", "peak_torque_nm"]; // whichever there is
+const TORQUES = ["table_torque", "peak_torque_nm"]; // a fold has one of them
 
-// The largest torque on a table, with what was allowed.
+// Return the plot of the largest torque on a table, with its limits.
 /**
  * @param {TableBounds | null | undefined} table
  * @returns {Plot[]}
@@ -44,10 +44,11 @@ function onTable(table) {
 }
 
 const SOME_FRAMES = "computed from the motion at some frames; lines connect their values";
-// The certificate has the peak of the motors at every step, which inverse dynamics of frames does not give.
+// The certificate has the peak motor torque over all
+// steps, which inverse dynamics of frames cannot give.
 const ALL_FRAMES = "computed from the motion of the plan; for the highest torque in the simulation, see Peak torque in Properties";
 
-// The worst value in each of a few hundred columns; NaN where there is none.
+// Return the worst value in each of a few hundred columns; NaN if there is none.
 /**
  * @param {Floats} values
  * @param {Plot["worst"]} worst
@@ -61,7 +62,7 @@ function columns(values, worst) {
   });
 }
 
-// Where the axes of a plot have their ticks, as shares of its height from below and of its width.
+// Return the ticks of a plot, as fractions of its height (from below) and of its width.
 /**
  * @param {{ low: number, high: number, frames: number, text: (value: number) => string }} plot
  */
@@ -73,7 +74,7 @@ export function axes({ low, high, frames, text }) {
   return { up: up.filter(({ text: said }, k) => said !== up[k - 1]?.text), across };
 }
 
-// A plot as text: each frame and its value, nothing where there is none.
+// Return a plot as CSV: each frame and its value, empty if there is none.
 /**
  * @param {string} name
  * @param {Floats} values
@@ -161,7 +162,7 @@ export class Plots {
     return made;
   }
 
-  // Return the words beside a plot: its scale, and where its values come from.
+  // Return the text beside a plot: its range and the origin of its values.
   /**
    * @param {Plot} plot
    * @param {number[]} known
@@ -171,7 +172,7 @@ export class Plots {
     return [`${text(Math.min(...known, 0))} to ${text(Math.max(...known, 0))}`, said, name === "peak_torque_nm" ? origin : ""].filter(Boolean).join(", ");
   }
 
-  // Read the value under the pointer; a press goes to its frame.
+  // Show the value under the pointer; a press goes to its frame.
   /** @param {Made} made */
   listen(made) {
     const { picture, values } = made;
@@ -183,7 +184,7 @@ export class Plots {
     picture.addEventListener("keydown", (event) => this.key(event));
   }
 
-  // Reads the value at the pointer instead of the one at the playhead; null when the pointer has left.
+  // Show the value at the pointer instead of that at the playhead; null after the pointer has left.
   /**
    * @param {Made} made
    * @param {number | null} frame
@@ -196,7 +197,7 @@ export class Plots {
     this.read(made, shown);
   }
 
-  // Shows the value at a frame, and when that is.
+  // Show the value at a frame and its time.
   /**
    * @param {Made} made
    * @param {number} frame
@@ -208,10 +209,10 @@ export class Plots {
     where.textContent = [`frame ${whole(frame + 1)}`, time === undefined ? null : seconds(time)].filter(Boolean).join(", ");
   }
 
-  // Shows a plot over the page, nearly as wide as it, or puts it back.
+  // Enlarge a plot over the page, or restore it.
   /**
    * @param {HTMLElement} box
-   * @param {HTMLElement} larger the button
+   * @param {HTMLElement} larger its button
    */
   enlarge(box, larger) {
     if (box.popover) { box.hidePopover(); return; }
@@ -243,7 +244,7 @@ export class Plots {
     }
   }
 
-  // The keys of the page move a playhead by frames, and to either end; these by ten.
+  // Page keys move the playhead by ten frames; the page itself handles the other keys.
   /** @param {KeyboardEvent} event */
   key(event) {
     const by = event.key === "PageUp" ? FAR : event.key === "PageDown" ? -FAR : 0;
@@ -252,7 +253,7 @@ export class Plots {
     this.player.send({ do: "step", by });
   }
 
-  // The frame at which a figure is worst, or null.
+  // Return the frame at which a figure is worst; null if there is none.
   /** @param {string} name */
   worst(name) {
     const { plots } = this.figures;

@@ -1,12 +1,12 @@
-// How far the solvers are compiled, which happens once on a machine: words and a bar.
+// Progress of compiling the solvers, which happens once per machine: text and a bar.
 import { askUntil } from "../lib/api.js";
 import { duration, get } from "../lib/text.js";
 
 const FEW_S = 5;
 const ASK_MS = 1000;
 
-// What is left of something, as the service estimates it.
-/** @param {number} value in seconds; 0 when it takes longer than usual */
+// Return the remaining time, as estimated by the service, as text.
+/** @param {number} value in seconds; 0 if it takes longer than usual */
 export function remaining(value) {
   if (value <= 0) return "longer than usual";
   return value < FEW_S ? "a few seconds left" : `${duration(value < 20 ? value : 5 * Math.round(value / 5))} left`;
@@ -15,12 +15,12 @@ export function remaining(value) {
 /** @param {Api.PreparingBody} preparing */
 export function preparingWords({ fraction, remaining_s: left }) {
   const percent = Math.floor(100 * fraction);
-  if (!percent) return "Starting the folding software…"; // it is not known yet whether any are to be compiled
+  if (!percent) return "Starting the folding software…"; // it is unknown yet whether any solver must be compiled
   const words = `First start: preparing the folding software, ${percent} % done. This happens only once`;
   return left ? `${words} · ${remaining(left)}` : words;
 }
 
-// Shows it, or hides what shows it once that is over.
+// Show the progress, or hide the bar once it is over.
 /** @param {Api.PreparingBody | null} preparing */
 export function showPreparing(preparing) {
   const place = get("preparing");
@@ -32,7 +32,7 @@ export function showPreparing(preparing) {
   /** @type {HTMLElement} */ (bar.firstElementChild).style.width = `${100 * preparing.fraction}%`;
 }
 
-// Shows it until it is over, on a page that came with it.
+// Update the progress until it is over, on a page that was loaded with it.
 /** @param {(preparing: Api.PreparingBody | null) => void} tell */
 export function followPreparing(tell = () => {}) {
   return askUntil("/api/preparing", ASK_MS, (/** @type {Api.PreparingState} */ { preparing }) => {

@@ -1,19 +1,20 @@
-// State of a preview's page, without the page: the options, the report on them, and what follows for both.
+// State of a preview page, without the page: the options,
+// their report, and the values derived from both.
 import { sentence, whole, wholeTime } from "../lib/text.js";
 
-/** Modules below which the service folds nothing. */
+/** Minimum number of modules that the service folds. */
 const MIN_MODULES = 8;
 const SLIDER_STEPS = 1000;
 /** @typedef {"module" | "method" | "ends" | "world"} ChoiceName */
-/** @typedef {Record<ChoiceName, string[]>} Choices values on offer, those of the page first */
+/** @typedef {Record<ChoiceName, string[]>} Choices available values, the default of the page first */
 /** @typedef {Record<ChoiceName, string> & { modules: number | null, repair: boolean, as_voxels: boolean, start: string | null, seed: number }} PreviewOptions */
-/** @typedef {{ text: string, primary?: boolean, change: Partial<PreviewOptions> }} Offer a button, and what it changes */
+/** @typedef {{ text: string, primary?: boolean, change: Partial<PreviewOptions> }} Offer a button and the options that it changes */
 /** @typedef {{ id: string, most_modules: number, table_modules: number, next_scripts: string[] }} PreviewFacts */
 
-/** Options after whose change the cells may be others, so that a cell to start in means nothing any more. @type {Set<string>} */
+/** Options that may change the cells and thus invalidate the start cell. @type {Set<string>} */
 const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "seed"]);
 
-/** What the coloured cells of a shape without a path are. @type {Record<string, string>} */
+/** Meaning of the coloured cells of a shape without a path. @type {Record<string, string>} */
 const ODD = {
   parity: "cells of the more common colour, if the cells are coloured like a chessboard",
   disconnected: "cells not connected to the largest part",
@@ -28,7 +29,7 @@ export class Preview {
   /**
    * @param {PreviewFacts} facts
    * @param {Choices} choices
-   * @param {URLSearchParams} query of the page's address, in which the options live
+   * @param {URLSearchParams} query of the page's address, which stores the options
    */
   constructor({ id, most_modules: maxModules, table_modules: maxTableModules }, choices, query) {
     this.id = id;
@@ -37,7 +38,7 @@ export class Preview {
     this.choices = choices;
     const chosen = (/** @type {ChoiceName} */ name) => choices[name].find((value) => value === query.get(name)) ?? choices[name][0];
     const start = query.get("start") ?? "";
-    this.bound = ""; // what is said of a number of modules beyond the bounds
+    this.bound = ""; // message for a number of modules outside the bounds
     this.givenAsVoxels = query.get("as_voxels") === "true";
     /** @type {PreviewOptions} */
     this.options = {
@@ -50,10 +51,10 @@ export class Preview {
     /** @type {Api.Preview | null} */
     this.report = null;
     /** @type {Api.PreparingBody | null} */
-    this.preparing = null; // how far the solvers are that a fold waits for
+    this.preparing = null; // progress of compiling the solvers
     /** @type {{ module: number, cell: number[] | null } | null} */
     this.picked = null;
-    /** @type {Api.TableOffer[]} versions of the shape that were checked to fold on a table */
+    /** @type {Api.TableOffer[]} versions of the shape that are known to fold on a table */
     this.offers = [];
     this.restrict();
   }
@@ -63,7 +64,7 @@ export class Preview {
   /** @returns {Form} */
   get fields() { return { preview: this.id, ...this.options }; }
 
-  // Options that differ from what a page begins with, as the query of its address.
+  // Options that differ from the defaults of the page, as the query of its address.
   get query() {
     const usual = Object.values(this.choices).map(([first]) => first);
     const query = new URLSearchParams();
@@ -71,7 +72,7 @@ export class Preview {
     return query.size ? `?${query}` : "";
   }
 
-  // Return a number of modules within the bounds; `bound` says when it was beyond them.
+  // Clamp a number of modules to the bounds; set `bound` to a message if it was outside.
   /** @param {number | null} modules */
   bounded(modules) {
     this.bound = "";
@@ -88,7 +89,7 @@ export class Preview {
   /** @param {number} modules */
   placeOf(modules) { return Math.round((SLIDER_STEPS * Math.log(modules / MIN_MODULES)) / Math.log(this.maxModules / MIN_MODULES)); }
 
-  // Take other options. Repairs and blocks are chosen for one world.
+  // Change options. Repairs and blocks are reset when the environment changes.
   /** @param {Partial<PreviewOptions>} change */
   change(change) {
     const afresh = "world" in change ? { repair: false, method: this.choices.method[0] } : {};
@@ -97,7 +98,7 @@ export class Preview {
     this.restrict();
   }
 
-  // Take another preset or preference; only the default preset has several plans to choose from.
+  // Set preset and preference; only the default preset has several plans to choose from.
   /**
    * @param {string} preset
    * @param {string} prefer
@@ -107,7 +108,7 @@ export class Preview {
     this.restrict();
   }
 
-  // On a table there is not every option.
+  // Reset options that are not available, for example on a table.
   restrict() {
     const { options, choices } = this;
     if (this.onTable) {
@@ -126,24 +127,25 @@ export class Preview {
     this.offers = [];
     this.report = report;
     this.preparing = report.preparing;
-    if (report.not_started) this.options.start = null; // another path is shown, which is folded unless something else is chosen
+    if (report.not_started) this.options.start = null; // the report has another path
     if (report.kind === "mesh" && this.options.modules === null) this.bounded(report.modules);
   }
 
-  // The options have no preview: what was shown before stays, and cannot be folded.
+  // Handle options without a preview: keep the previous report, but without a path to fold.
   refuse() {
     this.options.start = null;
     if (this.report) this.report = { ...this.report, has_path: false };
   }
 
-  // What there is to do about a path that cannot be folded on a table: another one through its cells, or no table.
+  // Remedies for a path that cannot be folded on a table:
+  // another path through its cells, or zero gravity.
   /** @returns {Offer[]} */
   get waysFromPath() { return [{ text: "Find another path through these cells", primary: true, change: { as_voxels: true } }, this.floating]; }
 
   /** @returns {Offer} */
   get floating() { return { text: "Fold it in zero gravity", change: { as_voxels: this.givenAsVoxels, world: "floating" } }; }
 
-  // Modules shown in the field and on the slider; null where their number is not chosen.
+  // Number of modules in the field and on the slider; null if it cannot be chosen.
   get count() { return this.options.modules ?? (this.report?.kind === "mesh" ? this.report.modules : null); }
 
   get expected() {
@@ -153,13 +155,13 @@ export class Preview {
     return wholeTime(preset === "paper" ? report.expected_as_published_s : usual, preparing) ?? "–";
   }
 
-  // What to know before a long chain folds on a table.
+  // Warning before a long chain is folded on a table.
   get warning() {
     return this.onTable && this.report && this.report.modules > this.maxTableModules
       ? `Chains of more than ${whole(this.maxTableModules)} modules usually get stuck on a table.` : "";
   }
 
-  // The module that was clicked, or the one in which the chain was asked to start, and what a button does about it.
+  // The clicked module or the chosen start cell, with the action of its button.
   get start() {
     const { options: { start }, report } = this;
     const picked = report?.has_path ? this.picked : null;
@@ -171,7 +173,7 @@ export class Preview {
   }
 }
 
-// What a page says of a report.
+// Texts of the page about a report.
 
 const percent = (/** @type {number} */ share) => `${Math.round(100 * share)} %`;
 
@@ -181,14 +183,14 @@ export function verdictOf({ module, modules, iou, has_path: path }) {
   return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${iou === null ? "" : ` · similarity to your model: ${percent(iou)}`}`;
 }
 
-// Numbers of modules that are near and possible, and a text that says why they are there.
+// Return possible numbers of modules nearby, and a text that explains them.
 /**
  * @param {Preview} preview
  * @param {Api.Preview} report
  */
 export function nearby({ bound, onTable, maxModules }, { asked, modules, below, above }) {
   const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the possible number of modules closest to ${whole(asked ?? modules)}`;
-  // A neighbouring count may have no path for a table: the offers are those that were checked.
+  // On a table, a neighbouring count may have no path; the checked versions are offered instead.
   const counts = onTable ? [] : [below, above].flatMap((n) => (n && n !== modules && n <= maxModules ? [n] : []));
   return { counts, text: [bound, nearest].filter(Boolean).join("; ") || (counts.length ? "Also possible" : "") };
 }
@@ -203,7 +205,7 @@ export function figuresOf({ iou, candidates, knot }) {
   };
 }
 
-// Why there is nothing to fold, and what can be done about it.
+// Return the reasons why the shape cannot be folded, and remedies.
 /**
  * @param {Preview} preview
  * @param {Api.Preview} report
@@ -216,19 +218,19 @@ export function troubleOf({ onTable, options: { method, module }, floating }, { 
     text: `Repair: ${detail.charAt(0).toLowerCase()}${detail.slice(1).replace(/\.$/, "")}`, primary: true,
     change: { repair: true, ...(doubled && { modules: needed }) },
   }));
-  const apart = feasibility?.problems.some(({ code }) => code === "disconnected"); // so are their blocks
+  const apart = feasibility?.problems.some(({ code }) => code === "disconnected"); // their blocks would be disconnected, too
   if (method !== "blocks" && module === "cube" && !apart) ways.push({ text: "Use 2×2×2 modules for each cell", change: { method: "blocks" } });
   return { title: feasibility?.feasible === false ? "No path runs through all of these cells" : "No path was found", details, ways };
 }
 
-// What the coloured cells are; empty where none are coloured.
+// Return the meaning of the coloured cells; empty if there are none.
 /** @param {Api.Preview} report */
 export function oddWords({ has_path: path, feasibility }) {
   const marked = path ? undefined : feasibility?.problems.find(({ cells }) => cells.length);
   return marked ? ODD[marked.code] ?? "cells that prevent a path" : "";
 }
 
-// Notes on the cells: how they were repaired, that they were in no order, and all others.
+// Return the notes on the cells: their repair, their missing order, and all others.
 /**
  * @param {Preview} preview
  * @param {Api.Preview} report
@@ -241,7 +243,7 @@ export function notesOf({ onTable, options }, { notes, has_path: path, as_voxels
   return { repaired, unordered, others: notes.filter((note) => note !== repair && note !== unordered).map(sentence) };
 }
 
-// What a version of the shape changes that folds on a table.
+// Return the button of a version of the shape that folds on a table.
 /**
  * @param {Api.TableOffer} offer
  * @param {number} place in the list

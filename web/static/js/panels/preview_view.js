@@ -1,4 +1,5 @@
-// View of a preview's page: the options and the report in its panel, and the 3D view or the drawing in its place.
+// View of a preview page: options and report in the
+// panel, and the 3D view or the drawing that replaces it.
 import { at, button, element, get, sentence, whole } from "../lib/text.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL, load } from "../viewer/scene.js";
@@ -14,7 +15,7 @@ const NO_WEBGL = "WebGL is missing or switched off";
 export const radios = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll(".choice input")]);
 const layers = /** @type {HTMLElement[]} */ ([...get("layers").children]);
 
-// Return the values on offer of each choice, the first of them checked when the page comes.
+// Return the available values of each choice; the first one is the default.
 export function choicesOnPage() {
   /** @type {import("./preview_state.js").Choices} */
   const choices = { module: [], method: [], ends: [], world: [] };
@@ -42,7 +43,7 @@ export function showProblem(text) {
  */
 const buttonOf = ({ text, primary = false, change }, onChange) => button(primary ? "button primary" : "button", text, () => onChange(change));
 
-// Show all options as they are, with hints on those that are chosen.
+// Show the current options, with hints on the chosen ones.
 /** @param {Preview} preview */
 export function showOptions(preview) {
   const { options, onTable, count, preset, prefer, choosing } = preview;
@@ -90,7 +91,7 @@ export function showTrouble({ title, details, ways }, onChange) {
   get("repairs").replaceChildren(...ways.map((offer) => buttonOf(offer, onChange)));
 }
 
-// Show versions of the shape that were checked to fold on a table, before what else can be done.
+// Show versions of the shape that are known to fold on a table, before the other remedies.
 /**
  * @param {Preview} preview
  * @param {(change: Offer["change"]) => void} onChange
@@ -148,7 +149,7 @@ export function cover(text, more) {
   get("cover-button").hidden = false;
 }
 
-// The picture of a report: a drawing until the 3D view is there, or instead of it.
+// The picture of a report: a drawing until the 3D view is ready, or instead of it.
 export class Picture {
   /**
    * @param {string} id of the preview
@@ -157,10 +158,10 @@ export class Picture {
   constructor(id, { pick, settled }) {
     this.under = at(`/previews/${id}`);
     this.settled = settled;
-    this.viewing = false; // in 3D
+    this.viewing = false; // true while the 3D view is visible
     this.started = false;
-    this.held = false; // the page is about to be left
-    this.flat = false; // there are no 3D graphics
+    this.held = false; // true while the page is about to be left
+    this.flat = false; // true if WebGL is not available
     this.failed = false;
     /** @type {Api.Preview | null} */
     this.report = null;
@@ -190,7 +191,7 @@ export class Picture {
     if (!this.viewing) this.draw();
   }
 
-  // Whether the cells that an offer adds are shown, too.
+  // True if the cells that an offer adds are displayed.
   get repaired() { return !get("to-add").hidden; }
 
   draw() {
@@ -217,7 +218,7 @@ export class Picture {
     });
   }
 
-  // To ask is to start the browser's 3D graphics, which takes a second where they are software.
+  // The check starts the browser's 3D graphics, which takes a second with software rendering.
   start() {
     if (this.started || this.held) return;
     this.started = true;
@@ -227,10 +228,10 @@ export class Picture {
     else this.explain();
   }
 
-  // Does not start the 3D view of a page that is about to be left: the next page has one.
+  // Do not start the 3D view of a page that is about to be left: the next page starts its own.
   hold() { this.held = true; }
 
-  // The page stays after all.
+  // Start the 3D view after all, because the page stays.
   release() {
     this.held = false;
     if (this.report) this.start();

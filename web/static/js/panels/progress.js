@@ -1,17 +1,17 @@
-// A fold while it is computed: stage, share, steps a second, place in the queue.
+// Progress of a running fold: stage, percentage, steps per second, position in the queue.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { OverallProgress, queueWords } from "./overall_progress.js";
 import { preparingWords, remaining, showPreparing } from "./preparing.js";
 import { at, get, toast, whole } from "../lib/text.js";
 
-const ASK_MS = 1000; // between two questions where no stream tells, at first
+const ASK_MS = 1000; // initial interval of polling without an event stream
 const LONGEST_ASK_MS = 10000;
 const LONGER = 1.5;
 const LOST = 404;
 const FORBIDDEN = 403;
 const CANCEL_MS = 10000;
 const READY = "getting ready";
-const NARROW = "(max-width: 640px)"; // there all of it would take a second line
+const NARROW = "(max-width: 640px)"; // on narrower screens the full text would need a second line
 const WRITING = "export"; // the stage after the check of a plan
 const OVER = ["verified", "failed", "cancelled"];
 
@@ -47,7 +47,8 @@ export class Progress {
     this.events = events;
     events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
     events.onopen = () => this.pollNoMore();
-    // Refused, since many are open, or broken: then it is asked until the end, or until it is back.
+    // The stream is broken, or refused because too many
+    // are open: poll until the end or until it is back.
     events.onerror = () => { if (!this.pollTimer) this.poll(ASK_MS); };
     events.addEventListener("done", () => this.end());
   }
@@ -57,7 +58,7 @@ export class Progress {
     this.pollTimer = setTimeout(async () => {
       /** @type {Api.Fold | Refusal} */
       const answer = await ask(`/api/folds/${this.facts.id}`).catch((error) => error);
-      if (!this.pollTimer) return; // a stream is there again
+      if (!this.pollTimer) return; // the stream is back
       const now = answer instanceof Refusal ? null : answer.progress;
       if (now ? OVER.includes(now.status) : answer.status === LOST) this.end();
       else {
@@ -109,13 +110,13 @@ export class Progress {
     showPreparing(preparing);
   }
 
-  // A fold with a verdict can neither be cancelled nor awaited.
+  // Hide the buttons to cancel and to be notified once there is a verdict.
   offer() {
     get("cancel").hidden = !this.token || Boolean(this.verdict);
     if (this.verdict) get("notify").hidden = true;
   }
 
-  // The plan has been checked: say the verdict while its files are written.
+  // Show the verdict of the checked plan while its files are written.
   async checked() {
     if (this.verdict || this.asking) return;
     this.asking = true;

@@ -1,8 +1,8 @@
-// Sharing: a link to what is seen now, a frame for other pages, one file that plays by itself.
+// Sharing: a link to the current view, embed code for other pages, and a standalone file.
 import { tokenOf } from "../lib/api.js";
 import { at, copyText, get, save, toast } from "../lib/text.js";
 
-// Return what opens the dialog, with what there is without a server, once there is something.
+// Set up the dialog, including the parts that need no server. Return the function that opens it.
 /**
  * @param {Facts} facts
  * @param {{ place: import("../player/address.js").Place, player: import("../player/player.js").Player }} view
@@ -23,11 +23,11 @@ export function sharing({ id, embed }, { place, player }) {
     const button = /** @type {HTMLElement | null} */ (dialog.querySelector(`[data-copy=${name}]`));
     if (button) button.onclick = () => copyText(get(name).value, () => toast("Copied"), () => get(name).select());
   }
-  // The system's own way to send a link, where there is one.
+  // The share function of the system, if available.
   get("share-send").hidden = !("share" in navigator);
-  get("share-send").onclick = () => navigator.share({ title: document.title, url: get("share-link").value }).catch(() => {}); // closed again
+  get("share-send").onclick = () => navigator.share({ title: document.title, url: get("share-link").value }).catch(() => {}); // the visitor cancelled
   get("share-mine").hidden = !tokenOf(id);
-  const lead = document.getElementById("lead"); // not without a service
+  const lead = document.getElementById("lead"); // only with a service
   if (lead) lead.onclick = async () => { dialog.close(); (await import("../tour/leader.js")).lead(id, place); };
   return () => {
     fill();
@@ -36,7 +36,7 @@ export function sharing({ id, embed }, { place, player }) {
   };
 }
 
-// A picture of the view to save or to copy, drawn by the page itself.
+// Offer a picture of the view to save or copy, drawn by the page itself.
 /** @param {import("../player/player.js").Player} player */
 function offerPicture(player) {
   const png = async () => {
@@ -48,7 +48,7 @@ function offerPicture(player) {
   get("picture").hidden = !player.sketch?.worker;
   get("picture-copy").hidden = !("ClipboardItem" in window && navigator.clipboard?.write);
   get("picture-save").onclick = async () => save(await png(), `${get("name").textContent} ${Math.round(player.playhead.frame) + 1}.png`);
-  // Safari wants the promise, not what comes of it.
+  // Safari requires the promise, not its result.
   get("picture-copy").onclick = async () => {
     try {
       await navigator.clipboard.write([new ClipboardItem({ "image/png": png() })]);

@@ -1,4 +1,4 @@
-// Upload progress: how far an upload is, and a button that stops it, for what takes longer than a moment.
+// Upload progress: a bar and a button to stop, for uploads that take longer than a moment.
 import { button, element } from "../lib/text.js";
 
 const SOON_MS = 500;
@@ -7,14 +7,14 @@ const SOON_MS = 500;
 const megabytes = (value) => `${(value / 1e6).toFixed(value < 1e7 ? 1 : 0)} MB`;
 
 export class Sending {
-  /** @param {HTMLElement} host what it stands in, empty until then */
+  /** @param {HTMLElement} host container of the progress, empty until then */
   constructor(host) {
     this.host = host;
     /** @type {AbortController | null} */
     this.control = null;
   }
 
-  // Does something that takes a signal and tells how much is sent; what was going on is stopped before.
+  // Run an upload with an abort signal and progress reports; abort a previous one first.
   /**
    * @template Done
    * @param {string} name
@@ -37,7 +37,7 @@ export class Sending {
         bar.value = sent / all;
         text.textContent = `Sending ${name}: ${Math.floor((100 * sent) / all)} %, ${megabytes(sent)} of ${megabytes(all)}`;
       } else {
-        bar.removeAttribute("value"); // all is there, and being read
+        bar.removeAttribute("value"); // everything is sent; the server reads it
         text.textContent = `Reading ${name}…`;
       }
     };

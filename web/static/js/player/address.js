@@ -1,5 +1,5 @@
-// Address of a view: the hash describes everything that is visible (docs/links.md). It counts
-// frames and modules from 1.
+// Address of a view: the hash describes everything that is
+// visible (docs/links.md). It counts frames and modules from 1.
 import { USUAL } from "./camera_rig.js";
 
 const WAIT_MS = 250; // from a change until the address is updated
@@ -10,9 +10,9 @@ const DEGREES = 180 / Math.PI;
 
 const rounded = (/** @type {number} */ value, /** @type {number} */ digits) => String(Number(value.toFixed(digits)));
 
-// Return a camera as text: azimuth and elevation in degrees (empty: those of Follow) and the
-// distance as a multiple of that of Follow; for a free camera, also the offset of its target from
-// the chain.
+// Return a camera as text: azimuth and elevation in degrees (empty:
+// those of Follow) and the distance as a multiple of that of Follow;
+// for a free camera, also the offset of its target from the chain.
 /** @param {CameraAt} camera */
 export function cameraText({ azimuth, elevation, zoom, aside }) {
   const turn = azimuth === null ? null : ((((azimuth * DEGREES + 180) % 360) + 360) % 360) - 180;

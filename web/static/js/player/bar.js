@@ -1,5 +1,5 @@
-// The timeline bar: phases as two tints, an area plot of the error, the playhead, the frame number
-// and the loop range.
+// The timeline bar: phases as two tints, an area plot of the
+// error, the playhead, the frame number and the loop range.
 import { element, get, radians, seconds, svg, whole } from "../lib/text.js";
 import { PHASES } from "./timeline.js";
 
@@ -169,8 +169,8 @@ export class Bar {
   }
 }
 
-// Return the index of the frame or module that a text names, counted from 1 as on the page; null if
-// there is none.
+// Return the index of the frame or module that a text names,
+// counted from 1 as on the page; null if there is none.
 /**
  * @param {string} text
  * @param {number} frames
@@ -181,8 +181,8 @@ export function frameIn(text, frames) {
   return number >= 1 && number <= frames ? number - 1 : null;
 }
 
-// Return the position of a pointer along the width of an element: 0 at its left side, 1 at its
-// right.
+// Return the position of a pointer along the width
+// of an element: 0 at its left side, 1 at its right.
 /**
  * @param {number} x
  * @param {Element} within

@@ -24,8 +24,8 @@ export const USUAL = Object.freeze({ azimuth: null, elevation: null, zoom: 1, as
 const clamp = (/** @type {number} */ value, /** @type {number} */ low, /** @type {number} */ high) => Math.min(high, Math.max(low, value));
 const steep = (/** @type {number} */ elevation) => clamp(elevation, -MAX_ELEVATION, MAX_ELEVATION);
 
-// Return the target of a view, moved to the right and up in the picture by fractions of the
-// distance.
+// Return the target of a view, moved to the right and
+// up in the picture by fractions of the distance.
 /**
  * @param {View} view
  * @param {number} x
@@ -82,6 +82,7 @@ export class CameraRig {
   }
 
   // Target of Follow.
+
   /**
    * @param {number[]} modules empty for the whole chain
    * @param {Sight | null} sight
@@ -119,6 +120,7 @@ export class CameraRig {
   }
 
   // Input from pointers and keys.
+
   /**
    * @param {Orbit} orbit
    * @param {Snapshot | null} shown
@@ -220,8 +222,8 @@ export class CameraRig {
    */
   whole(shown, { azimuth, elevation }) { return framing(this.points(shown, null), { ...this.seeing(null), azimuth, elevation }); }
 
-  // Return the points to keep in view, in units of the scene. Those of the whole chain are cached
-  // in the snapshot.
+  // Return the points to keep in view, in units of the scene.
+  // Those of the whole chain are cached in the snapshot.
   /**
    * @param {Snapshot} snapshot
    * @returns {Vector[]}
@@ -283,8 +285,8 @@ export class CameraRig {
     this.fit();
     const still = !(is.playing || is.live || is.turn);
     const nearest = this.framed(shown, is.turn && view ? view.azimuth : null);
-    // Only frames around the playhead of a long timeline are loaded; blending them at rest would
-    // make the camera move as they arrive.
+    // Only frames around the playhead of a long timeline are loaded;
+    // blending them at rest would make the camera move as they arrive.
     const goal = is.turn || (still && this.timeline.windowed) ? nearest : this.among(shown, nearest);
     const least = ROOM * this.needed(shown, goal);
     this.minZoom = (this.group ? NEAREST_PITCH * this.pitch : least) / goal.distance;
@@ -302,8 +304,8 @@ export class CameraRig {
     const { timeline } = this;
     const here = shown.frame / this.goalEvery;
     const end = timeline.last / this.goalEvery;
-    // Near both ends of a complete timeline the range shrinks, so that the end frames are framed
-    // exactly.
+    // Near both ends of a complete timeline the range
+    // shrinks, so that the end frames are framed exactly.
     const reach = timeline.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
     this.approximate = false;
     if (reach <= 1e-6) return nearest;

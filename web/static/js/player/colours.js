@@ -72,8 +72,8 @@ const largest = (/** @type {Floats} */ values) => Array.from(values).reduce((mos
 /** @typedef {Pick<import("./figures.js").Figures, "row" | "largest" | "lacking" | "plots">} Measured */
 
 export class Colouring {
-  // `scale.values` returns one value of each module at a moment; `scale.high` is the end of the
-  // scale.
+  // `scale.values` returns one value of each module at
+  // a moment; `scale.high` is the end of the scale.
   /**
    * @param {string} key
    * @param {import("./timeline.js").Timeline} timeline

@@ -1,9 +1,9 @@
 // Frames of a timeline: their rows in batches, their storage, and the order in which they are
 // fetched. Needs no page and no network.
 
-// A row holds the values of one frame. Rows of ordinary folds have all angles, those of long folds
-// the angles of a window; web/timeline/frame_batch.py and web/timeline/window_columns.py define the
-// columns.
+// A row holds the values of one frame. Rows of ordinary folds have all angles,
+// those of long folds the angles of a window; web/timeline/frame_batch.py and
+// web/timeline/window_columns.py define the columns.
 
 /**
  * @param {Numbers} a
@@ -12,8 +12,8 @@
  */
 const mix = (a, b, share) => Float64Array.from(a, (v, k) => v + (b[k] - v) * share);
 
-// Return the angle of a hinge in a row: hinges before the window are folded, those after it
-// straight.
+// Return the angle of a hinge in a row: hinges before
+// the window are folded, those after it straight.
 /**
  * @param {Pick<Row, "first" | "last" | "angles" | "foldedRad">} row
  * @param {number} hinge
@@ -71,8 +71,8 @@ function asWindows({ root_position, root_wxyz, joint_angles_rad, joint_error_rad
 
 const STEP = 2 ** -20;
 
-// Rows of a batch. The angles are those of hinges `first` to `last` − 1; earlier hinges are folded,
-// later ones straight.
+// Rows of a batch. The angles are those of hinges `first` to
+// `last` − 1; earlier hinges are folded, later ones straight.
 export class Rows {
   /**
    * @param {Pick<Batch, "arrays">} batch
@@ -155,6 +155,7 @@ export function thereAndBack({ frames, first, last, offsets, values }) {
 }
 
 // Storage of frames.
+
 const MAX_BYTES = 384 * 2 ** 20;
 const MAX_WINDOW_BYTES = 64 * 2 ** 20;
 const BATCH_BYTES = 2 ** 20;

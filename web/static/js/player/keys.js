@@ -1,5 +1,5 @@
-// Keyboard shortcuts of a page with a player. One table defines them and fills the dialog that
-// lists them.
+// Keyboard shortcuts of a page with a player. One table
+// defines them and fills the dialog that lists them.
 import { element, get, store, stored } from "../lib/text.js";
 
 const KEPT = "foldback:single-keys";
@@ -59,8 +59,8 @@ export const KEYS = [...new Set(TABLE.flatMap(({ does }) => Object.keys(does)).m
 export const nameOf = ({ key, shiftKey }) => (key.length === 1 ? key.toLowerCase() : shiftKey ? `Shift+${key}` : key);
 
 export class Keys {
-  // `alone`: the page plays a single fold, so that steps in seconds are possible; `module` starts
-  // the selection of a module.
+  // `alone`: the page plays a single fold, so that steps in seconds
+  // are possible; `module` starts the selection of a module.
   /**
    * @param {Playing} player
    * @param {import("./bar.js").Bar} bar

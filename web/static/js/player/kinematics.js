@@ -158,8 +158,8 @@ function put(i, p, q, { positions, wxyzs }) {
   for (let k = 0; k < 4; k++) wxyzs[4 * i + k] = q[k] /= l;
 }
 
-// Store the poses of modules `begin` to `end` − 1 of a rigid chain in the shape of `table`, where
-// module `known` has the pose p, q.
+// Store the poses of modules `begin` to `end` − 1 of a rigid chain
+// in the shape of `table`, where module `known` has the pose p, q.
 /**
  * @param {Poses} table
  * @param {number} known
@@ -181,9 +181,9 @@ function moved({ positions: from, wxyzs: turns }, known, [begin, end], p, q, fou
 const CELLS_PER_PITCH = 4;
 const MAX_CELL = 2 ** 16; // from the origin, in both directions
 
-// Return, for each module of the folded chain and each face of `sketch`, the module that touches
-// and hides the face; `modules` if there is none. `sketch` and `shown_size` as in the scene
-// bundle's header.
+// Return, for each module of the folded chain and each face of `sketch`,
+// the module that touches and hides the face; `modules` if there is
+// none. `sketch` and `shown_size` as in the scene bundle's header.
 /**
  * @param {Pick<BundleHeader, "sketch" | "shown_size">} header
  * @param {Poses} folded
@@ -216,10 +216,10 @@ export function buriedBy(neighbours, modules) {
   return Int32Array.from({ length: modules }, (_, i) => Math.max(i, ...neighbours.subarray(i * faces, (i + 1) * faces)) + 1);
 }
 
-// Return the progress of folding: 0 for the straight chain, 1 if all hinges have the angles of the
-// shape. It is the mean over the hinges of angle / goal, each from 0 to 1 and weighted with |goal|.
-// A plain sum of errors would stay at 0 while the chain bends everywhere; this measure rises
-// steadily.
+// Return the progress of folding: 0 for the straight chain, 1 if all hinges
+// have the angles of the shape. It is the mean over the hinges of angle /
+// goal, each from 0 to 1 and weighted with |goal|. A plain sum of errors would
+// stay at 0 while the chain bends everywhere; this measure rises steadily.
 /**
  * @param {(hinge: number) => number} angle
  * @param {Floats} goal
@@ -235,8 +235,8 @@ export function foldedness(angle, goal) {
   return all > 0 ? reached / all : 1;
 }
 
-// Return the fractional playback frame with this progress of folding, by bisection over the loaded
-// frames.
+// Return the fractional playback frame with this progress
+// of folding, by bisection over the loaded frames.
 /**
  * @param {import("./timeline.js").Timeline} timeline
  * @param {number} wanted
@@ -263,15 +263,17 @@ export function frameFolded(timeline, wanted) {
   return low + (high - low) * Math.min(1, Math.max(0, share));
 }
 
-/** Duration of the fade-in of the correction when a timeline is completed on an open page. Chosen. */
+/**
+ * Duration of the fade-in of the correction when a timeline is completed on an open page. Chosen.
+ */
 const FADE_S = 0.8;
 const MIN_SINE = 1e-9; // of half the angle of a correction; smaller corrections are ignored
 
-// Shows the finished shape in the orientation of its drawing. A floating chain rotates as a whole
-// while it folds, so that a simulated fold ends in another orientation. The playback is therefore
-// shown in a reference frame that rotates smoothly: not at all at the straight chain, fully at the
-// last frame. Only the orientation of the first or root module changes; hinge angles and files stay
-// as recorded.
+// Shows the finished shape in the orientation of its drawing. A floating chain rotates
+// as a whole while it folds, so that a simulated fold ends in another orientation. The
+// playback is therefore shown in a reference frame that rotates smoothly: not at all
+// at the straight chain, fully at the last frame. Only the orientation of the first or
+// root module changes; hinge angles and files stay as recorded.
 export class Standing {
   /** @type {{ angle: number, axis: Vector, from: number, to: number } | null} */
   correction = null;

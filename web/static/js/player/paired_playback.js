@@ -1,5 +1,5 @@
-// Two folds on one playhead. Both go through a phase in step, whatever their numbers of frames; a
-// fold without that phase waits.
+// Two folds on one playhead. Both go through a phase in step,
+// whatever their numbers of frames; a fold without that phase waits.
 import { frameFolded } from "./kinematics.js";
 import { Ticker } from "./player.js";
 import { largestError } from "./player_state.js";

@@ -35,8 +35,8 @@ export class Ticker {
     this.pauseMs = pauseMs;
   }
 
-  // Request one more tick: after the pause or, with `soon`, with the next animation frame, for a
-  // visitor who moves the view.
+  // Request one more tick: after the pause or, with `soon`, with
+  // the next animation frame, for a visitor who moves the view.
   wake(soon = false) {
     if (this.due && !(soon && this.pause)) return;
     clearTimeout(this.pause);
@@ -100,6 +100,7 @@ export class Player extends PlayerState {
   get is() { return this.playhead.is; }
 
   // Messages.
+
   /**
    * @param {Command} asked
    * @returns {boolean}
@@ -158,8 +159,8 @@ export class Player extends PlayerState {
     return true;
   }
 
-  // Make the camera follow some modules, from the direction that `sight` finds best; an empty list
-  // restores the whole chain.
+  // Make the camera follow some modules, from the direction that
+  // `sight` finds best; an empty list restores the whole chain.
   /**
    * @param {number[]} modules
    * @param {import("./camera_rig.js").Sight | null} sight
@@ -191,6 +192,7 @@ export class Player extends PlayerState {
   }
 
   // Time.
+
   begin() {
     const { timeline } = this;
     this.shown = this.search = null;
@@ -283,8 +285,8 @@ export class Player extends PlayerState {
   }
 }
 
-// Return a player of the timeline whose address an element names, on a canvas in that element,
-// without the 3D view.
+// Return a player of the timeline whose address an element
+// names, on a canvas in that element, without the 3D view.
 /**
  * @param {HTMLElement} part
  * @param {HTMLCanvasElement} canvas

@@ -148,8 +148,8 @@ export class PlayerState extends Emitter {
     };
   }
 
-  // Return the colours of all modules, including highlights of the selected module, its neighbours
-  // and the marked modules.
+  // Return the colours of all modules, including highlights of
+  // the selected module, its neighbours and the marked modules.
   colours() {
     if (!this.colouring || !this.shown) return new Uint8Array(0);
     const colours = this.colouring.of(this.shown);

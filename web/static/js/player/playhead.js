@@ -60,8 +60,8 @@ export class Playhead {
     Object.assign(this.is, { playing: false, live: false });
   }
 
-  // Set the ends of the loop. An end at that of the timeline becomes null; if both ends cross, the
-  // older one becomes null.
+  // Set the ends of the loop. An end at that of the timeline
+  // becomes null; if both ends cross, the older one becomes null.
   /** @param {Partial<Pick<Switches, "from" | "to">>} message */
   loopOver({ from, to }) {
     const { is, timeline: { last, growing } } = this;
@@ -140,8 +140,8 @@ export class Playhead {
 
 // Steps in seconds and in visible changes.
 
-// Return the fractional frame at some seconds from a frame. Frames that are not loaded count as
-// long as the last loaded one.
+// Return the fractional frame at some seconds from a frame. Frames
+// that are not loaded count as long as the last loaded one.
 /**
  * @param {Timeline} timeline
  * @param {number} frame

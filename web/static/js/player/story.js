@@ -1,9 +1,9 @@
-// Automatic playback of a fold that is computed while its page is open. As soon as there are
-// frames, the explosion plays at a watchable pace; then the fold plays. When the fold is over
-// (event "settled" of timeline.js), it plays once more from straight to folded and rests on the
-// finished shape. A visitor who goes to a frame, plays or pauses ends the story. If the visitor
-// turns the view or selects a module, the motion continues, without a jump back to the straight
-// chain at the end.
+// Automatic playback of a fold that is computed while its page is open. As soon as
+// there are frames, the explosion plays at a watchable pace; then the fold plays.
+// When the fold is over (event "settled" of timeline.js), it plays once more from
+// straight to folded and rests on the finished shape. A visitor who goes to a frame,
+// plays or pauses ends the story. If the visitor turns the view or selects a module,
+// the motion continues, without a jump back to the straight chain at the end.
 
 // Duration of a phase in seconds, independent of its number of frames. Chosen.
 const EXPLOSION_S = 5;
@@ -12,14 +12,20 @@ const FOLD_S = 8;
 const MIN_FPS = 12;
 /** Maximum pace of a long timeline, whose frames are fetched while they are played. Chosen. */
 const MAX_WINDOWED_FPS = 240;
-/** Seconds before the newest frame within which the pace drops, so that the motion does not stop abruptly. Chosen. */
+/**
+ * Seconds before the newest frame within which the pace
+ * drops, so that the motion does not stop abruptly. Chosen.
+ */
 const SLOWING_S = 0.4;
 /** Time constant of changes of the pace, in seconds. Chosen. */
 const SMOOTHING_S = 0.3;
 /** Seconds for which the straight chain rests before it folds. Chosen. */
 const REST_S = 0.6;
 const END = 1e-6; // tolerance in frames
-/** Distance in frames to the newest frame at which the motion stops, so that nothing is drawn while it waits. Chosen. */
+/**
+ * Distance in frames to the newest frame at which the motion
+ * stops, so that nothing is drawn while it waits. Chosen.
+ */
 const STILL = 0.05;
 const ENDING = new Set(["seek", "step", "pass", "change", "fold", "play", "pause", "toggle"]);
 

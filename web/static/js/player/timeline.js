@@ -1,5 +1,5 @@
-// Frames of a fold, loaded progressively, and the poses of a moment. Scrubbing over loaded frames
-// needs no requests; see frames.js.
+// Frames of a fold, loaded progressively, and the poses of a moment.
+// Scrubbing over loaded frames needs no requests; see frames.js.
 import { decode } from "../lib/columns.js";
 import { FrameStore, Rows, angleIn, between, differing } from "./frames.js";
 import { Kinematics, Standing, foldedness, touching } from "./kinematics.js";
@@ -10,9 +10,15 @@ export const PHASES = { explosion: "Explosion", unfolding: "Unfolding", playback
 const AT_ONCE = 2; // concurrent requests
 const COARSE = 64; // frames to fetch first, spread over the whole timeline
 const RETRY_MS = 300;
-/** Pause between requests for the first frames of a new fold. A larger value delays the first motion. Chosen. */
+/**
+ * Pause between requests for the first frames of a new
+ * fold. A larger value delays the first motion. Chosen.
+ */
 const QUICK_RETRY_MS = 50;
-/** Number of such requests, after which the fold is assumed to wait in the queue. A larger value costs requests. Chosen. */
+/**
+ * Number of such requests, after which the fold is assumed to
+ * wait in the queue. A larger value costs requests. Chosen.
+ */
 const MAX_QUICK_TRIES = 40;
 const LOOK_MS = 1000;
 const MOST_LOOKS = 1800; // half an hour
@@ -94,8 +100,8 @@ export class Recording extends Source {
 }
 
 export class Timeline extends Emitter {
-  // Chain and outline are null until the timeline has begun; the next three are undefined until
-  // then.
+  // Chain and outline are null until the timeline has
+  // begun; the next three are undefined until then.
   /** @type {Chain & Hull} */
   chain;
   /** @type {TimelineOutline} */
@@ -240,8 +246,8 @@ export class Timeline extends Emitter {
       await pause(this.tries++ < MAX_QUICK_TRIES ? QUICK_RETRY_MS : RETRY_MS);
       return;
     }
-    // Fetch frames spread over the whole timeline, including the last, so that scrubbing works at
-    // once.
+    // Fetch frames spread over the whole timeline,
+    // including the last, so that scrubbing works at once.
     const stride = Math.ceil(first.header.total / COARSE);
     const from = (first.header.total - 1) % stride;
     this.windowed = "first" in first.arrays;
@@ -369,8 +375,8 @@ export class Timeline extends Emitter {
   /** @param {WindowPoses} poses */
   framed({ rod = Infinity }) { return Math.min(this.chain.modules, rod + 1 + (this.bundle.header.camera?.stretch ?? Infinity)); }
 
-  // Return the progress of folding at a moment, 0 to 1: towards the shape or, during the explosion,
-  // relative to the first frame.
+  // Return the progress of folding at a moment, 0 to 1: towards the
+  // shape or, during the explosion, relative to the first frame.
   /** @param {Snapshot} snapshot */
   folded({ phase, angle }) { return foldedness(angle, phase === "playback" ? this.foldedRad : this.startRad ?? this.foldedRad); }
 
@@ -386,8 +392,8 @@ export class Timeline extends Emitter {
     return found;
   }
 
-  // Convert values per hinge to values per module: the largest absolute value of the joint that it
-  // carries.
+  // Convert values per hinge to values per module: the
+  // largest absolute value of the joint that it carries.
   /** @param {Floats} values */
   perModule(values) {
     const { modules, rigid_links: rigid, hinges } = this.chain;

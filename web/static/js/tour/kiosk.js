@@ -1,6 +1,6 @@
-// A fold in an exhibition: its tour plays in a loop. A visitor can take over; after some time
-// without input the tour restarts. The page around it (pages/kiosk.js) receives its state: see
-// docs/links.md.
+// A fold in an exhibition: its tour plays in a loop. A visitor can
+// take over; after some time without input the tour restarts. The page
+// around it (pages/kiosk.js) receives its state: see docs/links.md.
 import { TourPanel } from "./panel.js";
 
 const USUAL_S = 60;

@@ -1,5 +1,5 @@
-// State of a tour during editing and playback, without the page; see docs/tours.md. Frames count
-// from 1.
+// State of a tour during editing and playback, without
+// the page; see docs/tours.md. Frames count from 1.
 
 export const FORMAT = "foldback-tour/1";
 export const MAX_STOPS = 50;
@@ -8,8 +8,8 @@ const MAX_UNDONE = 100;
 // Reading time of a caption: a constant, and a time for each character. Chosen.
 const READING_S = 2;
 const READING_CHARACTER_S = 0.055;
-// Minimum and maximum duration of the motion between two stops, and its frames per second in
-// between. Chosen.
+// Minimum and maximum duration of the motion between two
+// stops, and its frames per second in between. Chosen.
 const MOVING_S = [1, 6];
 const MOVING_FPS = 90;
 

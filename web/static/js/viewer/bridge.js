@@ -1,11 +1,11 @@
-// Runs inside viser's client, before its own code, and replaces the worker that would hold its
-// websocket. The page around the frame sends scene messages over a port and receives input events
-// over it. The frame has an opaque origin: the client cannot reach the page, and receives only the
-// messages that are named here.
+// Runs inside viser's client, before its own code, and replaces the worker that
+// would hold its websocket. The page around the frame sends scene messages over a
+// port and receives input events over it. The frame has an opaque origin: the
+// client cannot reach the page, and receives only the messages that are named here.
 (() => {
-  // The client would play recordings and call servers that its address names. Remove the address
-  // and `fetch`: what the client fetches at its start is for splats and for a light that the scenes
-  // do not use.
+  // The client would play recordings and call servers that its address
+  // names. Remove the address and `fetch`: what the client fetches at
+  // its start is for splats and for a light that the scenes do not use.
   window.fetch = () => new Promise(() => {});
   try {
     if (location.search || location.hash) history.replaceState(null, "", location.pathname);
@@ -55,8 +55,8 @@
   /** @type {string[]} */
   let keys = []; // keys to report to the page
 
-  // Number of pictures that the client has painted, and whether new modules are in none of them
-  // yet.
+  // Number of pictures that the client has painted,
+  // and whether new modules are in none of them yet.
   let pictures = 0;
   let missing = false;
   /** @type {CSSNumberish | null} */

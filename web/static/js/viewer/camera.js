@@ -66,8 +66,8 @@ export function axesOf(azimuth, elevation) {
   return [right, cross(out, right), out];
 }
 
-// Return some hundreds of points that represent all n: a regular sample, and the extreme points in
-// both directions along each of WAYS.
+// Return some hundreds of points that represent all n: a regular
+// sample, and the extreme points in both directions along each of WAYS.
 /**
  * @param {Numbers} points
  * @param {number} n
@@ -100,8 +100,8 @@ const vector = (part) => /** @type {Vector} */ ([part(0), part(1), part(2)]);
 /** @param {number[]} values */
 const midway = (values) => (Math.min(...values) + Math.max(...values)) / 2;
 
-// Return the nearest view that shows all points: centres of modules with the given radius; see
-// fewPoints.
+// Return the nearest view that shows all points: centres
+// of modules with the given radius; see fewPoints.
 /**
  * @param {Vector[]} points
  * @param {Seeing & { elevation: number, azimuth?: number | null, margin?: [number, number] }} seeing
@@ -145,8 +145,8 @@ export function distanceNeeded(points, view, { radius, aspect, field }) {
   return needed;
 }
 
-// Return the ray from the camera through a point of the picture, given as fractions of its width
-// and height from the top left.
+// Return the ray from the camera through a point of the picture,
+// given as fractions of its width and height from the top left.
 /**
  * @param {Eye} eye
  * @param {[x: number, y: number]} place
@@ -204,8 +204,8 @@ export function glided(view, goal, seconds) {
   };
 }
 
-// Return the azimuth that shows a long chain from its side, or from nearer its end in a tall
-// window.
+// Return the azimuth that shows a long chain from
+// its side, or from nearer its end in a tall window.
 /**
  * @param {Vector[]} points
  * @param {number} aspect
@@ -224,9 +224,9 @@ function sideOf(points, aspect, home) {
   return home + weight * turns.reduce((a, b) => (Math.abs(b) < Math.abs(a) ? b : a));
 }
 
-// Return the two largest eigenvalues of a positive semidefinite symmetric 3×3 matrix and the axis
-// of the largest, by power iteration. The result is inexact if both are similar: then the shape has
-// no long side.
+// Return the two largest eigenvalues of a positive semidefinite symmetric
+// 3×3 matrix and the axis of the largest, by power iteration. The result
+// is inexact if both are similar: then the shape has no long side.
 /** @param {number[][]} matrix */
 function principal(matrix) {
   const trace = (/** @type {number[][]} */ m) => m[0][0] + m[1][1] + m[2][2];

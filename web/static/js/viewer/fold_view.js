@@ -1,6 +1,6 @@
-// Common parts of the pages that show one fold: the timeline, the 3D view with its fallback
-// drawing, the timeline bar, the legend and, on pages with a drawer, the module panel and the
-// plots.
+// Common parts of the pages that show one fold: the timeline, the
+// 3D view with its fallback drawing, the timeline bar, the legend
+// and, on pages with a drawer, the module panel and the plots.
 import { Bar } from "../player/bar.js";
 import { Timeline } from "../player/timeline.js";
 import { Keys } from "../player/keys.js";
@@ -12,11 +12,21 @@ import { get, later } from "../lib/text.js";
 
 const DRAW_MS = 250;
 const START_DELAY_MS = 1500;
-/** Number of processor cores up to which the 3D view waits while a fold is computed, because service and browser may share them. Chosen: starting the view takes 3 of 11 s on two cores. */
+/**
+ * Number of processor cores up to which the 3D view waits while a fold is computed, because
+ * service and browser may share them. Chosen: starting the view takes 3 of 11 s on two cores.
+ */
 const MAX_SHARED_CORES = 4;
-/** Maximum wait; the page shows its own drawing meanwhile. A larger value leaves all cores to a long fold. Chosen. */
+/**
+ * Maximum wait; the page shows its own drawing meanwhile.
+ * A larger value leaves all cores to a long fold. Chosen.
+ */
 const MAX_WAIT_3D_MS = 15_000;
-/** Minimum time between two pictures while a fold is computed on so few cores. A larger value leaves more time to the computation but makes the motion jerky. Chosen: 60 pictures a second take more time than the computation. */
+/**
+ * Minimum time between two pictures while a fold is computed on so few cores.
+ * A larger value leaves more time to the computation but makes the motion
+ * jerky. Chosen: 60 pictures a second take more time than the computation.
+ */
 const COMPUTING_PICTURE_MS = 66;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
@@ -41,8 +51,8 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {() => void} [onScroll] called if the page around an embed scrolls instead of a zoom
  */
 
-// Set up the view. `load` starts loading viser's client into the frame; selecting a module opens
-// the drawer.
+// Set up the view. `load` starts loading viser's client
+// into the frame; selecting a module opens the drawer.
 /** @param {Viewed} viewed */
 export function view({ source, figures, load, over = true, details = null, play = !calm, kept, onScroll }) {
   // Embeds can hide the controls.
@@ -131,8 +141,8 @@ function offerTour(kept, player, place) {
   return open;
 }
 
-// Accept files that are dropped on the view. During a drag, the page receives the pointer events of
-// the frame.
+// Accept files that are dropped on the view. During a
+// drag, the page receives the pointer events of the frame.
 /** @param {(file: File) => void} take */
 function takeFiles(take) {
   const { classList } = get("main");

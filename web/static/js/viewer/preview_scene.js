@@ -1,5 +1,5 @@
-// The 3D scene of a preview: layers that can be toggled, and a highlighted module; see
-// web/viser/preview_scene.py.
+// The 3D scene of a preview: layers that can be toggled,
+// and a highlighted module; see web/viser/preview_scene.py.
 import { framing, picked, positionOf } from "./camera.js";
 import { decode } from "../lib/columns.js";
 import { Hand, Scene, cameraTo, linear, update, visibility } from "./scene.js";

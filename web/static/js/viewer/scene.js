@@ -232,9 +232,9 @@ export class Scene {
 
 /** @typedef {{ x: number, y: number, fromX: number, fromY: number, button: number, still: number, drags: boolean }} Finger */
 
-// Pointer controls of the camera. A press without motion is a tap. One pointer turns the camera;
-// with the right or middle button it moves the picture. Two pointers zoom and, unless the camera
-// follows the chain, move the picture.
+// Pointer controls of the camera. A press without motion is a tap. One pointer
+// turns the camera; with the right or middle button it moves the picture. Two
+// pointers zoom and, unless the camera follows the chain, move the picture.
 export class Hand {
   /**
    * @param {(orbit: Orbit) => void} does

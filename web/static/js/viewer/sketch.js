@@ -2,8 +2,8 @@
 
 import { at as hrefOf } from "../lib/text.js";
 
-// Colours of the table by theme. The drawing uses `top` and `edge`; `lit` gives the same colour
-// under the lights of the 3D view.
+// Colours of the table by theme. The drawing uses `top` and `edge`;
+// `lit` gives the same colour under the lights of the 3D view.
 /** @type {Record<"light" | "dark", { lit: Colour, top: Colour, edge: Colour }>} */
 const COLOURS = {
   light: { lit: [206, 190, 166], top: [222, 214, 200], edge: [184, 172, 152] }, // as web/pictures/table_top.py

@@ -144,8 +144,8 @@ const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a
 const unit = (a) => { const l = Math.hypot(...a) || 1; return [a[0] / l, a[1] / l, a[2] / l]; };
 const SIDE = unit([-0.3, -1.0, 0.5]);
 
-// Return the brightness of a face with this outward normal: ambient light, the sky, and a light
-// from the side.
+// Return the brightness of a face with this outward normal:
+// ambient light, the sky, and a light from the side.
 /**
  * @param {number} x
  * @param {number} y

@@ -149,8 +149,8 @@ export class Stage extends Scene {
     return updates;
   }
 
-  // Return the positions of the modules. Buried ones are moved out of sight, because viser draws
-  // only what is in view.
+  // Return the positions of the modules. Buried ones are moved
+  // out of sight, because viser draws only what is in view.
   /** @param {WindowPoses} poses */
   positions({ positions, core = 0 }) {
     const found = positions.map((v) => v * this.pitch);
@@ -203,8 +203,8 @@ export class Stage extends Scene {
     return { batched_positions: at, batched_wxyzs: turn };
   }
 
-  // Move the ground towards its height just below the visible part of the chain. Return true while
-  // it moves.
+  // Move the ground towards its height just below the
+  // visible part of the chain. Return true while it moves.
   /**
    * @param {number} seconds
    * @param {Snapshot} snapshot
@@ -219,8 +219,8 @@ export class Stage extends Scene {
   }
 }
 
-// Return discs with areas in proportion to the contact forces under the modules, in units of the
-// scene.
+// Return discs with areas in proportion to the contact
+// forces under the modules, in units of the scene.
 /**
  * @param {Numbers} pressed forces in module weights, NaN if unknown
  * @param {Numbers} positions
@@ -336,8 +336,8 @@ export class StandIn {
     this.timer = setTimeout(() => this.rest(), REST_MS);
   }
 
-  // Hide the drawing, with a fade if nothing moves: during a motion a fade would leave a ghost
-  // image.
+  // Hide the drawing, with a fade if nothing moves:
+  // during a motion a fade would leave a ghost image.
   leave() {
     this.canvas.classList.toggle("fading", !this.busy());
     this.canvas.classList.add("gone");
@@ -351,8 +351,8 @@ export class StandIn {
     this.yield();
   }
 
-  // Hide the drawing once the view shows the same picture, unless the drawing is needed again by
-  // then.
+  // Hide the drawing once the view shows the same
+  // picture, unless the drawing is needed again by then.
   yield() {
     const { latest } = this;
     clearTimeout(this.timer);

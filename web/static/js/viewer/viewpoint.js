@@ -9,8 +9,8 @@ const WIDE = 0.8; // pitches; modules nearer to the line of sight hide those beh
 /** @param {number[]} modules */
 const spread = (modules) => modules.filter((_, k) => k % Math.ceil(modules.length / MOST) === 0);
 
-// Return azimuth and elevation of the clearest sight, with a preference for those near the given
-// ones.
+// Return azimuth and elevation of the clearest sight,
+// with a preference for those near the given ones.
 /**
  * @param {Floats} positions
  * @param {number[]} modules
