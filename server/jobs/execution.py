@@ -169,8 +169,9 @@ class Execution:
             )
             return replace(outcome, files=epoch, size=size)
         except CancelledError:
+            outcome = self._unwanted()  # first, because another execution may have the files
             self._close()
-            return replace(self._unwanted(), files=files)  # the files of this stage are dropped
+            return replace(outcome, files=files)  # the files of this stage are dropped
 
     def finish(self, outcome: Outcome) -> None:
         """Store the result of the fold in its row, or clean up after a deleted one.
@@ -271,6 +272,7 @@ class Execution:
             result = self._call(
                 stage,
                 directory,
+                epoch=epoch,
                 on_progress=progress.take,
                 cancelled=lambda: progress.cancelled() or part.over(),
             )
@@ -318,6 +320,7 @@ class Execution:
         stage: str,
         directory: Path,
         *,
+        epoch: int,
         on_progress: Callable[[dict[str, Any]], None],
         cancelled: Callable[[], bool],
     ) -> dict[str, Any]:
@@ -336,6 +339,7 @@ class Execution:
                     stage,
                     directory,
                     wall_s=self._stage_seconds,
+                    epoch=epoch,
                     on_progress=on_progress,
                     cancelled=cancelled,
                 )

@@ -11,15 +11,15 @@ import resource
 import sys
 import threading
 import traceback
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Generator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import suppress
+from contextlib import contextmanager, suppress
 from dataclasses import asdict
 from fcntl import LOCK_EX, flock
 from functools import partial
 from importlib import import_module
 from pathlib import Path
-from typing import Any, BinaryIO, Final
+from typing import Any, BinaryIO, Final, NamedTuple
 
 import psutil
 from setproctitle import setproctitle
@@ -52,7 +52,24 @@ at their start, so that the first task does not wait."""
 MESH_LIBRARY: Final = "trimesh"
 """Library that the planner imports with the first mesh. Processes that read meshes import it at
 their start, so that the first upload does not wait."""
-Task = Callable[[str, Path, Report, Cancelled], dict[str, Any]]
+
+
+class Request(NamedTuple):
+    """Request to a child.
+
+    Attributes:
+        task: Name of the task.
+        directory: Directory of the task's files.
+        epoch: Epoch of the execution that computes a fold; an execution that takes the fold over
+            has a larger one.
+    """
+
+    task: str
+    directory: Path
+    epoch: int = 0
+
+
+Task = Callable[[Request, Report, Cancelled], dict[str, Any]]
 Work = Callable[[Path, Cancelled], dict[str, Any]]
 
 
@@ -61,21 +78,21 @@ class _Parent:
 
     def __init__(self, events: BinaryIO) -> None:
         self._events = events
-        self._requests: queue.Queue[dict[str, Any]] = queue.Queue()
+        self._requests: queue.Queue[Request] = queue.Queue()
         self._cancel = threading.Event()
 
-    def first_request(self) -> dict[str, Any]:
+    def first_request(self) -> Request:
         """Wait for the first request, without starting a thread that could not be confined."""
         line = sys.stdin.buffer.readline()
         if not line:
             os._exit(1)
-        return json.loads(line)
+        return _request(json.loads(line))
 
     def listen(self) -> None:
         """Receive further requests and cancellations in a separate thread."""
         threading.Thread(target=self._listen, daemon=True).start()
 
-    def request(self) -> dict[str, Any]:
+    def request(self) -> Request:
         """Wait for the next request and return it."""
         self._cancel.clear()
         return self._requests.get()
@@ -102,10 +119,18 @@ class _Parent:
             if message.get("cancel"):
                 self._cancel.set()
             else:
-                self._requests.put(message)
+                self._requests.put(_request(message))
         os._exit(1)
 
 
+def _request(message: dict[str, Any]) -> Request:
+    return Request(message["task"], Path(message["directory"]), message["epoch"])
+
+
+LOCK_FILE: Final = ".lock"
+"""Name of the file in a fold's directory that its computing process locks."""
+EPOCH_DIGITS: Final = 12
+"""Number of digits of an epoch in the lock file of a fold's directory: more than any epoch has."""
 MAX_OPEN_FILES: Final = 512
 """Maximum number of open files of one computing process (``RLIMIT_NOFILE``). With a larger value a
 malicious input could exhaust those of the machine; with a smaller one valid tasks could fail.
@@ -178,17 +203,37 @@ def _stages(progress: Report, directory: Path | None, *, warm: bool) -> Task:
     if warm:
         warm_up(progress, soon=True, directory=directory)
 
-    def run(stage: str, directory: Path, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    def run(request: Request, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+        stage, directory, _ = request
         os.chdir(directory)  # some libraries write logs to the current directory
-        # The child of a killed worker may still be ending: only one may use the directory.
-        with open(directory / ".lock", "w") as lock:
-            flock(lock, LOCK_EX)
+        with _locked(request) as held:
+            if not held:
+                return {"status": "cancelled", "reason": "another process has taken over the fold"}
             result = dict(run_stage(stage, directory, progress=progress, cancelled=cancelled))
             # Once a stage is recorded as finished, its files must survive a power failure.
             settle(directory)
             return result
 
     return run
+
+
+@contextmanager
+def _locked(request: Request) -> Generator[bool]:
+    """Lock the directory of a fold; yield False if a later execution has had the lock.
+
+    The child of a worker that was killed or suspended may still run. It must neither compute at the
+    same time as the child of the execution that took over, nor between two stages of that one, when
+    the lock is free. The lock's file therefore holds the largest epoch so far (a fencing token).
+    """
+    descriptor = os.open(request.directory / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o644)
+    try:
+        flock(descriptor, LOCK_EX)
+        held = request.epoch >= int(os.pread(descriptor, EPOCH_DIGITS, 0) or 0)
+        if held:
+            os.pwrite(descriptor, str(request.epoch).zfill(EPOCH_DIGITS).encode(), 0)
+        yield held
+    finally:
+        os.close(descriptor)
 
 
 def _load(*names: str) -> None:
@@ -207,8 +252,9 @@ def _confined(works: Mapping[str, Work], *, beside: Collection[str] = ()) -> Tas
         beside: Names of tasks that also read or write the parent of their directory.
     """
 
-    def run(task: str, directory: Path, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+    def run(request: Request, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
         del progress
+        task, directory, _ = request
         place = directory.parent if task in beside else directory
         with ThreadPoolExecutor(1) as thread:
             thread.submit(confine_thread, place).result()
@@ -258,18 +304,17 @@ def _movies(*, warm: bool) -> Task:
 
     _load("mujoco", "zarr.codecs")
 
-    def run_movie(
-        task: str, directory: Path, progress: Report, cancelled: Cancelled
-    ) -> dict[str, Any]:
-        request = request_in(directory)
-        movie = Movie.of(request["movie"])
+    def run_movie(request: Request, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
+        backend, directory, _ = request
+        wanted = request_in(directory)
+        movie = Movie.of(wanted["movie"])
         try:
             whole = make_movie(
-                Path(request["timeline"]),
+                Path(wanted["timeline"]),
                 movie,
-                directory / request["part"],
-                on_table=request["on_table"],
-                backend=task,
+                directory / wanted["part"],
+                on_table=wanted["on_table"],
+                backend=backend,
                 progress=lambda done: progress(
                     Progress(stage="movie", fraction=done / movie.count, steps=done)
                 ),
@@ -364,7 +409,7 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
         return
     parent.tell("ready")
     request = parent.first_request()
-    work = _work(kind, Path(request["directory"]), limits["folders"])
+    work = _work(kind, request.directory, limits["folders"])
     try:
         confine(work, drawing=kind == "movies")
     except Exception as error:
@@ -380,12 +425,10 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
         request = parent.request()
 
 
-def _answer(parent: _Parent, task: Task, request: Mapping[str, Any], memory_bytes: int) -> None:
+def _answer(parent: _Parent, task: Task, request: Request, memory_bytes: int) -> None:
     """Run the task of a request, and send its result or error."""
     try:
-        result = task(
-            request["task"], Path(request["directory"]), parent.progress, parent.cancelled
-        )
+        result = task(request, parent.progress, parent.cancelled)
     except InputError as error:
         parent.tell("bad-input", code=error.code, detail=error.detail, where=error.where)
     except Exception as error:
@@ -393,7 +436,7 @@ def _answer(parent: _Parent, task: Task, request: Mapping[str, Any], memory_byte
             _tell_memory_limit(parent, memory_bytes)
             return
         traceback.print_exc()
-        code, detail = _problem(error, request["task"])
+        code, detail = _problem(error, request.task)
         parent.tell("problem", code=code, detail=detail)
     else:
         parent.tell("done", result=result)

@@ -188,6 +188,7 @@ class Child:
         directory: Path,
         *,
         wall_s: float,
+        epoch: int = 0,
         busy_factor: float = 1.0,
         on_progress: Callable[[dict[str, Any]], None] | None = None,
         cancelled: Callable[[], bool] | None = None,
@@ -198,6 +199,7 @@ class Child:
             task: Name of the task, such as a stage of the planner.
             directory: Directory of the task's files.
             wall_s: Limit of wall time, s.
+            epoch: Epoch of the execution of a fold; 0 for tasks of other kinds.
             busy_factor: Multiple of ``wall_s`` that the task may take as long as it has used less
                 processor time than ``wall_s``.
             on_progress: Called with every progress event.
@@ -211,7 +213,7 @@ class Child:
         if not self._wait_ready(on_progress, cancelled):
             return {"status": "cancelled", "reason": "cancelled"}
         self.calls += 1
-        self._send({"task": task, "directory": str(directory)})
+        self._send({"task": task, "directory": str(directory), "epoch": epoch})
         begun, begun_cpu_s = time.monotonic(), self._cpu_s()
         stop_at: float | None = None
         while True:

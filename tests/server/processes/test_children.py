@@ -182,6 +182,12 @@ def test_reports_of_a_starting_child_are_passed_on(directory: Path, tmp_path: Pa
     assert reports[:1] == [COMPILING]
 
 
+def test_stage_of_a_replaced_execution_does_not_run(directory: Path, tmp_path: Path) -> None:
+    with make_child("stages", environment=without_libraries(tmp_path, "")) as child:
+        answers = [child.call("read", directory, wall_s=60, epoch=n) for n in (9, 10, 9, 10)]
+    assert [answer.get("status") for answer in answers] == [None, None, "cancelled", None]
+
+
 def test_child_that_ignores_a_cancellation_is_ended(child: Child, directory: Path) -> None:
     child.call("check", directory, wall_s=60)
     os.kill(child.pid, signal.SIGSTOP)
