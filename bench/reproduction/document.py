@@ -14,8 +14,10 @@ INTRODUCTION: Final = """\
 # The paper's experiments, run again
 
 *Folding Arbitrary 3D Shapes with Space Filling Chain Robots: Reverse Explosion Approach to Folding
-Sequence Design* describes a dozen folds. We ran each of them again with `--preset paper`, the
-published method with the published numbers. This page compares the results with the paper.
+Sequence Design* describes about a dozen folds. We ran them again, some of them with two settings,
+and most with `--preset paper`: the published method with the published numbers. This page compares
+the results with the paper. *Verified (simulated)* means that the fold was simulated with contacts,
+and that a clearance between modules that are not linked was proved.
 
 `make reproduction` runs the experiments that have no results yet. Then it writes this page and the
 page `/paper`, which plays the films of all experiments. Red shows joint error; orange marks the
@@ -38,7 +40,7 @@ def document(page: dict[str, Any]) -> str:
     for section in page["sections"]:
         parts += _section(section, page["head"])
     parts += [
-        "## Values we had to assume",
+        "## Values and their sources",
         "This table lists the numbers of `--preset paper`. Each number can be set by name, as in "
         "`--set damping=0.05 --set radial_gain=0.2`; "
         "[decisions/0002](decisions/0002-published-preset.md) describes how they were found.",

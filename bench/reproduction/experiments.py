@@ -95,9 +95,10 @@ STATEMENTS: Final = (
         "achieve the wrench shape.",
         published="folds in about 160\u202f000 steps",
         words="The explosion is simulated first, then the fold. Red shows joint error, as in the "
-        "paper. There is one snapshot for every ten steps of the explosion. With one servo step "
-        "for each snapshot, the fold takes a tenth of the explosion's steps; with ten servo steps, "
-        "it takes as many steps as the explosion.",
+        "paper. After every ten steps of the explosion, the state of the chain is stored as a "
+        "snapshot; the fold moves through these snapshots in reverse. The first fold takes one "
+        "step for each snapshot, and so a tenth of the explosion's steps. The second fold takes "
+        "ten steps for each snapshot, as many as the explosion.",
     ),
     Statement(
         id="mallet",
@@ -127,9 +128,9 @@ STATEMENTS: Final = (
         quote="More work is necessary to prove out the scalability and generality of the approach "
         "on more geometries, larger chains, and more shapes.",
         published="left for future work",
-        words="These are the ten gallery shapes of 64 to 200 cubes that differ most in size, "
-        "proportions, compactness and turns per module. They were chosen by these measures only, "
-        "not by how well they fold.",
+        words="These are the ten gallery shapes of 64 to 200 cubes that differ most from each "
+        "other in size, proportions, compactness, and the number of turns of the chain per module. "
+        "They were chosen by these measures only, not by how well they fold.",
     ),
     Statement(
         id="tetrahedra",
@@ -150,26 +151,29 @@ STATEMENTS: Final = (
         "Our experience is that chains greater than around twenty modules fail to fold with direct "
         "servoing approach, but of course this is very configuration path specific.",
         published="all tangle",
-        words="There is no explosion: all hinges turn at once from straight to folded, with the "
-        "same motors and contacts as in the other folds. In long chains, motors without a force "
-        "limit push modules through each other. Motors with a limit, such as those of ODE (the "
-        "paper's physics engine), stop where modules meet, and the chain stays tangled. The last "
-        "fold uses the published method and motors with a limit. Orange marks the largest "
-        "overlaps.",
+        words="Except in the last fold, there is no explosion: all hinges turn at once from "
+        "straight to folded, with the same motors and contacts as in the other folds. In long "
+        "chains, motors without a force limit push modules through each other. Motors with a "
+        "limit, such as those of ODE (the paper's physics engine), stop where modules meet, and "
+        "the chain stays tangled. The last fold uses the published method and motors with a limit. "
+        "Orange marks the two modules that overlap most. An overlap is the shortest distance by "
+        "which the modules have to move apart; if they are twisted against each other, it can "
+        "exceed their width.",
     ),
     Statement(
         id="threshold",
-        heading="Pacing by the threshold alone",
+        heading="Pace set by the error threshold alone",
         where="Section 3, Figure 2",
         quote="Each snapshot acts as a target to which we servo until the largest angle error is "
         "less than some given threshold.",
-        published="the rule for all folds",
+        published="its rule, taken literally",
         words="Taken literally, the rule skips each snapshot that the chain is already close to. "
         "Every hinge may then be 22° behind its target, and the chain cuts the corners of the "
         "recorded motion. In the other experiments, each snapshot is the target for at least one "
         "step. Here the motor gain is 10/s instead of 60/s, because at 60/s the first jump of 22° "
         "throws the chain apart.",
-        by_size="If only the hinge errors decide when the chain goes on to the next snapshot",
+        by_size="If only the hinge errors decide when the chain goes on to the next snapshot "
+        "(stored state of the explosion)",
     ),
     Statement(
         id="default",

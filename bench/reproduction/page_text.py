@@ -41,7 +41,8 @@ UNITS: Final = {
     "Simulated": "explosion + playback, seconds",
     "Wall time (processor time)": "seconds, of all stages",
     "End error": "root mean square, pitches",
-    "Clearance (proved)": "smallest gap in the simulated playback, pitches, modules of 0.95 pitch",
+    "Clearance (proved)": "smallest gap in the simulated playback (proved lower bound), pitches; "
+    "modules 0.95 pitch wide",
     "Largest lag": "of a hinge behind its target, rad",
     "Files": "MB",
 }
@@ -235,8 +236,7 @@ def _lead(runs: Mapping[str, Run]) -> str:
         return f"{published} Here the same chain fails: {_failed(run)}."
     steps = run.explosion.steps + run.playback.steps
     apart = (
-        " Modules with a width of 0.95 pitch (the distance of two module centres) are proved to "
-        f"stay at least {figure(run.bound)} pitch apart."
+        f" Modules 0.95 pitch wide are proved to stay at least {figure(run.bound)} pitch apart."
         if run.bound
         else ""
     )
@@ -246,7 +246,8 @@ def _lead(runs: Mapping[str, Run]) -> str:
         "end, the modules are "
         f"{'less than ' if run.rms < MIN_SHOWN_ERROR_PITCH else ''}"
         f"{figure(max(run.rms, MIN_SHOWN_ERROR_PITCH))} pitch from their targets "
-        f"(root mean square).{apart}"
+        "(root mean square); a pitch is the distance between the centres of two linked modules."
+        f"{apart}"
     )
 
 
@@ -254,13 +255,14 @@ def _summary(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str
     """Return sentences that summarise the runs."""
     found: list[str] = []
     for published, words in (
-        ("verified", "folds that work in the paper also work here."),
-        ("tangled", "attempts that fail in the paper also fail here."),
+        ("verified", "runs of folds that work in the paper also work here."),
+        ("tangled", "runs of folds that fail in the paper also fail here."),
     ):
         of = [one for one in every if one.published == published and one.id in runs]
         same = sum(runs[one.id].verified == (published == "verified") for one in of)
         if of:
-            found.append(f"{same} of the {len(of)} {words}")
+            count = f"All {same}" if same == len(of) else f"{same} of the {len(of)}"
+            found.append(f"{count} {words}")
     for statement in STATEMENTS:
         own = [one for one in every if one.statement == statement.id]
         if statement.by_size and (sentence := _by_size(own, runs)):
@@ -313,7 +315,10 @@ def _differences(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list
         for words, ones in (
             ("Verified here, tangled in the paper", _came_out(own, runs, "tangled", verified=True)),
             ("Fails here, folds in the paper", _came_out(own, runs, "verified", verified=False)),
-            ("Fails here, not mentioned in the paper", _came_out(own, runs, None, verified=False)),
+            (
+                "Fails here; the paper states no result for this test",
+                _came_out(own, runs, None, verified=False),
+            ),
         ):
             if ones:
                 titles = "; ".join(_small_first(one.title) for one in ones)

@@ -37,8 +37,8 @@ class PaperExplosionParameters:
     radial_gain: float = setting(
         0.1,
         label="Radial force gain λ",
-        help="Strength of the force that pushes modules away from the chain's centre. It is λ "
-        "in equation 1 of the paper, where d is the diameter of one module.",
+        help="Strength of the force that pushes modules away from the chain's centre: λ in "
+        "equation 1 of the paper, with the diameter of one module as d.",
         unit="dyn",
         source="published",
         range=(0.0, 1e3),
@@ -46,8 +46,8 @@ class PaperExplosionParameters:
     repulsion_gain: float = setting(
         1.0,
         label="Repulsion force gain γ",
-        help="Strength of the repulsion between modules that are not linked. It is γ in "
-        "equation 3 of the paper.",
+        help="Strength of the repulsion between modules that are not linked: γ in equation 3 of "
+        "the paper.",
         unit="dyn·cm²",
         source="published",
         range=(0.0, 1e3),
@@ -116,7 +116,7 @@ class PaperExplosionParameters:
         1.0,
         label="Hinge spring",
         help="Stiffness of the springs that straighten the hinges. The tension in the chain is "
-        "up to a hundred times stronger than these springs.",
+        "up to a hundred times larger than the forces of these springs.",
         unit="g·cm²/s²",
         range=(0.0, 1e3),
     )

@@ -161,7 +161,7 @@ def test_threshold_of_failing_sizes_is_reported(verified: dict[int, bool], words
     assert page_section(page, "threshold")["found"] == words
     condition = "If only the hinge errors decide when the chain goes on to the next snapshot"
     assert [s for s in page["summary"] if s.startswith("If only")] == (
-        [f"{condition}, f{words[1:]}"] if words else []
+        [f"{condition} (stored state of the explosion), f{words[1:]}"] if words else []
     )
 
 
