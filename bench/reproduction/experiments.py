@@ -151,14 +151,14 @@ STATEMENTS: Final = (
         "Our experience is that chains greater than around twenty modules fail to fold with direct "
         "servoing approach, but of course this is very configuration path specific.",
         published="all tangle",
-        words="Except in the last fold, there is no explosion: all hinges turn at once from "
-        "straight to folded, with the same motors and contacts as in the other folds. In long "
-        "chains, motors without a force limit push modules through each other. Motors with a "
-        "limit, such as those of ODE (the paper's physics engine), stop where modules meet, and "
-        "the chain stays tangled. The last fold uses the published method and motors with a limit. "
-        "Orange marks the two modules that overlap most. An overlap is the shortest distance by "
-        "which the modules have to move apart; if they are twisted against each other, it can "
-        "exceed their width.",
+        words="Except in the last fold, there is no explosion, only a playback: all hinges "
+        "turn at once from straight to folded, with the same motors and contacts as in the other "
+        "folds. In long chains, motors without a force limit push modules through each "
+        "other. Motors with a limit, such as those of ODE (the paper's physics engine), stop where "
+        "modules meet, and the chain stays tangled. The last fold uses the published method and "
+        "motors with a limit. Orange marks the two modules that overlap most. An overlap is the "
+        "shortest distance by which the modules have to move apart; if they are twisted against "
+        "each other, it can exceed their width.",
     ),
     Statement(
         id="threshold",
