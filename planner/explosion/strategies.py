@@ -82,9 +82,9 @@ def ranked_strategies(
     if wished not in possible:
         raise InputError(
             "strategy-differs",
-            f"got the strategy {wished} for the module type {chain.module.name} with the preset "
-            f"{parameters.preset}{' and a refold' if refolds else ''}, expected one of: auto, "
-            f"{', '.join(possible)}.",
+            f"got the strategy {wished}, expected one of: auto, {', '.join(possible)}. Only these "
+            f"can {'refold' if refolds else 'fold'} modules of the type {chain.module.name} with "
+            f"the preset {parameters.preset}.",
         )
     return (wished,)
 

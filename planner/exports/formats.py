@@ -65,7 +65,7 @@ EXPORTS: Final = (
     Export(
         name="urdf",
         label="Robot model",
-        hint="URDF for ROS and others, in metres; tetrahedra also need module.obj",
+        hint="URDF for ROS and similar tools, in metres; tetrahedra also need module.obj",
         media_type="application/xml",
         filename="model.urdf",
         write=_by("urdf"),
@@ -73,7 +73,8 @@ EXPORTS: Final = (
     Export(
         name="srdf",
         label="Collision pairs",
-        hint="SRDF for MoveIt and others, used with URDF; lists linked modules, which may overlap",
+        hint="SRDF for MoveIt and similar tools, used with URDF; lists pairs of linked modules, "
+        "which collision checks skip",
         media_type="application/xml",
         filename="model.srdf",
         write=_by("srdf"),

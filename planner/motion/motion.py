@@ -348,8 +348,8 @@ class Motion:
         ):
             raise InputError(
                 "bad-windows",
-                f"got windows of hinges that do not fit this chain, expected windows within its "
-                f"{hinges} hinges, with one angle for each hinge.",
+                "got ranges of hinges (windows) that do not fit this chain, expected ranges within "
+                f"its {hinges} hinges, with one angle for each hinge of a range.",
             )
         if not np.isfinite(self.angles_rad).all():
             raise InputError(

@@ -177,7 +177,8 @@ def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Para
     if playback.controller not in ("robot", "computed-torque") and turned > MAX_TURN_PER_STEP:
         raise _bad(
             f"got motor_gain · step_s = {turned:g}, expected at most {MAX_TURN_PER_STEP:g}; use "
-            "smaller values, because above this limit a motor turns past its target in each step."
+            "a smaller motor_gain or step_s, because above this limit a motor turns past its "
+            "target in each step."
         )
     return replace(
         parameters,

@@ -21,7 +21,8 @@ PATH_METHODS: Final[Choices] = {
     ),
     "exact": Choice(
         label="Exact",
-        hint="Uses one module for each voxel. The shape is finer, but may have no path.",
+        hint="Uses one module for each voxel: finer detail for the same number of modules, but "
+        "maybe no path.",
     ),
     "snake": Choice(
         label="Snake", hint="Goes back and forth, layer by layer. Works only for boxes."

@@ -39,8 +39,8 @@ def eulerian_circuit(pairs: Nodes, along: Array | None = None) -> Nodes:
         where = tuple(map(int, nodes[np.argmax(counts % 2)]))
         raise InputError(
             "no-trail",
-            f"got {odd} nodes where an odd number of tetrahedra meet, expected an even number at "
-            "each node; a closed trail visits all tetrahedra only if all these numbers are even.",
+            f"got {odd} corner points (nodes) where an odd number of tetrahedra meet, expected an "
+            "even number at each node; only then can a closed trail visit every tetrahedron once.",
             where=f"node {where}",
         )
     # Opposite ends at a node next to each other: sorted by node, then by axis of the step.

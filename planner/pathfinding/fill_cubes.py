@@ -60,7 +60,7 @@ class Cubes:
         elif method == "blocks" and halved(shape) is None:
             shape, was_doubled = doubled(shape), True
         elif options.modules not in (None, given) and not options.repair and not of_solid:
-            notes = (f"The voxels are used unchanged, so the chain has {given} modules.",)
+            notes = (f"Each voxel became one module, so the chain has {given} modules.",)
         scale = round((len(shape) / given) ** (1 / 3))
         state = feasibility(shape)
         if was_doubled:

@@ -84,8 +84,8 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
     if len(dead) > 2:
         yield Problem(
             code="dead-ends",
-            detail=f"{len(dead)} cells have only one neighbour; a path can start in one and end in "
-            "another, so at most two such cells are possible.",
+            detail=f"{len(dead)} cells have only one neighbour. Such a cell must be an end of the "
+            "path, and a path has two ends, so at most two such cells are possible.",
             cells=tuples(cells[dead]),
             amount=len(dead) - 2,
         )
@@ -104,8 +104,8 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
         most = max(len(pieces.sums[cell]) for cell in split)
         yield Problem(
             code="cut-cells",
-            detail=f"a single cell joins {most} parts; a path that leaves a part through this "
-            "cell cannot come back, so at most two parts are possible.",
+            detail=f"without one of its cells, the shape falls into {most} parts. A path passes "
+            "this cell only once, so it can visit at most two of these parts.",
             cells=tuples(cells[sorted(split)]),
             amount=sum(_beyond_two(pieces.sizes[cell]) for cell in split),
         )
@@ -113,9 +113,9 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
     if branching:
         yield Problem(
             code="cut-cells",
-            detail=f"a part has {max(map(len, branching.values()))} arms, each connected by a "
-            "single cell; a path can start in one arm and end in another, so at most two arms are "
-            "possible.",
+            detail=f"one part of the shape has {max(map(len, branching.values()))} arms, each "
+            "attached to this part by a single cell. A path cannot return from an arm, so it can "
+            "visit at most two arms: one at its start, one at its end.",
             cells=tuples(cells[sorted({cell for cuts in branching.values() for cell in cuts})]),
             amount=sum(_beyond_two(pieces.arms[piece]) for piece in branching),
         )
@@ -130,9 +130,9 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
     if uneven:
         yield Problem(
             code="parity",
-            detail="one part of the shape is connected to the rest by a single cell. Coloured "
-            "like a chessboard, this part has too many cells of one colour; a path alternates "
-            "between the two colours.",
+            detail="one part of the shape is connected to the rest by a single cell. If "
+            "the cells are coloured like a chessboard, this part has too many cells of one "
+            "colour. A path alternates between the two colours, so it cannot visit all cells.",
             cells=tuples(cells[sorted(cell for cell, _ in uneven)]),
             amount=max(amount for _, amount in uneven),
         )
