@@ -38,7 +38,7 @@ class PaperExplosionParameters:
         0.1,
         label="Radial force gain λ",
         help="Strength of the force that pushes modules away from the chain's centre: λ in "
-        "equation 1 of the paper, with the diameter of one module as d.",
+        "equation 1 of the paper that foldback is based on.",
         unit="dyn",
         source="published",
         range=(0.0, 1e3),

@@ -40,8 +40,8 @@ PREFERENCES: Final[Mapping[Preference, Choice]] = {
     "margin": Choice(
         label="Largest margin for a hinge",
         note="the largest margin for one hinge",
-        hint="Tries several plans and chooses the one in which one hinge may be off by the largest "
-        "angle before modules could touch.",
+        hint="Tries several plans and chooses the one that tolerates the largest angle error of "
+        "a single hinge before modules could touch.",
     ),
 }
 """Goals of the choice among several verified plans."""

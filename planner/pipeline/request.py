@@ -165,9 +165,9 @@ class FoldRequest(PathOptions):
             if self.prefer != plain.prefer and self._one_plan:
                 raise InputError(
                     "unsuited-prefer",
-                    f"got the preference {self.prefer!r} for the {self._one_plan}, which gives "
-                    f"only one plan, expected {plain.prefer!r}; use the default preset and "
-                    "strategy to choose among plans.",
+                    f"got the preference {self.prefer!r}, expected {plain.prefer!r}, because the "
+                    f"{self._one_plan} gives only one plan; use the default preset and strategy to "
+                    "choose among several plans.",
                 )
             if self.world == "table":
                 self._check_table()
@@ -175,9 +175,8 @@ class FoldRequest(PathOptions):
                 if getattr(self, name) != getattr(plain, name):
                     raise InputError(
                         f"smooth-{name}",
-                        f"got the {name} {getattr(self, name)!r} for smoothing a plan, expected "
-                        f"{getattr(plain, name)!r}; leave this option out, because smoothing runs "
-                        "no new explosion.",
+                        f"got the {name} {getattr(self, name)!r}, expected none, because smoothing "
+                        f"a plan runs no new explosion; leave out the option '{name}'.",
                     )
         except InputError as error:
             raise _placed(error) from None

@@ -167,9 +167,10 @@ class Plan:
         if count > MAX_DENSE_ANGLES:
             raise InputError(
                 "plan-too-long",
-                f"got {len(self.motion)} frames of {len(self.chain.folded_rad)} hinges, expected "
-                f"at most {MAX_DENSE_ANGLES} angles at once; use plan.npz, which stores only the "
-                "angles of hinges that are neither folded nor straight.",
+                f"got {count} joint angles ({len(self.motion)} frames of "
+                f"{len(self.chain.folded_rad)} hinges), expected at most {MAX_DENSE_ANGLES}; use "
+                "plan.npz, which stores only the angles of hinges that are neither folded nor "
+                "straight.",
             )
         return self.motion.dense(self.chain)
 

@@ -152,7 +152,7 @@ def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
             corners = parse_int(words[0])
             if not 0 <= corners <= MAX_POLYGON_CORNERS or corners >= len(words):
                 raise ValueError(
-                    f"a polygon with {quote(words[0])} corners and {len(words) - 1} vertex numbers"
+                    f"a polygon declares {quote(words[0])} corners, but lists {len(words) - 1}"
                 )
             flat += [parse_int(word) for word in words[1 : corners + 1]]
             counts.append(corners)

@@ -152,8 +152,8 @@ def _header(data: bytes) -> tuple[str, list[_Element], int]:
             ):
                 if TYPES[length][0] == "f":
                     raise _damaged(
-                        f"line {number} gives the length of lists the type {length} instead of "
-                        "an integer type"
+                        f"line {number} declares the type {length} for the length of a list, "
+                        "expected an integer type"
                     )
                 elements[-1].properties.append(
                     _Property(name=name, kind=TYPES[kind], length=TYPES[length])

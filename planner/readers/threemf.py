@@ -59,7 +59,9 @@ CURA_ROLES: Final = frozenset(
 or supports, which are no material."""
 UNBUILT: Final = "objects that are not part of the build were ignored."
 UNPRINTED_IGNORED: Final = "parts that are not printed were ignored."
-LEFT_OUT: Final = "cutters, modifiers and supports were ignored, because they are not material."
+LEFT_OUT: Final = (
+    "cutters, modifiers and supports were ignored, because they are not part of the solid."
+)
 SLICER_CONFIGS: Final = ("Metadata/Slic3r_PE_model.config", "Metadata/model_settings.config")
 """Files in a 3MF archive in which PrusaSlicer and slicers derived from it state the role of each
 part (material, modifier or support)."""
@@ -415,7 +417,7 @@ class _Models:
         if not faces and LEFT_OUT in self._notes:
             raise InputError(
                 "empty",
-                "all parts are cutters, modifiers or supports; add a part that is material.",
+                "all parts are cutters, modifiers or supports; add a solid part.",
             )
         check_triangles(len(faces), self._source.most_triangles)
         self._note_unbuilt([key for key, _ in items] + self._unprinted)

@@ -123,6 +123,12 @@ class Execution:
         self._stopping = stopping
         self._child: Child | None = None
         self._slice: Slice | None = None
+        self._epoch = 0
+
+    @property
+    def _place(self) -> Path:
+        """Directory in which the fold is computed."""
+        return self._store.folders.work_place(self._fold_id, self._epoch)
 
     def run(self) -> None:
         """Compute the fold to its end, and store the result.
@@ -153,14 +159,13 @@ class Execution:
         Raises:
             NotFinishedError: If it does not end here.
         """
-        epoch = 0
         try:
             begun = self._wait_for(
                 lambda: self._store.begin(self._fold_id, stage, self._claim.execution)
             )
             if begun is None:
                 return self._concluded(self._unwanted(), stage, files)
-            epoch = begun
+            epoch = self._epoch = begun
             outcome = self._attempt(stage, files, epoch)
             if outcome.following is None:
                 outcome = self._concluded(outcome, stage, epoch)
@@ -234,7 +239,7 @@ class Execution:
             return Outcome(status="failed", error=told)
         except ChildError as error:
             self._release_child()
-            place = self._store.folders.place(self._fold_id)
+            place = self._place
             if stage in REPEATED_STAGES and any_verified(place):
                 # The attempt at a better plan failed, so the best plan so far is the result.
                 return Outcome(status="running", following=STAGES[-1])
@@ -311,7 +316,7 @@ class Execution:
     def _report(self, epoch: int, fields: dict[str, Any] | None) -> bool:
         """Store the progress of a stage; return False if the fold is no longer wanted."""
         if fields is not None:
-            place = self._store.folders.place(self._fold_id)
+            place = self._place
             fields = {**fields, "frames": frames_promised(place)}
         return self._store.report(self._fold_id, epoch, fields)
 
@@ -363,7 +368,7 @@ class Execution:
         """Return the refusal, extended by shapes into which a refold is possible."""
         if error.code != "refold-differs":
             return error
-        place = self._store.folders.place(self._fold_id)
+        place = self._place
         start = json.loads((place / START_CHAIN).read_bytes())
         return Gallery().advised(error, str(start["module"]), int(start["modules"]))
 
@@ -412,7 +417,7 @@ class Execution:
     def _close(self) -> None:
         """Release the child, and close the timeline if the stage was killed before closing it."""
         self._release_child()
-        path = result_path(self._store.folders.place(self._fold_id), TIMELINE)
+        path = result_path(self._place, TIMELINE)
         with contextlib.suppress(TimelineError, OSError, ValueError, KeyError):
             if Timeline.open(path).status == "growing":
                 TimelineWriter.reopen(path).close("failed")
@@ -423,7 +428,7 @@ class Execution:
             # This loads the simulation, which is needed only if the end of a fold was missed.
             from planner.pipeline.workspace import Workspace
 
-            return Workspace(self._store.folders.place(self._fold_id)).settle()
+            return Workspace(self._place).settle()
         except Exception:
             log.exception("fold %s cannot be read", self._fold_id)
             return {}

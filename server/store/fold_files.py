@@ -1,8 +1,8 @@
 """Fold files: directories with the files of folds on this machine.
 
 Without an object store, each fold has one directory, which all processes share. With one, a worker
-computes in its own directory and uploads the files under the fold's epoch; readers have copies of
-the files of the last published epoch.
+computes in a directory of the fold's epoch and uploads its files under this epoch; readers have
+copies of the files of the last published epoch.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Final
 
 from planner.errors import UNREADABLE
 from planner.file_names import TIMELINE
-from planner.files import temporary_path, write_whole
+from planner.files import temporary_path
 from planner.pipeline.fold_layout import result_path
 from server.errors import NoSuch
 from server.settings import Settings
@@ -37,7 +37,8 @@ With a larger value the copies exceed their limit of disk space further. Chosen.
 MIN_COPY_AGE_S: Final = 600.0
 """Time since its last use within which a local copy of a fold's files is not deleted, in s, as a
 request may be reading it. A larger value may exceed the limit of disk space for longer. Chosen."""
-EPOCH_FILE: Final = ".epoch"
+WHOLE_FILE: Final = ".whole"
+"""Name of the empty file in a work directory that is written when all files have been fetched."""
 REMOVED_PREFIX: Final = ".going-"
 """Prefix that a local copy's directory gets before its files are deleted, so that no reader finds
 it."""
@@ -90,7 +91,7 @@ class Folders:
             self.storage.check()
 
     def place(self, fold_id: str) -> Path:
-        """Return a fold's work directory; ids are checked before they become a path.
+        """Return a fold's directory; ids are checked before they become a path.
 
         Raises:
             NoSuchFoldError: If this is not an id.
@@ -99,6 +100,15 @@ class Folders:
             raise NoSuchFoldError(fold_id)
         settings = self._settings
         return (settings.folds_dir if self.storage is None else settings.work_dir) / fold_id
+
+    def work_place(self, fold_id: str, epoch: int) -> Path:
+        """Return the directory in which a fold is computed in an epoch.
+
+        With an object store, each epoch has a directory of its own, because a suspended process of
+        an earlier epoch may still write into its directory.
+        """
+        place = self.place(fold_id)
+        return place if self.storage is None else place / str(epoch)
 
     # For readers
 
@@ -248,6 +258,8 @@ class Folders:
     def bring(self, fold_id: str, known: int, epoch: int) -> Path:
         """Return a fold's work directory for an epoch, with all files of the earlier one.
 
+        With an object store, directories of earlier epochs on this machine are removed.
+
         Args:
             fold_id: The fold.
             known: Epoch of the last stage that has ended.
@@ -256,16 +268,15 @@ class Folders:
         Raises:
             StorageError: If the storage does not answer.
         """
-        place = self.place(fold_id)
-        if self.storage is None:
+        place = self.work_place(fold_id, epoch)
+        if self.storage is None or (place / WHOLE_FILE).exists():
             return place
-        here = _epoch_of(place)
-        if here != epoch:
-            if here != known:
-                shutil.rmtree(place, ignore_errors=True)
-                self.storage.fetch(_key(fold_id, known), place)
-            place.mkdir(parents=True, exist_ok=True)
-            write_whole(place / EPOCH_FILE, str(epoch).encode())
+        for other in self.place(fold_id).glob("*"):
+            if other.name.isdecimal() and int(other.name) < epoch:
+                shutil.rmtree(other, ignore_errors=True)
+        self.storage.fetch(_key(fold_id, known), place)
+        place.mkdir(parents=True, exist_ok=True)
+        (place / WHOLE_FILE).touch()
         return place
 
     def keep(self, fold_id: str, epoch: int) -> int:
@@ -274,7 +285,7 @@ class Folders:
         Raises:
             StorageError: If the storage does not answer.
         """
-        place = self.place(fold_id)
+        place = self.work_place(fold_id, epoch)
         if self.storage is None:
             return size_of(place, but=DERIVED_DIRS)
         return self.storage.keep(_key(fold_id, epoch), place)
@@ -352,13 +363,6 @@ def _key(fold_id: str, epoch: int) -> str:
 
 def _movie_key(fold_id: str, name: str) -> str:
     return f"movies/{fold_id}/{name}"
-
-
-def _epoch_of(place: Path) -> int | None:
-    try:
-        return int((place / EPOCH_FILE).read_bytes())
-    except (OSError, ValueError):
-        return None
 
 
 def frames_promised(directory: Path) -> int:

@@ -69,6 +69,10 @@ def test_files_stored_under_an_epoch_are_shown_by_other_machines(
         assert (copy / "frames").read_bytes() == b"changed"
         shutil.rmtree(copy)
 
+    # A suspended execution that continues does not touch the files of a later one.
+    later, _ = one.bring(FOLD, 2, 3), one.bring(FOLD, 1, 2)
+    assert (later / "frames").read_bytes() == b"changed"
+
     one.remove(FOLD)
     assert one.copied() == set()
     assert not (other.bring(FOLD, 2, 3) / "frames").exists()
