@@ -28,7 +28,7 @@ PREFERENCES: Final[Mapping[Preference, Choice]] = {
     ),
     "torque": Choice(
         label="Least torque",
-        note="the least torque at equal time",
+        note="the least torque for the same folding time",
         hint="Tries several plans and chooses the one that needs the least torque for the same "
         "folding time.",
     ),
