@@ -147,7 +147,7 @@ def requeue(
     force: Annotated[bool, typer.Option("--force", help="Also recompute verified folds.")] = False,
     data_dir: DataDir = None,
 ) -> None:
-    """Recompute folds that failed, were cancelled or stopped responding."""
+    """Recompute folds that failed or were cancelled, from the beginning."""
     with _tasks(data_dir) as tasks:
         _each(ids, lambda fold_id: tasks.requeue(fold_id, force=force), "queued")
 
