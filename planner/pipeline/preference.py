@@ -38,8 +38,8 @@ PREFERENCES: Final[Mapping[Preference, Choice]] = {
         hint="Tries several plans and chooses the one with the most clearance.",
     ),
     "margin": Choice(
-        label="Largest margin for a hinge",
-        note="the largest margin for one hinge",
+        label="Largest allowed hinge error",
+        note="the largest allowed error in one hinge",
         hint="Tries several plans and chooses the one that tolerates the largest angle error of "
         "a single hinge before modules could touch.",
     ),
