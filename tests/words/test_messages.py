@@ -37,7 +37,8 @@ VERDICTS = {
         "stays on the table; its hinges need at most 3.2 w·p in frame 4 (without friction)"
     ),
     "failed: the playback missed: the chain ended 0.2 pitches (RMS) from its target.": (
-        "failed: the chain ended 0.2 module widths on average (root mean square) from its target."
+        "failed: at the end, the modules were 0.2 module widths from their targets on average "
+        "(root mean square)."
     ),
     "failed: the explosion stalled: modules 1 and 2 block each other": (
         "failed: modules 1 and 2 block each other"
@@ -53,7 +54,7 @@ VERDICTS = {
     ),
     "the chain is knotted (determinant 3): drawn as it stalled, with its ends extended outwards, "
     "it has 3 crossings": (
-        "the chain is knotted (the knot has the determinant 3, and a chain without a knot has 1): "
+        "the chain is knotted (the knot's determinant is 3; that of a chain without a knot is 1): "
         "a drawing of the stalled chain, with both ends extended outwards, has 3 crossings"
     ),
     "the chain is knotted (determinant 1): drawn as it stalled, with its ends extended outwards, "
