@@ -90,6 +90,17 @@ VERDICT_PHRASES: Final = (
         r"module width), and \4, the joint is \2",
     ),
     (re.compile(r"(?<=\d %) into the fold\b"), " through the motion"),
+    (
+        re.compile(
+            r"(\d+ %) through the motion, (\S+) is off by (\S+ rad), which is more than its "
+            r"motor can correct\b"
+        ),
+        r"after \1 of the motion, the angle of \2 was off by \3, more than its motor could correct",
+    ),
+    (
+        re.compile(r", and (\d+ %) through the motion, the joint is off by (?=\S+ rad\b)"),
+        r". After \1 of the motion, the angle of this joint was off by ",
+    ),
     (re.compile(r"(?<=knotted) \(determinant 1\)"), ""),
     (
         re.compile(r"(?<=knotted \()determinant (\d+)(?=\))"),

@@ -107,13 +107,13 @@ VERDICTS = {
     ),
     "failed: the playback missed: a robot lost its target: joint_4 is off by 0.3 rad, more than "
     "its motor can correct, 40 % into the fold.": (
-        "failed: a robot could not follow the motion: 40 % through the motion, joint_4 is off by "
-        "0.3 rad, which is more than its motor can correct."
+        "failed: a robot could not follow the motion: after 40 % of the motion, the angle of "
+        "joint_4 was off by 0.3 rad, more than its motor could correct."
     ),
     "failed: the playback missed: joint_4 yielded: it is off by 0.3 rad with motors of 8 w·p, "
     "40 % into the fold.": (
         "failed: the motor of joint_4 is too weak: it supplies at most 8 w·p (module weight × "
-        "module width), and 40 % through the motion, the joint is off by 0.3 rad."
+        "module width). After 40 % of the motion, the angle of this joint was off by 0.3 rad."
     ),
     "failed: the explosion stalled: ": "failed: the explosion stalled: ",
     "verified (simulated)": "verified (simulated)",
