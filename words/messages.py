@@ -157,7 +157,7 @@ VERDICT_PHRASES: Final = (
     (re.compile(r"\(module weight × pitch\)"), "(module weight × module width)"),
     (
         re.compile(r"\bthe chain ended (\S+ pitches) \(RMS\) from its target\b"),
-        r"at the end, the modules were \1 from their targets on average (root mean square)",
+        r"the modules ended \1 from their targets on average (root mean square)",
     ),
     (
         re.compile(r"(?<= steps): it is (\S+ pitches) \(RMS\) away, and (?=\d)"),

@@ -36,9 +36,8 @@ VERDICTS = {
     "rests on a table within 3.2 w·p in frame 4 (without friction)": (
         "stays on the table; its hinges need at most 3.2 w·p in frame 4 (without friction)"
     ),
-    "failed: the playback missed: the chain ended 0.2 pitches (RMS) from its target.": (
-        "failed: at the end, the modules were 0.2 module widths from their targets on average "
-        "(root mean square)."
+    "failed: the playback missed: the chain ended 1 pitches (RMS) from its target.": (
+        "failed: the modules ended 1 module width from their targets on average (root mean square)."
     ),
     "failed: the explosion stalled: modules 1 and 2 block each other": (
         "failed: modules 1 and 2 block each other"
