@@ -59,8 +59,8 @@ class Settings(BaseSettings):
     database_url: str | None = None
     """Database address, such as postgresql://…. Default: SQLite in `FOLDBACK_DATA_DIR`."""
     jobs_url: str | None = None
-    """Not used any more: the queue is in `FOLDBACK_DATABASE_URL`. Old settings with this
-    variable still work."""
+    """Has no effect: the queue is now in `FOLDBACK_DATABASE_URL`. The service also starts if an
+    old configuration still sets this variable."""
     storage_url: str | None = None
     """Object store for the files of folds, such as s3://bucket/prefix, configured by the usual
     AWS_… variables. Needs pip install 'foldback[storage]'. Default: the files are in

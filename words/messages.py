@@ -90,10 +90,21 @@ VERDICT_PHRASES: Final = (
         r"module width), and \4, the joint is \2",
     ),
     (re.compile(r"(?<=\d %) into the fold\b"), " through the motion"),
+    (
+        re.compile(
+            r"(\d+ %) through the motion, (\S+) is off by (\S+ rad), which is more than its "
+            r"motor can correct\b"
+        ),
+        r"after \1 of the motion, the angle of \2 was off by \3, more than its motor could correct",
+    ),
+    (
+        re.compile(r", and (\d+ %) through the motion, the joint is off by (?=\S+ rad\b)"),
+        r". After \1 of the motion, the angle of this joint was off by ",
+    ),
     (re.compile(r"(?<=knotted) \(determinant 1\)"), ""),
     (
         re.compile(r"(?<=knotted \()determinant (\d+)(?=\))"),
-        r"the knot has the determinant \1, and a chain without a knot has 1",
+        r"the knot's determinant is \1; that of a chain without a knot is 1",
     ),
     (
         re.compile(r"\bdrawn as it stalled, with its ends extended outwards, it has (?=\d)"),
@@ -144,6 +155,14 @@ VERDICT_PHRASES: Final = (
         r"with friction μ = \1 and a \2 base",
     ),
     (re.compile(r"\(module weight × pitch\)"), "(module weight × module width)"),
+    (
+        re.compile(r"\bthe chain ended (\S+ pitches) \(RMS\) from its target\b"),
+        r"the modules ended \1 from their targets on average (root mean square)",
+    ),
+    (
+        re.compile(r"(?<= steps): it is (\S+ pitches) \(RMS\) away, and (?=\d)"),
+        r": the modules are \1 from their targets on average (root mean square), and ",
+    ),
     (re.compile(r" \(RMS\)"), " on average (root mean square)"),
 )
 """Patterns in verdicts, and the words that replace them for people. Plans store the verdicts, and
@@ -164,8 +183,18 @@ ASSUMPTION_PHRASES: Final = (
     (
         "It drifts so that friction does the least work, computed with the contact forces of a "
         "table without friction.",
-        "The chain drifts so that friction does the least work. To compute the drift, the contact "
-        "forces are taken from a table without friction.",
+        "The chain drifts so that friction does the least work. The drift is computed with the "
+        "contact forces that the chain would have on a table without friction.",
+    ),
+    (
+        "opposes the motion to the next frame",
+        "opposes the motion that leads to the next frame",
+    ),
+    (
+        "Each frame was laid down in the resting pose that needs the least torque; the motion from "
+        "one pose to the next is not checked.",
+        "For this check, the chain of each frame was laid on the table in the resting pose that "
+        "needs the least torque. The motion from one resting pose to the next is not checked.",
     ),
 )
 """Parts of a table certificate's assumptions, and the words that replace them for people. Plans

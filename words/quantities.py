@@ -81,7 +81,7 @@ PARAMETER_WORDS: Final = {
     "repulsion_cutoff": Words("Repulsion range", "pitch"),
     "repulsion_gain": Words("Repulsion gain γ"),
     "runs": Words("Robots"),
-    "slide_cap": Words("Largest sliding of two modules per step", "pitch"),
+    "slide_cap": Words("Largest sliding between two modules per step", "pitch"),
     "snapshot_distance": Words("Displacement between snapshots", "pitch"),
     "snapshot_interval": Words("Steps between snapshots", "steps"),
     "snapshot_rad": Words("Rotation between snapshots", "rad"),

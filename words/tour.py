@@ -90,7 +90,8 @@ def _tightest(certificate: CertificateFigures, plan: int) -> Stop | None:
     one, other = place["modules"]
     percent = f"{number(abs(100.0 * least))} % of a module width"
     how = f"overlap by {percent}" if least < 0.0 else f"are {percent} apart"
-    text = f"The tightest place of the plan: {_modules((one, other))} {how}."
+    extreme = "largest overlap" if least < 0.0 else "smallest distance"
+    text = f"The {extreme} in the plan: {_modules((one, other))} {how}."
     proved = clearance(certificate)
     if proved and str(certificate.get("verdict")).startswith("verified"):
         text += f" The clearance check proved that {proved} during the whole motion."

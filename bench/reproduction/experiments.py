@@ -97,8 +97,8 @@ STATEMENTS: Final = (
         words="The explosion is simulated first, then the fold. Red shows joint error, as in the "
         "paper. After every ten steps of the explosion, the state of the chain is stored as a "
         "snapshot; the fold moves through these snapshots in reverse. The first fold takes one "
-        "step for each snapshot, and so a tenth of the explosion's steps. The second fold takes "
-        "ten steps for each snapshot, as many as the explosion.",
+        "step for each snapshot, so it has a tenth as many steps as the explosion. The second "
+        "fold takes ten steps for each snapshot, so it has as many steps as the explosion.",
     ),
     Statement(
         id="mallet",
@@ -129,7 +129,7 @@ STATEMENTS: Final = (
         "on more geometries, larger chains, and more shapes.",
         published="left for future work",
         words="These are the ten gallery shapes of 64 to 200 cubes that differ most from each "
-        "other in size, proportions, compactness, and the number of turns of the chain per module. "
+        "other in size, proportions, compactness, and the number of bends in the chain per module. "
         "They were chosen by these measures only, not by how well they fold.",
     ),
     Statement(
@@ -156,9 +156,9 @@ STATEMENTS: Final = (
         "folds. In long chains, motors without a force limit push modules through each "
         "other. Motors with a limit, such as those of ODE (the paper's physics engine), stop where "
         "modules meet, and the chain stays tangled. The last fold uses the published method and "
-        "motors with a limit. Orange marks the two modules that overlap most. An overlap is the "
-        "shortest distance by which the modules have to move apart; if they are twisted against "
-        "each other, it can exceed their width.",
+        "motors with a limit. Orange marks the two modules that overlap most. The overlap is the "
+        "shortest distance by which the modules have to move apart. If one module is twisted "
+        "against the other, this distance can exceed a module width.",
     ),
     Statement(
         id="threshold",

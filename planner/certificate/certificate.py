@@ -155,7 +155,7 @@ class Certificate:
         found = told_honestly(values, playback)
         if unknown := found.keys() - cls.__dataclass_fields__:
             names = ", ".join(sorted(unknown))
-            raise TypeError(f"got unknown figures {names}, expected only figures of a certificate")
+            raise TypeError(f"got the unknown figures {names}, expected those of a certificate")
         table = found.get("table")
         checked = None if table is None else TableCertificate.from_dict(table)
         return replace(from_plain(found, cls), table=checked)

@@ -158,7 +158,9 @@ def run_strategy(
     if isinstance(how, PaperExplosionParameters):
         return explode_as_published(chain, how, sink=sink, progress=progress, cancelled=cancelled)
     if how is None:
-        raise InputError("no-explosion", f"the preset {parameters.preset!r} has no explosion.")
+        raise InputError(
+            "no-explosion", f"the preset {parameters.preset!r} folds without an explosion."
+        )
     if strategy == BASELINE:
         return unbend_one_by_one(chain, sink=sink)
     if parameters.world == "table":

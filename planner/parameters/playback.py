@@ -67,7 +67,8 @@ class RobotParameters:
         ENCODER_STEP_RAD,
         name="encoder_step",
         label="Encoder step",
-        help="Smallest angle that an encoder can measure. Default: 18 bits per turn.",
+        help="Smallest angle that an encoder can measure. Default: that of an encoder with 18 bits "
+        "per turn.",
         unit="rad",
         range=(0.0, 0.1),
     )

@@ -81,7 +81,7 @@ class PaperExplosionParameters:
     pitch_cm: float = setting(
         1.0,
         label="Module diameter",
-        help="Diameter of a module, which determines its mass together with the density.",
+        help="Diameter of a module. Diameter and density determine the mass of a module.",
         unit="cm",
         source="published",
         range=(0.1, 100.0),
@@ -89,7 +89,7 @@ class PaperExplosionParameters:
     density_kg_m3: float = setting(
         2700.0,
         label="Density",
-        help="Density of a module, which determines its mass.",
+        help="Density of a module. Density and diameter determine the mass of a module.",
         unit="kg/m³",
         source="published",
         range=(1.0, 1e5),

@@ -88,7 +88,7 @@ class PathOptions:
         FLOATING,
         title="World",
         help="World: `floating` has no gravity; on a `table` the chain is always supported and "
-        "needs as little torque as possible. Settings on a table: "
+        "its torques are limited. Settings for a table: "
         f"{names_with_units(TABLE_SETTINGS)}; w·p is module weight × pitch.",
         label="Fold",
         choices=WORLD_CHOICES,

@@ -35,9 +35,9 @@ MAX_KNOT_CELLS: Final = 10_000
 """Maximum number of cells or tetrahedra of a path that is tested for a knot, which would keep the
 chain from unfolding. Larger values test longer paths, more slowly. Chosen."""
 NO_ASSEMBLY: Final = (
-    "The search found no path whose cells can be removed one by one. It finds such paths for "
-    "boxes, for shapes made of 2×2×2 blocks, and for shapes whose layers are each in one part. "
-    "Use the method 'blocks' or 'exact', or choose other ends of the chain."
+    "The search found no path along which the modules can leave the shape one after another. It "
+    "finds such paths for boxes, for shapes made of 2×2×2 blocks, and for shapes whose layers each "
+    "have one part. Use the method 'blocks' or 'exact', or choose other ends of the chain."
 )
 MAX_CHOICE_MODULES: Final = 20_000
 """Maximum number of cells or tetrahedra of a shape for which several paths are made, to choose the
@@ -258,9 +258,9 @@ def _no_blocks(connected: bool) -> str:
     if not connected:
         return "The cells form several parts that share no face; keep one part or join them."
     return (
-        "The method 'blocks' found no path: it needs a shape made of 2×2×2 blocks of cells, and "
-        "not every cell can be an end of the path. Split each cell into 2×2×2 cells, or use the "
-        "method 'exact'."
+        "The method 'blocks' found no path. Either the shape is not made of 2×2×2 blocks of cells, "
+        "or the path cannot have the ends that were chosen. Split each cell into 2×2×2 cells, "
+        "choose other ends, or use the method 'exact'."
     )
 
 

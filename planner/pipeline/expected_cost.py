@@ -143,9 +143,9 @@ def _published(
         expected_s=expected_seconds(modules) + exploding_s + playing_s,
         least_s=least_s[stage],
         stage=stage,
-        cause=f"settings with which {modules} modules need about {steps:.2g} steps to explode and "
+        cause=f"a fold of {modules} modules that needs about {steps:.2g} steps to explode and "
         f"{playing:.2g} steps to fold",
-        remedy="Use fewer modules, a longer step_s, larger gains, or less damping."
+        remedy="Use fewer modules, a larger step_s, larger gains of the explosion, or less damping."
         if stage == "explode"
         else "Use fewer modules, a larger snapshot_interval, or fewer steps_per_snapshot.",
     )

@@ -28,7 +28,7 @@ PREFERENCES: Final[Mapping[Preference, Choice]] = {
     ),
     "torque": Choice(
         label="Least torque",
-        note="the least torque at equal time",
+        note="the least torque for the same folding time",
         hint="Tries several plans and chooses the one that needs the least torque for the same "
         "folding time.",
     ),
@@ -38,8 +38,8 @@ PREFERENCES: Final[Mapping[Preference, Choice]] = {
         hint="Tries several plans and chooses the one with the most clearance.",
     ),
     "margin": Choice(
-        label="Largest margin for a hinge",
-        note="the largest margin for one hinge",
+        label="Largest allowed hinge error",
+        note="the largest allowed error in one hinge",
         hint="Tries several plans and chooses the one that tolerates the largest angle error of "
         "a single hinge before modules could touch.",
     ),

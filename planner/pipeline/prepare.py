@@ -91,7 +91,8 @@ class Preparation:
                 there are others than those that were wished for.
         """
         if self.not_started:
-            raise InputError("no-start", f"{self.not_started} Choose another start cell, or none.")
+            remedy = "Choose another start cell, or let foldback choose it."
+            raise InputError("no-start", f"{self.not_started} {remedy}")
         if self.chains:
             return self.chains[0]
         problems = [] if self.feasibility is None else list(self.feasibility.problems)
@@ -104,7 +105,7 @@ class Preparation:
             remedy = f" Possible repair: {self.feasibility.repairs[0].detail}"
         got = "no path through these cells was found"
         if on_table:
-            got += " along which a chain can fold on a table"
+            got = "no path along which a chain can fold on a table was found through these cells"
         got += f": {why}" if why else "."
         raise InputError("no-path", got + remedy)
 
@@ -306,7 +307,7 @@ def check_for_table(chain: Chain) -> None:
     if faults:
         told = " ".join(fault.detail for fault in faults[:MAX_LISTED_VIOLATIONS])
         if more := len(faults[MAX_LISTED_VIOLATIONS:]):
-            told += f" There {'is 1 more problem' if more == 1 else f'are {more} more problems'}."
+            told += f" The path has {more} more problem{'' if more == 1 else 's'}."
         raise InputError(
             "not-for-a-table",
             f"got a path along which a chain cannot fold on a table: {told} "

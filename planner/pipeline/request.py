@@ -94,9 +94,9 @@ class FoldRequest(PathOptions):
     preset: str = option(
         "default",
         title="Preset",
-        help="Folding method. `default` is foldback's own, and `paper` is the published one. "
-        "`direct` is direct servoing, for comparison: it turns all joints directly to their final "
-        "angles (fails for most shapes).",
+        help="Folding method. `default` is foldback's own method, and `paper` is the published "
+        "method. For comparison, `direct` turns all joints directly to their final angles (direct "
+        "servoing); it fails for most shapes.",
         label="Preset",
         choices=PRESET_CHOICES,
     )
@@ -132,11 +132,12 @@ class FoldRequest(PathOptions):
         COMPUTING,
         title="Preferred plan",
         noun="preference",
-        help="Preferred plan. `computing` takes the first verified plan. The other values compare "
-        "several verified plans and take the best: `time` the one with the shortest folding "
-        "time at the joints' speed limit, `torque` the one with the smallest torque at equal "
-        "folding time, `clearance` the one with the largest proved clearance, `margin` the "
-        "one that tolerates the largest error of any one hinge without a collision. "
+        help="Preferred plan. To save computing time, `computing` takes the first verified plan. "
+        "With the other values, foldback compares several verified plans and takes the best: "
+        "`time` takes the plan with the shortest folding time at the joints' speed limit, "
+        "`torque` the smallest torque for the same folding time, `clearance` the largest proved "
+        "clearance, and `margin` the largest error that any one hinge may have without a "
+        "collision. "
         "Comparing takes about ten times as long, but at most about 300 s longer, because "
         "other strategies, paths and smoothings are tried. `attempts` in the plan lists all "
         "compared plans with their figures.",
@@ -210,9 +211,8 @@ class FoldRequest(PathOptions):
         if self.start is not None:
             raise InputError(
                 "unsuited-world",
-                "got a start cell for a fold on a table, expected no start cell; use the "
-                "'floating' world to choose one, because on a table the path is chosen for "
-                "stability.",
+                "got a start cell for a fold on a table, expected no start cell, because the path "
+                "is chosen for stability; leave the start cell out, or use the 'floating' world.",
             )
         if self.refold or self.smooth:
             raise InputError(

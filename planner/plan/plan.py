@@ -429,7 +429,9 @@ def _unpacked(values: dict[str, Any], layout: str, chain: Chain) -> dict[str, An
     told = values.get("angles") or {}
     if "data" in told:
         if PLANES_NAME in values:
-            raise ValueError(f"got the angles twice, expected either {PLANES_NAME} or angles.data")
+            raise ValueError(
+                f"got the angles twice, in {PLANES_NAME} and in angles.data, expected them once"
+            )
         planes = np.frombuffer(zlib.decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
         values = {**values, PLANES_NAME: planes}
     return with_plain_angles(values, told, chain.folded_rad, windowed=layout == "windows")

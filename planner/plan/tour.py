@@ -164,7 +164,7 @@ _TEXTS: Final = (
     (
         "camera",
         CAMERA_PATTERN,
-        "a camera position as in the address of a view, such as '-62.5,24,1.2'",
+        "a camera position as in the address of a fold's page, such as '-62.5,24,1.2'",
     ),
     ("colour", COLOUR_PATTERN, "the name of a quantity, such as 'clearance'"),
 )

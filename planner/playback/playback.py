@@ -196,8 +196,8 @@ def play_back(
     if windowed and unfolding is not None:
         raise InputError(
             "cannot-refold",
-            "the strategy 'peel' cannot refold a chain from another shape; fold the chain from "
-            "straight.",
+            "the strategy 'peel' cannot refold a chain from another shape; fold a straight chain, "
+            "or use another strategy.",
         )
     if recorded is not None and not simulates(chain, recorded, parameters):
         return _followed(chain, recorded, parameters, module_size, sink, start_s, finer, unfolding)

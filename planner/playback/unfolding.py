@@ -45,7 +45,7 @@ def check_fits(begins: Chain, module: str, modules: int) -> None:
         raise InputError(
             "refold-differs",
             f"got a shape of {modules} {PLURALS[module]}, expected {len(begins)} "
-            f"{PLURALS[begins.module.name]}, as many as {begins.name} has.",
+            f"{PLURALS[begins.module.name]}, because the chain starts as {begins.name!r}.",
         )
 
 

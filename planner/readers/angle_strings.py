@@ -81,8 +81,8 @@ def refuse_digits(text: str) -> None:
     if (many or run) and all(map(_TURN_NUMBER.fullmatch, words)):
         raise InputError(
             "digits",
-            f"got {quote(first.strip())!r}: digits other than 0 are not angles; use 0, + or - for "
-            "each hinge.",
+            f"got {quote(first.strip())!r}: digits other than 0 are not angles; for each hinge, "
+            "use 0 (straight), + or - (bent).",
         )
 
 

@@ -131,8 +131,8 @@ def _refuse_turns(angles: list[float]) -> None:
     if turned and turned <= QUARTER_TURNS:
         raise InputError(
             "quarter-turns",
-            f"got no angle larger than {max(turned):g}, expected angles in degrees; these look "
-            "like quarter turns, so multiply them by 90.",
+            f"got angles up to {max(turned):g}, expected angles in degrees. The angles look like "
+            "quarter turns; multiply them by 90.",
             where="joint_angles_deg",
         )
 

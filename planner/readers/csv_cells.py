@@ -129,8 +129,8 @@ def _check_width(fields: list[str], line: int) -> None:
         raise InputError(
             "wrong-count",
             f"got {len(fields)} field{'' if len(fields) == 1 else 's'} "
-            f"({quote(', '.join(fields[:6]))}), expected three: x, y and z; if there are more "
-            "columns, name them in a header line.",
+            f"({quote(', '.join(fields[:6]))}), expected three: x, y and z; if the file has "
+            "more columns, add a header line that names x, y and z.",
             where=f"line {line}",
         )
 
@@ -139,6 +139,6 @@ def _check_reach(fields: list[str], columns: Sequence[int], line: int) -> None:
     if len(fields) <= max(columns):
         raise InputError(
             "wrong-count",
-            f"got {len(fields)} fields, expected at least {max(columns) + 1} as in the header.",
+            f"got {len(fields)} fields, expected at least {max(columns) + 1}, as in the header.",
             where=f"line {line}",
         )

@@ -40,8 +40,8 @@ from planner.shapes.solid import MAX_TRIANGLES, Solid
 
 READABLE_FORMATS: Final = (
     "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, "
-    "foldback-voxels/1), or cells (foldback-path/1 or foldback-chain/1 JSON, a JSON list, CSV, "
-    "XYZ, .npy, a string of angles like 0 - - +)"
+    "foldback-voxels/1), or the cells or angles of a chain (foldback-path/1 or foldback-chain/1 "
+    "JSON, a JSON list, CSV, XYZ, .npy, a string of angles like 0 - - +)"
 )
 
 Kind = tuple[Callable[[bytes], bool], Callable[[bytes, Source], Path | Shape | Solid]]

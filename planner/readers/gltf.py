@@ -95,7 +95,7 @@ def read_glb(data: bytes, source: Source) -> Solid:
         raise _damaged("the JSON of the file is not text") from error
     value = parse(text)
     if not isinstance(value, dict):
-        raise _damaged("the JSON of the file is not an object")
+        raise _damaged("the JSON text of the file is not a JSON object")
     solid = read_gltf(cast("Document", value), source, binary=chunks.get(BINARY_CHUNK))
     length = int.from_bytes(data[8:12], "little")
     return replace(solid, notes=(*solid.notes, TAIL_IGNORED)) if len(data) > length else solid
@@ -332,7 +332,8 @@ class _Scene:
         if count > MAX_NODES:
             raise InputError(
                 "too-large",
-                f"got {count} copies (instances) of a mesh, expected at most {MAX_NODES}.",
+                f"got {count} copies (instances) of a mesh, expected at most {MAX_NODES}; use "
+                "fewer copies.",
             )
         rows = [{n.lower(): v[k].tolist() for n, v in columns.items()} for k in range(count)]
         with np.errstate(all="ignore"):

@@ -53,7 +53,8 @@ def _wrong_format(document: dict[str, Any], found: object) -> InputError:
     if found is None:
         keys = quote(", ".join(list(document)[:8])) or "none"
         return InputError(
-            "no-format", f'got an object with the keys: {keys}; {expected} under "format".'
+            "no-format",
+            f'got a JSON object without "format" (keys: {keys}), {expected} as its "format".',
         )
     family, slash, version = found.partition("/") if isinstance(found, str) else ("", "", "")
     if slash and family in {f.partition("/")[0] for f in JSON_FORMATS}:

@@ -116,8 +116,8 @@ def check_size(data: bytes, most_cells: int) -> None:
     if len(data) > most:
         raise InputError(
             "too-large",
-            f"got {megabytes(len(data))}, expected at most {megabytes(most)}; "
-            f"{megabytes(most)} is enough for {most_cells} cells.",
+            f"got {megabytes(len(data))}, expected at most {megabytes(most)}, which is "
+            f"enough for {most_cells} cells; use a coarser shape.",
         )
 
 

@@ -158,7 +158,9 @@ def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
             counts.append(corners)
         rows = np.array(flat, dtype=np.int64)
     except (ValueError, IndexError, OverflowError) as error:
-        found = str(error) if isinstance(error, ValueError) else "too few or too large numbers"
+        found = "too few numbers, or numbers that are too large"
+        if isinstance(error, ValueError):
+            found = str(error)
         raise InputError(
             "damaged",
             f"got {found}; expected three coordinates, or the number of corners of a polygon and "

@@ -377,7 +377,8 @@ class _Models:
             triangles, instances = triangles + more[0], instances + more[1]
         if instances > MAX_INSTANCES:
             raise InputError(
-                "too-large", f"got {instances} parts, expected at most {MAX_INSTANCES}."
+                "too-large",
+                f"got {instances} parts, expected at most {MAX_INSTANCES}; join parts.",
             )
         check_triangles(triangles, self._source.most_triangles)
         points: list[Array] = []

@@ -188,7 +188,7 @@ def _frame(words: dict[bytes, bytes]) -> int:
     """Return the number of the frame that an object's state belongs to; 0 if it is not stated."""
     word = words.get(b"_f", b"0")
     if not word.isdigit():
-        raise _damaged("a frame has no valid number")
+        raise _damaged("a frame has no valid frame number")
     return int(word[:MAX_FRAME_DIGITS])
 
 

@@ -109,7 +109,7 @@ def _count(words: list[str]) -> int | None:
 def _wrong_width(words: list[str], headers: Sequence[str], line: int) -> InputError:
     expected = "three whole numbers: x y z"
     if len(headers) > len(AXES):
-        expected = f"{len(headers)} words, as in the header"
+        expected = f"{len(headers)} values, one for each name in the header"
     return InputError(
         "wrong-count",
         f"got {quote(' '.join(words[:12]))!r}, expected {expected}.",

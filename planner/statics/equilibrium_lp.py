@@ -81,8 +81,8 @@ class Program:
         self._highs.setOptionValue("simplex_scale_strategy", 0)
         if (status := self._highs.getModelStatus()) != OPTIMAL:
             raise PlannerError(
-                f"the solver of the contact forces got the status "
-                f"{self._highs.modelStatusToString(status)}, expected an optimum; please report "
+                f"the solver of the contact forces ended with the status "
+                f"{self._highs.modelStatusToString(status)!r}, expected an optimum; please report "
                 "this error together with the plan."
             )
 

@@ -161,7 +161,8 @@ def most_telling(reasons: tuple[NoPath, ...]) -> tuple[str, str]:
         if reason is not first
     ]
     rest = "".join(others)
-    return first.code, f"got a shape without a path for a table; {first.text}{rest}"
+    got = "got a shape that cannot fold on a table, because it has no suitable path"
+    return first.code, f"{got}; {first.text}{rest}"
 
 
 def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:

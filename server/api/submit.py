@@ -211,7 +211,7 @@ def _check_limits(cost: ExpectedCost, settings: Settings) -> None:
         raise Unusable(
             "too-long",
             f"got {cost.cause}, expected a fold whose stages take at most {limit_s:g} s each; this "
-            f"one takes at least {cost.least_s:.0f} s in the stage '{cost.stage}'. "
+            f"fold takes at least {cost.least_s:.0f} s in the stage '{cost.stage}'. "
             f"{cost.remedy}",
         )
 

@@ -160,8 +160,8 @@ def play(
         bool,
         typer.Option(
             "--viser",
-            help="Show the fold in the page of viser, a 3D viewer, instead of foldback's page. "
-            "All browsers that open it share one frame slider.",
+            help="Show the fold on a page of viser, a 3D viewer, instead of foldback's page. "
+            "All browsers that open the page of viser show the same frame.",
         ),
     ] = False,
 ) -> None:

@@ -42,7 +42,7 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
         raise _full(f"{len(own)} of your folds are waiting or running, which is the limit")
     if own and sum(own) + wanted.cost_s > settings.largest_queue_seconds_of_visitor:
         raise _full(
-            f"your waiting folds ({len(own)}) take about {sum(own):.0f} s and this one takes "
+            f"your waiting folds ({len(own)}) take about {sum(own):.0f} s, and this fold takes "
             f"{wanted.cost_s:.0f} s. Together they may take at most "
             f"{settings.largest_queue_seconds_of_visitor:g} s"
         )
@@ -55,7 +55,7 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
     ):
         raise _full(
             f"{len(waiting)} folds are waiting ({len(near)} of them from your network). They take "
-            f"about {all_s:.0f} s and this one takes {wanted.cost_s:.0f} s. The queue holds "
+            f"about {all_s:.0f} s, and this fold takes {wanted.cost_s:.0f} s. The queue holds "
             f"at most {settings.largest_queue} folds and {settings.largest_queue_seconds:g} s. One "
             "network may fill half of the room that other networks leave"
         )

@@ -76,7 +76,7 @@ def test_knot_is_drawn_located_and_confirmed(
     page.locator("#stuck-attempts").click()
     tried = page.locator(".attempts li")
     expect(tried).to_have_count(1)  # peeling has only one variant here
-    expect(tried).to_contain_text("the knot has the determinant 3, and a chain without a")
+    expect(tried).to_contain_text("the knot's determinant is 3; that of a chain without a")
     # Both files are offered, and suffice to confirm the reason.
     expect(page.locator("#attempts code")).to_contain_text("_refusals.py plan.npz record.npz")
     for name in ("plan.npz", "record.npz"):

@@ -36,8 +36,8 @@ VERDICTS = {
     "rests on a table within 3.2 w·p in frame 4 (without friction)": (
         "stays on the table; its hinges need at most 3.2 w·p in frame 4 (without friction)"
     ),
-    "failed: the playback missed: the chain ended 0.2 pitches (RMS) from its target.": (
-        "failed: the chain ended 0.2 module widths on average (root mean square) from its target."
+    "failed: the playback missed: the chain ended 1 pitches (RMS) from its target.": (
+        "failed: the modules ended 1 module width from their targets on average (root mean square)."
     ),
     "failed: the explosion stalled: modules 1 and 2 block each other": (
         "failed: modules 1 and 2 block each other"
@@ -53,7 +53,7 @@ VERDICTS = {
     ),
     "the chain is knotted (determinant 3): drawn as it stalled, with its ends extended outwards, "
     "it has 3 crossings": (
-        "the chain is knotted (the knot has the determinant 3, and a chain without a knot has 1): "
+        "the chain is knotted (the knot's determinant is 3; that of a chain without a knot is 1): "
         "a drawing of the stalled chain, with both ends extended outwards, has 3 crossings"
     ),
     "the chain is knotted (determinant 1): drawn as it stalled, with its ends extended outwards, "
@@ -106,13 +106,13 @@ VERDICTS = {
     ),
     "failed: the playback missed: a robot lost its target: joint_4 is off by 0.3 rad, more than "
     "its motor can correct, 40 % into the fold.": (
-        "failed: a robot could not follow the motion: 40 % through the motion, joint_4 is off by "
-        "0.3 rad, which is more than its motor can correct."
+        "failed: a robot could not follow the motion: after 40 % of the motion, the angle of "
+        "joint_4 was off by 0.3 rad, more than its motor could correct."
     ),
     "failed: the playback missed: joint_4 yielded: it is off by 0.3 rad with motors of 8 w·p, "
     "40 % into the fold.": (
         "failed: the motor of joint_4 is too weak: it supplies at most 8 w·p (module weight × "
-        "module width), and 40 % through the motion, the joint is off by 0.3 rad."
+        "module width). After 40 % of the motion, the angle of this joint was off by 0.3 rad."
     ),
     "failed: the explosion stalled: ": "failed: the explosion stalled: ",
     "verified (simulated)": "verified (simulated)",

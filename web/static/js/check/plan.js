@@ -93,7 +93,7 @@ export class Plan {
   angles(J) {
     const { arrays, told: { angles }, folded, first, last, offsets } = this, name = this.windowed ? "angles_rad" : "joint_angles_rad";
     const shape = (arrays.has(name) ? arrays.get(name) : angles)?.shape;
-    readable(this.windowed || (shape?.[0] === this.frames && shape[1] === J), "the angles do not match the hinges and frames");
+    readable(this.windowed || (shape?.[0] === this.frames && shape[1] === J), "the number of angles does not match the hinges and frames");
     if (arrays.has(name)) return this.numbers(name);
     const planes = this.numbers("angle_planes"), count = arrays.get("angle_planes")?.shape[1] ?? 0, step = angles.step_rad, now = new Float64Array(J);
     const values = Float64Array.from({ length: count }, (_, k) => { // integers with the sign in the lowest bit

@@ -43,7 +43,7 @@ function onTable(table) {
   }];
 }
 
-const SOME_FRAMES = "computed from the motion at some frames; lines connect their values";
+const SOME_FRAMES = "computed from the motion, but only at some frames; straight lines connect the values";
 // The certificate has the peak motor torque over all
 // steps, which inverse dynamics of frames cannot give.
 const ALL_FRAMES = "computed from the motion of the plan; for the highest torque in the simulation, see Peak torque in Properties";
