@@ -53,7 +53,7 @@ def retime(
     check: Annotated[bool, typer.Option(help="Check the trajectory for collisions again.")] = True,
     module_mass: Annotated[
         float | None,
-        typer.Option(help="Mass of a module, kg. With it, the command computes torques."),
+        typer.Option(help="Mass of a module, kg. If it is given, torques are computed as well."),
     ] = None,
     pitch: Annotated[
         float | None, typer.Option(help="Distance between modules, m. Default: the plan's pitch.")
@@ -65,9 +65,7 @@ def retime(
     ] = False,
     motor_torque: Annotated[
         float | None,
-        typer.Option(
-            help="Motor torque, N·m. With it, the command checks whether motors are strong enough."
-        ),
+        typer.Option(help="Motor torque, N·m. If it is given, the motors are checked against it."),
     ] = None,
     table: Annotated[
         Path | None, typer.Option(help="Output file for the torques of all joints, .csv.")

@@ -164,8 +164,8 @@ def _chunks(data: bytes) -> dict[int, bytes]:
         if at + 8 + size > len(data):
             raise InputError(
                 "truncated",
-                f"a chunk of {size} bytes reaches beyond the end of the file; save or send it "
-                "again.",
+                f"a chunk of {size} bytes reaches beyond the end of the file; save or send the "
+                "file again.",
             )
         chunks.setdefault(kind, data[at + 8 : at + 8 + size])
         at += 8 + size

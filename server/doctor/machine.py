@@ -151,7 +151,7 @@ def memory(settings: Settings) -> CheckResult:
     if there >= needed:
         return ok(found)
     return warning(
-        f"{found}, plus {_mib(besides)} for pages and for {INTERACTIVE_CHILDREN} processes "
+        f"{found}, plus {_mib(besides)} for web pages and for {INTERACTIVE_CHILDREN} processes "
         "that read uploads, prepare previews, compute trajectories and draw pictures",
         "Lower FOLDBACK_CHILD_MEMORY_BYTES, FOLDBACK_WORKERS or FOLDBACK_FOLDS_PER_WORKER.",
     )

@@ -39,7 +39,7 @@ shows the result later. Chosen."""
 
 @router.get("/folds/{fold_id}/drawing.svg")
 async def drawing_of_fold(request: Request, fold_id: str) -> Response:
-    """Return the drawing that lists show of a fold; it is empty if the shape is too large.
+    """Return the drawing of a fold for lists; it is empty if the shape is too large.
 
     A request does not count as a view of the fold, so it does not postpone the fold's expiry.
     """
