@@ -36,7 +36,7 @@ def site(
         list[Path] | None,
         typer.Option(
             metavar="DIR",
-            help="Directory of a fold, or of several folds. You can use this option more than once.",
+            help="Directory of a fold, or of several folds. You can repeat this option.",
         ),
     ] = None,
     finished: Annotated[

@@ -42,9 +42,7 @@ def test_impossible_module_size_fails_with_overlap(visit: Visit, service: Servic
     place = state["summary"]["certificate"]["min_clearance_at"]
     page = wait_for_view(visit(f"/folds/{fold}", **LAPTOP))
     expect(page.locator("#stuck-heading")).to_have_text("Modules overlap")
-    expect(page.locator("#stuck-text")).to_contain_text(
-        "At a module size of 1 × the cell width, modules"
-    )
+    expect(page.locator("#stuck-text")).to_contain_text("At a module size of 1 × the cell width")
     assert show_stuck_modules(page) == sorted(place["modules"])
     explosion = state["summary"]["explosion"]["frames"]
     assert shown_frame(page) == pytest.approx(explosion + place["frame"], abs=1)
