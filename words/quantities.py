@@ -74,8 +74,10 @@ PARAMETER_WORDS: Final = {
     "mass_error": Words("Mass error"),
     "noise_rad": Words("Encoder noise", "rad"),
     "max_steps": Words("Step limit"),
-    "pair_cap": Words("Largest approach of two modules per step", "pitch"),
-    "pair_cap_loose": Words("Largest approach of two modules per step, loosened chain", "pitch"),
+    "pair_cap": Words("Maximum decrease of the distance between two modules per step", "pitch"),
+    "pair_cap_loose": Words(
+        "Maximum decrease of the distance between two modules per step, loosened chain", "pitch"
+    ),
     "pitch_cm": Words("Module diameter", "cm"),
     "radial_gain": Words("Radial gain λ", "dyn"),
     "repulsion_cutoff": Words("Repulsion range", "pitch"),

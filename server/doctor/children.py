@@ -37,7 +37,7 @@ def confinement(settings: Settings) -> CheckResult:
         found = f"the sandbox could not be tested ({words})"
     elif free:
         found = (
-            "this Linux kernel does not isolate processes that read uploads from the "
+            "on this Linux kernel, processes that read uploads are not isolated from the "
             f"{' and '.join(free)} of other programs"
         )
     else:

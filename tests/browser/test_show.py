@@ -7,7 +7,7 @@ import pytest
 from playwright.sync_api import Browser, expect
 
 from planner.motion.timeline import TimelineWriter
-from tests.browser.conftest import TIMEOUT_MS, wait_until
+from tests.browser.conftest import wait_until
 from tests.planner.chains import chain_of
 from tests.web.conftest import SNAKE, folding
 from web.viser import show
@@ -25,18 +25,18 @@ def test_viser_server_scrubs_selects_and_plays(browser: Browser, tmp_path: Path)
         writer.append(folding(chain, LAST + 1))
     with show(tmp_path / "timeline.zarr", port=0) as shown:
         page = browser.new_page(viewport={"width": 800, "height": 360})
-        page.set_default_timeout(TIMEOUT_MS)
         page.goto(shown.url)
         expect(page.get_by_text(f"Frame 1 of {LAST + 1}")).to_be_visible()
         expect(page.get_by_text("<b>snake</b>")).to_be_visible()  # the name is shown verbatim
         wait_until(page, lambda: len(shown._cameras._aspects) == 1)
-        (client,) = shown.server.get_clients().values()
-        far = np.linalg.norm(client.camera.position)
+        (eye,) = shown.server.get_clients().values()
+        far = np.linalg.norm(eye.camera.position)
         page.get_by_role("slider").press("End")
-        wait_until(page, lambda: shown.frame == LAST)
-        wait_until(page, lambda: np.linalg.norm(client.camera.position) < far)  # it is folded
-        page.mouse.click(295, 230)  # the closest module
-        wait_until(page, lambda: shown._selected is not None)
+        wait_until(page, lambda: shown.frame == LAST and np.linalg.norm(eye.camera.position) < far)
+        wait_until(  # the closest module, once the browser has drawn it there
+            page,
+            lambda: page.mouse.click(295, 230) or page.wait_for_timeout(500) or shown._selected,
+        )
         expect(page.get_by_text(f"Module {shown._selected + 1} of {len(SNAKE)}")).to_be_visible()
         page.get_by_role("button", name="Play").click()  # restarts at the first frame
         wait_until(page, lambda: 0 < shown.frame < LAST)

@@ -200,7 +200,7 @@ export function figuresOf({ iou, candidates, knot }) {
   const { verdict = "", determinant = null } = knot ?? {};
   const knotted = verdict === "knotted";
   return {
-    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `The knot's determinant is ${determinant}; that of a chain without a knot is 1.` : "",
+    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `A test number of the knot, its determinant, is ${determinant}. Without a knot, it would be 1.` : "",
     knot: knot ? `${KNOTS[verdict]}${knotted && determinant ? ` (${determinant})` : ""}` : "–",
   };
 }
@@ -212,7 +212,7 @@ export function figuresOf({ iou, candidates, knot }) {
  */
 export function troubleOf({ onTable, options: { method, module }, floating }, { modules, feasibility }) {
   const details = feasibility?.problems.map(({ detail }) => detail) ?? [];
-  if (onTable) return { title: `This shape can’t be folded on a table with ${whole(modules)} modules`, details, ways: [floating] };
+  if (onTable) return { title: `With ${whole(modules)} modules, this shape can’t be folded on a table`, details, ways: [floating] };
   /** @type {Offer[]} */
   const ways = (feasibility?.repairs ?? []).filter(({ add, drop }) => add.length || drop.length).slice(0, 1).map(({ detail, doubled, modules: needed }) => ({
     text: `Repair: ${detail.charAt(0).toLowerCase()}${detail.slice(1).replace(/\.$/, "")}`, primary: true,
