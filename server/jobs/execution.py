@@ -452,7 +452,7 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
         shown = False
         while True:
             try:
-                folders.keep(fold_id, epoch)
+                folders.keep(fold_id, epoch, growing=True)
                 if not shown:
                     store.show(fold_id, epoch)
                     shown = True

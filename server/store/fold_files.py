@@ -279,8 +279,13 @@ class Folders:
         (place / WHOLE_FILE).touch()
         return place
 
-    def keep(self, fold_id: str, epoch: int) -> int:
+    def keep(self, fold_id: str, epoch: int, *, growing: bool = False) -> int:
         """Store the files in a fold's directory; return their size, without derived files.
+
+        Args:
+            fold_id: The fold.
+            epoch: Epoch of the execution.
+            growing: True while a stage computes.
 
         Raises:
             StorageError: If the storage does not answer.
@@ -288,7 +293,7 @@ class Folders:
         place = self.work_place(fold_id, epoch)
         if self.storage is None:
             return size_of(place, but=DERIVED_DIRS)
-        return self.storage.keep(_key(fold_id, epoch), place)
+        return self.storage.keep(_key(fold_id, epoch), place, growing=growing)
 
     def leave(self, fold_id: str, epoch: int) -> None:
         """Clean up after an ended fold, except for the files of its last epoch.

@@ -60,6 +60,7 @@ class Storage:
         self._name = name
         self._lock = threading.Lock()
         self._known: dict[str, dict[str, tuple[int, int]]] = {}
+        self._settled: dict[str, frozenset[str]] = {}
         self._threads = ThreadPoolExecutor(TRANSFERS_AT_ONCE, thread_name_prefix="storage")
 
     def check(self) -> None:
@@ -80,8 +81,14 @@ class Storage:
             finally:
                 self._obstore.delete(self._store, name)
 
-    def keep(self, key: str, directory: Path) -> int:
+    def keep(self, key: str, directory: Path, *, growing: bool = False) -> int:
         """Upload the changes in a directory since the last call.
+
+        Args:
+            key: Name of the directory in the store.
+            directory: The directory.
+            growing: True if files are still being written and moved. Then files of the last call
+                without it are not deleted, because a later execution may have to start from them.
 
         Returns:
             Total size of its files, bytes.
@@ -105,16 +112,20 @@ class Storage:
             if head is not None and known.get(TIMELINE_HEAD) != (mark := (hash(head), len(head))):
                 self._put(key, TIMELINE_HEAD, head)
                 known[TIMELINE_HEAD] = mark
-            gone = [name for name in known if name not in found]
+            spared = self._settled.get(key, frozenset()) if growing else frozenset[str]()
+            gone = [name for name in known if name not in found and name not in spared]
             self._each(gone, lambda name: self._delete(f"{key}/{name}"))
         for name in gone:
             del known[name]
+        if not growing:
+            self._settled[key] = frozenset(found)
         return sum(size for _, size in found.values())
 
     def forget(self, key: str) -> None:
         """Forget the uploaded state of a directory, so that the next ``keep`` uploads all of it."""
         with self._lock:
             self._known.pop(key, None)
+            self._settled.pop(key, None)
 
     def fetch(self, key: str, directory: Path) -> bool:
         """Update a local copy from the storage; return False if the storage has no files.
@@ -206,6 +217,7 @@ class Storage:
             for known in [k for k in self._known if k == key or k.startswith(f"{key}/")]:
                 if known != but:
                     del self._known[known]
+                    self._settled.pop(known, None)
 
     def below(self, key: str) -> list[str]:
         """Return the names directly below a key.

@@ -82,6 +82,6 @@ def test_unsuitable_plans_are_not_smoothed(folded: Folded, monkeypatch: pytest.M
         with refused(code):
             check_smoothable(other)
     for wish in ({"preset": "paper"}, {"strategy": "peel"}):
-        with pytest.raises(InputError, match="smoothing runs no new explosion") as error:
+        with pytest.raises(InputError, match="runs no new explosion") as error:
             FoldRequest(smooth=True, **wish).check()  # pyright: ignore[reportArgumentType]
         assert error.value.where == next(iter(wish))
