@@ -249,7 +249,7 @@ def test_process_with_other_threads_is_not_confined(tmp_path: Path) -> None:
         text=True,
         check=False,
     )
-    assert "expected one" in done.stderr
+    assert "expected 1" in done.stderr
 
 
 def test_jumps_of_the_filter_stay_within_it() -> None:
