@@ -141,7 +141,7 @@ def test_preference_is_refused_if_there_is_one_plan() -> None:
     with pytest.raises(InputError, match="got the preference 'speed', expected one of: computing"):
         FoldRequest.of(prefer="speed").check()
     for other in ({"preset": "paper"}, {"smooth": True}, {"strategy": "one-by-one"}):
-        with pytest.raises(InputError, match="the preference .time., .* gives only one plan") as got:
+        with pytest.raises(InputError, match="preference .time., .* gives only one plan") as got:
             FoldRequest.of(prefer="time", **other).check()
         assert (got.value.code, got.value.where) == ("unsuited-prefer", "prefer")
     for prefer in PREFERENCES:
