@@ -277,7 +277,6 @@ class Execution:
             result = self._call(
                 stage,
                 directory,
-                epoch=epoch,
                 on_progress=progress.take,
                 cancelled=lambda: progress.cancelled() or part.over(),
             )
@@ -325,7 +324,6 @@ class Execution:
         stage: str,
         directory: Path,
         *,
-        epoch: int,
         on_progress: Callable[[dict[str, Any]], None],
         cancelled: Callable[[], bool],
     ) -> dict[str, Any]:
@@ -344,7 +342,7 @@ class Execution:
                     stage,
                     directory,
                     wall_s=self._stage_seconds,
-                    epoch=epoch,
+                    epoch=self._epoch,
                     on_progress=on_progress,
                     cancelled=cancelled,
                 )
