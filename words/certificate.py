@@ -147,7 +147,7 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
     return [
         (
             "Margin for the module size",
-            f"modules may be up to {rounded_down(size['value'])} of their full width; "
+            f"each module may fill up to {rounded_down(size['value'])} of its cell's width; "
             f"{_limit(size)}",
         ),
         (
@@ -253,11 +253,11 @@ def _base(table: TableCertificate) -> str:
         return "the first module is clamped to the table"
     if table.friction == 0.0:
         return (
-            "free on the table (in the simulation, the first module is fixed, because "
+            "not clamped (in the simulation, the first module is fixed, because "
             "without friction the chain would slide)"
         )
     return (
-        "free on the table; the chain may drift, so position errors are measured for its shape only"
+        "not clamped; the chain may drift, so position errors are measured for its shape only"
     )
 
 
@@ -311,7 +311,8 @@ def _friction(table: TableCertificate) -> str:
     """Return the friction and the base that a torque assumes, in words."""
     if table.friction == 0.0:
         return "without friction"
-    return f"with friction μ = {table.friction:g} and a {table.base} base"
+    clamp = "a clamped first module" if table.base == "clamped" else "no clamped module"
+    return f"with friction μ = {table.friction:g} and {clamp}"
 
 
 def _rounded_up(value: float) -> float:

@@ -65,7 +65,7 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
     limit = "modules 1 and 159 set this limit near frame 43 of the plan"
     shown = dict(rows(SIMULATED | {"margins": margins}))
     assert shown["Margin for the module size"] == (
-        f"modules may be up to 0.995 of their full width; {limit}"
+        f"each module may fill up to 0.995 of its cell's width; {limit}"
     )
     assert (
         shown["Margin for an error in one hinge"]
@@ -117,10 +117,10 @@ def test_text_about_the_base_on_a_table() -> None:
         (
             0.2,
             "free",
-            "with friction μ = 0.2 and a free base",
-            "free on the table; the chain may drift",
+            "with friction μ = 0.2 and no clamped module",
+            "not clamped; the chain may drift",
         ),
-        (0.2, "clamped", "with friction μ = 0.2 and a clamped base", "the first module is clamped"),
+        (0.2, "clamped", "and a clamped first module", "the first module is clamped"),
     )
     for friction, base, words, held in cases:
         found = table_certificate(chain, motion, friction=friction, base=base)

@@ -31,7 +31,7 @@ MESSAGES = {
 VERDICTS = {
     "rests on a table within 3.2 w·p in frame 4 (friction 0.2, free base)": (
         "stays on the table; its hinges need at most 3.2 w·p in frame 4 (with friction μ = 0.2 and "
-        "a free base)"
+        "no clamped module)"
     ),
     "rests on a table within 3.2 w·p in frame 4 (without friction)": (
         "stays on the table; its hinges need at most 3.2 w·p in frame 4 (without friction)"

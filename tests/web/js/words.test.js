@@ -58,7 +58,7 @@ function motors(torque, peak) {
 }
 
 test("without a motor the answer is the required torque, not a refusal", () => {
-  assert.equal(motorWords(motors(null, 201)), "Motors with a torque of 201 N·m or more are strong enough. joint_2_y needs the highest torque: 201 N·m, 0.47 s after the start.");
+  assert.equal(motorWords(motors(null, 201)), "Motors with a torque of 201 N·m or more are strong enough. joint_2_y needs the highest torque (201 N·m) 0.47 s after the motion starts.");
 });
 
 test("required figures are rounded up", () => {

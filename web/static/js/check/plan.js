@@ -119,7 +119,7 @@ export class Plan {
     const count = (apart - 1) * (n - 1), exempt = said.exempt_pairs ?? { apart, count }, digest = told.claim?.angles_sha256;
     return {
       [`the plan is not verified; its verdict is "${said.verdict}"`]: String(said.verdict).startsWith("verified"),
-      [`the modules have another shape than a ${told.chain.module}`]: !known || JSON.stringify(geometry) === JSON.stringify(known),
+      [`the modules do not have the shape of a ${told.chain.module}`]: !known || JSON.stringify(geometry) === JSON.stringify(known),
       "a size or a direction in the description of the module is invalid": sound,
       "the module size or the clearance is out of range": size > 0 && size <= 1 && claim > 0 && Number.isFinite(claim),
       "the names of the hinges do not match the chain": JSON.stringify(names) === JSON.stringify(arrays.get("joint_names")?.values),
