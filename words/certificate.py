@@ -256,7 +256,7 @@ def _base(table: TableCertificate) -> str:
             "not clamped (in the simulation, the first module is fixed, because "
             "without friction the chain would slide)"
         )
-    return "not clamped; the chain may drift, so position errors are measured for its shape only"
+    return "not clamped; the chain may drift, and position errors do not include this drift"
 
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:

@@ -27,7 +27,7 @@ MESSAGES: Final = (
     (re.compile(r"got an empty file\b.*"), "This file is empty."),
     (
         re.compile(r"got 0 angles, expected (?:at least \d+|\d+ angles? for each joint)\b.*"),
-        "Type at least one of 0 (straight), + and − (bent).",
+        "Type at least one 0 (straight), + or − (bent).",
     ),
     (
         re.compile(

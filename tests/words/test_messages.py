@@ -8,7 +8,7 @@ from words.certificate import headline
 from words.messages import message_for_people, verdict_for_people
 
 MESSAGES = {
-    "got 0 angles, expected at least 1.": "Type at least one of 0 (straight), + and − (bent).",
+    "got 0 angles, expected at least 1.": "Type at least one 0 (straight), + or − (bent).",
     "got a after 0 angles, expected 0, + or - for each hinge.": (
         '"a" isn\'t an angle. Use 0 (straight), + or − (bent) for each hinge.'
     ),

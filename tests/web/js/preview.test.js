@@ -90,7 +90,7 @@ test("a report is put into words", () => {
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
   assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "The chain’s determinant, a test number for knots, is 3. Without a knot, it would be 1." });
   assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "None"]);
-  assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the possible number of modules closest to 65" });
+  assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the closest possible number to 65" });
   assert.deepEqual(nearby(opened(), report({ below: 60, above: 72 })), { counts: [60, 72], text: "Also possible" });
   assert.deepEqual(nearby(opened("?world=table"), report({ below: 60 })), { counts: [], text: "" });
   const long = opened("?world=table");

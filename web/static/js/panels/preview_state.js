@@ -189,7 +189,7 @@ export function verdictOf({ module, modules, iou, has_path: path }) {
  * @param {Api.Preview} report
  */
 export function nearby({ bound, onTable, maxModules }, { asked, modules, below, above }) {
-  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the possible number of modules closest to ${whole(asked ?? modules)}`;
+  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the closest possible number to ${whole(asked ?? modules)}`;
   // On a table, a neighbouring count may have no path; the checked versions are offered instead.
   const counts = onTable ? [] : [below, above].flatMap((n) => (n && n !== modules && n <= maxModules ? [n] : []));
   return { counts, text: [bound, nearest].filter(Boolean).join("; ") || (counts.length ? "Also possible" : "") };
