@@ -1,5 +1,6 @@
 """Texts about a certificate claim no more than it proves."""
 
+from dataclasses import replace
 from typing import Any
 
 from planner.certificate.table_certificate import table_certificate
@@ -114,12 +115,7 @@ def test_text_about_the_base_on_a_table() -> None:
     motion = swing(chain, 1, -LIFTED)
     cases: tuple[tuple[float, Base, str, str], ...] = (
         (0.0, "free", "without friction", "in the simulation, the first module is fixed"),
-        (
-            0.2,
-            "free",
-            "with friction μ = 0.2 and no clamped module",
-            "not clamped; the chain may drift",
-        ),
+        (0.2, "free", "μ = 0.2 and no clamped module", "not clamped; the chain may drift"),
         (0.2, "clamped", "and a clamped first module", "the first module is clamped"),
     )
     for friction, base, words, held in cases:
@@ -127,3 +123,7 @@ def test_text_about_the_base_on_a_table() -> None:
         text = on_table({"table": found.as_dict()}, None)
         assert words in text["text"]
         assert held in dict(text["rows"])["Base"]
+    found = table_certificate(chain, motion, friction=0.2, base="free")
+    for wp, pitch_m, words in ((12, 0.05, "least 5"), (12, 0.1, "most 7"), (1e4, 0.1, "however")):
+        table = replace(found, torque=wp, pitch_m=pitch_m).as_dict()
+        assert words in on_table({"table": table}, None)["servos"]
