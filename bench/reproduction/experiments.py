@@ -167,11 +167,11 @@ STATEMENTS: Final = (
         quote="Each snapshot acts as a target to which we servo until the largest angle error is "
         "less than some given threshold.",
         published="the paper's rule, taken literally",
-        words="Taken literally, the paper's rule skips each snapshot that the chain is already close "
-        "to. Every hinge may then be 22° behind its target, and the chain cuts the corners of the "
-        "recorded motion. In the other experiments, each snapshot is the target for at least one "
-        "step. Here the motor gain is 10/s instead of 60/s, because at 60/s the first jump of 22° "
-        "throws the chain apart.",
+        words="Taken literally, the paper's rule skips each snapshot that the chain is already "
+        "close to. Every hinge may then be 22° behind its target, and the chain cuts the corners "
+        "of the recorded motion. In the other experiments, each snapshot is the target for at "
+        "least one step. Here the motor gain is 10/s instead of 60/s, because at 60/s the first "
+        "jump of 22° throws the chain apart.",
         by_size="If only the hinge errors decide when the chain goes on to the next snapshot "
         "(stored state of the explosion)",
     ),
