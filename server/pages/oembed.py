@@ -45,8 +45,8 @@ async def oembed(
 ) -> Response:
     """Describe the fold behind a link of this service.
 
-    Sites that may embed folds get a frame; all others get the name and a picture. The answer is 404
-    if the link leads elsewhere, and 501 for formats other than JSON, as oEmbed requires.
+    Sites that may embed folds get a frame; other sites get the name and a picture. The answer is
+    404 if the link leads elsewhere, and 501 for formats other than JSON, as oEmbed requires.
     """
     if wanted != "json":
         return Response("This address only returns JSON.", status_code=501, media_type="text/plain")
