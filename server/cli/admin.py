@@ -116,7 +116,8 @@ def expire(
     older: Annotated[
         float | None,
         typer.Option(
-            min=0, help=("Instead of ids: all folds that have not been used for this many days.")
+            min=0,
+            help="Instead of ids: delete all folds that have not been used for this many days.",
         ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
@@ -224,7 +225,7 @@ def restore(
     with _refusals():
         manifest = backup.restore(settings_of(data_dir=data_dir), directory, replace=replace)
     date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(manifest.created_at))
-    typer.echo(f"Restored the state of {date}: {len(manifest.files)} fold files.")
+    typer.echo(f"Restored the backup of {date}: {len(manifest.files)} fold files.")
 
 
 @admin.command()
