@@ -169,7 +169,7 @@ def unpin(ids: Ids, data_dir: DataDir = None) -> None:
 
 @admin.command()
 def damaged(data_dir: DataDir = None) -> None:
-    """List folds whose files are missing or changed; exits with 1 if there are any."""
+    """List folds whose files are missing or changed; exits with 1 if there are such folds."""
     with _tasks(data_dir) as tasks:
         rows = [(row.id, row.name, ", ".join(names)) for row, names in tasks.damaged()]
     if not rows:
@@ -199,7 +199,7 @@ def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
 
 @admin.command()
 def backup(directory: BackupDirectory, data_dir: DataDir = None) -> None:
-    """Back up databases and files to a new directory; the service may keep running."""
+    """Back up the database and files to a new directory; the service may keep running."""
     from server.admin.backup import back_up
 
     with _refusals():
@@ -234,7 +234,7 @@ def migrate(
         bool,
         typer.Option(
             "--check",
-            help="Only list the changes; exits with 3 if there are any, and with 0 if not.",
+            help="Only list the changes. Exits with 3 if there are changes, and with 0 if not.",
         ),
     ] = False,
     data_dir: DataDir = None,

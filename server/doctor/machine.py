@@ -99,7 +99,7 @@ def port(settings: Settings) -> CheckResult:
                 return ok(f"foldback is already running at {place}")
             return problem(
                 f"another program listens at {place}",
-                "Set FOLDBACK_PORT to a free port, or stop that program.",
+                "Set FOLDBACK_PORT to a free port, or stop the other program.",
             )
         return problem(
             f"cannot listen at {place} ({error.strerror})",
