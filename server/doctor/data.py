@@ -107,7 +107,7 @@ def _tables(url: str, connection: sa.Connection) -> CheckResult:
     found = f"{_shown(url)}, tables of version {schema.found}"
     if schema.newer:
         return problem(
-            f"{found}, from a newer foldback; this version supports up to {schema.head}",
+            f"{found}, from a newer foldback; this foldback supports versions up to {schema.head}",
             "Install the newer version again, or restore an older backup.",
         )
     if schema.found is None:

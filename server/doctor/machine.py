@@ -184,7 +184,7 @@ def names(settings: Settings) -> CheckResult:
             )
         return ok(", ".join(settings.allowed_hosts))
     if host in LOOPBACK or host.startswith("127."):
-        return ok(f"the service is at {host} and accepts only this machine's own names")
+        return ok(f"the service is at {host} and accepts only this machine's own host names")
     return warning(
         f"other machines can reach the service at {host}, and it accepts any host name",
         "Set FOLDBACK_ALLOWED_HOSTS to the service's host names, to prevent DNS rebinding.",
