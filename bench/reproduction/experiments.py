@@ -119,7 +119,7 @@ STATEMENTS: Final = (
         "In particular, we successfully folded a 64 module mallet, a 94 module wrench, and a 192 "
         "module mallet. Simulation times grow with chain length […].",
         published="three more sizes fold",
-        words="The paper names the first three shapes. We added the others.",
+        words="The paper names the first three shapes; we added the others.",
     ),
     Statement(
         id="shapes",
