@@ -43,7 +43,8 @@ def table(
     module_kg: Annotated[
         float | None,
         typer.Option(
-            help=("Mass of a module, kg. Default: that of a solid module with the plan's density.")
+            help="Mass of a module, kg. Default: the mass of a solid module with the plan's "
+            "density."
         ),
     ] = None,
     pitch_mm: Annotated[
