@@ -136,7 +136,7 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
             f"{100 * iou:.0f} %; use more modules."
         )
     if better:
-        notes.append("use fewer modules: the next smaller possible number keeps more of the shape.")
+        notes.append("use fewer modules; larger cells would match the shape better.")
     return notes
 
 
