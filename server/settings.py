@@ -245,7 +245,7 @@ class Settings(BaseSettings):
     max_followers: Count = 400
     """Maximum number of followers in all classes together."""
     max_followers_of_visitor: Count = 100
-    """Maximum number of followers that count as one visitor."""
+    """Maximum number of followers that share one visitor's address."""
     embed_origins: Names = ()
     """Sites that may embed folds, such as `https://…`, separated by commas; `*` allows all."""
     frames_per_answer: Count = 2000

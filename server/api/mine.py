@@ -88,7 +88,7 @@ def get_my_folds(
 
 @router.get("/previews", summary="List my previews", responses=problems(401, 429))
 def get_my_previews(context: Here, owner: ListingOwner) -> PreviewsMade:
-    """List the previews of uploads with this token, each with its latest options."""
+    """List the previews of files sent with this token, each with its latest options."""
     keep_s = context.settings.preview_keep_s
     return PreviewsMade(
         previews=[
