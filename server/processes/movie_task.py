@@ -86,11 +86,7 @@ def run_movie(
             case code:
                 raise ChildError(code, f"the movie could not be created: {result['reason']}")
     if not said:
-        raise ChildError(
-            "no-gl",
-            f"Drawing is switched off by the variable {GL_SETTING}; unset {GL_SETTING} on the "
-            "service's machine.",
-        )
+        raise ChildError("no-gl", f"Drawing is switched off by {GL_SETTING}; unset {GL_SETTING}.")
     raise ChildError("no-gl", f"{NO_GL}. Reason: {'; '.join(said)[:300]}.")
 
 
