@@ -43,7 +43,8 @@ class MovieOptions(Body):
     seconds: float | None = None
     """Length in seconds, at most 60 (GIF: 20)."""
     azimuth_deg: float | None = None
-    """Viewing direction at the end. Default: chosen from the shape."""
+    """Direction of the camera at the end: -90 is the front, 0 the right. Default: chosen from the
+    shape."""
     elevation_deg: float | None = None
     """Angle of the camera above the ground."""
     turn_deg: float | None = None
