@@ -115,7 +115,7 @@ class FoldRequest(PathOptions):
         noun="module size",
         help="Edge length of a module in the clearance check, in pitches. One pitch is the "
         "distance between the centres of two neighbouring modules. Default: 0.95; when a "
-        "plan is smoothed, that of the plan.",
+        "plan is smoothed, the module size of that plan.",
         range=MODULE_SIZE_RANGE,
         unit="times the pitch",
     )
