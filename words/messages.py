@@ -86,6 +86,7 @@ VERDICT_PHRASES: Final = (
         re.compile(r"\bthe times of the (.+?) run backwards\b"),
         r"in the \1, a frame has an earlier time than the frame before it",
     ),
+    (re.compile(r"(?<=\)), the torque limit\. Try\b"), ", which is the torque limit. Try"),
     (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
     (
         re.compile(
@@ -211,7 +212,7 @@ ASSUMPTION_PHRASES: Final = (
     ),
 )
 """Parts of a table certificate's assumptions, and the words that replace them for people. Plans
-of earlier versions store the assumptions with these parts."""
+store the assumptions, so these keep their text."""
 
 
 def verdict_for_people(verdict: str) -> str:

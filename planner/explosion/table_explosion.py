@@ -217,6 +217,6 @@ class TableRules:
         return End(
             "stalled",
             f"the chain is stuck with modules 0 to {window.first + 1} still folded: "
-            f"{refusal.reason}, which is the torque limit. Try another path, or stronger motors.",
+            f"{refusal.reason}, the torque limit. Try another path, or stronger motors.",
             Spent("refusals", limits.refusals, ceil(self.guard.refused)),
         )
