@@ -246,7 +246,7 @@ def test_budget_of_table_fold_that_was_not_used_up_is_refuted() -> None:
     chain, record, parameters, data = on_table(Spent("refusals", 8, 9))
     assert record.table is not None
     weak = replace(record, table=replace(record.table, bound=2.0))
-    assert any("the torque limit 8" in each for each in differences((chain, weak, parameters, data)))
+    assert any("torque limit 8" in each for each in differences((chain, weak, parameters, data)))
 
 
 def test_record_of_earlier_version_is_checked_by_its_limits() -> None:
