@@ -113,7 +113,7 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
         yield "closings: got a corner near the chain, expected all corners far outside the chain"
     for start, end in zip(corners[:-1], corners[1:], strict=True):
         if _distances(middle[None], start, end)[0] < radius:
-            yield "closings: got a line that passes through the chain, expected lines around it"
+            yield "closings: got a line through the chain, expected lines around the chain"
     if several:
         return
     for end, corner in ((0, corners[-1]), (len(positions) - 1, corners[0])):
