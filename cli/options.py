@@ -32,9 +32,9 @@ Settings = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="A setting, such as mass_error=0.05; repeatable. Some need an option: damping=0.05 "
-        "needs --preset paper, table_friction=0.1 needs --world table. `foldback settings` lists "
-        "all settings.",
+        help="A setting, such as mass_error=0.05; repeatable. Some settings need an option: "
+        "damping=0.05 needs --preset paper, table_friction=0.1 needs --world table. "
+        "`foldback settings` lists all settings.",
     ),
 ]
 Robot = Annotated[

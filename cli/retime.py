@@ -65,7 +65,10 @@ def retime(
     ] = False,
     motor_torque: Annotated[
         float | None,
-        typer.Option(help="Motor torque, N·m. If it is given, the motors are checked against it."),
+        typer.Option(
+            help="Motor torque, N·m. If it is given, foldback checks whether the motors are strong "
+            "enough."
+        ),
     ] = None,
     table: Annotated[
         Path | None, typer.Option(help="Output file for the torques of all joints, .csv.")

@@ -207,7 +207,7 @@ def _show(
     suitable: dict[str, list[str]],
 ) -> None:
     fits = sizing.fits
-    share = f"continuous torque {sizing.share:.2g} × stall torque"
+    share = f"continuous torque = {sizing.share:.2g} × stall torque"
     title = f"Pitch {1e3 * sizing.pitch_m:g} mm, {sizing.casing.about}, {share}"
     console = Console(highlight=False)
     timed = any(row["least_s"] is not None for row in rows)

@@ -27,7 +27,7 @@ from words.smoothing import smoothing_note, smoothing_rows
     "module_size",
     lines={
         "module_size": "Module size in the clearance check, as a fraction of the pitch. Default: "
-        "the plan's."
+        "the plan's module size."
     },
 )
 def smooth(
@@ -44,8 +44,8 @@ def smooth(
         if out.samefile(fold):
             raise InputError(
                 "smooth-in-place",
-                f"got {out} for the smoothed plan, expected another directory; this one holds the "
-                "original plan.",
+                f"got {out} for the smoothed plan, expected another directory; this directory "
+                "holds the original plan.",
             )
         request = FoldRequest.smoothing(plan, seed=request.seed, module_size=request.module_size)
         Workspace(out).write_request(request, write_chain(plan.chain), recorded=plan)

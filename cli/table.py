@@ -43,7 +43,8 @@ def table(
     module_kg: Annotated[
         float | None,
         typer.Option(
-            help=("Mass of a module, kg. Default: that of a solid module with the plan's density.")
+            help="Mass of a module, kg. Default: the mass of a solid module with the plan's "
+            "density."
         ),
     ] = None,
     pitch_mm: Annotated[
@@ -142,7 +143,7 @@ def _show(found: TableCertificate, written: Path) -> None:
         "Base",
         "the first module is clamped to the table"
         if found.base == "clamped"
-        else ("the chain is free on the table"),
+        else "the chain lies on the table and is not clamped",
     )
     few = [len(each) for each in found.standing]
     facts.add_row("Modules that touch the table", f"{min(few)} to {max(few)} of {found.modules}")

@@ -26,7 +26,7 @@ from words.tour import draft_tour
 def tour(
     directory: FoldDirectory,
     out: Annotated[
-        Path | None, typer.Option(help="File to write the tour to, as foldback-tour/1.")
+        Path | None, typer.Option(help="Output file for the tour, in the format foldback-tour/1.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:

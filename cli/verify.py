@@ -27,7 +27,8 @@ from words.messages import verdict_for_people
 from words.quantities import module_widths
 
 MODULE_SIZE_HELP = (
-    "Module size in the clearance check, as a fraction of the pitch. Default: the plan's."
+    "Module size in the clearance check, as a fraction of the pitch. "
+    "Default: the plan's module size."
 )
 
 

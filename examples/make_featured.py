@@ -1,4 +1,4 @@
-"""Make the recording that plays on the first page: web/featured.batch.
+"""Make the recording that plays on the landing page: web/featured.batch.
 
 python examples/make_featured.py
 """

@@ -28,9 +28,10 @@ MAX_NAMED_SERVOS: Final = 8
 """Maximum number of servos with sufficient torque that a fold's page lists, lightest first. A
 larger value makes the list longer. Chosen."""
 NEAR_PITCH_FACTOR: Final = 1.1
-"""Factor on the smallest module pitch for which a servo is strong enough. If none suits the
-requested pitch, a fold's page lists the servos for pitches up to the product; a larger value lists
-more of them. Chosen."""
+"""Ratio between the smallest module pitch, above the requested one, for which a servo is suitable
+and the largest pitch whose servos a fold's page lists too, if none suits the requested pitch; also
+between the largest suitable pitch and smaller ones if all are below the requested one. A larger
+value lists more servos. Chosen."""
 ON_TABLE_PITCH: Final = 1e-3
 """Distance of a module's corner from the table top, above or below, within which a page says that
 it lies on the table, in pitches. A smaller value displays rounding errors as gaps. Chosen."""
@@ -147,7 +148,7 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
     return [
         (
             "Margin for the module size",
-            f"modules may be up to {rounded_down(size['value'])} of their full width; "
+            f"each module may fill up to {rounded_down(size['value'])} of its cell's width; "
             f"{_limit(size)}",
         ),
         (
@@ -253,16 +254,14 @@ def _base(table: TableCertificate) -> str:
         return "the first module is clamped to the table"
     if table.friction == 0.0:
         return (
-            "free on the table (in the simulation, the first module is fixed, because "
+            "not clamped (in the simulation, the first module is fixed, because "
             "without friction the chain would slide)"
         )
-    return (
-        "free on the table; the chain may drift, so position errors are measured for its shape only"
-    )
+    return "not clamped; the chain may drift, and position errors do not include this drift"
 
 
 def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
-    """Return the suitable servos in words and by name; if none, those for larger modules."""
+    """Return the suitable servos in words and by name; if none, those for another width."""
     torque, casing = table.torque or 0.0, CASINGS["pla"]
     modules = f"PLA modules that are {length_m(table.pitch_m)} wide"
     fits = find_suitable_servos(torque, pitch_m=table.pitch_m, casing=casing)
@@ -278,18 +277,24 @@ def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
     ranges = [
         (suitable_pitches(s, torque, casing), s) for s in servos() if s.turns_enough is not False
     ]
-    larger = sorted(
-        ((found.least_m, servo) for found, servo in ranges if not found.empty),
-        key=lambda one: (one[0], one[1].name),
+    possible = sorted(
+        ((found, servo) for found, servo in ranges if not found.empty), key=lambda one: one[1].name
     )
-    if not larger or larger[0][0] <= table.pitch_m:
+    if not possible:
         return "No servo in our list suits PLA modules, however wide they are.", []
-    least = length_m(larger[0][0])
-    text = (
-        f"No servo in our list suits {modules}. "
-        f"If the modules are at least {least} wide, but not much wider, these servos suit them:"
-    )
-    return text, [servo for pitch_m, servo in larger if pitch_m <= NEAR_PITCH_FACTOR * larger[0][0]]
+    wider = [(found.least_m, servo) for found, servo in possible if found.least_m > table.pitch_m]
+    if wider:
+        least = min(pitch_m for pitch_m, _ in wider)
+        none, other = modules, f"at least {length_m(least)} wide, but not much wider"
+        near = [one for one in wider if one[0] <= NEAR_PITCH_FACTOR * least]
+    else:
+        most = max(found.most_m for found, _ in possible)
+        none, other = f"{modules} or wider", f"at most {length_m(most)} wide, but not much narrower"
+        limits = [(most / found.most_m, servo) for found, servo in possible]
+        near = [one for one in limits if one[0] <= NEAR_PITCH_FACTOR]
+    suit = "this servo suits" if len(near) == 1 else "these servos suit"
+    text = f"No servo in our list suits {none}. If the modules are {other}, {suit} them:"
+    return text, [servo for _, servo in sorted(near, key=lambda one: one[0])]
 
 
 def _torque_of(table: dict[str, Any] | None) -> str | None:
@@ -311,7 +316,8 @@ def _friction(table: TableCertificate) -> str:
     """Return the friction and the base that a torque assumes, in words."""
     if table.friction == 0.0:
         return "without friction"
-    return f"with friction μ = {table.friction:g} and a {table.base} base"
+    clamp = "a clamped first module" if table.base == "clamped" else "no clamped module"
+    return f"with friction μ = {table.friction:g} and {clamp}"
 
 
 def _rounded_up(value: float) -> float:

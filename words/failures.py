@@ -35,7 +35,7 @@ FAILURE_HEADINGS: Final = {
     "snapshots": "Stalled: too many recorded frames",
     "refusals": "Stalled: torque limit reached",
     "motion": "Stalled: nothing moved any more",
-    "buried": "Stalled: the modules to be unfolded next were enclosed by others",
+    "buried": "Stalled: the modules to be unfolded next were enclosed by other modules",
     "contacts": "Stalled: too many modules pressed against each other",
     "joints": "Stalled: some joints could not turn",
     "broken": "The simulation failed",

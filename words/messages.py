@@ -27,7 +27,7 @@ MESSAGES: Final = (
     (re.compile(r"got an empty file\b.*"), "This file is empty."),
     (
         re.compile(r"got 0 angles, expected (?:at least \d+|\d+ angles? for each joint)\b.*"),
-        "Type at least one of 0 (straight), + and − (bent).",
+        "Type at least one 0 (straight), + or − (bent).",
     ),
     (
         re.compile(
@@ -143,8 +143,8 @@ VERDICT_PHRASES: Final = (
     ),
     (
         re.compile(r"\bthe playbacks of other robots do not have the plan's frames\b"),
-        "the playbacks of the other simulated robots do not have one finite joint angle for each "
-        "angle of the plan",
+        "the playbacks of the other simulated robots do not match the plan, or contain infinite or "
+        "undefined joint angles",
     ),
     (re.compile(r"\bthe playback of another robot\b"), "the playback of another simulated robot"),
     (
@@ -165,8 +165,12 @@ VERDICT_PHRASES: Final = (
     (re.compile(r"\b(\d+) pairs more\b"), r"\1 more pairs"),
     (re.compile(r"(?<= \()frictionless(?=\))"), "without friction"),
     (
-        re.compile(r"(?<= \()friction ([\d.]+), (free|clamped) base(?=\))"),
-        r"with friction μ = \1 and a \2 base",
+        re.compile(r"(?<= \()friction ([\d.]+), free base(?=\))"),
+        r"with friction μ = \1 and no clamped module",
+    ),
+    (
+        re.compile(r"(?<= \()friction ([\d.]+), clamped base(?=\))"),
+        r"with friction μ = \1 and a clamped first module",
     ),
     (re.compile(r"\(module weight × pitch\)"), "(module weight × module width)"),
     (
@@ -194,6 +198,7 @@ ASSUMPTION_PHRASES: Final = (
         "The parts of linked cubes that would touch are treated as cut away.",
     ),
     ("any moment across their hinges", "any moment perpendicular to their hinge axes"),
+    ("The chain lies free on the table.", "The chain lies on the table and is not clamped."),
     (
         "It drifts so that friction does the least work, computed with the contact forces of a "
         "table without friction.",

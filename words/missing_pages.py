@@ -17,5 +17,5 @@ NO_FOLD: Final = Missing("Fold not found", GONE)
 NO_PAIR: Final = Missing("One of these folds was not found", GONE)
 NO_PREVIEW: Final = Missing(
     "This preview has expired",
-    "Previews are stored for a limited time. Upload the file again to get a new one.",
+    "Previews are stored for a limited time. Upload the file again to get a new preview.",
 )

@@ -133,7 +133,7 @@ class _Fold:
             ("Verdict", sentence(reason_for_people(verdict, self.summary))),
             *certificate_words.main_rows(self.certificate),
             ("Modules", row.modules or None),
-            ("Module width", length_m(self.chain.get("pitch_m"))),
+            ("Module width (1 pitch)", length_m(self.chain.get("pitch_m"))),
             ("Method", STRATEGY_LABELS.get(str(self.explosion.get("strategy")))),
             ("Preset", PRESET_LABELS.get(row.preset, row.preset)),
             (

@@ -25,8 +25,8 @@ after its smoothing."""
 SMOOTHING_NOTES: Final = {
     SOFTENED: "The motion was smoothed only a little: more smoothing would have left too little "
     "clearance.",
-    RECORDED: "Only the timing of the motion is new: any shorter path would have left too little "
-    "clearance.",
+    RECORDED: "Only the timing of the motion is new: the shorter paths that were tried leave too "
+    "little clearance.",
 }
 
 

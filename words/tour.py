@@ -77,8 +77,8 @@ def _contact(moments: Moments) -> Stop | None:
     near = LINKS[CONTACT_LINKS - 1]
     text = (
         f"{sentence(_modules(met.modules))} are the first to come closer to each other than a "
-        f"tenth of a module width. This does not count modules up to {near} links apart in the "
-        "chain."
+        f"tenth of a module width. Modules at most {near} places apart in the chain are not "
+        "counted."
     )
     return _meeting(text, met)
 

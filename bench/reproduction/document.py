@@ -14,14 +14,14 @@ INTRODUCTION: Final = """\
 # The paper's experiments, run again
 
 *Folding Arbitrary 3D Shapes with Space Filling Chain Robots: Reverse Explosion Approach to Folding
-Sequence Design* describes about a dozen folds. We ran them again, some of them with two settings,
-and most with `--preset paper`: the published method with the published numbers. This page compares
-the results with the paper. *Verified (simulated)* means that the fold was simulated with contacts,
-and that a clearance between modules that are not linked was proved.
+Sequence Design* describes about a dozen folds. We ran these folds again, some of them with two
+settings, and most with `--preset paper`: the published method with the published numbers. This page
+compares our results with those of the paper. *Verified (simulated)* means that the fold was
+simulated with contacts, and that a clearance between all modules that are not linked was proved.
 
-`make reproduction` runs the experiments that have no results yet. Then it writes this page and the
-page `/paper`, which plays the films of all experiments. Red shows joint error; orange marks the
-modules at which a fold fails.
+`make reproduction` runs the experiments that have no results yet, and then writes this page and the
+page `/paper`, which plays the films of all experiments. In the pictures, red shows joint error, and
+orange marks the modules at which a fold fails.
 """
 
 
@@ -43,7 +43,8 @@ def document(page: dict[str, Any]) -> str:
         "## Values and their sources",
         "This table lists the numbers of `--preset paper`. Each number can be set by name, as in "
         "`--set damping=0.05 --set radial_gain=0.2`; "
-        "[decisions/0002](decisions/0002-published-preset.md) describes how they were found.",
+        "[decision 0002](decisions/0002-published-preset.md) describes how these numbers were "
+        "found.",
         _table(
             ["Parameter", "Name", "Value", "From", "Meaning"],
             [

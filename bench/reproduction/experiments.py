@@ -119,7 +119,7 @@ STATEMENTS: Final = (
         "In particular, we successfully folded a 64 module mallet, a 94 module wrench, and a 192 "
         "module mallet. Simulation times grow with chain length […].",
         published="three more sizes fold",
-        words="The paper names the first three shapes. We added the others.",
+        words="The paper names the first three shapes; we added the others.",
     ),
     Statement(
         id="shapes",
@@ -153,12 +153,12 @@ STATEMENTS: Final = (
         published="all tangle",
         words="Except in the last fold, there is no explosion, only a playback: all hinges "
         "turn at once from straight to folded, with the same motors and contacts as in the other "
-        "folds. In long chains, motors without a force limit push modules through each "
-        "other. Motors with a limit, such as those of ODE (the paper's physics engine), stop where "
-        "modules meet, and the chain stays tangled. The last fold uses the published method and "
-        "motors with a limit. Orange marks the two modules that overlap most. The overlap is the "
-        "shortest distance by which the modules have to move apart. If one module is twisted "
-        "against the other, this distance can exceed a module width.",
+        "experiments. In long chains, motors without a force limit push modules through each "
+        "other. Motors with a force limit, such as those of ODE (the paper's physics engine), stop "
+        "where modules meet, and the chain stays tangled. The last fold uses the published method "
+        "and motors with such a limit. Orange marks the two modules that overlap most. The overlap "
+        "is the shortest distance by which the modules have to move apart. If one module is "
+        "twisted against the other, this distance can exceed a module width.",
     ),
     Statement(
         id="threshold",
@@ -166,12 +166,12 @@ STATEMENTS: Final = (
         where="Section 3, Figure 2",
         quote="Each snapshot acts as a target to which we servo until the largest angle error is "
         "less than some given threshold.",
-        published="its rule, taken literally",
-        words="Taken literally, the rule skips each snapshot that the chain is already close to. "
-        "Every hinge may then be 22° behind its target, and the chain cuts the corners of the "
-        "recorded motion. In the other experiments, each snapshot is the target for at least one "
-        "step. Here the motor gain is 10/s instead of 60/s, because at 60/s the first jump of 22° "
-        "throws the chain apart.",
+        published="the paper's rule, taken literally",
+        words="Taken literally, the paper's rule skips each snapshot that the chain is already "
+        "close to. Every hinge may then be 22° behind its target, and the chain cuts the corners "
+        "of the recorded motion. In the other experiments, each snapshot is the target for at "
+        "least one step. Here the motor gain is 10/s instead of 60/s, because at 60/s the first "
+        "jump of 22° throws the chain apart.",
         by_size="If only the hinge errors decide when the chain goes on to the next snapshot "
         "(stored state of the explosion)",
     ),

@@ -69,8 +69,9 @@ GENERAL_DIFFERENCES: Final = (
     "The paper's simulations ran on the Open Dynamics Engine; ours run on MuJoCo. Contacts, "
     "friction, stops and motors are modelled differently.",
     "We had neither the paper's program nor its recordings or video. Where the paper states no "
-    "value, we chose one with which its folds work. The table above marks these values.",
-    "The paper states no wall times, clearances or joint errors, so we cannot compare these.",
+    "value, we chose one with which the paper's folds work. The table above marks the values that "
+    "we chose.",
+    "The paper states no wall times, clearances or joint errors, so ours cannot be compared.",
 )
 """General differences from the paper."""
 
@@ -241,9 +242,9 @@ def _lead(runs: Mapping[str, Run]) -> str:
         else ""
     )
     return (
-        f"{published} Here the same chain folds in {whole(steps)} steps: "
-        f"{whole(run.explosion.steps)} to explode, {whole(run.playback.steps)} to fold. At the "
-        "end, the modules are "
+        f"{published} Here the same chain takes {whole(steps)} steps: "
+        f"{whole(run.explosion.steps)} for the explosion, {whole(run.playback.steps)} for the "
+        "fold. At the end, the modules are "
         f"{'less than ' if run.rms < MIN_SHOWN_ERROR_PITCH else ''}"
         f"{figure(max(run.rms, MIN_SHOWN_ERROR_PITCH))} pitch from their targets "
         "(root mean square); a pitch is the distance between the centres of two linked modules."

@@ -1,1 +1,1 @@
-"""Clearance: lower bounds of distances between modules, at one time and over a whole motion."""
+"""Clearance: lower bounds of distances between modules, at one moment or over a whole motion."""

@@ -1,1 +1,1 @@
-"""Motion: joint angles over time, of all hinges or a moving window, and a timeline on disk."""
+"""Motion: the joint angles of all hinges, or of a moving window, over time; timelines on disk."""

@@ -114,8 +114,8 @@ class FoldRequest(PathOptions):
         title="Module size in the clearance check, as a fraction of the pitch",
         noun="module size",
         help="Edge length of a module in the clearance check, in pitches. One pitch is the "
-        "distance between the centres of two neighbouring modules. Default: 0.95; for a "
-        "smoothed plan, the module size of the original plan.",
+        "distance between the centres of two neighbouring modules. Default: 0.95; when a "
+        "plan is smoothed, the module size of that plan.",
         range=MODULE_SIZE_RANGE,
         unit="times the pitch",
     )

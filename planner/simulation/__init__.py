@@ -1,1 +1,1 @@
-"""Simulation: dynamics of chains by articulated bodies and by MuJoCo, and of robots."""
+"""Simulation: the dynamics of chains, with articulated bodies or with MuJoCo, and of robots."""

@@ -1,1 +1,1 @@
-"""Statics on a floor: the smallest hinge torques of a chain that stands on it."""
+"""Statics on a floor: the smallest hinge torques with which a chain can stand on it."""

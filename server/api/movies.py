@@ -43,7 +43,8 @@ class MovieOptions(Body):
     seconds: float | None = None
     """Length in seconds, at most 60 (GIF: 20)."""
     azimuth_deg: float | None = None
-    """Viewing direction at the end. Default: chosen from the shape."""
+    """Direction of the camera at the end: -90 is the front, 0 the right. Default: chosen from the
+    shape."""
     elevation_deg: float | None = None
     """Angle of the camera above the ground."""
     turn_deg: float | None = None
@@ -169,7 +170,10 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     responses=problems(403, 404),
 )
 def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwner) -> Response:
-    """Cancel or delete a movie, with the token of its request or the fold's owner token."""
+    """Cancel or delete a movie.
+
+    Send the token with which the movie was requested, or the owner token of the fold.
+    """
     context.store.fold(fold_id)
     row = context.movies.state(fold_id, movie_id)
     if owner is None or not (owner.owns(row.token_hash) or context.store.owns(fold_id, owner)):

@@ -116,7 +116,8 @@ def expire(
     older: Annotated[
         float | None,
         typer.Option(
-            min=0, help=("Instead of ids: all folds that have not been used for this many days.")
+            min=0,
+            help="Instead of ids: delete all folds that have not been used for this many days.",
         ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help="Do not ask for confirmation.")] = False,
@@ -168,7 +169,7 @@ def unpin(ids: Ids, data_dir: DataDir = None) -> None:
 
 @admin.command()
 def damaged(data_dir: DataDir = None) -> None:
-    """List folds whose files are missing or changed; exits with 1 if there are any."""
+    """List folds whose files are missing or changed; exits with 1 if there are such folds."""
     with _tasks(data_dir) as tasks:
         rows = [(row.id, row.name, ", ".join(names)) for row, names in tasks.damaged()]
     if not rows:
@@ -198,7 +199,7 @@ def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
 
 @admin.command()
 def backup(directory: BackupDirectory, data_dir: DataDir = None) -> None:
-    """Back up databases and files to a new directory; the service may keep running."""
+    """Back up the database and files to a new directory; the service may keep running."""
     from server.admin.backup import back_up
 
     with _refusals():
@@ -224,7 +225,7 @@ def restore(
     with _refusals():
         manifest = backup.restore(settings_of(data_dir=data_dir), directory, replace=replace)
     date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(manifest.created_at))
-    typer.echo(f"Restored the state of {date}: {len(manifest.files)} fold files.")
+    typer.echo(f"Restored the backup of {date}: {len(manifest.files)} fold files.")
 
 
 @admin.command()
@@ -233,7 +234,7 @@ def migrate(
         bool,
         typer.Option(
             "--check",
-            help="Only list the changes; exits with 3 if there are any, and with 0 if not.",
+            help="Only list the changes. Exits with 3 if there are changes, and with 0 if not.",
         ),
     ] = False,
     data_dir: DataDir = None,

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from typer._click import Command, Context
 
 COMMANDS: Final = {
-    "serve": "Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …).",
-    "worker": "Compute folds for a service, using the same data directory or database.",
+    "serve": "Start the service. Environment variables such as FOLDBACK_PORT configure it.",
+    "worker": "Compute folds for a service, using the service's data directory or database.",
     "fold": "Plan how a chain folds into a shape, and verify the plan.",
     "refold": "Unfold a folded chain and fold it into another shape.",
     "settings": "List the settings for `fold --set NAME=VALUE`.",

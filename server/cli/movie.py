@@ -36,7 +36,8 @@ MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
     "azimuth_deg": (
         "--azimuth",
         float,
-        "Viewing direction in degrees. Default: chosen from the shape.",
+        "Direction of the camera at the end, degrees: -90 is the front, 0 the right. "
+        "Default: chosen from the shape.",
     ),
     "elevation_deg": ("--elevation", float, "Camera angle above the ground, degrees."),
     "turn_deg": ("--turn", float, "Angle through which the camera circles, degrees."),
@@ -45,7 +46,7 @@ MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
     "last_frame": (
         "--to",
         int,
-        "Last frame. If it is before the first one, the movie plays backwards.",
+        "Last frame. If it is before the first frame, the movie plays backwards.",
     ),
 }
 """Options of a movie on the command line: flag, type and help, by the field of ``Movie``."""
@@ -131,7 +132,7 @@ def _timeline_of(directory: Path) -> Path:
     if not timeline.is_dir():
         raise InputError(
             "no-directory",
-            "no timeline was found there; expected a folder that `foldback fold` wrote.",
+            "found no timeline at this path; expected a folder that `foldback fold` wrote.",
             where=str(directory),
         )
     return timeline

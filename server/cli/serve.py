@@ -39,7 +39,7 @@ def serve(
         typer.Option(help="Gallery shape to fold at start, unless it has been folded already."),
     ] = None,
 ) -> None:
-    """Start the service (FOLDBACK_HOST, FOLDBACK_PORT, FOLDBACK_DATA_DIR, …)."""
+    """Start the service. Environment variables such as FOLDBACK_PORT configure it."""
     keep_secrets()
     forbid_compiling()
     settings = settings_of(host=host, port=port, data_dir=data_dir, workers=workers)

@@ -109,8 +109,8 @@ def _folds_in(directory: Path) -> list[Path]:
     inside = sorted(directory.iterdir()) if directory.is_dir() else []
     if not (folds := [each for each in inside if result_path(each, TIMELINE).exists()]):
         detail = (
-            "no fold was found there; expected a folder that `foldback fold` wrote, or a folder "
-            "with several of these."
+            "found no fold at this path; expected a folder that `foldback fold` wrote, or a "
+            "folder with several such folders."
         )
         raise InputError("no-fold", detail, where=str(directory))
     return folds

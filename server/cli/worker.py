@@ -14,7 +14,7 @@ from server.processes.limits import keep_secrets
 def worker(
     data_dir: Annotated[Path | None, typer.Option(help="Data directory of the service.")] = None,
 ) -> None:
-    """Compute folds for a service, using the same data directory or database."""
+    """Compute folds for a service, using the service's data directory or database."""
     from server.jobs.worker import work
 
     keep_secrets()

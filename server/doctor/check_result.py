@@ -58,6 +58,6 @@ def examine(checks: Sequence[tuple[str, Check]], settings: Settings) -> list[Che
             finding = check(settings)
         except Exception as error:
             words = f"the check itself failed ({type(error).__name__}: {error})"
-            finding = problem(words, "Please report this.")
+            finding = problem(words, "Please report this error.")
         found.append(replace(finding, name=name))
     return found

@@ -42,7 +42,8 @@ def confinement(settings: Settings) -> CheckResult:
         )
     else:
         return ok(
-            "isolated from other programs' files, signals and sockets by Landlock and seccomp"
+            "Landlock and seccomp isolate processes that read uploads from the files, signals and "
+            "sockets of other programs"
         )
     return warning(
         found,

@@ -107,7 +107,7 @@ def _tables(url: str, connection: sa.Connection) -> CheckResult:
     found = f"{_shown(url)}, tables of version {schema.found}"
     if schema.newer:
         return problem(
-            f"{found}, from a newer foldback; this version supports up to {schema.head}",
+            f"{found}, from a newer foldback; this foldback supports versions up to {schema.head}",
             "Install the newer version again, or restore an older backup.",
         )
     if schema.found is None:
@@ -119,8 +119,8 @@ def _tables(url: str, connection: sa.Connection) -> CheckResult:
         )
     if ahead_s > MAX_CLOCK_DIFFERENCE_S:
         return warning(
-            f"{found}; its clock and this machine's are {ahead_s:.0f} s apart",
-            "Synchronise both clocks with NTP.",
+            f"{found}; its times and this machine's clock are {ahead_s:.0f} s apart",
+            "Set this machine's clock and the database's clock with NTP.",
         )
     return ok(found)
 

@@ -50,7 +50,7 @@ def gl(_: Settings) -> CheckResult:
             return ok(f"{backend} can draw without a screen")
         said.append(f"{backend}: {words}")
     return warning(
-        f"no movies: {'; '.join(said) or f'drawing is switched off by {GL_SETTING}'}",
+        f"movies cannot be made: {'; '.join(said) or f'drawing is switched off by {GL_SETTING}'}",
         f"{NO_GL[0].upper()}{NO_GL[1:]}." if tried else f"Unset {GL_SETTING}.",
     )
 

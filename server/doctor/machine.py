@@ -57,13 +57,13 @@ def python(_: Settings) -> CheckResult:
             wrong.append(f"{needed.name} is missing")
             continue
         if not needed.specifier.contains(found, prereleases=True):
-            wrong.append(f"{needed.name} is {found}, expected {needed.specifier}")
+            wrong.append(f"{needed.name} has version {found}, expected {needed.specifier}")
     here = f"Python {platform.python_version()}, foldback {version('foldback')}"
     if sys.version_info < MIN_PYTHON:
         return problem(here, "Install Python 3.11 or newer.")
     if wrong:
         return problem(
-            f"{here}; {'; '.join(wrong)}", "Reinstall foldback into an environment of its own."
+            f"{here}; {'; '.join(wrong)}", "Reinstall foldback into its own virtual environment."
         )
     where = Path(str(distribution("foldback").locate_file(""))).resolve()
     return ok(f"{here} in {where}; {count} packages have the right versions")
@@ -99,7 +99,7 @@ def port(settings: Settings) -> CheckResult:
                 return ok(f"foldback is already running at {place}")
             return problem(
                 f"another program listens at {place}",
-                "Set FOLDBACK_PORT to a free port, or stop that program.",
+                "Set FOLDBACK_PORT to a free port, or stop the other program.",
             )
         return problem(
             f"cannot listen at {place} ({error.strerror})",
@@ -129,7 +129,8 @@ def files(settings: Settings) -> CheckResult:
         return ok("there is no limit" if unlimited else f"the limit is {soft}")
     judged = problem if soft < OTHER_OPEN_FILES else warning
     return judged(
-        f"the limit is {soft} and can be raised to {_count(hard)}, but up to {needed} are needed",
+        f"the limit is {soft} and can be raised to {_count(hard)}, but up to {needed} "
+        "files are needed",
         f"Raise the limit: `ulimit -n {max(needed, 4096)}`, or LimitNOFILE= in a systemd unit.",
     )
 
@@ -145,14 +146,14 @@ def memory(settings: Settings) -> CheckResult:
     besides = WEB_PROCESS_BYTES + INTERACTIVE_CHILDREN * WEB_CHILD_BYTES
     needed = folds * settings.child_memory_bytes + besides
     found = (
-        f"{_mib(there)} for {folds} simultaneous folds of up to "
+        f"this machine has {_mib(there)}; {folds} simultaneous folds need up to "
         f"{_mib(settings.child_memory_bytes)} each"
     )
     if there >= needed:
         return ok(found)
     return warning(
-        f"{found}, plus {_mib(besides)} for web pages and for {INTERACTIVE_CHILDREN} processes "
-        "that read uploads, prepare previews, compute trajectories and draw pictures",
+        f"{found}; web pages and {INTERACTIVE_CHILDREN} processes that read uploads, prepare "
+        f"previews, compute trajectories and draw pictures need {_mib(besides)} more",
         "Lower FOLDBACK_CHILD_MEMORY_BYTES, FOLDBACK_WORKERS or FOLDBACK_FOLDS_PER_WORKER.",
     )
 
@@ -183,7 +184,7 @@ def names(settings: Settings) -> CheckResult:
             )
         return ok(", ".join(settings.allowed_hosts))
     if host in LOOPBACK or host.startswith("127."):
-        return ok(f"the service is at {host} and accepts only this machine's own names")
+        return ok(f"the service is at {host} and accepts only this machine's own host names")
     return warning(
         f"other machines can reach the service at {host}, and it accepts any host name",
         "Set FOLDBACK_ALLOWED_HOSTS to the service's host names, to prevent DNS rebinding.",
@@ -200,7 +201,8 @@ def clock(settings: Settings) -> CheckResult:
     shown = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(now))
     if now < past - 60.0:
         return warning(
-            f"the clock shows {shown}, but some files were written {_hours(past - now)} later",
+            f"the clock shows {shown}, but some files have times that are "
+            f"{_hours(past - now)} later",
             "Set the clock and synchronise it with NTP; the clock decides when folds expire.",
         )
     return ok(shown)

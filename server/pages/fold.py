@@ -75,7 +75,7 @@ def _asked_view(request: Request) -> str:
 
 @router.get("/folds/{fold_id}/facts")
 async def facts_of_fold(request: Request, fold_id: str) -> Response:
-    """Return the page's texts about the fold, for a page that is open when the fold ends."""
+    """Return the texts about a fold that an open page shows when the fold ends."""
 
     def answer() -> Response:
         found = find_now(request, fold_id)

@@ -34,7 +34,7 @@ FEATURED_SHAPE: Final = "wrench-160"
 
 @router.get("/", response_class=HTMLResponse, dependencies=[Depends(in_list_rate)])
 async def landing(request: Request) -> Response:
-    """Return the first page."""
+    """Return the landing page."""
     context = context_of(request)
     featured = await asyncio.to_thread(_featured, context.store)
     still = await asyncio.to_thread(drawing_of, context.gallery, FEATURED_SHAPE, 480)
@@ -54,20 +54,20 @@ async def landing(request: Request) -> Response:
 
 @router.get("/featured/bundle")
 async def featured_bundle(request: Request) -> Response:
-    """Return the metadata of the chain on the first page."""
+    """Return the metadata of the chain on the landing page."""
     gallery = context_of(request).gallery
     return revalidated(request, await asyncio.to_thread(_bundle, gallery), BINARY_MEDIA_TYPE)
 
 
 @router.get("/featured/picture.png")
 async def featured_picture() -> Response:
-    """Return the picture that chat programs show beside a link to the first page."""
+    """Return the picture that chat programs show beside a link to the landing page."""
     return picture_answer(shipped_pictures()["featured.png"], listed=True)
 
 
 @router.get("/featured/batch")
 async def featured_batch(request: Request) -> Response:
-    """Return the recorded fold of the first page (see ``examples/make_featured.py``)."""
+    """Return the recorded fold of the landing page (see ``examples/make_featured.py``)."""
     return revalidated(request, await asyncio.to_thread(_recorded), BINARY_MEDIA_TYPE)
 
 
@@ -77,7 +77,7 @@ def _recorded() -> bytes:
 
 
 def warm_up(gallery: Gallery) -> None:
-    """Draw the shape of the first page and load templates, so that first requests are fast."""
+    """Draw the shape of the landing page and load templates, so that first requests are fast."""
     bundle_of(_featured_chain(gallery))
     drawing_of(gallery, FEATURED_SHAPE, 480)
     for name in ("landing.html", "fold.html", "gallery.html"):

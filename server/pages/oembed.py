@@ -45,11 +45,12 @@ async def oembed(
 ) -> Response:
     """Describe the fold behind a link of this service.
 
-    Sites that may embed folds get a frame; all others get the name and a picture. The answer is 404
-    if the link leads elsewhere, and 501 for formats other than JSON, as oEmbed requires.
+    Sites that may embed folds get a frame; other sites get the name and a picture. The answer is
+    404 if the link leads elsewhere, and 501 for formats other than JSON, as oEmbed requires.
     """
     if wanted != "json":
-        return Response("This address only returns JSON.", status_code=501, media_type="text/plain")
+        answer = f"got the format {wanted!r}, expected 'json'."
+        return Response(answer, status_code=501, media_type="text/plain")
     origin = origin_of(request)
     fold_id = _fold_in(url, origin)
     found = await find_fold(request, fold_id) if fold_id is not None else None

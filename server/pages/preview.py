@@ -58,7 +58,7 @@ def _next_scripts() -> list[str]:
 async def drawing_of_preview(
     request: Request, preview_id: str, key: str = "", repair: bool = False
 ) -> Response:
-    """Return a preview's drawing with the options that ``key`` names, without users' text."""
+    """Return a preview's drawing for the options that ``key`` names; it has no text by users."""
     previews = context_of(request).previews
 
     def drawn() -> str:

@@ -86,7 +86,7 @@ def test_follower_sees_the_leader_looks_around_and_returns(visit: Visit, wrench:
     follower.wait_for_function(turned, arg=azimuth)
 
     seek(follower, 5)
-    expect(words).to_have_text("You are looking around")
+    expect(words).to_have_text("You are not following the leader")
     leader.evaluate("() => foldback.player.send({ do: 'select', module: 7 })")
     seek(leader, 40)
     back.click()

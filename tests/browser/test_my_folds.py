@@ -49,7 +49,7 @@ def test_rename_transfer_and_delete_in_my_folds(visit: Visit, service: Service) 
 
     other = open_my_folds(visit, new_token(), width=390, height=844)
     expect(other.get_by_text("Nothing here yet")).to_be_visible()
-    refused = (("wrench", "This is not a key"), (new_token(), "No folds found for this key"))
+    refused = (("wrench", "This is not a key"), (new_token(), "Nothing was found for this key"))
     for text, words in refused:
         other.get_by_label("A key from another browser").fill(text)
         other.get_by_role("button", name="Add", exact=True).click()

@@ -88,7 +88,7 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     page.get_by_role("button", name="Undo").click()
     expect(stops).to_have_count(drafted)
     page.get_by_label("Caption of stop 1").fill("<b>Here</b> it begins.")
-    page.get_by_role("button", name="Move down stop 1").click()
+    page.get_by_role("button", name="Move down: stop 1").click()
     page.get_by_role("button", name="Save").click()
     expect(page.get_by_text("Tour saved")).to_be_visible()
 
@@ -104,7 +104,7 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     numbers.set_input_files({"name": "a.csv", "mimeType": "text/csv", "buffer": heat.encode()})
     expect(page.locator("#legend-low")).to_have_text("0 K")
     box.get_by_role("button", name="Save with this fold").click()
-    expect(box).to_contain_text("Everyone with a link to this fold can see them.")
+    expect(box).to_contain_text("Everyone with a link to this fold can see these numbers.")
     other.evaluate("() => { location.hash = '#colour=own'; }")
     expect(other.locator("#legend-low")).to_have_text("0 K")
     expect(other.locator("#colour-by option:checked")).to_have_text("Heat")

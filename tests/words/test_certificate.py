@@ -1,5 +1,6 @@
 """Texts about a certificate claim no more than it proves."""
 
+from dataclasses import replace
 from typing import Any
 
 from planner.certificate.table_certificate import table_certificate
@@ -65,7 +66,7 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
     limit = "modules 1 and 159 set this limit near frame 43 of the plan"
     shown = dict(rows(SIMULATED | {"margins": margins}))
     assert shown["Margin for the module size"] == (
-        f"modules may be up to 0.995 of their full width; {limit}"
+        f"each module may fill up to 0.995 of its cell's width; {limit}"
     )
     assert (
         shown["Margin for an error in one hinge"]
@@ -114,16 +115,15 @@ def test_text_about_the_base_on_a_table() -> None:
     motion = swing(chain, 1, -LIFTED)
     cases: tuple[tuple[float, Base, str, str], ...] = (
         (0.0, "free", "without friction", "in the simulation, the first module is fixed"),
-        (
-            0.2,
-            "free",
-            "with friction μ = 0.2 and a free base",
-            "free on the table; the chain may drift",
-        ),
-        (0.2, "clamped", "with friction μ = 0.2 and a clamped base", "the first module is clamped"),
+        (0.2, "free", "μ = 0.2 and no clamped module", "not clamped; the chain may drift"),
+        (0.2, "clamped", "and a clamped first module", "the first module is clamped"),
     )
     for friction, base, words, held in cases:
         found = table_certificate(chain, motion, friction=friction, base=base)
         text = on_table({"table": found.as_dict()}, None)
         assert words in text["text"]
         assert held in dict(text["rows"])["Base"]
+    found = table_certificate(chain, motion, friction=0.2, base="free")
+    for wp, pitch_m, words in ((12, 0.05, "least 5"), (12, 0.1, "most 7"), (1e4, 0.1, "however")):
+        table = replace(found, torque=wp, pitch_m=pitch_m).as_dict()
+        assert words in on_table({"table": table}, None)["servos"]

@@ -8,7 +8,7 @@ from words.certificate import headline
 from words.messages import message_for_people, verdict_for_people
 
 MESSAGES = {
-    "got 0 angles, expected at least 1.": "Type at least one of 0 (straight), + and − (bent).",
+    "got 0 angles, expected at least 1.": "Type at least one 0 (straight), + or − (bent).",
     "got a after 0 angles, expected 0, + or - for each hinge.": (
         '"a" isn\'t an angle. Use 0 (straight), + or − (bent) for each hinge.'
     ),
@@ -31,7 +31,7 @@ MESSAGES = {
 VERDICTS = {
     "rests on a table within 3.2 w·p in frame 4 (friction 0.2, free base)": (
         "stays on the table; its hinges need at most 3.2 w·p in frame 4 (with friction μ = 0.2 and "
-        "a free base)"
+        "no clamped module)"
     ),
     "rests on a table within 3.2 w·p in frame 4 (without friction)": (
         "stays on the table; its hinges need at most 3.2 w·p in frame 4 (without friction)"

@@ -185,7 +185,7 @@ class Movie:
         first = playback if self.first_frame is None else self.first_frame
         last = total - 1 if self.last_frame is None else self.last_frame
         for name, frame in (("first_frame", first), ("last_frame", last)):
-            _within(name, frame, 0, total - 1, f" of {total} frames, counted from 0")
+            _within(name, frame, 0, total - 1, f": the timeline has {total} frames, counted from 0")
         return first, last
 
 

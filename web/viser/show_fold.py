@@ -102,7 +102,7 @@ class Show:
                 raise InputError(
                     "no-frames",
                     f"got a plan of {fold.chain.name} without frames, expected at least one "
-                    "frame; show the fold's directory to see its frames.",
+                    "frame; pass the fold's directory instead to see its recorded frames.",
                 )
             motion = MotionMoments(fold.chain, fold.motion)
             return Shown(lambda: motion, host=host, port=port, open_browser=open_browser)

@@ -87,7 +87,7 @@ def test_package_that_is_too_old_is_a_problem(
     old.mkdir()
     (old / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.1\n")
     monkeypatch.syspath_prepend(str(tmp_path))
-    check_finding(machine.python(settings(tmp_path)), "problem", "numpy is 0.1, expected")
+    check_finding(machine.python(settings(tmp_path)), "problem", "numpy has version 0.1, expected")
 
 
 FINDINGS: tuple[tuple[Any, dict[str, Any], str, str], ...] = (
@@ -192,7 +192,7 @@ def test_clock_set_back_is_a_warning(tmp_path: Path) -> None:
 def test_missing_opengl_is_a_warning(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(GL_SETTING, "egl")
     monkeypatch.setenv("__EGL_VENDOR_LIBRARY_DIRS", str(tmp_path))  # a driver that does not exist
-    check_finding(drawing.gl(settings(tmp_path)), "warning", "no movies: egl: ", "apt-get install")
+    check_finding(drawing.gl(settings(tmp_path)), "warning", "be made: egl: ", "apt-get install")
     monkeypatch.setenv(GL_SETTING, "off")
     assert "switched off" in drawing.gl(settings(tmp_path)).found
 

@@ -46,7 +46,7 @@ REFUSALS = {
     "movie empty --out fold.mp4 --tour": "got a folder without plan.npz",
     "retime plan --out robot.txt --max-speed 1 --max-acceleration 1": "ends in .csv or .json",
     "site out --no-finished": "got no folds",
-    "site out --no-finished --folds nothing-here": "no fold was found there",
+    "site out --no-finished --folds nothing-here": "found no fold at this path",
     "site out --no-finished --service javascript:alert(1)": "expected an address",
     "site out --no-finished --service https://": "expected an address",
 }

@@ -74,7 +74,7 @@ def test_status_of_a_shape_is_that_of_its_best_public_fold(store: Store) -> None
 
 
 def test_cards_show_the_torque_needed_on_a_table() -> None:
-    assert HEART.rests.endswith("table (joints must hold up to the weight of 2.0 modules)")
+    assert HEART.rests.endswith("(joints must hold 2.0 modules at a distance of one module width)")
     assert CUBES.rests is None
     resting = replace(HEART, rests_within=0.0)
     assert resting.rests == "Can be folded on a table (needs almost no motor torque)"

@@ -40,7 +40,7 @@ def test_privacy_page_shows_the_settings() -> None:
     )  # fmt: skip
     assert "A fold is stored for 30 days after its last view." in bounded
     assert "never within 1 hour of the last view" in bounded
-    assert "if it is not used for 2 hours" in bounded and "up to 3 movies" in bounded
+    assert "deleted after 2 hours without use" in bounded and "up to 3 movies" in bounded
     assert 'href="https://example.org/imprint?a=1&amp;b=2"' in bounded
 
 

@@ -88,9 +88,9 @@ test("the module that was clicked can become the first, which can be undone", ()
 test("a report is put into words", () => {
   assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · similarity to your model: 99 %");
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
-  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "A test number of the knot, its determinant, is 3. Without a knot, it would be 1." });
+  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "The chain’s determinant, a test number for knots, is 3. Without a knot, it would be 1." });
   assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "None"]);
-  assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the possible number of modules closest to 65" });
+  assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the closest possible number to 65" });
   assert.deepEqual(nearby(opened(), report({ below: 60, above: 72 })), { counts: [60, 72], text: "Also possible" });
   assert.deepEqual(nearby(opened("?world=table"), report({ below: 60 })), { counts: [], text: "" });
   const long = opened("?world=table");
@@ -107,12 +107,12 @@ test("the reason why there is no path comes with a remedy", () => {
   assert.deepEqual(ways, [
     { text: "Repair: add one cell", primary: true, change: { repair: true, modules: 72 } }, { text: "Use 2×2×2 modules for each cell", change: { method: "blocks" } },
   ]);
-  assert.equal(oddWords(bad), "cells of the more common colour, if the cells are coloured like a chessboard");
+  assert.equal(oddWords(bad), "cells of the more common colour in a chessboard pattern");
   assert.equal(oddWords(report()), "");
   const apart = report({ has_path: false, feasibility: { feasible: false, problems: [problem("disconnected")], repairs: [] } });
   assert.deepEqual(troubleOf(opened(), apart).ways, []);
   const table = troubleOf(opened("?world=table&as_voxels=true"), bad);
-  assert.deepEqual([table.title, table.ways], ["With 64 modules, this shape can’t be folded on a table", [{ text: "Fold it in zero gravity", change: { as_voxels: true, world: "floating" } }]]);
+  assert.deepEqual([table.title, table.ways], ["With 64 modules, this shape can’t be folded on a table", [{ text: "Fold in zero gravity", change: { as_voxels: true, world: "floating" } }]]);
   const offer = { kind: "repair", modules: 72, change: { modules: null, method: null, repair: true }, added: [[0, 0, 0], [0, 0, 1]] };
   assert.deepEqual(offerOf(offer, 1), { text: "Add 2 cells: 72 modules", primary: false, change: { repair: true } });
 });

@@ -35,7 +35,7 @@ test("a torque other than 0 is never shown as 0", () => {
 
 test("the remaining time is rounded to what can be known", () => {
   assert.deepEqual([0, 1, 4.4, 12, 23, 400].map(remaining), [
-    "longer than usual", "a few seconds left", "a few seconds left", "about 12 s left", "about 25 s left", "about 7 min left",
+    "takes longer than usual", "a few seconds left", "a few seconds left", "about 12 s left", "about 25 s left", "about 7 min left",
   ]);
 });
 
@@ -58,7 +58,7 @@ function motors(torque, peak) {
 }
 
 test("without a motor the answer is the required torque, not a refusal", () => {
-  assert.equal(motorWords(motors(null, 201)), "Motors with a torque of 201 N·m or more are strong enough. joint_2_y needs the highest torque: 201 N·m, 0.47 s after the start.");
+  assert.equal(motorWords(motors(null, 201)), "Motors with a torque of 201 N·m or more are strong enough. joint_2_y needs the highest torque (201 N·m) 0.47 s after the motion starts.");
 });
 
 test("required figures are rounded up", () => {
@@ -66,8 +66,8 @@ test("required figures are rounded up", () => {
 });
 
 test("the judgement of a motor is a sentence", () => {
-  assert.match(motorWords(motors(3, 0.5)), /^Yes, 3 N·m is enough\. joint_2_y needs the highest torque: 500 mN·m/);
-  assert.match(motorWords(motors(3, 501)), /^No, 3 N·m is not enough for 1 of 2 hinges\. joint_2_y needs the highest torque: 501 N·m/);
+  assert.match(motorWords(motors(3, 0.5)), /^Yes, 3 N·m is enough\. joint_2_y needs the highest torque \(500 mN·m\)/);
+  assert.match(motorWords(motors(3, 501)), /^No, 3 N·m is not enough for 1 of 2 hinges\. joint_2_y needs the highest torque \(501 N·m\)/);
 });
 
 test("while the share is unknown, the text does not mention a first start", () => {

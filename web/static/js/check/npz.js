@@ -32,7 +32,7 @@ export async function readNpz(bytes) {
     readable(long(at) === ENTRY, "an entry of the archive is missing");
     const method = short(at + 10), local = long(at + 42), start = local + 30 + short(local + 26) + short(local + 28);
     const name = new TextDecoder().decode(bytes.subarray(at + 46, at + 46 + short(at + 28))).replace(/\.npy$/, "");
-    readable(!found.has(name) && (method === 0 || method === DEFLATED), `the array ${name} occurs twice, or is compressed by the unknown method ${method}`);
+    readable(!found.has(name) && (method === 0 || method === DEFLATED), `the array ${name} ${found.has(name) ? "occurs twice" : `is compressed by the unknown method ${method}`}`);
     const stored = bytes.subarray(start, start + long(at + 20)), stream = () => new Blob([stored]).stream().pipeThrough(new DecompressionStream("deflate-raw"));
     const plain = method ? new Uint8Array(await new Response(stream()).arrayBuffer()) : stored;
     readable(plain.length === long(at + 24), `the array ${name} has ${plain.length} bytes, but the archive states ${long(at + 24)}`);
@@ -47,7 +47,7 @@ function column(bytes) {
   const header = new TextDecoder().decode(bytes.subarray(8 + wide, start)), [, kind, digits] = /'descr': '[<|]([fiuU])(\d+)'/.exec(header) ?? [];
   const shape = (/'shape': \(([\d, ]*)\)/.exec(header)?.[1].match(/\d+/g) ?? []).map(Number), [rows, columns] = shape;
   const Kind = KINDS[kind === "U" ? kind : kind + digits], across = header.includes("'fortran_order': True") && shape.length > 1;
-  readable(view.getUint32(0) === NUMPY && Kind && (!across || (shape.length === 2 && kind !== "U")), `an array has an unsupported type or order: ${header.trim()}`);
+  readable(view.getUint32(0) === NUMPY && Kind && (!across || (shape.length === 2 && kind !== "U")), `an array has an unsupported data type or memory order: ${header.trim()}`);
   const items = new Kind(bytes.slice(start).buffer), count = shape.reduce((a, b) => a * b, 1), width = kind === "U" ? Number(digits) : 1;
   readable(items.length === count * width, "an array does not have the size that its header states");
   if (kind === "U") {

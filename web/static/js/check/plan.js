@@ -119,12 +119,12 @@ export class Plan {
     const count = (apart - 1) * (n - 1), exempt = said.exempt_pairs ?? { apart, count }, digest = told.claim?.angles_sha256;
     return {
       [`the plan is not verified; its verdict is "${said.verdict}"`]: String(said.verdict).startsWith("verified"),
-      [`the modules have another shape than a ${told.chain.module}`]: !known || JSON.stringify(geometry) === JSON.stringify(known),
+      [`the modules do not have the shape of a ${told.chain.module}`]: !known || JSON.stringify(geometry) === JSON.stringify(known),
       "a size or a direction in the description of the module is invalid": sound,
       "the module size or the clearance is out of range": size > 0 && size <= 1 && claim > 0 && Number.isFinite(claim),
       "the names of the hinges do not match the chain": JSON.stringify(names) === JSON.stringify(arrays.get("joint_names")?.values),
       "the angles are missing, or stored more than once": ["joint_angles_rad", "angles_rad", "angle_planes"].filter((name) => arrays.has(name)).length === 1,
-      "the certificate and this check leave out different pairs of modules": exempt.apart === apart && exempt.count === count,
+      "the certificate does not cover the same pairs of modules as this check": exempt.apart === apart && exempt.count === count,
       [`a hinge turns by ${degrees(most)}, expected at most ${degrees(limit)}`]: most <= limit + SLIP,
       "the number of frames differs from the certificate": [undefined, null, frames].includes(said.frames),
       "the times do not increase": times.length === frames && rise(times),

@@ -87,7 +87,7 @@ export function told({ length, cells, gaps, repeats, missing, lost: apart, diffe
   }
   if (whole) return { text: `The path visits all ${cells} cells.`, tone: "good" };
   if (length && !missing.length) return { text: `The path has only ${length} cells. It needs at least ${FEWEST}.`, tone: "" };
-  const so = length ? `${length} of ${cells} cells, ${missing.length} to go.` : "No path yet.";
+  const so = length ? `The path visits ${length} of ${cells} cells.` : "No path yet.";
   if (difference > 1) {
     return { text: `${so} No path visits all cells: a path alternates between the two colours of a chessboard, but one colour has ${difference} more cells than the other. Add or remove cells until the difference is at most 1.`, tone: "bad" };
   }

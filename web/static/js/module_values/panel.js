@@ -93,7 +93,7 @@ export class OwnPanel {
     const { own, kept, token, player: { timeline: { chain, total, growing } } } = this;
     const rows = growing ? "" : `, or ${total} rows of ${chain.modules} numbers, one row for each frame`;
     const more = own && own.rows > 1 ? `${own.rows} rows with ${chain.modules} numbers each` : `${chain.modules} numbers`;
-    const where = kept ? "Everyone with a link to this fold can see them." : "They stay in this browser.";
+    const where = kept ? "Everyone with a link to this fold can see these numbers." : "The numbers stay in this browser.";
     const fewer = own && token && keptRows(own) < own.rows ? ` Only ${keptRows(own)} of these rows, evenly spaced, can be saved with the fold.` : "";
     get("own-words").textContent = own ? `${own.name}${own.unit && ` (${own.unit})`}: ${more}. ${where}${fewer}`
       : `Colour the modules by your own numbers: drop a CSV or JSON file here, or choose one. The file must contain ${chain.modules} numbers, one for each module${rows}. The file stays in this browser.`;

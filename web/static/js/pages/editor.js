@@ -141,7 +141,7 @@ get("complete").onclick = async () => {
   if (completed === undefined || painting.path !== drawn.path) return;
   if (completed instanceof Error) editor.refused = completed.message;
   else if (completed) editor.step(() => editor.follow(completed));
-  else editor.refused = "No path was found from here through the remaining cells. Draw from the other end, or cut the path and try again.";
+  else editor.refused = "No path was found from this end through the remaining cells. Draw from the other end, or cut the path and try again.";
   show();
 };
 for (const input of exact) input.addEventListener("change", doing(() => draft.note({ how: /** @type {typeof draft.how} */ (input.value) })));

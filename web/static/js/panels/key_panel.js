@@ -47,7 +47,7 @@ export class KeyPanel {
       /** @type {{ total?: number, folds?: [], previews?: [], movies?: [] }[]} */
       const told = await Promise.all(LISTS.map((list) => ask(`/api/mine/${list}`, { token: key })));
       const count = told.reduce((sum, { total, previews, movies }) => sum + (total ?? 0) + (previews?.length ?? 0) + (movies?.length ?? 0), 0);
-      if (!count) { this.say("No folds found for this key. Did you copy all of it?"); return; }
+      if (!count) { this.say("Nothing was found for this key. Did you copy the whole key?"); return; }
       if (!bring(key)) { this.say("This browser does not store data for this site, so the key cannot be added."); return; }
     } catch (error) {
       this.say(wordsOf(error));
@@ -83,7 +83,7 @@ export class KeyPanel {
     const old = ownKey();
     if (old === null) { this.say("This browser does not store data for this site, so it has no key."); return; }
     if (broughtKeys().length >= MOST_KEYS) { this.say(`You have added ${MOST_KEYS} keys, which is the limit. Remove one first.`); return; }
-    const sure = await confirmed("Create a new key?", "Your folds move to a new key. The old key stops working for everyone, including your other browsers. Add the new key there.", "New key");
+    const sure = await confirmed("Create a new key?", "Your folds move to a new key. The old key stops working everywhere. Add the new key to your other browsers.", "New key");
     if (!sure) return;
     const made = newKey();
     bring(made);
@@ -100,7 +100,7 @@ export class KeyPanel {
 
   async deleteAll() {
     const keys = keysHere();
-    const sure = await confirmed("Delete everything?", "This permanently deletes all folds, previews and movies listed here, and their links stop working for everyone. Your other browsers lose them, too. Gallery folds stay.", "Delete all");
+    const sure = await confirmed("Delete everything?", "This permanently deletes all folds, previews and movies listed here, also in your other browsers. Their links stop working for everyone. Gallery folds stay.", "Delete all");
     if (!sure) return;
     this.say("Deleting…");
     try {

@@ -217,10 +217,10 @@ export class MovieLine extends Card {
 
   show() {
     const { status, frames_done: done, frames_total: total, problem, links, format } = this.movie;
-    const words = { queued: "Waiting in the queue", running: `Recording picture ${done} of ${total}`, ready: "", failed: sentence(problem?.detail ?? "The movie could not be created. Create it again on the fold’s page.") };
+    const words = { queued: "Waiting in the queue", running: `Recording picture ${done} of ${total}`, ready: "", failed: sentence(problem?.detail ?? "The movie could not be created. Try again on the fold’s page.") };
     this.state.textContent = words[status];
     const file = status === "ready" ? [element("a", { class: "way", href: links.file, download: true, "aria-label": `Download ${format.toUpperCase()}: ${this.title}` }, "Download")] : [];
-    this.ways.replaceChildren(...file, this.deletion(`movie of ${this.title}`, links.self, [`Delete the movie of “${this.title}”?`, "You can create it again on the fold’s page."]));
+    this.ways.replaceChildren(...file, this.deletion(`movie of ${this.title}`, links.self, [`Delete the movie of “${this.title}”?`, "You can create the movie again on the fold’s page."]));
   }
 
   refresh() {

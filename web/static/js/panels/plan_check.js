@@ -50,7 +50,7 @@ function refusal(way, { text, place, claim, joint }) {
   if (place && place.gap >= claim) return `Not proved: ${pair(place)} may be far enough apart, but the check cannot prove it.`;
   if (way === "hinge" && place) return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, ${pair(place)} touch.`;
   if (!place) return `Not proved: ${text}`;
-  return `Not proved: ${pair(place)} come within ${percent(Math.max(place.gap, 0))} of a module width of each other.`;
+  return `Not proved: ${pair(place)} are only ${percent(Math.max(place.gap, 0))} of a module width apart.`;
 }
 
 /** @param {string} id of a fold */

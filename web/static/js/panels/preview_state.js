@@ -16,7 +16,7 @@ const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "se
 
 /** Meaning of the coloured cells of a shape without a path. @type {Record<string, string>} */
 const ODD = {
-  parity: "cells of the more common colour, if the cells are coloured like a chessboard",
+  parity: "cells of the more common colour in a chessboard pattern",
   disconnected: "cells not connected to the largest part",
   "dead-ends": "cells with a single neighbour",
   overhang: "cells with nothing below them",
@@ -143,7 +143,7 @@ export class Preview {
   get waysFromPath() { return [{ text: "Find another path through these cells", primary: true, change: { as_voxels: true } }, this.floating]; }
 
   /** @returns {Offer} */
-  get floating() { return { text: "Fold it in zero gravity", change: { as_voxels: this.givenAsVoxels, world: "floating" } }; }
+  get floating() { return { text: "Fold in zero gravity", change: { as_voxels: this.givenAsVoxels, world: "floating" } }; }
 
   // Number of modules in the field and on the slider; null if it cannot be chosen.
   get count() { return this.options.modules ?? (this.report?.kind === "mesh" ? this.report.modules : null); }
@@ -189,7 +189,7 @@ export function verdictOf({ module, modules, iou, has_path: path }) {
  * @param {Api.Preview} report
  */
 export function nearby({ bound, onTable, maxModules }, { asked, modules, below, above }) {
-  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the possible number of modules closest to ${whole(asked ?? modules)}`;
+  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the closest possible number to ${whole(asked ?? modules)}`;
   // On a table, a neighbouring count may have no path; the checked versions are offered instead.
   const counts = onTable ? [] : [below, above].flatMap((n) => (n && n !== modules && n <= maxModules ? [n] : []));
   return { counts, text: [bound, nearest].filter(Boolean).join("; ") || (counts.length ? "Also possible" : "") };
@@ -200,7 +200,7 @@ export function figuresOf({ iou, candidates, knot }) {
   const { verdict = "", determinant = null } = knot ?? {};
   const knotted = verdict === "knotted";
   return {
-    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `A test number of the knot, its determinant, is ${determinant}. Without a knot, it would be 1.` : "",
+    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `The chain’s determinant, a test number for knots, is ${determinant}. Without a knot, it would be 1.` : "",
     knot: knot ? `${KNOTS[verdict]}${knotted && determinant ? ` (${determinant})` : ""}` : "–",
   };
 }

@@ -1,4 +1,4 @@
-// The animated fold on the first page.
+// The animated fold on the landing page.
 import { get } from "../lib/text.js";
 import { playerIn } from "./player.js";
 

@@ -40,7 +40,7 @@ export class Follower {
   connect() {
     const socket = new WebSocket(socketAt(`/api/class/follow?code=${encodeURIComponent(this.code)}`));
     socket.onmessage = ({ data }) => {
-      if (this.latest === null || this.tries) this.words.textContent = this.follows ? "You are following the leader" : "You are looking around";
+      if (this.latest === null || this.tries) this.words.textContent = this.follows ? "You are following the leader" : "You are not following the leader";
       this.tries = 0;
       this.latest = String(data);
       this.show();
@@ -61,7 +61,7 @@ export class Follower {
     this.follows = false;
     this.glide++;
     this.back.hidden = false;
-    this.words.textContent = "You are looking around";
+    this.words.textContent = "You are not following the leader";
   }
 
   return() {
