@@ -98,7 +98,7 @@ _REASONS: Final[dict[str, Callable[[float], str]]] = {
         "The search proved that no path with these ends visits every cell once."
     ),
     "undecided": lambda limit: (
-        f"No path was found in {limit:g} s, but there may be one; give the search more time, "
+        f"No path was found in {limit:g} s, but a path may exist; give the search more time, "
         "repair the shape, or split each cell into 2×2×2 cells."
     ),
 }

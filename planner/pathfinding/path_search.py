@@ -217,8 +217,8 @@ def _no_snake(box: bool) -> str:
     if box:
         return "A snake starts in a corner of its box; start in a corner or use another method."
     return (
-        "The method 'snake' needs cells that fill a box, but these do not. Use the method 'blocks' "
-        "or 'exact'."
+        "The method 'snake' needs cells that fill a box, but the cells of this shape do not. Use "
+        "the method 'blocks' or 'exact'."
     )
 
 

@@ -131,7 +131,7 @@ def _reason(error: Exception) -> str:
         case _InvalidValueError():
             return str(error)
         case IndexError():
-            return "an entry refers to another one that does not exist"
+            return "an entry refers to a missing entry"
         case _:
             return "an entry has a value of the wrong kind"
 
