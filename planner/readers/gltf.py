@@ -479,7 +479,7 @@ def _check_extensions(document: Document, notes: dict[str, None]) -> None:
 def _count(accessor: Document) -> int:
     count = int(accessor["count"])
     if count < 0:
-        raise _InvalidValueError(f"an accessor has {count} values")
+        raise _InvalidValueError(f"an accessor declares {count} values")
     return count
 
 
