@@ -38,13 +38,13 @@ foldback itself is under the [MIT licence](../LICENSE). `make run` and the conta
 install the packages in the table below. The text of each licence is in
 `site-packages/NAME.dist-info`. `python -m docs.make_licences` writes this page.
 
-The image also contains Debian packages; their licences are in `/usr/share/doc`. One of them is
-FFmpeg with x264, which foldback runs as a separate program to encode MP4 movies. Debian's build is
-under the GNU General Public License, version 2 or later: if you distribute the image, you also
-distribute FFmpeg under that licence. The source code of this build is in the Debian source package
-`ffmpeg`. `make run` installs no FFmpeg. The extra `foldback[movies]` installs a build of FFmpeg
-under the GNU General Public License, version 3 or later. The extra `foldback[ipctk]` installs the
-IPC Toolkit, under the MIT licence.
+The image also contains Debian packages; their licences are in `/usr/share/doc`. One of these
+packages is FFmpeg with x264, which foldback runs as a separate program to encode MP4 movies.
+Debian's build of FFmpeg is under the GNU General Public License, version 2 or later: if you
+distribute the image, you also distribute FFmpeg under that licence. The source code of Debian's
+build is in the Debian source package `ffmpeg`. `make run` installs no FFmpeg. The extra
+`foldback[movies]` installs a build of FFmpeg under the GNU General Public License, version 3 or
+later. The extra `foldback[ipctk]` installs the IPC Toolkit, under the MIT licence.
 
 Text in pictures uses a subset of the font DejaVu Sans (`web/pictures/dejavu-sans.ttf`). The
 font's permissive licence, by Bitstream and Tavmjong Bah, is in the font file.

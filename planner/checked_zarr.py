@@ -84,11 +84,11 @@ def read_group(path: str | FilePath) -> zarr.Group:
         attributes = group.attrs.asdict()
         if is_sealed(attributes):
             if attributes[DIGEST] != _digest(attributes):
-                raise DamagedError(root, "its attributes differ from those that were written")
+                raise DamagedError(root, "the file's attributes do not match their digest")
             store.strict = True
             store.checksums = attributes.get(CHECKSUMS, {})
         elif attributes and any(_has_checksums(array) for _, array in group.arrays()):
-            raise DamagedError(root, "the digest of its attributes is missing")
+            raise DamagedError(root, "the digest of the file's attributes is missing")
     except (DamagedError, FileNotFoundError):
         raise
     except Exception as error:  # zarr, its codecs and JSON each have errors of their own
@@ -178,7 +178,7 @@ def _expected(checksums: Checksums, name: str, number: int) -> int | None:
 
 def _compare(file: FilePath, data: Any, expected: int | None) -> None:
     if expected is not None and zlib.crc32(data) != expected:
-        raise DamagedError(file, "its bytes differ from those that were written")
+        raise DamagedError(file, "the file's bytes do not match their checksum")
 
 
 def _reason(error: OSError) -> str:

@@ -59,8 +59,8 @@ class Settings(BaseSettings):
     database_url: str | None = None
     """Database address, such as postgresql://…. Default: SQLite in `FOLDBACK_DATA_DIR`."""
     jobs_url: str | None = None
-    """Has no effect: the queue is now in `FOLDBACK_DATABASE_URL`. The service also starts if an
-    old configuration still sets this variable."""
+    """Has no effect: the queue is now in the database of `FOLDBACK_DATABASE_URL`. The service also
+    starts if an old configuration still sets this variable."""
     storage_url: str | None = None
     """Object store for the files of folds, such as s3://bucket/prefix, configured by the usual
     AWS_… variables. Needs pip install 'foldback[storage]'. Default: the files are in
@@ -211,8 +211,9 @@ class Settings(BaseSettings):
     """Maximum processor time of a fold, for all its stages together. After a pause, the time counts
     from zero."""
     child_memory_bytes: int = Field(default=2048 * MIB_BYTES, ge=128 * MIB_BYTES)
-    """Maximum memory of one computing process. Each fold has one; others read uploads, prepare
-    previews, compute trajectories, and draw pictures and movies."""
+    """Maximum memory of one computing process. Each fold has one such process;
+    other processes read uploads, prepare previews, compute trajectories, and draw pictures and
+    movies."""
     niceness: int = Field(default=19, ge=0, le=19)
     """`nice` value of computing processes; higher values leave more time for pages."""
 
@@ -245,7 +246,7 @@ class Settings(BaseSettings):
     max_followers: Count = 400
     """Maximum number of followers in all classes together."""
     max_followers_of_visitor: Count = 100
-    """Maximum number of followers that count as one visitor."""
+    """Maximum number of followers that share one visitor's address."""
     embed_origins: Names = ()
     """Sites that may embed folds, such as `https://…`, separated by commas; `*` allows all."""
     frames_per_answer: Count = 2000

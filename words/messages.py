@@ -73,6 +73,20 @@ VERDICT_PHRASES: Final = (
         re.compile(r"\bthe clearance between two frames could not be bounded\b"),
         "it could not be proved that the modules stay apart between one frame and the next",
     ),
+    (re.compile(r"\bplan does not end folded\b"), "plan does not end in the folded shape"),
+    (
+        re.compile(r"\bdo not have the same modules\b"),
+        "differ in the type or the number of their modules",
+    ),
+    (
+        re.compile(r"\bdoes not consist of frames of (\d+) joint angles\b"),
+        r"does not have \1 joint angles in each frame",
+    ),
+    (
+        re.compile(r"\bthe times of the (.+?) run backwards\b"),
+        r"in the \1, a frame has an earlier time than the frame before it",
+    ),
+    (re.compile(r"(?<=\)), the torque limit\. Try\b"), ", which is the torque limit. Try"),
     (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
     (
         re.compile(
@@ -177,7 +191,7 @@ ASSUMPTION_PHRASES: Final = (
         "The torque of a frame is the largest joint torque, minimised over all distributions of "
         "contact forces. This lower bound is exact",
         "The contact forces are distributed so that the largest joint torque of a frame is as "
-        "small as possible. This torque is a lower bound, exact",
+        "small as possible. This lower bound of the torque is exact",
     ),
     (
         "Linked cubes do not touch: the parts that would touch are cut away.",

@@ -58,7 +58,7 @@ PARAMETER_WORDS: Final = {
     "damping_s": Words("Servo damping relative to stiffness", "s"),
     "density_kg_m3": Words("Density", "kg/m³"),
     "direct_steps": Words("Duration of the target motion", "steps"),
-    "distance_weight": Words("Path length per displacement", "rad/pitch"),
+    "distance_weight": Words("Weight of displacements in the path length", "rad/pitch"),
     "drag": Words("Drag", "per s"),
     "dynamic_up_to": Words("Longest simulated chain", "modules"),
     "encoder_rad": Words("Encoder step", "rad"),

@@ -155,7 +155,9 @@ class Certificate:
         found = told_honestly(values, playback)
         if unknown := found.keys() - cls.__dataclass_fields__:
             names = ", ".join(sorted(unknown))
-            raise TypeError(f"got the unknown figures {names}, expected those of a certificate")
+            raise TypeError(
+                f"got unknown figures ({names}), expected only figures of a certificate"
+            )
         table = found.get("table")
         checked = None if table is None else TableCertificate.from_dict(table)
         return replace(from_plain(found, cls), table=checked)
@@ -210,7 +212,7 @@ def certify(
     if unusable:
         verdict = f"failed: {unusable}"
     elif sweeper.is_cancelled:
-        verdict = "failed: it was cancelled"
+        verdict = "failed: the check was cancelled"
     else:
         verdict = find_verdict(chain, start, record, playback, sweeps, figures, size)
     on_table = None

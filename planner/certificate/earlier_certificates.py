@@ -15,7 +15,7 @@ from planner.certificate.figures import (
     PlaybackFigures,
 )
 
-NOT_TOLD: Final = "verified (whether it was simulated is not known)"
+NOT_TOLD: Final = "verified (it is not known whether the playback was simulated)"
 """Verdict that replaces ``verified`` in certificates of earlier versions, which do not state if the
 playback was simulated."""
 

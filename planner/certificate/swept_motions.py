@@ -83,7 +83,7 @@ class Sweeper:
                 of_record = of_plan  # the same places, and the same ways between them
             else:
                 # Nothing is proved of a record, whose clearance is only told.
-                of_record = self._sweep(record.frames, "record", 0.0, share=0.0)
+                of_record = self._sweep(record.frames, "recorded explosion", 0.0, share=0.0)
         if self._stops():
             # What was not looked at to its end proves nothing; nobody knows what is least in it.
             return Sweeps()

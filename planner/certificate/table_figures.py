@@ -94,7 +94,7 @@ class TableCertificate:
         if values.get("format") != TABLE_FORMAT:
             raise InputError(
                 "wrong-format",
-                f"got the format {values.get('format')!r}, expected {TABLE_FORMAT!r}, as "
-                "`foldback table` writes it.",
+                f"got the format {values.get('format')!r}, expected {TABLE_FORMAT!r}, "
+                "which `foldback table` writes.",
             )
         return from_plain(values, cls)

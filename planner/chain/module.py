@@ -270,5 +270,5 @@ def module_named(name: str) -> Module:
     except KeyError:
         known = ", ".join(sorted(MODULES))
         raise InputError(
-            "unknown-module", f"got the module {name!r}, expected one of: {known}."
+            "unknown-module", f"got the module type {name!r}, expected one of: {known}."
         ) from None

@@ -69,10 +69,12 @@ class Trail:
             )
         check_pitch(pitch_m)
         whole = raw.astype(np.int64)
-        if np.abs(whole).max() > MAX_COORDINATE:
+        farthest = int(whole.flat[np.abs(whole).argmax()])
+        if abs(farthest) > MAX_COORDINATE:
             raise InputError(
                 "too-far",
-                f"expected coordinates between -{MAX_COORDINATE} and {MAX_COORDINATE}.",
+                f"got the coordinate {farthest}, expected −{MAX_COORDINATE} to {MAX_COORDINATE}; "
+                "move the shape to the origin.",
             )
         _check(whole)
         whole.setflags(write=False)

@@ -59,7 +59,7 @@ STALL_TEXTS: Final[dict[str, str]] = {
     "knot": "the chain is knotted",
     "buried": "the next modules to move are covered by modules that move later",
     "contacts": "too many modules press against each other at once",
-    "joints": "some joints are held by their neighbours",
+    "joints": "some joints could not turn",
     "broken": "the simulation failed",
     "limit": "the chain was still unfolding when the step limit was reached",
     "stopped": "the chain was still unfolding",

@@ -159,7 +159,9 @@ def run_strategy(
         return explode_as_published(chain, how, sink=sink, progress=progress, cancelled=cancelled)
     if how is None:
         raise InputError(
-            "no-explosion", f"the preset {parameters.preset!r} folds without an explosion."
+            "no-explosion",
+            f"got the preset {parameters.preset!r}, which folds without an explosion, expected a "
+            "preset with an explosion.",
         )
     if strategy == BASELINE:
         return unbend_one_by_one(chain, sink=sink)

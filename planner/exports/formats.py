@@ -73,8 +73,8 @@ EXPORTS: Final = (
     Export(
         name="srdf",
         label="Collision pairs",
-        hint="SRDF for MoveIt and similar tools, used with URDF; lists pairs of linked modules, "
-        "which collision checks skip",
+        hint="SRDF for MoveIt and similar tools, used with URDF; lists the pairs of linked "
+        "modules that collision checks skip",
         media_type="application/xml",
         filename="model.srdf",
         write=_by("srdf"),

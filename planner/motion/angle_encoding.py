@@ -254,6 +254,9 @@ def byte_planes(changes: Ints) -> Planes:
 def whole_numbers(planes: Planes) -> Ints:
     """Return the (n,) numbers of ``byte_planes``."""
     if planes.ndim != 2 or len(planes) != 4 or planes.dtype != np.uint8:
-        raise ValueError(f"got planes of the shape {planes.shape}, expected four planes of bytes")
+        raise ValueError(
+            f"got angle planes of the shape {planes.shape} and the type {planes.dtype}, expected "
+            "the shape (4, n) and the type uint8"
+        )
     codes = np.ascontiguousarray(planes.T).view("<u4").reshape(-1).astype(np.int64)
     return (codes >> 1) ^ -(codes & 1)

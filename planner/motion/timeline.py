@@ -501,7 +501,9 @@ class Timeline:
                     )
             rows = [a.shape[0] for n, a in self._arrays.items() if n not in _WINDOW_ANGLES]
             if not 0 <= frames <= min(rows):
-                raise DamagedError(self.path, f"it declares {frames} frames but has {min(rows)}")
+                raise DamagedError(
+                    self.path, f"the timeline declares {frames} frames but has {min(rows)}"
+                )
         self._sealed = is_sealed(attributes)
         self._errors_from = attributes.get(ERRORS_FROM)
         self._frames = frames
@@ -557,5 +559,5 @@ def _attributes(path: str) -> dict[str, Any]:
             f"{WINDOWS_FORMAT!r}."
         )
     if missing := {"chain", "frames", "status"} - attributes.keys():
-        raise DamagedError(path, f"its attributes lack {', '.join(sorted(missing))}")
+        raise DamagedError(path, f"the timeline's attributes lack {', '.join(sorted(missing))}")
     return {"id": "", **attributes}

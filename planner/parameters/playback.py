@@ -58,7 +58,7 @@ class RobotParameters:
         0.01,
         name="servo_give",
         label="Servo yield",
-        help="Angle error of a resting hinge whose motor is at its torque limit.",
+        help="Angle error of a motionless hinge whose motor is at its torque limit.",
         unit="rad",
         range=(1e-4, 0.5),
     )
@@ -67,8 +67,8 @@ class RobotParameters:
         ENCODER_STEP_RAD,
         name="encoder_step",
         label="Encoder step",
-        help="Smallest angle that an encoder can measure. Default: that of an encoder with 18 bits "
-        "per turn.",
+        help="Smallest angle that an encoder can measure. Default: an encoder with 18 bits per "
+        "turn.",
         unit="rad",
         range=(0.0, 0.1),
     )
@@ -172,7 +172,7 @@ class PlaybackParameters:
         name="steps_per_snapshot",
         label="Steps for each snapshot",
         help="Minimum number of motor steps for each snapshot. With 0, only the maximum "
-        "squared error decides when the motors go on, except at the first snapshot.",
+        "squared error decides when the next snapshot follows, except at the first snapshot.",
         unit="steps",
         range=(0, 1000),
         whole=True,

@@ -107,7 +107,7 @@ class PaperExplosionParameters:
     repulsion_cutoff: float = setting(
         2.5,
         label="Repulsion cutoff",
-        help="Modules farther apart than this do not repel each other.",
+        help="Modules farther apart than this distance do not repel each other.",
         unit="pitches",
         source="named",
         range=(1.0, 10.0),

@@ -98,7 +98,7 @@ _REASONS: Final[dict[str, Callable[[float], str]]] = {
         "The search proved that no path with these ends visits every cell once."
     ),
     "undecided": lambda limit: (
-        f"No path was found in {limit:g} s, but there may be one; give the search more time, "
+        f"No path was found in {limit:g} s, but a path may exist; give the search more time, "
         "repair the shape, or split each cell into 2×2×2 cells."
     ),
 }
@@ -128,7 +128,7 @@ def _refused_ends(cells: Ints, ends: Flags, start: int | None) -> str | None:
         return (
             "Imagine the cells coloured like a chessboard. A path through an odd number of cells "
             "must start and end on the colour that has more cells. Both ends must also be on the "
-            "surface, but fewer than two cells of this colour are there."
+            "surface, but the surface has fewer than two cells of this colour."
         )
     return None
 

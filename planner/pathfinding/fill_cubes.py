@@ -27,7 +27,7 @@ MAX_DOUBLING_RATIO: Final = 1.25
 2×2×2 cells (such shapes always have a path). Larger values repair more shapes, and exceed the
 requested number further. Chosen."""
 DOUBLED: Final = "Each voxel became 2×2×2 modules."
-ALWAYS_A_PATH: Final = " There is always a path through them."
+ALWAYS_A_PATH: Final = " A connected shape of 2×2×2 blocks always has a path."
 START_SHARE: Final = 0.7
 """Fraction of the time limit of a path search that is spent on paths from the requested start cell;
 the remainder is for paths that start elsewhere. Larger values meet the request more often, and find
@@ -118,7 +118,7 @@ class Cubes:
             )
         raise InputError(
             "no-path",
-            " ".join(["got cells without a path through all of them.", *why, *ways]),
+            " ".join(["got a shape without a path through all its cells.", *why, *ways]),
         )
 
 

@@ -79,7 +79,8 @@ class PathOptions:
     start: Cell | None = option(
         None,
         title="The cell where the chain starts",
-        help="The cell where the chain starts, as `x,y,z`. The preview lists all cells as `cells`.",
+        help="The cell where the chain starts, as `x,y,z`. The field `cells` of the preview lists "
+        "all cells.",
         pattern=rf"^{CELL_TEXT}$",
         metavar="X,Y,Z",
         parse=parse_cell,

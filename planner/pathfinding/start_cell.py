@@ -51,7 +51,10 @@ def starting_at(chain: Chain, start: Cell | None) -> tuple[Chain, str]:
     if start is None:
         return chain, ""
     if not chain.module.fills_cell:
-        return chain, "The file gives the order of this chain, so its start cannot be chosen."
+        return (
+            chain,
+            "The file gives the order of the modules, so the chain's start cannot be chosen.",
+        )
     cells = np.rint(chain.folded_poses.positions).astype(np.int64)
     at = index_of(cells, start)
     if not at:

@@ -103,8 +103,8 @@ def _cuts(nodes: Ints, pairs: Ints, free: Flags, first: int | None, ends: str) -
     elif ends == "surface":
         raise InputError(
             "no-start",
-            "the chain must start on the surface, but the start cell has no hinge there: it shares "
-            "all its hinges with other cells; start in another cell.",
+            "the chain must start on the surface, but the start cell shares all its hinges with "
+            "other cells; start in another cell.",
         )
     return np.flatnonzero(allowed)
 

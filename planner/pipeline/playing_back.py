@@ -114,7 +114,7 @@ def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: 
     # Its frames are of all angles, the record's of windows: one timeline holds frames of one kind.
     exploded = record.frames.dense(chain)
     watch.progress(
-        Progress(stage="play_back", fraction=0.0, message="computing the balance in each frame")
+        Progress(stage="play_back", fraction=0.0, message="computing the torques in each frame")
     )
     standing = table_certificate(
         chain,

@@ -18,12 +18,12 @@ taken, and no better one is searched for."""
 PREFERENCES: Final[Mapping[Preference, Choice]] = {
     COMPUTING: Choice(
         label="First verified plan",
-        note="the first verified one",
+        note="the first verified plan",
         hint="Stops at the first plan that works.",
     ),
     "time": Choice(
         label="Shortest folding time",
-        note="the fastest of several",
+        note="the fastest of several plans",
         hint="Tries several plans and chooses the one that folds fastest.",
     ),
     "torque": Choice(

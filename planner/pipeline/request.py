@@ -115,7 +115,7 @@ class FoldRequest(PathOptions):
         noun="module size",
         help="Edge length of a module in the clearance check, in pitches. One pitch is the "
         "distance between the centres of two neighbouring modules. Default: 0.95; when a "
-        "plan is smoothed, that of the plan.",
+        "plan is smoothed, the module size of that plan.",
         range=MODULE_SIZE_RANGE,
         unit="times the pitch",
     )
@@ -133,13 +133,12 @@ class FoldRequest(PathOptions):
         title="Preferred plan",
         noun="preference",
         help="Preferred plan. To save computing time, `computing` takes the first verified plan. "
-        "With the other values, foldback compares several verified plans and takes the best: "
-        "`time` takes the plan with the shortest folding time at the joints' speed limit, "
-        "`torque` the smallest torque for the same folding time, `clearance` the largest proved "
-        "clearance, and `margin` the largest error that any one hinge may have without a "
-        "collision. "
-        "Comparing takes about ten times as long, but at most about 300 s longer, because "
-        "other strategies, paths and smoothings are tried. `attempts` in the plan lists all "
+        "With the other values, foldback compares several verified plans and takes the best. "
+        "`time` means the shortest folding time at the joints' speed limit, `torque` the smallest "
+        "torque for the same folding time, `clearance` the largest proved clearance, and `margin` "
+        "the largest error that any one hinge may have without a collision. "
+        "The comparison tries other strategies, paths and smoothings. It takes about ten times as "
+        "long, but at most about 300 s longer. `attempts` in the plan lists all "
         "compared plans with their figures.",
         label="Preferred plan",
         choices={**PREFERENCES},

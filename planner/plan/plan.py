@@ -459,7 +459,7 @@ def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
     if "offsets" in counts:
         counts["offsets"] -= 1
     if len(set(counts.values())) > 1:
-        raise ValueError(f"its arrays differ in their numbers of frames: {counts}")
+        raise ValueError(f"the plan's arrays have different numbers of frames: {counts}")
     motion = Motion.from_columns(arrays)
     if motion.is_windowed:
         try:

@@ -117,9 +117,9 @@ class PlaybackRun:
         """
         worst = int(errors.argmax())
         return (
-            f"a robot could not follow the motion: {100.0 * fraction:.0f} % into the fold, "
-            f"{self.chain.joint_names[first + worst]} is off by {errors[worst]:.2g} rad, which is "
-            "more than its motor can correct."
+            f"a robot could not follow the motion: after {100.0 * fraction:.0f} % of the motion, "
+            f"the angle of {self.chain.joint_names[first + worst]} was off by {errors[worst]:.2g} "
+            "rad, which is more than its motor can correct."
         )
 
     def distance_to_goal(self, angles: Array) -> float:

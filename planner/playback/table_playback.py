@@ -231,9 +231,9 @@ class _Run(PlaybackRun):
         worst = int(off.argmax())
         return (
             f"the motor of {self.chain.joint_names[worst]} is too weak: it supplies at most "
-            f"{self.limit:.3g} w·p (module weight × pitch), and "
-            f"{100.0 * self.steps / len(self.trajectory):.0f} % into the fold, the joint is off by "
-            f"{off[worst]:.2g} rad."
+            f"{self.limit:.3g} w·p (module weight × pitch). After "
+            f"{100.0 * self.steps / len(self.trajectory):.0f} % of the motion, the angle of this "
+            f"joint was off by {off[worst]:.2g} rad."
         )
 
     def result(self, status: PlaybackStatus, reason: str, start_s: float) -> TablePlayback:

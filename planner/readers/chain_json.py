@@ -115,8 +115,8 @@ def _refuse_radians(angles: list[float]) -> None:
     ).all():
         raise InputError(
             "radians",
-            f"got angles such as {turned[0]:g}, none of them a multiple of 90, expected angles in "
-            "degrees. The angles look like radians; multiply them by 180/π.",
+            f"got angles such as {turned[0]:g}, expected angles in degrees. The angles look "
+            "like radians; multiply them by 180/π.",
             where="joint_angles_deg",
         )
 

@@ -113,8 +113,8 @@ def _columns(headers: list[str]) -> tuple[int, ...]:
     if columns is None:
         raise InputError(
             "bad-header",
-            f"got the columns {quote(', '.join(headers))!r}, expected one named x, one y and one "
-            "z.",
+            f"got the columns {quote(', '.join(headers))!r}, expected one column each for x, y "
+            "and z.",
             where="the header",
         )
     return columns

@@ -131,7 +131,7 @@ def _reason(error: Exception) -> str:
         case _InvalidValueError():
             return str(error)
         case IndexError():
-            return "an entry refers to another one that does not exist"
+            return "an entry refers to a missing entry"
         case _:
             return "an entry has a value of the wrong kind"
 
@@ -479,7 +479,7 @@ def _check_extensions(document: Document, notes: dict[str, None]) -> None:
 def _count(accessor: Document) -> int:
     count = int(accessor["count"])
     if count < 0:
-        raise _InvalidValueError(f"an accessor has {count} values")
+        raise _InvalidValueError(f"an accessor declares {count} values")
     return count
 
 

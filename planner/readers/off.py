@@ -163,8 +163,8 @@ def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
             found = str(error)
         raise InputError(
             "damaged",
-            f"got {found}; expected three coordinates, or the number of corners of a polygon and "
-            "then as many vertex numbers.",
+            f"got {found}; expected the three coordinates of a vertex, or the number of a "
+            "polygon's corners and then a vertex number for each corner.",
             where=f"line {number}",
         ) from error
     more = len(lines) - vertices - polygons

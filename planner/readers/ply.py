@@ -95,7 +95,9 @@ def read_ply(data: bytes, source: Source) -> Solid:
     lists = [name for name in others if name not in ("face", "tristrips")]
     if points is None or not sum(map(len, parts)):
         found = (
-            f"the element {quote(lists[0])!r} is not supported" if lists else "it has only points"
+            f"the element {quote(lists[0])!r} is not supported"
+            if lists
+            else "the file has only points"
         )
         raise InputError(
             "no-triangles",

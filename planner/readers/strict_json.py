@@ -105,7 +105,7 @@ def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None
             raise InputError(
                 "unknown-key",
                 f"got the unknown key {quote(key)!r}, expected one of: {', '.join(known)}; "
-                "write the values for one of these keys, or remove the unknown key.",
+                "use one of these keys, or remove the unknown key.",
                 where=quote(key),
             )
 

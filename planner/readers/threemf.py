@@ -365,7 +365,9 @@ class _Models:
     def solid(self) -> Solid:
         """Return all built items as one solid."""
         if not self._items and UNPRINTED_IGNORED in self._notes:
-            raise InputError("empty", "no part of the model is printable; mark one as printable.")
+            raise InputError(
+                "empty", "no part of the model is printable; mark a part as printable."
+            )
         inner = {key for model in self._objects.values() for key, _ in model.parts}
         items = self._items or [
             (key, np.array(IDENTITY).reshape(4, 3)) for key in self._objects if key not in inner

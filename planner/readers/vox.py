@@ -287,7 +287,7 @@ def _placements(content: _File) -> list[tuple[int, _Placed]]:
             child, own = content.moves[node]
             shift = above.turn @ own.shift + above.shift
             if np.abs(shift).max() > 1 << 30:
-                raise _damaged("the scene is too large")
+                raise _damaged("an object lies too far from the origin")
             waiting.append((child, _Placed(turn=above.turn @ own.turn, shift=shift)))
         elif node in content.groups:
             waiting += [(child, above) for child in content.groups[node]]

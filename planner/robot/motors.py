@@ -61,7 +61,7 @@ class Build:
             raise InputError(
                 "bad-build",
                 f"got a gravity of {self.gravity_m_s2:g} m/s² for a floating chain, which would "
-                "fall; set the gravity to 0, or let the middle module be held.",
+                "fall; set the gravity to 0, or hold the middle module.",
                 where="gravity",
             )
 

@@ -90,7 +90,7 @@ def servo_named(name: str) -> Servo:
         near = get_close_matches(name.lower(), by_name, n=3, cutoff=0.4) or list(by_name)[:3]
         raise InputError(
             "unknown-servo",
-            f"got the servo {name!r}, expected one from the list, such as "
+            f"got the servo {name!r}, expected a servo from the list, such as "
             f"{', '.join(by_name[each].name for each in near)}.",
             where="servo",
         )

@@ -189,7 +189,7 @@ def _notes(changed: Ints, *, bodies: int, triangles: int, sheets: int) -> list[s
         was = "was" if outwards == 1 else "were"
         notes.append(f"{outwards} of {bodies} bodies {was} inside out and {was} corrected.")
     if inwards:
-        word = "body inside another was" if inwards == 1 else "bodies inside others were"
+        word = "body inside another body was" if inwards == 1 else "bodies inside other bodies were"
         notes.append(f"{inwards} {word} read as {'a cavity' if inwards == 1 else 'cavities'}.")
     return notes
 

@@ -125,18 +125,20 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
     lost = checked_fraction(_volume_apart(joined.cells, filled) / total, "share that is lost")
     if lost > 0.005:
         notes.append(
-            f"{100 * lost:.1f} % of the volume is in parts thinner than a cell and is lost; "
-            "use more modules to keep it."
+            f"{100 * lost:.1f} % of the shape's volume is in parts thinner than a cell and is "
+            "lost; use more modules to keep it."
         )
     if iou < POOR_IOU and kept < MIN_PRESERVED_SHARE:
-        notes.append(f"the cells contain only {100 * kept:.0f} % of the volume; use more modules.")
+        notes.append(
+            f"the cells contain only {100 * kept:.0f} % of the shape's volume; use more modules."
+        )
     elif iou < POOR_IOU:
         notes.append(
             f"the shape is thinner than a cell, and the match between cells and shape is only "
             f"{100 * iou:.0f} %; use more modules."
         )
     if better:
-        notes.append("use fewer modules: the next smaller possible number keeps more of the shape.")
+        notes.append("use fewer modules; larger cells would match the shape better.")
     return notes
 
 

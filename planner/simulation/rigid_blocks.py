@@ -204,8 +204,8 @@ class _Parts:
         if np.abs(places - cells).max() > 1e-3:
             raise InputError(
                 "no-blocks",
-                "got a folded chain whose modules are off the cubic lattice, expected angles of 0 "
-                "or ±90°; use a strategy other than blocks.",
+                "got a folded chain whose modules lie between the cells of the cubic lattice, "
+                "expected hinge angles of 0 or ±90°; use a strategy other than blocks.",
             )
         _set_inertia(body, places, float(self.chain.module.inertia[0]))
         inside = np.ones(stop - start, dtype=np.bool_)

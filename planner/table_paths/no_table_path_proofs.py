@@ -35,8 +35,8 @@ NO_TABLE_PATH_REMEDY: Final = (
 )
 SHORT_REASONS: Final[dict[Code, str]] = {
     "hairpins-only": "every path turns back directly above itself",
-    "no-path": "it has no path",
-    "not-stable": "it would tip over or almost tip over",
+    "no-path": "the shape has no path",
+    "not-stable": "the shape would tip over or almost tip over",
     "overhang": "separate parts are joined only by cells with nothing below",
     "parts": "a layer has several parts",
 }
@@ -85,7 +85,7 @@ def ruled_out(side: Side) -> NoPath | None:
         return replace(reason, cause=problem.code)
     floor = cells[cells[:, 2] == 0]
     if len(floor) == 1:
-        detail = "only one cell touches the floor, but the first two modules must lie on it."
+        detail = "only one cell touches the floor, but the first two modules must lie on the floor."
         return _no_path(side, "no-path", detail, tuples(floor), remedy=LAY)
     margin = stands(cells)
     if margin < MIN_BALANCE_MARGIN_PITCH:
@@ -111,13 +111,16 @@ def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
         detail = f"the search found a path, but the chain cannot follow it: {faults[0].detail}"
         return None, _no_path(side, "not-stable", detail, faults[0].cells)
     if found.status == "undecided":
-        detail = "the search found no path from the floor that never goes down, but one may exist."
+        detail = (
+            "the search found no path that starts on the floor and never goes down, but such a "
+            "path may exist."
+        )
         return None, _no_path(side, "no-path", detail, may_fall=True)
     free = find_ascending_path(side.cells, seed=seed, hairpins_allowed=True)
     if free.status == "found":
-        return None, _hairpins_only(side, "every path from the floor that never goes down")
+        return None, _hairpins_only(side, "every path that starts on the floor and never goes down")
     found_none = "proved that there is no" if free.status == "infeasible" else "found no"
-    detail = f"the search {found_none} path from the floor that never goes down."
+    detail = f"the search {found_none} path that starts on the floor and never goes down."
     return None, _no_path(side, "no-path", detail, may_fall=True)
 
 
@@ -193,7 +196,7 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
 
 def _hairpins_only(side: Side, which: str) -> NoPath:
     detail = (
-        f"{which} somewhere turns back directly above itself. On a table, a chain "
+        f"{which} turns back directly above itself at some point. On a table, a chain "
         "cannot make such a turn."
     )
     return _no_path(side, "hairpins-only", detail, may_fall=True)
@@ -217,7 +220,8 @@ def _tipping(side: Side, margin: float, what: str, cells: Ints) -> NoPath:
         "outside its base."
         if margin < 0
         else f"{what} would almost tip over: its centre of mass is {margin:.2g} module widths "
-        f"inside the edge of its base, but must be at least {MIN_BALANCE_MARGIN_PITCH:g} inside."
+        f"inside the edge of its base, but at least {MIN_BALANCE_MARGIN_PITCH:g} module widths are "
+        "needed."
     )
     return _no_path(side, "not-stable", detail, tuples(cells), remedy=LAY)
 

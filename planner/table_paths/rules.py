@@ -152,8 +152,8 @@ def _unstable(order: Ints) -> list[Fault]:
     )
     if more := len(bad) - 1:
         detail += (
-            f" {more} longer part{'s' * (more > 1)} of the path, counted from its start, would tip "
-            "over, too."
+            f" {more} longer section{'s' * (more > 1)} at the start of the path would tip over, "
+            "too."
         )
     return [Fault(code="not-stable", detail=detail, at=k, cells=_named(order[k : k + 1]))]
 

@@ -57,7 +57,7 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
     if not np.allclose(
         angles_rad[:first], chain.folded_rad[:first], rtol=0.0, atol=SINGLE_PRECISION_ANGLE_RAD
     ):
-        yield f"first_hinge: got {first}, expected all hinges before hinge {first} to be folded"
+        yield f"first_hinge: got {first}, expected a hinge before which all hinges are folded"
     bent = np.flatnonzero(np.abs(angles_rad) > told["bent_above_rad"])
     expected = bent[bent >= first].tolist()
     if [turn["hinge"] for turn in told["turns"]] != expected:
@@ -78,8 +78,8 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
         if turned * angles_rad[hinge] >= 0.0 or abs(turned) > MAX_BLOCKED_TURN_RAD + AXIS_ROUNDING:
             most = MAX_BLOCKED_TURN_RAD
             yield (
-                f"{name}: got a turn of {turned:.3g} rad, expected a turn towards its straight "
-                f"position of at most {most:.3g} rad"
+                f"{name}: got a turn of {turned:.3g} rad, expected a turn of at most "
+                f"{most:.3g} rad towards the straight position"
             )
         now = angles_rad.copy()
         now[hinge] += turned

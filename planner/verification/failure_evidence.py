@@ -114,7 +114,10 @@ def _differences(
     elif told["kind"] == "blocks":
         peels = record.strategy == "peel"
         if told["first_hinge"] and not peels:
-            yield f"first_hinge: got {told['first_hinge']}, expected 0, as the strategy is not peel"
+            yield (
+                f"first_hinge: got {told['first_hinge']}, expected 0, because the strategy is not "
+                "peel"
+            )
         size = float(parameters["module_size"])
         if _limits_of(record) != "table":  # on a table, this size is what is kept clear
             how: dict[str, Any] = parameters[_limits_of(record)] or {}
@@ -167,10 +170,10 @@ def _spent_differs(
     if spent == "refusals":
         most = float(parameters["table"]["most_torque"])
         if record.table is None or record.table.bound < most:
-            bound = "no torque" if record.table is None else f"{record.table.bound:g} w·p"
+            bound = "none" if record.table is None else f"{record.table.bound:g} w·p"
             yield (
-                f"spent: got refusals, which end a run only after torques up to {most:g} w·p were "
-                f"allowed, but the record allows {bound}"
+                "spent: got refusals, expected another limit, because refusals end a run only at "
+                f"the torque limit {most:g} w·p; the torque limit in the record is {bound}"
             )
 
 

@@ -90,8 +90,8 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
             yield f"determinant: got {told['determinant']}, expected {found.determinant}"
         if drawn != found:
             yield (
-                f"polygon: got the determinant {drawn.determinant}, expected the determinant "
-                f"{found.determinant} and the polynomial of the chain"
+                f"polygon: got a knot with the determinant {drawn.determinant}, expected a knot "
+                f"with the determinant {found.determinant} and the polynomial of the chain"
             )
 
 
@@ -110,10 +110,10 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
     middle = positions.mean(axis=0)
     radius = float(np.linalg.norm(positions - middle, axis=1).max())
     if np.linalg.norm(corners - middle, axis=1).min() < MIN_CLOSING_RADIUS_RATIO * radius:
-        yield "closings: a corner is near the chain, expected all of them far outside"
+        yield "closings: got a corner near the chain, expected all corners far outside the chain"
     for start, end in zip(corners[:-1], corners[1:], strict=True):
         if _distances(middle[None], start, end)[0] < radius:
-            yield "closings: got a line that passes through the chain, expected lines around it"
+            yield "closings: got a line through the chain, expected lines around the chain"
     if several:
         return
     for end, corner in ((0, corners[-1]), (len(positions) - 1, corners[0])):

@@ -42,7 +42,7 @@ def kind_differs(plan: Plan, playback: Playback, *, earlier: bool) -> Difference
     wanted = plan_preset(plan).explosion is not None
     if wanted != (plan.explosion is not None):
         need = "null, expected results" if wanted else "results, expected null"
-        yield f"plan.npz explosion: got {need}, as the preset is {plan.preset}"
+        yield f"plan.npz explosion: got {need}, because the preset is {plan.preset}"
     direct = plan.explosion is None and not plan.motion.is_windowed
     limit = int(playback_number(plan, "dynamic_up_to"))
     short = len(plan.chain) <= limit

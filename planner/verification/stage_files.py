@@ -145,7 +145,7 @@ def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
     for column, values in got.columns().items():
         single = SINGLE_PRECISION_ATOL_RAD if column == "joint_error_rad" else 0.0
         if column not in theirs:
-            yield f"{both} {column}: only {name} has it"
+            yield f"{both} {column}: only {name} has this array"
             continue
         yield from array_difference(values, theirs[column], f"{both} {column}", atol=single)
 

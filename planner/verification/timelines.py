@@ -168,16 +168,16 @@ def _root_differs(plan: Plan, motion: Motion, played: Motion) -> Differences:
     held = plan_parameters(plan, None).table.held
     followed = played.planned(plan.chain, motion, clamped=held)
     meant = [(PLAN, motion, followed)]
-    how = "that drifts like the playback"
+    how = "a chain that drifts like the playback"
     if held:
         meant.append((TIMELINE, played, played.clamped(plan.chain)))
-        how = "whose first module is clamped"
+        how = "a chain whose first module is clamped"
     for file, frames, wanted in meant:
         for name in _ROOT:
             yield from array_difference(
                 getattr(frames, name),
                 getattr(wanted, name),
-                f"{file} {name} of a chain {how}",
+                f"for {how}: {file} {name}",
                 atol=ROOT_POSE_TOLERANCE,
             )
 

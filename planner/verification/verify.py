@@ -64,7 +64,7 @@ class Verification:
             not possible.
         replay: Replay of the exported model with the plan's angles in plain MuJoCo.
         opinion: Result of another program; None if none was asked.
-        checked: Checks that were made, in plain English.
+        checked: Checks that found no problem, in plain English.
         problems: Contradictions of the plan, in plain English; empty if it is verified.
         notes: Checks that were not possible, and the reasons.
     """
@@ -336,7 +336,7 @@ def _check_manifest(directory: FilePath, found: _Findings, *, earlier: bool) -> 
 
 
 class _Findings:
-    """Checks that were made, and their problems and notes."""
+    """Passed checks, problems and notes."""
 
     def __init__(self) -> None:
         self.checked: list[str] = []
@@ -344,12 +344,13 @@ class _Findings:
         self.notes: list[str] = []
 
     def look(self, at: str, differences: Differences) -> None:
-        self.checked.append(at)
         told = list(dict.fromkeys(differences))
+        if not told:
+            self.checked.append(at)
         self.problems += [f"failed: {difference}" for difference in told[:MAX_DIFFERENCES]]
         if len(told) > MAX_DIFFERENCES:
             self.problems.append(
-                f"failed: … and {len(told) - MAX_DIFFERENCES} more differences in this check: {at}"
+                f'failed: … and {len(told) - MAX_DIFFERENCES} more differences in the check "{at}"'
             )
 
 

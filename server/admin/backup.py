@@ -39,8 +39,8 @@ def back_up(settings: Settings, directory: Path) -> Manifest:
     schema = schema_of(settings)
     if schema.found is None:
         raise AdminError(
-            f"got a database without tables for {settings.root}, expected tables to back up; "
-            "check FOLDBACK_DATA_DIR and FOLDBACK_DATABASE_URL."
+            f"got a database without tables for the data directory {settings.root}, expected "
+            "tables to back up; check FOLDBACK_DATA_DIR and FOLDBACK_DATABASE_URL."
         )
     _make_empty(directory)
     created_at = time.time()
@@ -158,9 +158,9 @@ def _check_kinds(manifest: Manifest, database: Database, stored: StoredFiles) ->
     expected = (database.file, stored.kind)
     if got != expected:
         raise AdminError(
-            f"got a backup of {', '.join(got)}, expected {', '.join(expected)}; set "
-            "FOLDBACK_DATABASE_URL and FOLDBACK_STORAGE_URL to the values that they had when the "
-            "backup was made."
+            f"got a backup with the database file {got[0]} and the storage '{got[1]}', expected "
+            f"{expected[0]} and '{expected[1]}'; set FOLDBACK_DATABASE_URL and "
+            "FOLDBACK_STORAGE_URL to the values that they had when the backup was made."
         )
 
 

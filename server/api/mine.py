@@ -88,7 +88,7 @@ def get_my_folds(
 
 @router.get("/previews", summary="List my previews", responses=problems(401, 429))
 def get_my_previews(context: Here, owner: ListingOwner) -> PreviewsMade:
-    """List the previews of uploads with this token, each with its latest options."""
+    """List the previews of files sent with this token, each with its latest options."""
     keep_s = context.settings.preview_keep_s
     return PreviewsMade(
         previews=[
@@ -141,7 +141,7 @@ def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
     responses=problems(400, 401, 422, 429),
 )
 def post_my_key(context: Here, owner: ListingOwner, wanted: KeyWanted | None = None) -> KeyReplaced:
-    """Move everything that belongs to this token to another one. This token stops working."""
+    """Move everything that belongs to this token to another token. This token stops working."""
     token = None if wanted is None else wanted.owner_token
     claim = Claim.new() if token is None else Claim(token)
     if claim.owner == owner:

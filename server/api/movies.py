@@ -170,7 +170,10 @@ def get_movie_file(fold_id: str, movie_id: str, context: Here) -> FileResponse:
     responses=problems(403, 404),
 )
 def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwner) -> Response:
-    """Cancel or delete a movie, with the token of its request or the fold's owner token."""
+    """Cancel or delete a movie.
+
+    Send the token with which the movie was requested, or the owner token of the fold.
+    """
     context.store.fold(fold_id)
     row = context.movies.state(fold_id, movie_id)
     if owner is None or not (owner.owns(row.token_hash) or context.store.owns(fold_id, owner)):

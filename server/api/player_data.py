@@ -110,7 +110,10 @@ async def figures(
     fold_id: str,
     part: Annotated[int | None, Query(ge=0, le=1_000_000)] = None,
 ) -> Response:
-    """Return the plot's curves of a finished fold; with ``part``, all figures of some frames."""
+    """Return the curves of a finished fold's plot.
+
+    With ``part``, return all figures of one part of the frames.
+    """
 
     def answer() -> Response:
         found = found_fold(request, fold_id)

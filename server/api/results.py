@@ -214,7 +214,8 @@ def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
     if row.over:
         reason = f" ({row.error['detail']})" if row.error else ""
         return NotFound(
-            "no-such-artifact", f"This fold ended as {row.status} and has no {what}{reason}."
+            "no-such-artifact",
+            f"This fold has ended with the status '{row.status}' and has no {what}{reason}.",
         )
     return Conflict(
         "not-ready",

@@ -143,9 +143,12 @@ def frames_of_own(fold: FoldRow, context: Here, owner: RequiredOwner) -> int:
     if not context.store.owns(fold.id, owner):
         raise not_owner(NOT_FOLD_OWNER)
     if not fold.over:
-        detail = f"The fold is {fold.status}; a tour, or numbers for its modules, can be "
-        "stored when it has ended."
-        raise Conflict("not-ready", detail, retry_after_s=1)
+        raise Conflict(
+            "not-ready",
+            f"The fold is {fold.status}. A tour, or numbers for the modules, can be stored when "
+            "the fold has ended.",
+            retry_after_s=1,
+        )
     frames = frames_promised(context.store.directory(fold.id))
     if not frames:
         raise not_there(fold, "frames")

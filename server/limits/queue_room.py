@@ -56,8 +56,9 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
         raise _full(
             f"{len(waiting)} folds are waiting ({len(near)} of them from your network). They take "
             f"about {all_s:.0f} s, and this fold takes {wanted.cost_s:.0f} s. The queue holds "
-            f"at most {settings.largest_queue} folds and {settings.largest_queue_seconds:g} s. One "
-            "network may fill half of the room that other networks leave"
+            f"at most {settings.largest_queue} folds, which may take "
+            f"{settings.largest_queue_seconds:g} s in total. One network may use at most half of "
+            "the places and of the time that other networks do not use"
         )
 
 

@@ -352,7 +352,9 @@ class Child:
             self.kill()
             return ChildError(CRASHED, "the computing process stopped responding and was stopped.")
         if self._process.lost:
-            return ChildError(LOST, "the process that starts computing processes ended; try again.")
+            return ChildError(
+                LOST, "the fork server, which starts all computing processes, ended; try again."
+            )
         if code == -signal.SIGXCPU:
             return ChildError(
                 "cpu-limit",

@@ -78,8 +78,9 @@ def run_movie(
                 raise ChildError("no-encoder", f"{NO_FFMPEG}.")
             case code:
                 raise ChildError(code, f"the movie could not be created: {result['reason']}")
-    found = "; ".join(said)[:300] or f"drawing is switched off by {GL_SETTING}"
-    raise ChildError("no-gl", f"{NO_GL}. Found: {found}.")
+    if not said:
+        raise ChildError("no-gl", f"Drawing is switched off by {GL_SETTING}; unset {GL_SETTING}.")
+    raise ChildError("no-gl", f"{NO_GL}. Reason: {'; '.join(said)[:300]}.")
 
 
 def backends() -> tuple[str, ...]:

@@ -100,7 +100,7 @@ def end_threads() -> None:
         # After Python has joined a thread, the kernel needs another moment to end it.
         if time.monotonic() > deadline:
             raise RuntimeError(
-                f"got {left} threads, expected 1, because the sandbox confines only one."
+                f"got {left} threads, expected 1, because the sandbox confines only one thread."
             )
         time.sleep(0.001)
 

@@ -88,7 +88,7 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     page.get_by_role("button", name="Undo").click()
     expect(stops).to_have_count(drafted)
     page.get_by_label("Caption of stop 1").fill("<b>Here</b> it begins.")
-    page.get_by_role("button", name="Move down stop 1").click()
+    page.get_by_role("button", name="Move down: stop 1").click()
     page.get_by_role("button", name="Save").click()
     expect(page.get_by_text("Tour saved")).to_be_visible()
 

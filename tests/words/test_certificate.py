@@ -41,8 +41,8 @@ def test_headline_has_the_proved_clearance_rounded_down() -> None:
     )
     tight = SIMULATED | {"clearance_bound": 0.000019, "min_clearance_playback": 0.00029}
     assert headline(tight).endswith("stay at least 0.0019 % of a module width apart")
-    failed = SIMULATED | {"verdict": "failed: it was cancelled"}
-    assert headline(failed) == "failed: it was cancelled"
+    failed = SIMULATED | {"verdict": "failed: the check was cancelled"}
+    assert headline(failed) == "failed: the check was cancelled"
 
 
 def test_negative_clearance_is_called_an_overlap() -> None:

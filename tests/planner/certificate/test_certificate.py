@@ -216,7 +216,7 @@ def test_cancelled_certificate_fails() -> None:
         cancelled = partial(next, answers, False)
         arguments = record_of(plan), playback_of(plan), PARAMETERS
         certificate = certify(chain, *arguments, cancelled=cancelled)
-        assert certificate.verdict == "failed: it was cancelled"
+        assert certificate.verdict == "failed: the check was cancelled"
         data = certificate.as_dict()
         places = [name for name in data if "clearance" in name]
         assert len(places) == 7 and {data[name] for name in places} == {None}

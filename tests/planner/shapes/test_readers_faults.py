@@ -261,7 +261,7 @@ REFUSED = [
         for name, code, words in (
             ("d09_unknown_required.glb", "unsupported", "XYZ_some_geometry"),
             ("h06_prob_uint8.npy", "not-voxels", "grid > 0.5"),
-            ("k10_angles_rad.json", "radians", "none of them a multiple of 90"),
+            ("k10_angles_rad.json", "radians", "look like radians"),
             ("k11_snake_digits.txt", "digits", "digits other than 0 are not angles"),
         )
     ),

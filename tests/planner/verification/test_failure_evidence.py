@@ -161,7 +161,7 @@ def test_blocked_turns_are_confirmed(spirals: Stuck) -> None:
 
 def test_falsified_turn_is_refuted(spirals: Stuck) -> None:
     for values, words in (
-        ({"turned_rad": 1.0}, "expected a turn towards its straight"),
+        ({"turned_rad": 1.0}, "rad towards the straight position"),
         ({"modules": [0, 30]}, "overlap by"),
         ({"modules": [20, 30]}, "on each side"),
         ({"overlap": 0.5}, "expected 0.5"),
@@ -246,7 +246,7 @@ def test_budget_of_table_fold_that_was_not_used_up_is_refuted() -> None:
     chain, record, parameters, data = on_table(Spent("refusals", 8, 9))
     assert record.table is not None
     weak = replace(record, table=replace(record.table, bound=2.0))
-    assert any("torques up to 8" in each for each in differences((chain, weak, parameters, data)))
+    assert any("torque limit 8" in each for each in differences((chain, weak, parameters, data)))
 
 
 def test_record_of_earlier_version_is_checked_by_its_limits() -> None:

@@ -55,8 +55,11 @@ def test_invalid_tour_is_refused_and_not_stored(finished: FinishedFold) -> None:
 
 
 def test_fold_without_frames_has_no_tour(idle: Service) -> None:
-    waiting = idle.fold([[0, 0, 0], [1, 0, 0], [1, 1, 0]], seed="21")["id"]
-    check_problem(idle.http.get(f"/api/folds/{waiting}/tour"), 409, "not-ready")
+    waiting = idle.fold([[0, 0, 0], [1, 0, 0], [1, 1, 0]], seed="21", token="t" * 24)["id"]
+    address, tour = f"/api/folds/{waiting}/tour", {"format": "", "title": "", "stops": []}
+    check_problem(idle.http.get(address), 409, "not-ready")
+    refused = idle.http.put(address, json=tour, headers=bearer("t" * 24))
+    assert check_problem(refused, 409, "not-ready").endswith("when the fold has ended.")
     assert idle.http.get(f"/folds/{waiting}/tour.json").status_code == 204
 
 

@@ -107,7 +107,7 @@ test("the reason why there is no path comes with a remedy", () => {
   assert.deepEqual(ways, [
     { text: "Repair: add one cell", primary: true, change: { repair: true, modules: 72 } }, { text: "Use 2×2×2 modules for each cell", change: { method: "blocks" } },
   ]);
-  assert.equal(oddWords(bad), "cells of the more common colour, if the cells are coloured like a chessboard");
+  assert.equal(oddWords(bad), "cells of the more common colour in a chessboard pattern");
   assert.equal(oddWords(report()), "");
   const apart = report({ has_path: false, feasibility: { feasible: false, problems: [problem("disconnected")], repairs: [] } });
   assert.deepEqual(troubleOf(opened(), apart).ways, []);

@@ -35,7 +35,7 @@ test("a torque other than 0 is never shown as 0", () => {
 
 test("the remaining time is rounded to what can be known", () => {
   assert.deepEqual([0, 1, 4.4, 12, 23, 400].map(remaining), [
-    "longer than usual", "a few seconds left", "a few seconds left", "about 12 s left", "about 25 s left", "about 7 min left",
+    "takes longer than usual", "a few seconds left", "a few seconds left", "about 12 s left", "about 25 s left", "about 7 min left",
   ]);
 });
 

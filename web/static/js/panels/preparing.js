@@ -8,7 +8,7 @@ const ASK_MS = 1000;
 // Return the remaining time, as estimated by the service, as text.
 /** @param {number} value in seconds; 0 if it takes longer than usual */
 export function remaining(value) {
-  if (value <= 0) return "longer than usual";
+  if (value <= 0) return "takes longer than usual";
   return value < FEW_S ? "a few seconds left" : `${duration(value < 20 ? value : 5 * Math.round(value / 5))} left`;
 }
 

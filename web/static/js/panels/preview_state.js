@@ -16,7 +16,7 @@ const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "se
 
 /** Meaning of the coloured cells of a shape without a path. @type {Record<string, string>} */
 const ODD = {
-  parity: "cells of the more common colour, if the cells are coloured like a chessboard",
+  parity: "cells of the more common colour in a chessboard pattern",
   disconnected: "cells not connected to the largest part",
   "dead-ends": "cells with a single neighbour",
   overhang: "cells with nothing below them",

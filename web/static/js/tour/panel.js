@@ -147,7 +147,7 @@ export class TourPanel {
     // Keep the list: the click that ended the edit may be on one of its buttons.
     field.onchange = () => { state?.edit(k, field.value); this.offer(); };
     const act = (/** @type {string} */ sign, /** @type {string} */ words, /** @type {() => void} */ press, off = false) =>
-      button("icon-button", sign, () => { press(); this.show(); get("tour-list").children[state?.at ?? 0]?.querySelector("textarea")?.focus(); }, { "aria-label": `${words} stop ${k + 1}`, title: words, disabled: off });
+      button("icon-button", sign, () => { press(); this.show(); get("tour-list").children[state?.at ?? 0]?.querySelector("textarea")?.focus(); }, { "aria-label": `${words}: stop ${k + 1}`, title: words, disabled: off });
     return element("li", { "aria-current": k === state?.at ? "step" : null },
       button("button quiet", `Frame ${stop.frame}`, () => { state?.go(k); this.playing = false; this.go(); }), field,
       act("↑", "Move up", () => state?.move(k, -1), k === 0), act("↓", "Move down", () => state?.move(k, 1), k === (state?.stops.length ?? 0) - 1),
