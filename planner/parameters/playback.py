@@ -172,7 +172,7 @@ class PlaybackParameters:
         name="steps_per_snapshot",
         label="Steps for each snapshot",
         help="Minimum number of motor steps for each snapshot. With 0, only the maximum "
-        "squared error decides when the motors go on, except at the first snapshot.",
+        "squared error decides when the next snapshot follows, except at the first snapshot.",
         unit="steps",
         range=(0, 1000),
         whole=True,

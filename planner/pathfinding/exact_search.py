@@ -128,7 +128,7 @@ def _refused_ends(cells: Ints, ends: Flags, start: int | None) -> str | None:
         return (
             "Imagine the cells coloured like a chessboard. A path through an odd number of cells "
             "must start and end on the colour that has more cells. Both ends must also be on the "
-            "surface, but fewer than two cells of this colour are there."
+            "surface, but the surface has fewer than two cells of this colour."
         )
     return None
 

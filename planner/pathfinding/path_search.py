@@ -259,7 +259,7 @@ def _no_blocks(connected: bool) -> str:
         return "The cells form several parts that share no face; keep one part or join them."
     return (
         "The method 'blocks' found no path. Either the shape is not made of 2×2×2 blocks of cells, "
-        "or the path cannot have the ends that were chosen. Split each cell into 2×2×2 cells, "
+        "or the chosen ends are not possible. Split each cell into 2×2×2 cells, "
         "choose other ends, or use the method 'exact'."
     )
 
