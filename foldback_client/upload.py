@@ -97,8 +97,8 @@ def file_of(source: Source, filename: str | None) -> tuple[str, bytes]:
         return filename or "solid.npy", file.getvalue()
     if dimensions != 2:
         raise ValueError(
-            f"got an array with {dimensions} dimensions, expected cells (n, 3) or a solid "
-            "(x, y, z)."
+            f"got an array with {dimensions} dimensions, expected cells of the shape (n, 3) or a "
+            "solid of the shape (x, y, z)."
         )
     cells = given.tolist() if hasattr(given, "tolist") else [list(cell) for cell in given]
     return filename or "cells.json", json.dumps(cells).encode()

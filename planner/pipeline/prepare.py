@@ -328,7 +328,8 @@ def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparatio
     notes = ()
     if options.modules is not None and options.modules != len(chain):
         notes = (
-            f"The number of modules was ignored, because this {kind} has {len(chain)} modules.",
+            f"The requested number of modules was ignored, because this {kind} has {len(chain)} "
+            "modules.",
         )
     chain, not_started = starting_at(chain, options.start)
     return Preparation(

@@ -140,6 +140,6 @@ def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differ
         yield from different
     else:
         notes += [
-            f"{each}, the value in this version ({here}); foldback {made} made the plan."
+            f"{each}, as in foldback {here}; the plan was made by foldback {made}."
             for each in different
         ]
