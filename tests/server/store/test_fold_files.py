@@ -128,6 +128,41 @@ def test_directories_of_removed_files_go_along(bucket_url: str, tmp_path: Path) 
     assert not storage.fetch("folds/b/1", tmp_path / "other")
 
 
+def test_crash_between_deletions_leaves_no_part_of_a_directory(
+    bucket_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Folders of an attempt move when a fold ends; remains would replace what was moved."""
+    here, settings = tmp_path / "here", Settings(data_dir=tmp_path, storage_url=bucket_url)
+    storage, other = open_storage(settings), open_storage(settings)
+    assert storage is not None and other is not None
+    (here / "attempt").mkdir(parents=True)
+    for name in ("head", "frames"):
+        (here / "attempt" / name).write_bytes(b"1")
+    storage.keep("folds/b2/1", here)
+    (here / "attempt").rename(here / "result")
+    delete = storage._delete
+
+    def break_off(name: str) -> None:
+        if name.endswith("attempt/frames"):
+            raise OSError("the machine has crashed")
+        delete(name)
+
+    monkeypatch.setattr(storage, "_delete", break_off)
+    with pytest.raises(StorageError):
+        storage.keep("folds/b2/1", here)
+    assert "attempt/frames" in other.names("folds/b2/1")
+    assert other.fetch("folds/b2/1", tmp_path / "there")
+    assert {path.name for path in (tmp_path / "there").iterdir()} == {".fetched.json", "result"}
+
+    # If the machine goes on instead, files that are there again are stored again.
+    monkeypatch.undo()
+    (here / "result").rename(here / "attempt")
+    storage.keep("folds/b2/1", here)
+    assert sorted(other.names("folds/b2/1")) == ["attempt/frames", "attempt/head"]
+    assert other.fetch("folds/b2/1", tmp_path / "there")
+    assert (tmp_path / "there" / "attempt" / "head").read_bytes() == b"1"
+
+
 def test_storage_without_obstore_reports_how_to_install_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
