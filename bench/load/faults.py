@@ -324,7 +324,7 @@ def faults(
         outcome.orphans = _orphans(site, driver)
         site.close()
     _tell(section, driver, outcome)
-    if not outcome.broken:
+    if all(figure.met is not False for figure in section.figures):
         shutil.rmtree(place)
     return section
 

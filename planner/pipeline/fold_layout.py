@@ -18,8 +18,10 @@ from planner import file_names as names
 from planner.certificate.figures import CertificateFigures
 from planner.chain.chain import Chain
 from planner.errors import UNREADABLE, InputError, TimelineError
+from planner.files import json_of
 from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline
+from planner.parameters.parameters import FLOATING
 from planner.pipeline.preference import judgement
 from planner.plan.moments import Moments
 
@@ -51,6 +53,11 @@ def result_path(directory: FilePath, name: str) -> FilePath:
     """
     path = latest_attempt_dir(directory) / name
     return path if path.exists() else directory / name
+
+
+def is_on_table(directory: FilePath) -> bool:
+    """Return True if the fold in a directory is on a table; False if unknown."""
+    return json_of(directory / names.REQUEST).get("world", FLOATING) != FLOATING
 
 
 def last_frame(timeline: FilePath) -> tuple[Chain, Motion] | None:

@@ -21,11 +21,11 @@ from cli.options import AsJson, FoldDirectory, with_parameters
 from cli.tour import drafted, stored_tour
 from planner.errors import InputError
 from planner.file_names import TIMELINE
-from planner.pipeline.fold_layout import result_path
+from planner.pipeline.fold_layout import is_on_table, result_path
 from server.ops.startup_errors import settings_of
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
-from server.processes.movie_task import ask_for_movie, is_on_table, run_movie
+from server.processes.movie_task import ask_for_movie, run_movie
 from web.movies.movie import FORMATS, Movie
 
 MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {

@@ -160,18 +160,16 @@ class Execution:
             NotFinishedError: If it does not end here.
         """
         try:
-            begun = self._wait_for(
+            epoch = self._wait_for(
                 lambda: self._store.begin(self._fold_id, stage, self._claim.execution)
             )
-            if begun is None:
+            if epoch is None:
                 return self._concluded(self._unwanted(), stage, files)
-            epoch = self._epoch = begun
-            outcome = self._attempt(stage, files, epoch)
+            self._epoch = epoch
+            outcome = self._attempt(stage, files)
             if outcome.following is None:
                 outcome = self._concluded(outcome, stage, epoch)
-            size = self._unless_cancelled(
-                epoch, lambda: self._store.folders.keep(self._fold_id, epoch)
-            )
+            size = self._unless_cancelled(lambda: self._store.folders.keep(self._fold_id, epoch))
             return replace(outcome, files=epoch, size=size)
         except CancelledError:
             outcome = self._unwanted()  # first, because another execution may have the files
@@ -225,12 +223,12 @@ class Execution:
                 log.warning("fold %s was taken over by %s", self._fold_id, row.worker or "nobody")
                 raise LeaseLostError(self._fold_id)
 
-    def _attempt(self, stage: str, files: int, epoch: int) -> Outcome:
+    def _attempt(self, stage: str, files: int) -> Outcome:
         """Compute a stage; return any failure as an outcome."""
         if self._claim.losses >= MAX_LOSSES:
             return internal_failure(RuntimeError("worker lost"), stage)
         try:
-            return self._run(stage, files, epoch)
+            return self._run(stage, files)
         except (NotFinishedError, CancelledError):
             raise
         except InputError as error:
@@ -239,8 +237,7 @@ class Execution:
             return Outcome(status="failed", error=told)
         except ChildError as error:
             self._release_child()
-            place = self._place
-            if stage in REPEATED_STAGES and any_verified(place):
+            if stage in REPEATED_STAGES and any_verified(self._place):
                 # The attempt at a better plan failed, so the best plan so far is the result.
                 return Outcome(status="running", following=STAGES[-1])
             told = {"code": error.code, "detail": error.detail, "where": stage}
@@ -260,20 +257,18 @@ class Execution:
             return outcome
         return replace(outcome, summary=self._last_state())
 
-    def _run(self, stage: str, files: int, epoch: int) -> Outcome:
+    def _run(self, stage: str, files: int) -> Outcome:
         directory = self._unless_cancelled(
-            epoch, lambda: self._store.folders.bring(self._fold_id, files, epoch)
+            lambda: self._store.folders.bring(self._fold_id, files, self._epoch)
         )
         spent_s = self._wait_for(lambda: self._store.stage_s(self._fold_id))
         started_at = time.time()
-        progress = JobProgress(
-            lambda fields: self._report(epoch, fields), _first_progress(stage, spent_s, started_at)
-        )
+        progress = JobProgress(self._report, _first_progress(stage, spent_s, started_at))
         part = self._slice
         if part is None:
-            part = self._wait_for(lambda: Slice(self._store, self._fold_id, epoch))
+            part = self._wait_for(lambda: Slice(self._store, self._fold_id, self._epoch))
             self._slice = part
-        with _keeping(self._store, self._fold_id, epoch):
+        with _keeping(self._store, self._fold_id, self._epoch):
             result = self._call(
                 stage,
                 directory,
@@ -312,12 +307,11 @@ class Execution:
         following = result.get("again") or STAGES[STAGES.index(stage) + 1]
         return Outcome(status="running", following=following)
 
-    def _report(self, epoch: int, fields: dict[str, Any] | None) -> bool:
+    def _report(self, fields: dict[str, Any] | None = None) -> bool:
         """Store the progress of a stage; return False if the fold is no longer wanted."""
         if fields is not None:
-            place = self._place
-            fields = {**fields, "frames": frames_promised(place)}
-        return self._store.report(self._fold_id, epoch, fields)
+            fields = {**fields, "frames": frames_promised(self._place)}
+        return self._store.report(self._fold_id, self._epoch, fields)
 
     def _call(
         self,
@@ -366,8 +360,7 @@ class Execution:
         """Return the refusal, extended by shapes into which a refold is possible."""
         if error.code != "refold-differs":
             return error
-        place = self._place
-        start = json.loads((place / START_CHAIN).read_bytes())
+        start = json.loads((self._place / START_CHAIN).read_bytes())
         return Gallery().advised(error, str(start["module"]), int(start["modules"]))
 
     def _unwanted(self) -> Outcome:
@@ -387,7 +380,7 @@ class Execution:
         """
         return retry_until_available(do, wait=self._wait)
 
-    def _unless_cancelled(self, epoch: int, do: Callable[[], Answer]) -> Answer:
+    def _unless_cancelled(self, do: Callable[[], Answer]) -> Answer:
         """Call ``do`` until the storage answers or the fold is cancelled.
 
         Raises:
@@ -398,7 +391,7 @@ class Execution:
         def wait(seconds: float) -> None:
             self._wait(seconds)
             with contextlib.suppress(SQLAlchemyError):
-                if not self._store.report(self._fold_id, epoch):
+                if not self._report():
                     raise CancelledError(self._fold_id)
 
         return retry_until_available(do, wait=wait)

@@ -17,7 +17,7 @@ import sqlalchemy as sa
 
 from planner.errors import DamagedError, InputError
 from planner.file_names import TIMELINE
-from planner.pipeline.fold_layout import result_path
+from planner.pipeline.fold_layout import is_on_table, result_path
 from planner.verification.integrity import check
 from server.errors import Damaged
 from server.jobs.movies import INTERRUPTED
@@ -26,7 +26,7 @@ from server.jobs.queue import MAX_LOSSES, MovieClaim
 from server.jobs.retry import retry_until_available
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
-from server.processes.movie_task import ask_for_movie, is_on_table, run_movie
+from server.processes.movie_task import ask_for_movie, run_movie
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store

@@ -8,8 +8,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from planner.files import json_of
-from planner.parameters.parameters import FLOATING
 from server.processes.children import Child, ChildError
 from server.processes.limits import ChildLimits
 
@@ -25,11 +23,6 @@ NO_FFMPEG: Final = (
     "MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or run pip install "
     "'foldback[movies]'; otherwise, request a .gif"
 )
-
-
-def is_on_table(directory: Path) -> bool:
-    """Return True if the fold in a directory is on a table; False if unknown."""
-    return json_of(directory / "request.json").get("world", FLOATING) != FLOATING
 
 
 def ask_for_movie(

@@ -30,6 +30,9 @@ LOCAL_DIRS: Final = frozenset({"exports"})
 """Subdirectories of a fold's directory that are not copied to the object store, as each machine
 computes their files again."""
 FETCHED_INDEX: Final = ".fetched.json"
+REMOVED_INDEX: Final = ".removed.json"
+"""File beside stored files while some of them are being deleted: a list of their names. Whoever
+fetches the directory ignores these files, because a crash may leave any part of them."""
 TRANSFERS_AT_ONCE: Final = 8
 """Number of files that are transferred to or from the object store at the same time. A larger value
 is faster for many small files and opens more connections. Chosen."""
@@ -59,7 +62,8 @@ class Storage:
         self._obstore = obstore
         self._name = name
         self._lock = threading.Lock()
-        self._known: dict[str, dict[str, tuple[int, int]]] = {}
+        # Modification time and size of each uploaded file; None while it is being deleted.
+        self._known: dict[str, dict[str, tuple[int, int] | None]] = {}
         self._settled: dict[str, frozenset[str]] = {}
         self._threads = ThreadPoolExecutor(TRANSFERS_AT_ONCE, thread_name_prefix="storage")
 
@@ -98,6 +102,7 @@ class Storage:
         """
         with self._lock:
             known = self._known.setdefault(key, {})
+        unsure = None in known.values()  # the last call failed while it deleted files
         # Read first, so that all frames that it states are uploaded before it.
         head = _read(directory / TIMELINE_HEAD)
         found = dict(_files(directory))
@@ -114,12 +119,22 @@ class Storage:
                 known[TIMELINE_HEAD] = mark
             spared = self._settled.get(key, frozenset()) if growing else frozenset[str]()
             gone = [name for name in known if name not in found and name not in spared]
-            self._each(gone, lambda name: self._delete(f"{key}/{name}"))
-        for name in gone:
-            del known[name]
+            if gone or unsure:
+                self._delete_all(key, gone, known)
         if not growing:
             self._settled[key] = frozenset(found)
         return sum(size for _, size in found.values())
+
+    def _delete_all(
+        self, key: str, gone: list[str], known: dict[str, tuple[int, int] | None]
+    ) -> None:
+        """Delete files of a directory, so that whoever fetches it sees all of them or none."""
+        known.update(dict.fromkeys(gone))
+        self._put(key, REMOVED_INDEX, json.dumps(gone).encode())
+        self._each(gone, lambda name: self._delete(f"{key}/{name}"))
+        self._delete(f"{key}/{REMOVED_INDEX}")
+        for name in gone:
+            del known[name]
 
     def forget(self, key: str) -> None:
         """Forget the uploaded state of a directory, so that the next ``keep`` uploads all of it."""
@@ -139,6 +154,10 @@ class Storage:
                 head, listed = self._get(f"{key}/{TIMELINE_HEAD}"), self._marks(key)
                 if not listed:
                     return False
+                removed = self._removed(key) if listed.pop(REMOVED_INDEX, None) else []
+                listed = {name: mark for name, mark in listed.items() if name not in removed}
+                headless = TIMELINE_HEAD in removed
+                head = None if headless else head
                 directory.mkdir(parents=True, exist_ok=True)
                 wanted = [
                     name
@@ -146,10 +165,11 @@ class Storage:
                     if name != TIMELINE_HEAD
                     and (marks.get(name) != mark or not (directory / name).exists())
                 ]
-                self._each(wanted, lambda name: self._write(key, name, directory))
+                written = self._each(wanted, lambda name: self._write(key, name, directory))
                 marks.update({name: listed[name] for name in wanted})
-                after = self._get(f"{key}/{TIMELINE_HEAD}")
-                if _identity(head) == _identity(after):
+                after = None if headless else self._get(f"{key}/{TIMELINE_HEAD}")
+                # If files are deleted meanwhile, a part of them may have been fetched.
+                if all(written) and _identity(head) == _identity(after):
                     break
             else:
                 raise StorageError(f"{key} in {self._name} changes faster than it can be read.")
@@ -268,7 +288,12 @@ class Storage:
             for meta in batch
         }
 
-    def _write(self, key: str, name: str, directory: Path) -> None:
+    def _removed(self, key: str) -> list[str]:
+        """Return the names of the files that are being deleted."""
+        return json.loads(self._get(f"{key}/{REMOVED_INDEX}") or b"[]")
+
+    def _write(self, key: str, name: str, directory: Path) -> bool:
+        """Fetch a file; return False if it has been deleted."""
         path = directory / name
         if not path.resolve().is_relative_to(directory.resolve()):
             raise StorageError(
@@ -277,6 +302,7 @@ class Storage:
         data = self._get(f"{key}/{name}")
         if data is not None:
             _write_whole(path, data)
+        return data is not None
 
     def _each(self, things: list[Any], do: Callable[[Any], Answer]) -> list[Answer]:
         return list(self._threads.map(do, things))

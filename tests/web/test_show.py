@@ -16,10 +16,11 @@ from planner.errors import TimelineError
 from planner.motion.timeline import Timeline
 from planner.pipeline.workspace import Workspace
 from planner.progress import Progress
+from tests.planner.chains import chain_of
 from tests.planner.peels import snake
 from tests.refusal import refused
 from tests.server.service_process import wait_until
-from tests.web.conftest import FINAL_ERROR_RAD, Growing
+from tests.web.conftest import FINAL_ERROR_RAD, SNAKE, Growing
 from web.palette import (
     NO_ERROR_RGB,
     SELECTED_RGB,
@@ -191,6 +192,20 @@ def test_plan_is_posed_as_its_timeline(tmp_path: Path) -> None:
         assert (colours(shown) == linear(UNKNOWN_ERROR_RGB)).all()
     with refused("no-frames"):
         show(replace(plan, motion=plan.motion[:0]), port=0)
+
+
+def test_fold_on_a_table_has_its_table_until_another_is_shown(tmp_path: Path) -> None:
+    def table(shown: Shown) -> bool:
+        return "/table" in shown.server.scene._handle_from_node_name
+
+    with show.live(port=0) as live:
+        plan = fold(chain_of(SNAKE), world="table", directory=tmp_path, progress=live)
+        assert table(live)
+        for given in (tmp_path, Timeline.open(tmp_path / "timeline.zarr"), plan):
+            with show(given, port=0) as shown:
+                assert table(shown)
+        fold(chain_of(SNAKE), progress=live)
+        assert not table(live)
 
 
 def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:

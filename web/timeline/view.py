@@ -431,6 +431,12 @@ class MotionMoments:
     def __len__(self) -> int:
         return len(self._motion)
 
+    def table(self) -> TableTop:
+        """Return the table that the chain folds on, large enough for the whole motion."""
+        frames = range(0, len(self), max(1, len(self) // TABLE_EXTENT_SAMPLES))
+        positions = np.concatenate([self.snapshot(k).positions for k in frames])
+        return TableTop.under(self.chain, positions.astype(np.float64))
+
     def snapshot(self, frame: float) -> Snapshot:
         """Return the snapshot of the recorded frame nearest to ``frame``."""
         k = min(max(round(frame), 0), len(self) - 1)

@@ -38,6 +38,8 @@ is easier to see from afar and hides more of the modules. Chosen."""
 TABLE_DISC_OPACITY: Final = 0.85
 """Opacity (0 to 1) of the discs in the viser scene that show the forces of modules on the table. A
 larger value hides more of the table top. Chosen."""
+TABLE_NODES: Final = ("/table", "/pressed")
+"""Names of the nodes of a table and of the discs on it; the page's scripts use them, too."""
 SKY_LIGHT: Final = 1.7
 """Intensity of the light from the sky, in viser's units; a larger value makes shadows lighter.
 Chosen."""
@@ -183,7 +185,7 @@ class Scene:
         """Add the table, and for each module a disc on it that shows its force on the table."""
         slab = table.mesh()
         self._server.scene.add_mesh_simple(
-            "/table",
+            TABLE_NODES[0],
             slab.vertices * self.pitch,
             slab.faces,
             color=TABLE_RGB,
@@ -193,7 +195,7 @@ class Scene:
             receive_shadow=True,
         )
         self._add_copies(
-            "/pressed",
+            TABLE_NODES[1],
             disc_mesh(),
             _black(self._chain),
             batched_scales=np.zeros(len(self._chain), np.float32),
@@ -201,6 +203,12 @@ class Scene:
             side="double",
             visible=False,
         )
+
+    def remove_table(self) -> None:
+        """Remove the table, if any; a new scene on the same server replaces all other nodes."""
+        if self._table is not None:
+            for name in TABLE_NODES:
+                self._server.scene.remove_by_name(name)
 
     def show(self, snapshot: Snapshot, colours: NDArray[np.uint8]) -> None:
         """Draw a snapshot with modules in (n, 3) sRGB bytes, as one update for all clients."""

@@ -9,9 +9,10 @@ from typing import Final
 from planner.errors import InputError, TimelineError
 from planner.file_names import TIMELINE
 from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import result_path
+from planner.pipeline.fold_layout import is_on_table, result_path
 from planner.plan.plan import Plan
 from planner.progress import STAGES, Progress
+from planner.verification.plan_parameters import is_on_table as plan_on_table
 from web.timeline.shared_views import TimelineViews
 from web.timeline.view import MotionMoments, MotionSource, TimelineView
 from web.viser.viewer import Shown
@@ -36,8 +37,14 @@ class Live(Shown):
         self._views = TimelineViews()
         self._directory: FilePath | None = None
         self._whole: MotionSource | None = None
+        self._with_table = False
         super().__init__(
-            self._newest, host=host, port=port, open_browser=open_browser, follows=True
+            self._newest,
+            lambda: self._with_table,
+            host=host,
+            port=port,
+            open_browser=open_browser,
+            follows=True,
         )
 
     def __call__(self, progress: Progress) -> None:
@@ -45,20 +52,21 @@ class Live(Shown):
         if progress.directory is None:
             return
         directory = FilePath(progress.directory)
+        on_table = is_on_table(directory)
         if progress.stage == LAST_STAGE and progress.fraction >= 1.0:
             whole = self._whole
             with suppress(TimelineError):  # nothing can be shown, but the fold goes on
                 timeline = Timeline.open(result_path(directory, TIMELINE))
                 whole = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
             with self._lock:  # so that heading and frames change together
-                self._whole, self._directory = whole, None
+                self._whole, self._directory, self._with_table = whole, None, on_table
                 self._controls.heading = "Done"
                 if not self._closed:
                     self._look()
             return
         with self._lock:
             if directory != self._directory:
-                self._directory, self._whole = directory, None
+                self._directory, self._whole, self._with_table = directory, None, on_table
             told = progress.stage.replace("_", " ").capitalize()
             self._controls.heading = f"{told}, {progress.fraction:.0%}"
 
@@ -105,19 +113,24 @@ class Show:
                     "frame; pass the fold's directory instead to see its recorded frames.",
                 )
             motion = MotionMoments(fold.chain, fold.motion)
-            return Shown(lambda: motion, host=host, port=port, open_browser=open_browser)
+            on_table = plan_on_table(fold)
+            return Shown(
+                lambda: motion, lambda: on_table, host=host, port=port, open_browser=open_browser
+            )
         place = FilePath(fold.path if isinstance(fold, Timeline) else fold)
         views = TimelineViews()
 
+        whole = (place / "zarr.json").exists()
+
         def now() -> TimelineView | None:
-            whole = (place / "zarr.json").exists()
             return views.get(place if whole else result_path(place, TIMELINE))
 
         if now() is None:
             raise TimelineError(
                 f"got {place}, which contains no timeline, expected the directory of a fold."
             )
-        return Shown(now, host=host, port=port, open_browser=open_browser)
+        on_table = is_on_table(place.parent if whole else place)
+        return Shown(now, lambda: on_table, host=host, port=port, open_browser=open_browser)
 
     def live(
         self, *, port: int = DEFAULT_PORT, host: str = DEFAULT_HOST, open_browser: bool = False

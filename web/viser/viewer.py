@@ -124,6 +124,7 @@ class Shown:
     def __init__(
         self,
         moments: Callable[[], MotionSource | None],
+        on_table: Callable[[], bool],
         *,
         host: str,
         port: int,
@@ -134,13 +135,14 @@ class Shown:
 
         Args:
             moments: Returns the current motion; None while there is none.
+            on_table: Returns True if the chain of the current motion is on a table.
             host, port, open_browser: Same as for ``web.viser.show``.
             follows: True to start at the last frame and to follow new ones.
 
         Raises:
             InputError: ``no-such-address``.
         """
-        self._find = moments
+        self._find, self._on_table = moments, on_table
         self._playhead = _Playhead(follows=follows)
         self._lock = threading.RLock()
         self._wake = threading.Event()
@@ -264,7 +266,10 @@ class Shown:
         if found.id != self._id:
             self._id, self._selected = found.id, None
             self.server.gui.set_panel_label(found.chain.name)
-            self._scene = Scene(self.server, found.chain, stretch=found.stretch)
+            if self._scene is not None:
+                self._scene.remove_table()
+            table = found.table() if self._on_table() else None
+            self._scene = Scene(self.server, found.chain, stretch=found.stretch, table=table)
             self._scene.on_click(self._select)
         elif same and last == self._playhead.last:
             return

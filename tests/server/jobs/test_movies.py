@@ -9,7 +9,7 @@ from typing import Any
 import psutil
 import pytest
 
-from server.processes.movie_task import is_on_table
+from planner.pipeline.fold_layout import is_on_table
 from tests.server.cli.test_command_line import foldback
 from tests.server.service_process import FinishedFold, Service, bearer, check_problem, wait_until
 from tests.tools import OPENGL

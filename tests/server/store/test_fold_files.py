@@ -107,25 +107,42 @@ def test_unseen_copies_make_room(machines: Machines, monkeypatch: pytest.MonkeyP
     assert [copy.is_dir() for copy in copies] == [False, True, True]
 
 
-def test_directories_of_removed_files_go_along(bucket_url: str, tmp_path: Path) -> None:
-    """Attempts of a fold are found by their directories."""
-    storage = open_storage(Settings(data_dir=tmp_path, storage_url=bucket_url))
-    assert storage is not None
+def test_files_are_deleted_with_their_directories_and_a_crash_leaves_no_part_of_them(
+    bucket_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Attempts of a fold are found by their directories, which move when the fold ends."""
+    key, here, there = "folds/b/1", tmp_path / "here", tmp_path / "there"
+    settings = Settings(data_dir=tmp_path, storage_url=bucket_url)
+    storage, other = open_storage(settings), open_storage(settings)
+    assert storage is not None and other is not None
     storage.check()
-    attempt = tmp_path / "made" / "attempts" / "0" / "two"
-    attempt.parent.mkdir(parents=True)
-    (tmp_path / "made" / "one").write_bytes(b"1")
-    for exists in (True, False):
-        if exists:
-            attempt.write_bytes(b"2")
-        else:
-            attempt.unlink()
-        storage.keep("folds/a/1", tmp_path / "made")
-        assert storage.below("folds") == ["a"]
-        assert storage.fetch("folds/a/1", tmp_path / "copy")
-        assert (tmp_path / "copy" / "one").read_bytes() == b"1"
-        assert (tmp_path / "copy" / "attempts").exists() == exists
-    assert not storage.fetch("folds/b/1", tmp_path / "other")
+    assert not other.fetch(key, there)
+    (here / "attempt").mkdir(parents=True)
+    for name in ("head", "frames"):
+        (here / "attempt" / name).write_bytes(b"1")
+    storage.keep(key, here)
+    assert storage.below("folds") == ["b"]
+    (here / "attempt").rename(here / "result")
+    delete = storage._delete
+
+    def crash(name: str) -> None:
+        if name.endswith("attempt/frames"):
+            raise OSError("the machine has crashed")
+        delete(name)
+
+    monkeypatch.setattr(storage, "_delete", crash)
+    with pytest.raises(StorageError):
+        storage.keep(key, here)
+    assert "attempt/frames" in other.names(key) and other.fetch(key, there)
+    assert {path.name for path in there.iterdir()} == {".fetched.json", "result"}
+
+    # If the machine goes on instead, files that are there again are stored again.
+    monkeypatch.undo()
+    (here / "result").rename(here / "attempt")
+    storage.keep(key, here)
+    assert sorted(other.names(key)) == ["attempt/frames", "attempt/head"]
+    assert other.fetch(key, there) and (there / "attempt" / "head").read_bytes() == b"1"
+    assert not (there / "result").exists()
 
 
 def test_storage_without_obstore_reports_how_to_install_it(
