@@ -257,7 +257,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     if (smooths := attempt.get("smooths")) is not None:
         how.append(f"smoothed version of attempt {smooths + 1}")
     if "finer" in attempt:
-        how.append("played back in more and smaller steps")
+        how.append("played back in a larger number of smaller steps")
     verdict = str(attempt.get("verdict", ""))
     status = str(attempt["status"])
     tone = "off"

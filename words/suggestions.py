@@ -25,7 +25,7 @@ AGAIN_LABELS: Final = {
 """Buttons that try a failed or cancelled fold again, by what changes."""
 RECORDED: Final = Button("Before smoothing", "The original plan")
 FLOATING_FOLD: Final = Button("In zero gravity", "The same fold without a table")
-PUBLISHED_CHANGED: Final = Button("Published method, changed", "With your own settings")
+PUBLISHED_CHANGED: Final = Button("Published method, modified", "With your own settings")
 OTHER_PRESETS: Final = {
     "default": Button("Reverse explosion", "The default method"),
     "direct": Button(

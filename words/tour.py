@@ -76,8 +76,8 @@ def _contact(moments: Moments) -> Stop | None:
         return None
     near = LINKS[CONTACT_LINKS - 1]
     text = (
-        f"{sentence(_modules(met.modules))} are the first to come closer to each other than a "
-        f"tenth of a module width. Modules at most {near} places apart in the chain are not "
+        f"{sentence(_modules(met.modules))} are the first to come within a tenth of a module "
+        f"width of each other. Modules at most {near} places apart in the chain are not "
         "counted."
     )
     return _meeting(text, met)
@@ -115,14 +115,17 @@ def _torque(certificate: CertificateFigures, moments: Moments) -> Stop | None:
         return None
     if certificate.get("table") is not None:
         label, value = "Largest torque", dict(main_rows(certificate))["Holding torque on a table"]
-        begin, colour = "needs the highest torque on the table here", "joint_torque"
+        whole, colour = "the fold on the table", "joint_torque"
     else:
         label, value = torque(certificate)
-        begin, colour = "needs the highest torque here", "torque"
+        whole, colour = "the fold", "torque"
     if value is None:
         return None
     one, other = met.modules
-    text = f"The joint between modules {one + 1} and {other + 1} {begin}. {label}: {value}."
+    text = (
+        f"At this moment, the joint between modules {one + 1} and {other + 1} needs the highest "
+        f"torque of {whole}. {label}: {value}."
+    )
     return _meeting(text, met, colour=colour)
 
 

@@ -256,8 +256,8 @@ def _summary(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str
     """Return sentences that summarise the runs."""
     found: list[str] = []
     for published, words in (
-        ("verified", "runs of folds that work in the paper also work here."),
-        ("tangled", "runs of folds that fail in the paper also fail here."),
+        ("verified", "runs that succeed in the paper also succeed here."),
+        ("tangled", "runs that fail in the paper also fail here."),
     ):
         of = [one for one in every if one.published == published and one.id in runs]
         same = sum(runs[one.id].verified == (published == "verified") for one in of)

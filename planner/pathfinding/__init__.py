@@ -22,7 +22,7 @@ PATH_METHODS: Final[Choices] = {
     "exact": Choice(
         label="Exact",
         hint="Uses one module for each voxel: finer detail for the same number of modules, but "
-        "maybe no path.",
+        "there may be no path.",
     ),
     "snake": Choice(
         label="Snake", hint="Goes back and forth, layer by layer. Works only for boxes."

@@ -176,7 +176,7 @@ def _without_slivers(points: Array, corners: Ints, said: list[str]) -> Ints:
     dropped = len(corners) - int(good.sum())
     if dropped == len(corners):
         raise InputError(
-            "degenerate", "got only triangles without area, expected a closed surface."
+            "degenerate", "got only triangles of zero area, expected a closed surface."
         )
     if dropped:
         were = "triangle without area was" if dropped == 1 else "triangles without area were"

@@ -138,7 +138,7 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
             f"{100 * iou:.0f} %; use more modules."
         )
     if better:
-        notes.append("use fewer modules; larger cells would match the shape better.")
+        notes.append("use fewer modules; then the cells would match the shape better.")
     return notes
 
 

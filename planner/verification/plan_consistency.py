@@ -71,7 +71,7 @@ def lacking(
     mine = {name: _plain(value) for name, value in npz.items() if name not in columns}
     yield from value_differences(mine, json.loads(json.dumps(expected)), PLAN)
     if record is None and plan.explosion is not None:
-        yield "record.npz is missing, so its figures in plan.npz cannot be computed again"
+        yield "record.npz is missing, so the figures of the explosion in plan.npz cannot be checked"
 
 
 def _plain(value: Any) -> Any:

@@ -157,7 +157,7 @@ async def get_events(
     responses=problems(404),
 )
 def get_refolds(fold_id: str, context: Here) -> Shapes:
-    """List gallery shapes that have the fold's number and kind of modules, except its own shape."""
+    """List gallery shapes with as many modules of the same kind, except the fold's own shape."""
     row = context.store.fold(fold_id)
     fitting = context.gallery.fitting(row.module, row.modules)
     return Shapes(shapes=[Shape.of(shape) for shape in fitting if shape.name != row.shape])

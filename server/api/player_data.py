@@ -112,7 +112,7 @@ async def figures(
 ) -> Response:
     """Return the curves of a finished fold's plot.
 
-    With ``part``, return all figures of one part of the frames.
+    With ``part``, return all figures of one range of frames; the ranges are numbered from 0.
     """
 
     def answer() -> Response:

@@ -115,7 +115,7 @@ def _tables(url: str, connection: sa.Connection) -> CheckResult:
     if schema.missing:
         return warning(
             f"{found}, expected {schema.head}",
-            "Back up the database; `foldback serve` updates its tables at start.",
+            "Back up the database before you start `foldback serve`, which updates the tables.",
         )
     if ahead_s > MAX_CLOCK_DIFFERENCE_S:
         return warning(

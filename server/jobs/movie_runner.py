@@ -95,7 +95,7 @@ class MovieJobs:
                 cancelled=progress.cancelled,
             )
             if whole and self._kept(fold_id, job, movie, place / MOVIE_FILE):
-                log.info("created a movie of %d pictures", movie.count)
+                log.info("created a movie of %d images", movie.count)
 
     def _report(self, job: str, fields: dict[str, Any] | None) -> bool:
         """Store the number of drawn pictures; return False if the movie is no longer wanted."""

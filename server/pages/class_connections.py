@@ -75,7 +75,7 @@ async def lead(websocket: WebSocket) -> None:
 
 @router.websocket("/api/class/follow")
 async def follow(websocket: WebSocket) -> None:
-    """Send a follower the views of a class."""
+    """Send a follower the leader's views of a class, a shared session."""
     context = context_of(websocket)
     shown = context.classes.find(websocket.query_params.get("code", ""))
     with context.classes.followers.enter(address_of(websocket)), shown.joined():

@@ -3,7 +3,7 @@ from collections import Counter
 
 import numpy as np
 
-from examples.make_gallery import HERE, drawings, lying, make, parse_drawings, slices, standing
+from examples.make_gallery import HERE, drawings, make, parse_drawings
 from planner.chain.path import Path
 from planner.pathfinding.knots import knot_of
 from planner.readers import read
@@ -46,9 +46,3 @@ def test_gallery_has_many_different_shapes() -> None:
         assert len(set(different)) == len(DRAWINGS)
     kinds = {tag for shape in DRAWINGS for tag in shape.tags}
     assert {"tool", "letter", "animal", "furniture", "solid", "ring", "hollow"} <= kinds
-
-
-def test_standing_and_lying_drawings() -> None:
-    cells = standing(slices(["#.  ##", "##  .."]))
-    assert cells == {(0, 0, 1), (0, 0, 0), (0, 1, 0), (1, 0, 1), (1, 1, 1)}
-    assert lying(slices(["x2  x1", "#.  .#"])) == {(0, 0, 0), (0, 0, 1), (0, 1, 2)}

@@ -1,9 +1,19 @@
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
 from examples import make_tetrahedra
 from examples.make_gallery import drawings
 from examples.make_shapes import DRAWINGS, SHAPES, make, merged_blocks, snake
+from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
 from planner.readers import read
+from planner.readers.gallery import gallery
 from tests.case import case
+
+CHAINS = [shape for shape in gallery() if shape.module == TETRAHEDRON.name]
 
 
 def test_shape_files_visit_the_cells_of_their_drawings_and_are_up_to_date() -> None:
@@ -22,6 +32,24 @@ def test_each_shape_file_has_a_drawing() -> None:
     made = [name for name, *_ in make_tetrahedra.SHAPES] + ["tetra-dodecahedron"]
     drawn = [*(shape.name for shape in (*DRAWINGS, *drawings())), *made]
     assert sorted(file.stem for file in SHAPES.glob("*.json")) == sorted(drawn)
-    assert [len(shape.cells) for shape in DRAWINGS] == [
-        *(24, 24, 64, 80, 80, 94, 160, 160, 192, 64, 216)
-    ]
+
+
+def test_tetrahedra_are_up_to_date(tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(make_tetrahedra, "HERE", tmp_path)
+    (tmp_path / "shapes").mkdir()
+    make_tetrahedra.main()
+    made = {file.name: file.read_bytes() for file in (tmp_path / "shapes").iterdir()}
+    there = {file.name: file.read_bytes() for file in SHAPES.glob("tetra-*.json")}
+    assert made == there
+    assert len(there) == len(CHAINS) >= 10
+
+
+def test_tetrahedra_files_are_folded_chains_on_the_lattice() -> None:
+    for shape in CHAINS:
+        with case(shape.name):
+            chain = read(shape.data, filename=shape.filename)
+            assert isinstance(chain, Chain)
+            assert len(chain) == shape.modules <= 400
+            twice = 2.0 * chain.folded_poses.positions
+            np.testing.assert_allclose(twice, np.rint(twice), atol=1e-9)
+            assert "tetrahedra" in shape.tags

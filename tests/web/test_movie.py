@@ -199,17 +199,22 @@ def test_failed_encoder_is_an_error(tmp_path: Path) -> None:
             encoder.add(np.zeros((180, 320, 3), np.uint8))
 
 
-def test_find_ffmpeg_takes_the_setting_then_path_then_the_extra(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+@pytest.fixture
+def without_ffmpeg(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> pytest.MonkeyPatch:
     monkeypatch.delenv("IMAGEIO_FFMPEG_EXE", raising=False)
     monkeypatch.setenv("PATH", str(tmp_path))
+    return monkeypatch
+
+
+def test_ffmpeg_of_the_setting_comes_before_path_and_extra(
+    without_ffmpeg: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
     assert "imageio_ffmpeg" in find_ffmpeg()
     on_path = tmp_path / "ffmpeg"
     on_path.write_text("#!/bin/sh\n")
     on_path.chmod(0o755)
     assert find_ffmpeg() == str(on_path)
-    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", "/opt/other")
+    without_ffmpeg.setenv("IMAGEIO_FFMPEG_EXE", "/opt/other")
     assert find_ffmpeg() == "/opt/other"
     with pytest.raises(EncodingError, match="/opt/other cannot be started: No such file"):
         open_encoder(Movie.of(SMALL), tmp_path / "fold.mp4")
@@ -217,11 +222,9 @@ def test_find_ffmpeg_takes_the_setting_then_path_then_the_extra(
 
 
 def test_gif_without_ffmpeg_has_its_pictures_colours_and_times(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    without_ffmpeg: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.delenv("IMAGEIO_FFMPEG_EXE", raising=False)
-    monkeypatch.setenv("PATH", str(tmp_path))
-    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    without_ffmpeg.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(NoEncoderError, match="no ffmpeg is on PATH"):
         open_encoder(Movie.of(SMALL), tmp_path / "fold.mp4")
     movie = Movie.of({"format": "gif", "width": 66, "height": 64, "seconds": 2.0, "fps": 15})

@@ -201,9 +201,8 @@ def test_fold_on_a_table_has_its_table_until_another_is_shown(tmp_path: Path) ->
     with show.live(port=0) as live:
         plan = fold(chain_of(SNAKE), world="table", directory=tmp_path, progress=live)
         assert table(live)
-        for given in (tmp_path, Timeline.open(tmp_path / "timeline.zarr"), plan):
-            with show(given, port=0) as shown:
-                assert table(shown)
+        with show(tmp_path, port=0) as one, show(plan, port=0) as other:
+            assert table(one) and table(other)
         fold(chain_of(SNAKE), progress=live)
         assert not table(live)
 

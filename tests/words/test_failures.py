@@ -154,4 +154,4 @@ def test_attempts_are_listed_with_strategy_and_outcome(tmp_path: Path) -> None:
     rows = attempts(tmp_path)
     assert {a["end"]: a["tone"] for a in rows} == ends
     assert rows[0]["strategy"] == "All at once"
-    assert rows[3]["how"] == "Path 2, seed 4, played back in more and smaller steps"
+    assert rows[3]["how"] == "Path 2, seed 4, played back in a larger number of smaller steps"

@@ -109,7 +109,7 @@ class Show:
             if not len(fold.motion):
                 raise InputError(
                     "no-frames",
-                    f"got a plan of {fold.chain.name} without frames, expected at least one "
+                    f"got a plan of {fold.chain.name} that has no frames, expected at least one "
                     "frame; pass the fold's directory instead to see its recorded frames.",
                 )
             motion = MotionMoments(fold.chain, fold.motion)

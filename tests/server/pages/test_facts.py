@@ -132,7 +132,7 @@ def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
     assert again["text"] == "Try another random seed" and again["form"]["seed"] == 0
     plain = fold_facts(failed_fold(tmp_path, 0, status="verified", preset="paper"))["compare"]
     settable = {way["text"]: way["settable"] for way in plain if "settable" in way}
-    assert settable == {"Published method, changed": "must"}
+    assert settable == {"Published method, modified": "must"}
 
 
 def test_long_chain_is_not_offered_a_table_first(finished: FinishedFold, tmp_path: Path) -> None:

@@ -108,12 +108,11 @@ def test_unseen_copies_make_room(machines: Machines, monkeypatch: pytest.MonkeyP
 
 
 def test_files_are_deleted_with_their_directories_and_a_crash_leaves_no_part_of_them(
-    bucket_url: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    machines: Machines, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Attempts of a fold are found by their directories, which move when the fold ends."""
-    key, here, there = "folds/b/1", tmp_path / "here", tmp_path / "there"
-    settings = Settings(data_dir=tmp_path, storage_url=bucket_url)
-    storage, other = open_storage(settings), open_storage(settings)
+    key, here, there = "folds/b/1", tmp_path / "made", tmp_path / "copy"
+    storage, other = (machine.storage for machine in machines)
     assert storage is not None and other is not None
     storage.check()
     assert not other.fetch(key, there)
@@ -121,7 +120,7 @@ def test_files_are_deleted_with_their_directories_and_a_crash_leaves_no_part_of_
     for name in ("head", "frames"):
         (here / "attempt" / name).write_bytes(b"1")
     storage.keep(key, here)
-    assert storage.below("folds") == ["b"]
+    assert storage.below("folds") == [FOLD, "b"]
     (here / "attempt").rename(here / "result")
     delete = storage._delete
 

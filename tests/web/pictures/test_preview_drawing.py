@@ -29,16 +29,14 @@ def test_preview_svg_without_a_path_colours_odd_and_added_cells() -> None:
     drawn = preview_svg(found, [[5, 0, 0]])
     turned = np.array(found["cells"]) @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
     marks = [(-y, x, z) for x, y, z in odd]
-    assert marks
-    assert drawn == isometric_svg(turned, size=480, odd=marks, added=[(0, 5, 0)])
+    assert marks and drawn == isometric_svg(turned, size=480, odd=marks, added=[(0, 5, 0)])
     assert drawn and "iso-odd-top" in drawn
 
 
 def test_tetrahedra_are_drawn_in_their_poses() -> None:
     found = report(np.argwhere(np.ones((2, 2, 2))).tolist(), module="tetrahedron")
     drawn = preview_svg(found) or ""
-    assert drawn.startswith("<svg")
-    assert "iso-top" not in drawn
+    assert drawn.startswith("<svg") and "iso-top" not in drawn
 
 
 def test_preview_that_would_take_long_is_not_drawn() -> None:
