@@ -95,7 +95,7 @@ def test_embed_zooms_after_a_click_and_accepts_dropped_files(
     reader.mouse.move(200, 120)
     reader.mouse.wheel(0, 200)
     reader.wait_for_function("() => scrollY === 200")
-    expect(reader.frame_locator("iframe").locator("#toast")).to_contain_text("To zoom by scrolling")
+    expect(reader.frame_locator("iframe").locator("#toast")).to_contain_text("To zoom, click here")
     assert frame.evaluate(distance) == before
     reader.evaluate("() => scrollTo(0, 0)")
     # A locator clicks into the view even while the browser still treats the page as scrolled.

@@ -149,7 +149,7 @@ def test_verify_names_missing_files(copy: FilePath) -> None:
     assert all("is missing" in problem for problem in found.problems)
     write_manifest(copy)
     (problem,) = verify(copy).problems
-    assert "record.npz is missing, so its figures" in problem
+    assert "record.npz is missing, so the figures" in problem
     assert found.replay.overlap == 0.0
     assert found.replay.pose_difference < 1e-9
 

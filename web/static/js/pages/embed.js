@@ -15,7 +15,7 @@ const { stage, player } = view({
   kept: {
     tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), id: null, toast,
   },
-  onScroll: () => toast(`To zoom by scrolling, click the view or hold ${zoomKey}`),
+  onScroll: () => toast(`To zoom, click here or hold ${zoomKey}`),
 });
 // In full screen there is no page around it to scroll.
 const yieldScrolling = () => stage.yieldScrolling(window.parent !== window && !document.fullscreenElement);
