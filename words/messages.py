@@ -66,7 +66,7 @@ VERDICT_PHRASES: Final = (
     (re.compile(r"\bdoes not start folded as (?=\S)"), "does not start in the folded shape of "),
     (
         re.compile(r"\bthe playback passes (\S+ pitch) \(RMS\) from straight"),
-        r"the playback misses the straight shape by \1 (RMS)",
+        r"at the straight shape, the modules are \1 (RMS) from their places",
     ),
     (re.compile(r"\bhas numbers that are not finite\b"), "contains infinite or undefined numbers"),
     (

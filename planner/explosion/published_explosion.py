@@ -215,8 +215,8 @@ class Published(Explosion[PublishedChain, Step]):
         if count * hinges > MAX_SNAPSHOT_ANGLES:
             return End(
                 "timeout",
-                f"the chain was not straight after {count} snapshots, the maximum for a chain of "
-                "this length; set a longer snapshot_interval.",
+                f"after {count} snapshots, the maximum for a chain of this length, the chain was "
+                "still not straight; set a longer snapshot_interval.",
                 Spent("snapshots", MAX_SNAPSHOT_ANGLES // hinges, count),
             )
         if steps % STRAIGHT_CHECK_STEPS:

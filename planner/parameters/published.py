@@ -55,7 +55,7 @@ class PaperExplosionParameters:
     damping: float = setting(
         0.1,
         label="Damping",
-        help="Fraction of the chain's velocity that is lost in each step, also in playback.",
+        help="Fraction of the chain's velocity that is lost in a step, in explosion and playback.",
         unit="of the speed per step",
         source="published",
         range=(0.0, 0.9),

@@ -209,7 +209,8 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
     points, corners = welded(solid.vertices, solid.faces, tolerance=0.0)
     if not len(corners):
         raise InputError(
-            "degenerate", "got only triangles with two equal corners, expected a closed surface."
+            "degenerate",
+            "got only triangles with two corners at the same point, expected a closed surface.",
         )
     edges = edges_of(corners)
     if edges.open:

@@ -149,7 +149,7 @@ def _verified(
     npz = read_values(directory / PLAN)
     text = read_values(directory / PLAN_TEXT)
     plan = Plan.of_values(npz, PLAN)
-    found.look("plan.json and plan.npz are equal", formats_differ(plan, npz, text))
+    found.look("plan.json and plan.npz hold the same data", formats_differ(plan, npz, text))
     earlier = npz["format"] in EARLIER_FORMATS
     timeline, frames = opened(directory / TIMELINE)
     found.look("timeline.zarr belongs to this chain", chain_differs(timeline, plan))
@@ -365,8 +365,8 @@ def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differe
     if earlier and (fewer := EXEMPT_PAIR_LINE.sub(needed, text)) != text:
         text = fewer
         notes.append(
-            "An earlier version wrote model.xml. It exempts neighbouring modules from collision "
-            "checks, but the replay checked them."
+            "model.xml was written by an earlier version of foldback and exempts neighbouring "
+            "modules from collision checks, but the replay checked these modules, too."
         )
     try:
         size = plan_parameters(plan, None).module_size

@@ -94,7 +94,7 @@ def _set_figures(rows: CollectorRegistry, found: Figures) -> None:
     _set_counts(rows, "fold_seconds_lately", words, "quantile", seconds)
     words = "Number of folds that ended within the last hour; at most 500 are counted."
     _set(rows, "folds_ended_lately", words, len(found.computed_s))
-    words = "Number of folds that ended within the last hour and failed, by error code."
+    words = "Number of folds that failed within the last hour, by error code."
     _set_counts(rows, "failures_lately", words, "code", found.failures)
 
 

@@ -87,8 +87,8 @@ VERDICTS = {
         "failed: the plan does not start in the folded shape of hairpin"
     ),
     "failed: the playback passes 0.2 pitch (RMS) from straight": (
-        "failed: the playback misses the straight shape by 0.2 module widths on average "
-        "(root mean square)"
+        "failed: at the straight shape, the modules are 0.2 module widths on average (root mean "
+        "square) from their places"
     ),
     "failed: the plan has numbers that are not finite": (
         "failed: the plan contains infinite or undefined numbers"

@@ -86,7 +86,7 @@ test("cells of a file get the smallest grid that holds them, in their order if t
   assert.equal(imported([[0, 0, 0], [19, 0, 0]], { ordered: false, least: 10 }).size, 20);
   assert.deepEqual(imported([[0, 0, 0]], { ordered: false, least: 24 }).path, []);
   // Distant cells do not cause a huge grid.
-  assert.throws(() => imported([[-1e6, 0, 0], [1e6, 0, 0]], { ordered: false, least: 10 }), /2000001×1×1 cells large, but the largest grid is 32×32×32/);
+  assert.throws(() => imported([[-1e6, 0, 0], [1e6, 0, 0]], { ordered: false, least: 10 }), /measures 2000001×1×1 cells, but the largest grid is 32×32×32/);
   assert.throws(() => imported([], { ordered: false, least: 10 }), /has no cells/);
 });
 

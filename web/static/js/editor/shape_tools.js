@@ -119,7 +119,7 @@ export function imported(cells, { ordered, least }) {
   const { low, high } = within;
   const extents = high.map((v, axis) => v - low[axis] + 1);
   const fits = SIZES.find((side) => Math.max(...extents) <= side);
-  if (!fits) throw new Error(`The shape is ${extents.join("×")} cells large, but the largest grid is ${LARGEST}×${LARGEST}×${LARGEST} cells. Use a smaller shape, or a shape with fewer and larger cells.`);
+  if (!fits) throw new Error(`The shape measures ${extents.join("×")} cells, but the largest grid is ${LARGEST}×${LARGEST}×${LARGEST} cells. Use a smaller shape, or a shape with fewer and larger cells.`);
   const size = Math.max(fits, least);
   const margin = extents.map((extent, axis) => (axis === 2 ? 0 : Math.floor((size - extent) / 2)));
   const keys = cells.map((cell) => {
