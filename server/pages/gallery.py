@@ -1,4 +1,4 @@
-"""The gallery: all example shapes on a page, and folding one of them without a script."""
+"""The gallery: all example shapes on a page, their drawings, and folding without a script."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from server.api.fold_inputs import Origin
 from server.api.folds import post_fold
 from server.errors import ServiceError, refusal_of
 from server.http.problems import Problem
+from server.http.security import INDEXED_HEADERS
 from server.pages.cards import (
     FoldStatus,
     GalleryFilter,
@@ -23,9 +24,10 @@ from server.pages.cards import (
     included_folds,
     kinds,
 )
-from server.pages.page import origin_of, page
+from server.pages.page import drawing, origin_of, page
 from server.pages.problem_page import not_found_page
 from server.store.owner import Claim
+from web.pictures.shipped_pictures import shipped_pictures
 from words.gallery import CARD_STATUS_LABELS, CHAIN_LABELS, MODULE_PLURALS, WORLD_LABELS, method_of
 from words.messages import message_for_people
 
@@ -55,6 +57,17 @@ async def gallery_page(request: Request) -> Response:
         method_of=method_of,
         finished=await asyncio.to_thread(included_folds, context.store),
     )
+
+
+@router.get("/shapes/{name}.svg")
+async def drawing_of_shape(name: str) -> Response:
+    """Return the drawing of an example shape."""
+    pictures = await asyncio.to_thread(shipped_pictures)
+    svg = pictures.get(f"{name}-160.svg", b"").decode()
+    answer = drawing(svg, "public, max-age=3600")
+    if svg:
+        answer.headers.update(INDEXED_HEADERS)
+    return answer
 
 
 @router.post("/gallery/{name}", response_class=HTMLResponse)
