@@ -12,13 +12,14 @@ from fastapi.responses import HTMLResponse, Response
 from server.api.context import context_of, in_list_rate
 from server.errors import READ_ONLY_WORDS
 from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
-from server.pages.cards import cards, selected
+from server.pages.cards import selected
 from server.pages.page import origin_of, page, templates
 from server.pages.pictures import picture_answer
 from server.pages.privacy import visibility
 from server.store.folds import Store
 from web.pictures.shipped_pictures import shipped_pictures
 from web.static_files import STATIC
+from words.gallery import module_count
 
 router = APIRouter(include_in_schema=False)
 
@@ -36,7 +37,8 @@ async def landing(request: Request) -> Response:
         "landing.html",
         listed=True,
         shapes=selected(context.gallery),
-        count=len(cards(context.gallery)),
+        count=len(context.gallery.shapes()),
+        module_count=module_count,
         featured=featured,
         kept=visibility(context.settings),
         origin=origin_of(request),
