@@ -19,7 +19,7 @@ const { timeline, player, place, bar } = view({
   over: !facts.running, play: code ? false : undefined,
   source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => load(frame, at("/view")),
   kept: {
-    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), get id() { return facts.movies ? facts.id : null; }, toast,
+    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), get id() { return facts.movies ? facts.id : null; },
   },
 });
 
