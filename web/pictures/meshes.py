@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.module import Module
+from planner.chain.rotations import matrix_from_wxyz
 from web.pictures.camera import FIELD_OF_VIEW_RAD
 
 Array = NDArray[np.float64]
@@ -85,6 +86,23 @@ def stud_mesh() -> Mesh:
     low = ring * STUD_RADIUS
     high = ring * STUD_RADIUS * 0.86 + np.array([STUD_HEIGHT, 0.0, 0.0])
     return hull_mesh(np.concatenate([low, high]))
+
+
+def stud_poses(module: Module, positions: Array, wxyzs: Array) -> tuple[Array, Array]:
+    """Return the poses of studs on the free faces: behind the first module, before the last one.
+
+    Args:
+        module: Kind of the modules.
+        positions: (2, 3) centres of the first and of the last module, pitches.
+        wxyzs: (2, 4) orientations of these modules.
+
+    Returns:
+        (2, 3) positions and (2, 3, 3) orientations.
+    """
+    reach = DISPLAYED_MODULE_SIZE * float(np.abs(module.vertices[:, 0]).max())
+    half_turn = np.diag([-1.0, -1.0, 1.0])
+    turns = matrix_from_wxyz(wxyzs) @ np.array([half_turn, np.eye(3)])
+    return positions + reach * turns[..., 0], turns
 
 
 def _around(corners: Array, normal: Array) -> NDArray[np.int64]:
