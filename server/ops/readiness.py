@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
@@ -143,7 +144,7 @@ class Readiness:
     def _storage_says(self) -> str:
         try:
             if self._settings.storage_url is None:
-                check_folder(self._settings)
+                check_folder(self._settings.folds_dir)
             else:
                 self._storage()
         except (OSError, StorageError) as error:
@@ -158,21 +159,18 @@ def disk_says(settings: Settings) -> str:
         free = free_space(settings.root)
         if free < settings.min_free_disk_bytes:
             return f"only {free // 2**20} MiB free"
-        with tempfile.NamedTemporaryFile(dir=settings.uploads_dir) as probe:
-            probe.write(b"probe")
-            probe.flush()
+        check_folder(settings.uploads_dir)
     except OSError as error:
         return f"cannot be written: {error.strerror}"
     return OK
 
 
-def check_folder(settings: Settings) -> None:
-    """Write, read, list and delete a probe in this machine's directory of folds.
+def check_folder(folder: Path) -> None:
+    """Write, read, list and delete a probe in a directory of this machine.
 
     Raises:
         OSError: If one of these fails.
     """
-    folder = settings.folds_dir
     handle, name = tempfile.mkstemp(prefix=".probe-", dir=folder)
     try:
         with os.fdopen(handle, "wb") as file:

@@ -54,17 +54,18 @@
       const root = this.attachShadow({ mode: "open" });
       root.adoptedStyleSheets = [style];
       root.append(this.said);
-      /** @type {HTMLIFrameElement | null} */
-      this.view = null;
       this.origin = "";
-      this.forget();
+      this.unload();
       this.hear = (/** @type {MessageEvent} */ { source, origin, data }) => {
         if (!this.view || source !== this.view.contentWindow || origin !== this.origin) return;
         if (data !== null && typeof data === "object") this.told(data);
       };
     }
 
-    forget() {
+    unload() {
+      this.view?.remove();
+      /** @type {HTMLIFrameElement | null | undefined} */
+      this.view = null;
       clearTimeout(this.timer);
       /** @type {ReturnType<typeof setTimeout> | undefined} */
       this.timer = undefined;
@@ -84,9 +85,7 @@
 
     disconnectedCallback() {
       removeEventListener("message", this.hear);
-      this.forget();
-      this.view?.remove();
-      this.view = null;
+      this.unload();
     }
 
     /**
@@ -106,9 +105,7 @@
     }
 
     load() {
-      this.forget();
-      this.view?.remove();
-      this.view = null;
+      this.unload();
       this.said.textContent = "";
       try {
         this.show(addressOf(this.getAttribute("src") ?? ""));

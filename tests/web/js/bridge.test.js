@@ -17,7 +17,6 @@ Object.assign(globalThis, {
   window: globalThis, parent: page, WebGL2RenderingContext: Context, location: { search: "", hash: "", pathname: "/view" },
   history: { replaceState() {} }, MutationObserver: class { observe() {} }, Element: class {}, HTMLElement: class {}, HTMLCanvasElement: class {},
   document: frameDocument,
-  requestAnimationFrame: (draw) => waiting.push(draw), cancelAnimationFrame: () => {},
   addEventListener: frame.addEventListener.bind(frame), removeEventListener: frame.removeEventListener.bind(frame),
 });
 await import("../../../web/static/js/viewer/bridge.js");
@@ -38,9 +37,9 @@ async function paint() {
 }
 
 test("the client gets a camera one frame after the poses that it follows", async (t) => {
-  const { document: other } = globalThis; // another test file of this process uses it
-  globalThis.document = frameDocument;
-  t.after(() => { globalThis.document = other; });
+  const { document: other, requestAnimationFrame: next } = globalThis; // other test files of this process use them
+  Object.assign(globalThis, { document: frameDocument, requestAnimationFrame: (draw) => waiting.push(draw) });
+  t.after(() => Object.assign(globalThis, { document: other, requestAnimationFrame: next }));
   const { port1, port2 } = new MessageChannel();
   client.postMessage({ type: "set_server" });
   frame.dispatchEvent(Object.assign(new Event("message"), { source: page, ports: [port2], data: {} }));

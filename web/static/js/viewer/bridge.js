@@ -12,34 +12,6 @@
   } catch { } // some browsers refuse to change the address
   history.replaceState = () => {}; // the client would write the name of its server there
 
-  // The client paints continuously, even if nothing changes, which drains batteries. Some time
-  // after the last message or input, it is throttled to one picture a second.
-  const RESTS_AFTER_MS = 1500;
-  const RESTING_MS = 1000;
-  const NOTICED = ["pointerdown", "pointermove", "wheel", "touchstart", "touchmove", "keydown", "resize", "focus"];
-  const paintNext = window.requestAnimationFrame.bind(window);
-  const paintNoMore = window.cancelAnimationFrame.bind(window);
-  /** @type {Map<number, FrameRequestCallback>} */
-  const waiting = new Map(); // timer → callback to call then
-  let noticed = performance.now();
-  window.requestAnimationFrame = (draw) => {
-    if (performance.now() - noticed < RESTS_AFTER_MS) return paintNext(draw);
-    const timer = setTimeout(() => { waiting.delete(timer); paintNext(draw); }, RESTING_MS);
-    waiting.set(timer, draw);
-    return -timer;
-  };
-  window.cancelAnimationFrame = (id) => {
-    if (id > 0) return paintNoMore(id);
-    clearTimeout(-id);
-    waiting.delete(-id);
-  };
-  function notice() {
-    noticed = performance.now();
-    for (const [timer, draw] of waiting) { clearTimeout(timer); paintNext(draw); }
-    waiting.clear();
-  }
-  for (const name of NOTICED) addEventListener(name, notice, { capture: true, passive: true });
-
   const PICTURES = 2; // a message is processed in the first picture and visible in the second
   const SHOWN = new Set([
     "BackgroundImageMessage", "BatchedMeshesMessage", "DirectionalLightMessage", "EnableLightsMessage", "EnvironmentMapMessage",
@@ -87,10 +59,9 @@
   function watch() {
     watching = pictures < due;
     if (!watching) return;
-    notice();
     releaseCamera();
     if (performance.now() - spoken > PAINTS_MS) tell([NOTHING]);
-    paintNext(watch);
+    requestAnimationFrame(watch);
   }
   function owe() {
     due = pictures + PICTURES;
@@ -126,7 +97,6 @@
 
   /** @param {MessageEvent<{ do?: string, id?: number, messages?: SceneMessage[], scheme?: string, on?: boolean } | null>} event */
   function take({ data }) {
-    notice();
     if (data?.do === "show" && Array.isArray(data.messages)) {
       const messages = data.messages.filter((message) => SHOWN.has(message?.type));
       for (const message of messages) if ("titlebar_content" in message) message.titlebar_content = null; // links
@@ -144,15 +114,14 @@
     }
   }
 
-  const twice = (/** @type {() => void} */ then) => paintNext(() => paintNext(then));
+  const twice = (/** @type {() => void} */ then) => requestAnimationFrame(() => requestAnimationFrame(then));
 
   /**
    * @param {number | undefined} id
    * @param {number} last
    */
   function paint(id, last) {
-    notice();
-    if (missing || pictures < last) paintNext(() => paint(id, last));
+    if (missing || pictures < last) requestAnimationFrame(() => paint(id, last));
     else twice(() => say({ is: "done", id }));
   }
 
@@ -207,9 +176,7 @@
   // Handle a message of the client to its server.
   /** @param {{ type?: string, position: number[], look_at: number[] }} message */
   function told(message) {
-    if (message.type !== "ViewerCameraMessage") return;
-    notice(); // the camera glides to its goal
-    if (!holds) say({ is: "camera", position: [...message.position], target: [...message.look_at] });
+    if (message.type === "ViewerCameraMessage" && !holds) say({ is: "camera", position: [...message.position], target: [...message.look_at] });
   }
 
   class Wire {

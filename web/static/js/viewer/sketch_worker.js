@@ -296,23 +296,18 @@ function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, 
     return depth > -radius && at[0] > -around && at[0] < width + around && at[1] > -around && at[1] < height + around;
   };
   const seen = (/** @type {number} */ i) => see(positions[3 * i], positions[3 * i + 1], positions[3 * i + 2], at);
-  for (let i = 0; i < rod; i++) {
+  for (let i = 0, next; i < modules; i = next) {
+    next = i + 1;
     let hidden = 0;
     if (neighbours && i < core) for (let f = 0; f < faces.length; f++) if (neighbours[i * faces.length + f] < core) hidden |= 1 << f;
     if (hidden === all) continue;
     const depth = seen(i);
-    if (inside(depth)) found.push({ i, many: 1, hidden, far: farOf(frame, i) });
-  }
-  for (let i = rod; i < modules;) {
-    const depth = seen(i);
-    if (!inside(depth)) { i++; continue; }
+    if (!inside(depth)) continue;
     const [left, top] = at;
-    let j = i + 1;
-    if (depth > NEAREST) {
-      while (j < modules && alike(colours, i, j) && inside(seen(j)) && Math.hypot(at[0] - left, at[1] - top) < GROUPED_PX * size.scale) j++;
+    if (i >= rod && depth > NEAREST) {
+      while (next < modules && alike(colours, i, next) && inside(seen(next)) && Math.hypot(at[0] - left, at[1] - top) < GROUPED_PX * size.scale) next++;
     }
-    found.push({ i, many: j - i, hidden: 0, far: farOf(frame, (i + j - 1) >> 1) });
-    i = j;
+    found.push({ i, many: next - i, hidden, far: farOf(frame, (i + next - 1) >> 1) });
   }
   return found;
 }
