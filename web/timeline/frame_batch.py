@@ -102,7 +102,7 @@ def batch_of(
             return encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
         most = max(1, largest // (8 * len(timeline.chain.joint_names) + 40))
         end = min(end, start + most * stride)
-        frames = timeline.frames(start, end, stride)
+        frames = timeline.motion(start, end, stride)
         columns = {
             "time_s": frames.time_s.astype("<f8"),
             "phase": frames.phase.astype("|u1"),
@@ -124,7 +124,7 @@ def unpacked_bytes(timeline: TimelineView) -> int:
     """Return the approximate size of an uncompressed batch of the whole timeline, in bytes."""
     if not timeline.windowed:
         return len(timeline) * (8 * len(timeline.chain.joint_names) + 40)
-    some = timeline.windows(0, len(timeline), max(1, len(timeline) // SIZE_SAMPLES))
+    some = timeline.motion(0, len(timeline), max(1, len(timeline) // SIZE_SAMPLES))
     return len(timeline) * (
         WINDOW_HEADER_BYTES + _hinge(some) * len(some.angles_rad) // max(1, len(some))
     )
@@ -153,10 +153,10 @@ def _windows(
     timeline: TimelineView, start: int, stop: int, stride: int, largest: int
 ) -> tuple[Motion, int]:
     """Return the next snapshots that fit into a batch, at least one, and the frame after them."""
-    parts = [timeline.windows(start, start)]
+    parts = [timeline.motion(start, start)]
     room = largest
     for at in range(start, stop, WINDOWS_PER_READ * stride):
-        part = timeline.windows(at, min(at + WINDOWS_PER_READ * stride, stop), stride)
+        part = timeline.motion(at, min(at + WINDOWS_PER_READ * stride, stop), stride)
         sizes = _hinge(part) * part.offsets[1:] + WINDOW_HEADER_BYTES * np.arange(1, len(part) + 1)
         fitting = int(np.searchsorted(sizes, room, "right"))
         if fitting < len(part):
@@ -176,10 +176,9 @@ def thinned(timeline: TimelineView, stride: int) -> bytes:
     """
     if stride == 1:
         return batch_of(timeline, largest=UNLIMITED_BYTES)
-    taken = timeline.windows if timeline.windowed else timeline.frames
-    parts: list[Motion] = [taken(0, len(timeline), stride)]
+    parts: list[Motion] = [timeline.motion(0, len(timeline), stride)]
     if (len(timeline) - 1) % stride:
-        parts.append(taken(len(timeline) - 1, len(timeline)))
+        parts.append(timeline.motion(len(timeline) - 1, len(timeline)))
     return _joined(timeline, parts)
 
 
@@ -189,7 +188,7 @@ def chosen(timeline: TimelineView, frames: NDArray[np.int64]) -> bytes:
     Raises:
         TimelineError: If the timeline is being replaced.
     """
-    return _joined(timeline, [timeline.frames(0, len(timeline))[frames]])
+    return _joined(timeline, [timeline.motion(0, len(timeline))[frames]])
 
 
 def _joined(timeline: TimelineView, parts: Sequence[Motion]) -> bytes:

@@ -102,7 +102,7 @@ class TimelineView:
     def _begin(self) -> None:
         stamp = self._stamp_now()  # taken first, so that later writes are noticed
         self._timeline, self._stamp = Timeline.open(self.path), stamp
-        self._chunks: Cache[Motion] = Cache(MAX_CHUNK_CACHE_BYTES, _bytes)
+        self._chunks: Cache[Motion] = Cache(MAX_CHUNK_CACHE_BYTES, lambda motion: motion.nbytes)
         self._table: TableTop | None = None
         self._refreshed = time.monotonic()
         self._summarised = 0
@@ -198,14 +198,14 @@ class TimelineView:
                 return self._exact(low)
             return self._between(low, share)
 
-    def frames(self, start: int, stop: int, stride: int = 1) -> Motion:
-        """Return frames as they were recorded.
+    def motion(self, start: int, stop: int, stride: int = 1) -> Motion:
+        """Return frames as they were recorded, in the layout of the timeline.
 
         Raises:
             TimelineError: If there are no such frames, or the timeline is being replaced.
         """
         with self.reading():
-            return self._timeline.frames(start, min(stop, self._summarised), stride)
+            return self._timeline.motion(start, min(stop, self._summarised), stride)
 
     def table(self) -> TableTop:
         """Return the table that the chain folds on, large enough for the whole motion.
@@ -217,23 +217,10 @@ class TimelineView:
             if self.growing or not self._summarised:
                 return TableTop.under(self.chain)
             if self._table is None:
-                frames = self.frames(
-                    0, self._summarised, max(1, self._summarised // TABLE_EXTENT_SAMPLES)
-                )
-                poses = self.chain.poses(
-                    frames.joint_angles_rad, frames.root_position, frames.root_wxyz
-                )
+                stride = max(1, self._summarised // TABLE_EXTENT_SAMPLES)
+                poses = self.motion(0, self._summarised, stride).poses(self.chain)
                 self._table = TableTop.under(self.chain, poses.positions)
             return self._table
-
-    def windows(self, start: int, stop: int, stride: int = 1) -> Motion:
-        """Return windowed frames; otherwise like ``frames``.
-
-        Raises:
-            TimelineError: If there are no such frames, or the timeline is being replaced.
-        """
-        with self.reading():
-            return self._timeline.windows(start, min(stop, self._summarised), stride)
 
     @contextmanager
     def reading(self) -> Generator[None]:
@@ -342,18 +329,7 @@ class TimelineView:
         """Return the chunk of frames from ``index * rows`` on."""
         start = index * self._rows
         stop = min(start + self._rows, self._summarised)  # the last chunk may still grow
-
-        def read() -> Motion:
-            with self.reading():
-                return self._timeline.motion(start, stop)
-
-        return self._chunks.get_or_make((start, stop), read)
-
-
-def _bytes(motion: Motion) -> int:
-    """Return the approximate size of a motion in memory."""
-    errors = 0 if motion.errors_rad is None else motion.errors_rad.nbytes
-    return motion.angles_rad.nbytes + errors + 100 * len(motion)
+        return self._chunks.get_or_make((start, stop), lambda: self.motion(start, stop))
 
 
 def _mix(a: Array, b: Array, share: float) -> Array:
@@ -417,9 +393,8 @@ class MotionMoments:
 
     def table(self) -> TableTop:
         """Return the table that the chain folds on, large enough for the whole motion."""
-        frames = range(0, len(self), max(1, len(self) // TABLE_EXTENT_SAMPLES))
-        positions = np.concatenate([self.snapshot(k).positions for k in frames])
-        return TableTop.under(self.chain, positions.astype(np.float64))
+        some = self._motion[:: max(1, len(self) // TABLE_EXTENT_SAMPLES)]
+        return TableTop.under(self.chain, some.poses(self.chain).positions)
 
     def snapshot(self, frame: float) -> Snapshot:
         """Return the snapshot of the recorded frame nearest to ``frame``."""
