@@ -15,6 +15,7 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -255,13 +256,12 @@ class TimelineView:
             }
 
     def _phases(self) -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = []
-        edges = np.flatnonzero(np.diff(self._phase)) + 1
-        for part in np.split(np.arange(self._summarised), edges):
-            if len(part):
-                name = PHASES[int(self._phase[part[0]])]
-                found.append({"name": name, "from": int(part[0]), "to": int(part[-1]) + 1})
-        return found
+        changes = (np.flatnonzero(np.diff(self._phase)) + 1).tolist()
+        return [
+            {"name": PHASES[int(self._phase[start])], "from": start, "to": stop}
+            for start, stop in pairwise([0, *changes, self._summarised])
+            if start < stop
+        ]
 
     def _columns(self, columns: int) -> list[float | None]:
         total = self._summarised
@@ -294,21 +294,18 @@ class TimelineView:
         self._max_error = np.concatenate([self._max_error, largest])
         self._summarised = stop
 
-    @property
-    def _rows(self) -> int:
-        """Number of frames per chunk."""
-        return CACHED_CHUNK_WINDOWS if self.windowed else CACHED_CHUNK_FRAMES
-
     def _exact(self, frame: int) -> Snapshot:
-        motion, k = self._chunk(frame // self._rows), frame % self._rows
+        motion, k = self._recorded(frame)
         return moment_of(self.chain, motion, k, frame=frame, stretch=self.stretch)
 
     def _between(self, low: int, share: float) -> Snapshot:
         a, b = self._exact(low), self._exact(low + 1)
-        first, second = (self._given(k) for k in (low, low + 1))
+        (first, j), (second, k) = self._recorded(low), self._recorded(low + 1)
         angles = _mix(a.joint_angles_rad, b.joint_angles_rad, share)
-        turn = _mix(first[1], second[1] * (1.0 if first[1] @ second[1] >= 0 else -1.0), share)
-        position, turn = _mix(first[0], second[0], share), turn / np.linalg.norm(turn)
+        position = _mix(first.anchor_position[j], second.anchor_position[k], share)
+        start, end = first.anchor_wxyz[j], second.anchor_wxyz[k]
+        turn = _mix(start, end * (1.0 if start @ end >= 0 else -1.0), share)
+        turn = turn / np.linalg.norm(turn)
         poses = _poses(self.chain, angles, position, turn, windowed=self.windowed)
         return replace(
             a,
@@ -320,16 +317,13 @@ class TimelineView:
             framed=max(a.framed, b.framed),
         )
 
-    def _given(self, frame: int) -> tuple[Array, Array]:
-        """Return the recorded pose of a frame: that of the root, or of a window's first module."""
-        motion, k = self._chunk(frame // self._rows), frame % self._rows
-        return motion.anchor_position[k], motion.anchor_wxyz[k]
-
-    def _chunk(self, index: int) -> Motion:
-        """Return the chunk of frames from ``index * rows`` on."""
-        start = index * self._rows
-        stop = min(start + self._rows, self._summarised)  # the last chunk may still grow
-        return self._chunks.get_or_make((start, stop), lambda: self.motion(start, stop))
+    def _recorded(self, frame: int) -> tuple[Motion, int]:
+        """Return the cached chunk that holds a frame, and the frame's index in it."""
+        rows = CACHED_CHUNK_WINDOWS if self.windowed else CACHED_CHUNK_FRAMES
+        start = frame - frame % rows
+        stop = min(start + rows, self._summarised)  # the last chunk may still grow
+        motion = self._chunks.get_or_make((start, stop), lambda: self.motion(start, stop))
+        return motion, frame - start
 
 
 def _mix(a: Array, b: Array, share: float) -> Array:
