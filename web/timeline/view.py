@@ -300,17 +300,8 @@ class TimelineView:
         start, stop = self._summarised, len(self._timeline)
         if stop <= start:
             return
-        if self.windowed:
-            times, phases = self._timeline.clock()
-            time_s, phase = times[start:stop], phases[start:stop]
-            largest = self._timeline.window_errors(start, stop)
-        else:
-            parts = [
-                self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)
-            ]
-            time_s = np.concatenate([p.time_s for p in parts])
-            phase = np.concatenate([p.phase for p in parts])
-            largest = np.concatenate([largest_errors(p.joint_error_rad) for p in parts])
+        time_s, phase = self._timeline.clock(start)
+        largest = self._timeline.largest_errors(start)
         self._phase = np.concatenate([self._phase, phase])
         self._time_s = np.concatenate([self._time_s, time_s])
         self._max_error = np.concatenate([self._max_error, largest])
@@ -405,13 +396,6 @@ def _poses(chain: Chain, angles: Array, position: Array, wxyz: Array, *, windowe
     return forward_kinematics(
         chain.module, angles, root=root, root_position=position, root_wxyz=wxyz
     )
-
-
-def largest_errors(errors: Array) -> Array:
-    """Return the (F,) largest magnitudes of (F, J) errors; NaN where none is recorded."""
-    known = np.isfinite(errors)
-    found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
-    return np.where(known.any(axis=-1), found, np.nan)
 
 
 class MotionMoments:

@@ -35,8 +35,7 @@ from web.palette import (
     ramp_colours,
 )
 from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, ORBIT_SPEED_RAD_S
-from web.pictures.meshes import DISPLAYED_MODULE_SIZE
-from web.pictures.sketch import sketch_outline
+from web.pictures.meshes import DISPLAYED_MODULE_SIZE, sketch_outline
 from web.pictures.table_top import TableTop
 from web.timeline.columns import encode
 from web.viser.scene import Scene
