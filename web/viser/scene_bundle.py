@@ -132,7 +132,6 @@ def opened_scene(record: bytes) -> tuple[list[tuple[float, dict[str, Any]]], lis
     return [(float(t), message) for t, message in found["messages"]], buffers
 
 
-_OPENING: Final = threading.Lock()
 _QUIET_LOCK: Final = threading.RLock()
 
 
@@ -153,13 +152,13 @@ def viser_server() -> Generator[viser.ViserServer]:
     """Run a viser server during the context; only this machine can reach it."""
     import viser  # imported late, so that the service starts faster
 
-    with _OPENING, quiet():
+    with quiet():
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         yield server
     finally:
-        with _OPENING, quiet():
+        with quiet():
             server.stop()
 
 
