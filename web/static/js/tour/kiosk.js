@@ -18,8 +18,8 @@ export function idleSeconds(search) {
   return seconds >= RANGE_S[0] && seconds <= RANGE_S[1] ? seconds : USUAL_S;
 }
 
-/** @param {Omit<import("./panel.js").Toured, "id" | "toast"> & { stage: import("../viewer/stage.js").Stage }} shown */
-export function exhibit({ stage, ...toured }) {
+/** @param {Omit<import("./panel.js").Toured, "id" | "toast">} toured */
+export function exhibit(toured) {
   const { player, calm } = toured;
   const idleMs = 1000 * (idleSeconds(location.search) ?? USUAL_S);
   const panel = new TourPanel({ ...toured, id: null, toast: () => {} });
@@ -65,8 +65,6 @@ export function exhibit({ stage, ...toured }) {
 
   panel.onEnd = over;
   for (const kind of INPUTS) addEventListener(kind, (event) => touch(event.target), { capture: true, passive: true });
-  const { pointer } = stage.heard;
-  stage.heard.pointer = (told) => { if (told.kind !== "pointermove") touch(null); pointer?.(told); };
   player.on("camera", (/** @type {Command} */ { do: what }) => { if (what === "orbit") touch(null); });
   player.on("state", (/** @type {State} */ { playing }) => { if (telling && !playing && player.playhead.frame >= player.timeline.last) over(); });
   const drag = document.querySelector("label.folded");
