@@ -10,8 +10,9 @@ from functools import partial
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
 from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.readers import read
 from planner.readers.gallery import GalleryShape, gallery
-from server.pages.shape_drawings import chain_of
 from web.pictures.isometric_modules import chain_svg
 from web.pictures.shipped_pictures import ARCHIVE
 from web.pictures.social_picture import social_picture
@@ -31,6 +32,15 @@ def pictures() -> Iterator[tuple[str, Callable[[], bytes]]]:
             yield f"{shape.name}-{HERO_SIZE}.svg", partial(_svg, shape, HERO_SIZE)
             yield "featured.png", partial(_png, chain)
             yield "featured.bundle", partial(bundle_of, chain)
+
+
+def chain_of(shape: GalleryShape) -> Chain:
+    """Return the chain of a gallery shape, whose file contains a path or a chain."""
+    shown = read(shape.data, filename=shape.filename)
+    if isinstance(shown, Path):
+        return Chain.from_path(shown)
+    assert isinstance(shown, Chain), f"{shape.name} is a path or a chain"
+    return shown
 
 
 def _svg(shape: GalleryShape, size: int) -> bytes:

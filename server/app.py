@@ -61,7 +61,6 @@ from server.pages import (
     prerendered_pages,
     preview,
     privacy,
-    shape_drawings,
     share,
     static,
 )
@@ -86,7 +85,6 @@ ROUTERS: Final = (
     health,
     landing,
     prerendered_pages,
-    shape_drawings,
     fold,
     static,
     paper,
@@ -184,4 +182,4 @@ async def _warm_up(context: Context) -> None:
     # In a thread, so that the first response does not wait for the start of the process.
     await asyncio.to_thread(context.fork_server.start)
     await asyncio.sleep(WARM_UP_DELAY_S)  # until the start is complete
-    await asyncio.to_thread(landing.warm_up, context.gallery)
+    await asyncio.to_thread(landing.warm_up)

@@ -13,10 +13,8 @@ from server.api.alternatives import alternative
 from server.api.frame_waits import FrameWaits
 from server.files.artifacts import Artifacts
 from server.settings import Settings
-from server.store.estimates import Estimates
 from server.store.fold_files import NoSuchFoldError
 from server.store.fold_source import FoldSource, Found, id_of_fold
-from server.store.leases import Leases
 from web.timeline.shared_views import TimelineViews
 
 ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
@@ -32,8 +30,6 @@ class Viewing:
         waits: Requests that wait for frames.
         artifacts: Files that are computed on request.
         settings: Settings of the service; None in a viewer.
-        estimates: Expected times of folds; None in a viewer.
-        leases: Leases of the workers; None in a viewer.
     """
 
     store: FoldSource
@@ -41,8 +37,6 @@ class Viewing:
     waits: FrameWaits
     artifacts: Artifacts
     settings: Settings | None
-    estimates: Estimates | None
-    leases: Leases | None
 
 
 def viewing_of(request: Request) -> Viewing:

@@ -128,8 +128,6 @@ def create_player_app(directory: Path, host: str = "127.0.0.1") -> FastAPI:
                 waits=waits,
                 artifacts=artifacts,
                 settings=None,
-                estimates=None,
-                leases=None,
             )
             yield
             waits.close()

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import tempfile
 import time
 from contextlib import closing
 from pathlib import Path
@@ -38,8 +37,7 @@ def directory(settings: Settings) -> CheckResult:
     root = settings.root
     there = _nearest(root)
     try:
-        with tempfile.TemporaryDirectory(dir=there, prefix=".probe-") as probe:
-            (Path(probe) / "probe").write_bytes(b"probe")
+        check_folder(there)
     except OSError as error:
         found = f"{there} cannot be written ({error.strerror})"
         if error.errno in READ_ONLY_ERRORS:
@@ -145,7 +143,7 @@ def storage(settings: Settings) -> CheckResult:
 def _check_storage(settings: Settings) -> None:
     opened = open_storage(settings)
     if opened is None:
-        check_folder(settings)
+        check_folder(settings.folds_dir)
         return
     with closing(opened):
         opened.check()

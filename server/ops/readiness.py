@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
@@ -133,17 +134,21 @@ class Readiness:
         return self._kept[1]
 
     def _look(self) -> Places:
+        disk, free_bytes = OK, None
         try:
             free_bytes = free_space(self._settings.root)
-        except OSError:
-            free_bytes = None
-        disk, storage = disk_says(self._settings), self._storage_says()
-        return Places(disk=disk, storage=storage, free_bytes=free_bytes)
+            if free_bytes < self._settings.min_free_disk_bytes:
+                disk = f"only {free_bytes // 2**20} MiB free"
+            else:
+                check_folder(self._settings.uploads_dir)
+        except OSError as error:
+            disk = f"cannot be written: {error.strerror}"
+        return Places(disk=disk, storage=self._storage_says(), free_bytes=free_bytes)
 
     def _storage_says(self) -> str:
         try:
             if self._settings.storage_url is None:
-                check_folder(self._settings)
+                check_folder(self._settings.folds_dir)
             else:
                 self._storage()
         except (OSError, StorageError) as error:
@@ -152,27 +157,12 @@ class Readiness:
         return OK
 
 
-def disk_says(settings: Settings) -> str:
-    """Return ``ok`` if uploads can be written and enough space is free, or the problem."""
-    try:
-        free = free_space(settings.root)
-        if free < settings.min_free_disk_bytes:
-            return f"only {free // 2**20} MiB free"
-        with tempfile.NamedTemporaryFile(dir=settings.uploads_dir) as probe:
-            probe.write(b"probe")
-            probe.flush()
-    except OSError as error:
-        return f"cannot be written: {error.strerror}"
-    return OK
-
-
-def check_folder(settings: Settings) -> None:
-    """Write, read, list and delete a probe in this machine's directory of folds.
+def check_folder(folder: Path) -> None:
+    """Write, read, list and delete a probe in a directory of this machine.
 
     Raises:
         OSError: If one of these fails.
     """
-    folder = settings.folds_dir
     handle, name = tempfile.mkstemp(prefix=".probe-", dir=folder)
     try:
         with os.fdopen(handle, "wb") as file:

@@ -1,17 +1,17 @@
-"""Cards: the example shapes as pages show them, and the status of each on this service."""
+"""Cards of the example shapes: their selection, and the status of each on this service."""
 
 from __future__ import annotations
 
 import re
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
 from planner.readers.gallery import Gallery, GalleryShape
 from server.store.folds import FoldRow, Store
-from words.fold import ShownFold, shown_name
+from words.fold import ShownFold
 from words.gallery import (
     CARD_STATUS_LABELS,
     CHAIN_LABELS,
@@ -19,7 +19,6 @@ from words.gallery import (
     WORLD_LABELS,
     method_of,
     module_count,
-    rest_of,
 )
 
 TETRAHEDRA_TAG: Final = "tetrahedra"
@@ -54,29 +53,6 @@ shortest to the longest."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Card(GalleryShape):
-    """Texts of one example shape; the content of its file is left out."""
-
-    data: bytes = b""
-
-    @property
-    def rests(self) -> str | None:
-        """Requirement for folding on a table, in words; the torque is rounded up."""
-        return rest_of(self.rests_within)
-
-    @property
-    def count(self) -> str:
-        """Number of modules in words."""
-        return module_count(self.modules, self.module)
-
-    @property
-    def words(self) -> str:
-        """Searchable words, in lower case."""
-        kinds = (TAG_LABELS.get(tag, tag) for tag in self.tags)
-        return " ".join([self.title, self.name, self.count, *kinds]).lower()
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class FoldStatus:
     """Status of a shape's fold on this service.
 
@@ -95,7 +71,7 @@ class FoldStatus:
 class GalleryFilter:
     """Filter of the gallery's cards. An empty field, or None, accepts all.
 
-    Each of the ``words`` must be the beginning of a word of the card.
+    Each of the ``words`` must be the beginning of a word of ``search_words``.
     """
 
     module: str = ""
@@ -126,31 +102,30 @@ class GalleryFilter:
             most=int(most) if re.fullmatch(r"\d{1,6}", most) else None,
         )
 
-    def lets(self, card: Card, standing: FoldStatus) -> bool:
-        """Return True if the filter accepts a card."""
+    def lets(self, shape: GalleryShape, standing: FoldStatus) -> bool:
+        """Return True if the filter accepts the card of a shape."""
+        searched = f" {search_words(shape)}"
         return (
-            self.module in ("", card.module)
-            and (not self.kind or self.kind in card.tags)
+            self.module in ("", shape.module)
+            and (not self.kind or self.kind in shape.tags)
             and self.status in ("", standing.status)
-            and (not self.world or card.rests_within is not None)
-            and (self.least is None or card.modules >= self.least)
-            and (self.most is None or card.modules <= self.most)
-            and all(f" {word}" in f" {card.words}" for word in self.words.lower().split())
+            and (not self.world or shape.rests_within is not None)
+            and (self.least is None or shape.modules >= self.least)
+            and (self.most is None or shape.modules <= self.most)
+            and all(f" {word}" in searched for word in self.words.lower().split())
         )
 
 
-@cache
-def cards(gallery: Gallery) -> tuple[Card, ...]:
-    """Return all example shapes, shortest chain first."""
-    return tuple(
-        Card(**asdict(replace(shape, title=shown_name(shape.title), data=b"")))
-        for shape in gallery.shapes()
-    )
+def search_words(shape: GalleryShape) -> str:
+    """Return the searchable words of a shape, in lower case."""
+    named = (TAG_LABELS.get(tag, tag) for tag in shape.tags)
+    count = module_count(shape.modules, shape.module)
+    return " ".join([shape.title, shape.name, count, *named]).lower()
 
 
-def selected(gallery: Gallery) -> list[Card]:
-    """Return the cards of the landing page."""
-    by_name = {card.name: card for card in cards(gallery)}
+def selected(gallery: Gallery) -> list[GalleryShape]:
+    """Return the shapes of the landing page."""
+    by_name = {shape.name: shape for shape in gallery.shapes()}
     return [by_name[name] for name in FEATURED_SHAPES if name in by_name]
 
 
@@ -160,7 +135,9 @@ def kinds(gallery: Gallery) -> list[tuple[str, str]]:
 
     The kind of module is left out, because it is chosen separately.
     """
-    counts = Counter(tag for card in cards(gallery) for tag in card.tags if tag != TETRAHEDRA_TAG)
+    counts = Counter(
+        tag for shape in gallery.shapes() for tag in shape.tags if tag != TETRAHEDRA_TAG
+    )
     return [(tag, TAG_LABELS.get(tag) or tag.capitalize()) for tag, _ in counts.most_common()]
 
 

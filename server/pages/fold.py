@@ -18,9 +18,10 @@ from planner.file_names import CHAIN
 from planner.motion.timeline import chain_from_attributes
 from planner.pipeline.fold_layout import result_path
 from planner.verification.integrity import damaged_among
-from server.api.fold_lookup import Viewing, find_now, viewing_of
+from server.api.context import Context, context_of
+from server.api.fold_lookup import find_now, viewing_of
 from server.http.response_cache import mark
-from server.pages.facts import FoldFacts, fold_facts, script_facts, takes_by_cost
+from server.pages.facts import FoldFacts, fold_facts, script_facts
 from server.pages.page import origin_of, page, script_json
 from server.pages.privacy import visibility
 from server.pages.problem_page import no_such_page
@@ -109,21 +110,18 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
 
 
 def _facts(request: Request, found: Found) -> FoldFacts:
-    viewing = viewing_of(request)
-    settings = viewing.settings
+    if viewing_of(request).settings is None:
+        return fold_facts(found, api=False)
+    context = context_of(request)
     return fold_facts(
         found,
-        api=settings is not None,
-        embed=settings is not None and bool(settings.embed_origins),
-        kept=None if settings is None else visibility(settings, found.row),
-        takes=takes(viewing),
+        embed=bool(context.settings.embed_origins),
+        kept=visibility(context.settings, found.row),
+        takes=takes(context),
     )
 
 
-def takes(viewing: Viewing) -> Callable[[FoldRow], str]:
+def takes(context: Context) -> Callable[[FoldRow], str]:
     """Return a function that states the expected time of a fold if it is requested now."""
-    estimates, leases = viewing.estimates, viewing.leases
-    if estimates is None or leases is None:
-        return takes_by_cost
-    after = ONCE_READY if leases.preparing() else ""
-    return lambda row: about(estimates.total_s(row)) + after
+    after = ONCE_READY if context.leases.preparing() else ""
+    return lambda row: about(context.estimates.total_s(row)) + after

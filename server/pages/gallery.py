@@ -1,4 +1,4 @@
-"""The gallery: all example shapes on a page, and folding one of them without a script."""
+"""The gallery: all example shapes on a page, their drawings, and folding without a script."""
 
 from __future__ import annotations
 
@@ -15,18 +15,28 @@ from server.api.fold_inputs import Origin
 from server.api.folds import post_fold
 from server.errors import ServiceError, refusal_of
 from server.http.problems import Problem
+from server.http.security import INDEXED_HEADERS
 from server.pages.cards import (
     FoldStatus,
     GalleryFilter,
-    cards,
     fold_statuses,
     included_folds,
     kinds,
+    search_words,
 )
-from server.pages.page import origin_of, page
+from server.pages.page import drawing, origin_of, page
 from server.pages.problem_page import not_found_page
 from server.store.owner import Claim
-from words.gallery import CARD_STATUS_LABELS, CHAIN_LABELS, MODULE_PLURALS, WORLD_LABELS, method_of
+from web.pictures.shipped_pictures import shipped_pictures
+from words.gallery import (
+    CARD_STATUS_LABELS,
+    CHAIN_LABELS,
+    MODULE_PLURALS,
+    WORLD_LABELS,
+    method_of,
+    module_count,
+    rest_of,
+)
 from words.messages import message_for_people
 
 router = APIRouter(include_in_schema=False)
@@ -38,7 +48,7 @@ async def gallery_page(request: Request) -> Response:
     context = context_of(request)
     found = await asyncio.to_thread(fold_statuses, context.store)
     sieve = GalleryFilter.of(request.query_params)
-    shown = [(card, found.get(card.name, FoldStatus())) for card in cards(context.gallery)]
+    shown = [(card, found.get(card.name, FoldStatus())) for card in context.gallery.shapes()]
     wanted = {card.name for card, standing in shown if sieve.lets(card, standing)}
     return page(
         "gallery.html",
@@ -53,8 +63,22 @@ async def gallery_page(request: Request) -> Response:
         where=WORLD_LABELS,
         plurals=MODULE_PLURALS,
         method_of=method_of,
+        module_count=module_count,
+        rest_of=rest_of,
+        search_words=search_words,
         finished=await asyncio.to_thread(included_folds, context.store),
     )
+
+
+@router.get("/shapes/{name}.svg")
+async def drawing_of_shape(name: str) -> Response:
+    """Return the drawing of an example shape."""
+    pictures = await asyncio.to_thread(shipped_pictures)
+    svg = pictures.get(f"{name}-160.svg", b"").decode()
+    answer = drawing(svg, "public, max-age=3600")
+    if svg:
+        answer.headers.update(INDEXED_HEADERS)
+    return answer
 
 
 @router.post("/gallery/{name}", response_class=HTMLResponse)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 from html import escape
 from typing import Annotated, Final
-from urllib.parse import urlsplit
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
@@ -15,8 +14,9 @@ from server.pages.page import origin_of
 
 router = APIRouter(include_in_schema=False)
 
-FOLD_PATH: Final = re.compile(r"/(?:folds|embed)/([^/]+)")
-"""Matches the path of a fold's page or of its embeddable page; the group is the fold's id."""
+FOLD_PATH: Final = r"/(?:folds|embed)/([^/?#]+)([?#].*)?"
+"""Matches the path of a fold's page or of its embeddable page, with a query; the first group is the
+fold's id."""
 FRAME_WIDTH_PX: Final = 720
 """Maximum and default width of the frame in which other sites embed a fold (oEmbed), in pixels; the
 *Share* dialog proposes the same. Chosen."""
@@ -52,8 +52,8 @@ async def oembed(
         answer = f"got the format {wanted!r}, expected 'json'."
         return Response(answer, status_code=501, media_type="text/plain")
     origin = origin_of(request)
-    fold_id = _fold_in(url, origin)
-    found = await find_fold(request, fold_id) if fold_id is not None else None
+    link = re.fullmatch(re.escape(origin) + FOLD_PATH, url)
+    found = await find_fold(request, link[1]) if link else None
     if found is None:
         return Response("No fold was found at this link.", status_code=404, media_type="text/plain")
     row = found.row
@@ -76,15 +76,3 @@ async def oembed(
         f'height="{height}" style="border:0" allow="fullscreen" loading="lazy"></iframe>'
     )
     return JSONResponse({"type": "rich", "html": frame, "width": width, "height": height, **about})
-
-
-def _fold_in(url: str, origin: str) -> str | None:
-    """Return the id of the fold that a link of this service leads to, or None."""
-    try:
-        address = urlsplit(url)
-    except ValueError:
-        return None
-    base = origin + "/"
-    same = f"{address.scheme}://{address.netloc}{address.path}".startswith(base)
-    match = FOLD_PATH.fullmatch(url.partition("?")[0].partition("#")[0].removeprefix(origin))
-    return match[1] if match is not None and same else None

@@ -15,8 +15,6 @@ ARCHIVE: Final = Path(__file__).parents[1] / "pictures.zip"
 
 @cache
 def shipped_pictures() -> dict[str, bytes]:
-    """Return the files of ``ARCHIVE`` by name; empty if the archive does not exist yet."""
-    if not ARCHIVE.is_file():
-        return {}
+    """Return the files of ``ARCHIVE`` by name."""
     with ZipFile(ARCHIVE) as archive:
         return {name: archive.read(name) for name in archive.namelist()}

@@ -2,13 +2,11 @@
 
 from dataclasses import replace
 
-from planner.readers.gallery import Gallery
+from planner.readers.gallery import Gallery, GalleryShape
 from server.pages.cards import (
     FEATURED_SHAPES,
-    Card,
     FoldStatus,
     GalleryFilter,
-    cards,
     fold_statuses,
     kinds,
     selected,
@@ -16,11 +14,13 @@ from server.pages.cards import (
 from server.store.folds import Store
 from tests.server.rows import SOMEBODY
 from tests.server.store.test_rows import row
-from words.gallery import CHAIN_LABELS, TAG_LABELS, method_of
+from words.gallery import CHAIN_LABELS, TAG_LABELS, method_of, rest_of
 
-CUBES = Card(name="heart", title="Heart", module="cube", modules=216, tags=("sign",))
+CUBES = GalleryShape(name="heart", title="Heart", modules=216, data=b"", tags=("sign",))
 HEART = replace(CUBES, rests_within=1.94)
-RING = Card(name="ring", title="Ring of twelve", module="tetrahedron", modules=12, tags=("ring",))
+RING = replace(
+    CUBES, name="ring", title="Ring of twelve", module="tetrahedron", modules=12, tags=("ring",)
+)
 VERIFIED = FoldStatus(status="verified", fold="a")
 
 
@@ -55,8 +55,7 @@ def test_gallery_filter_selects_cards() -> None:
 
 def test_selected_shapes_exist_and_kinds_have_names() -> None:
     gallery = Gallery()
-    assert [card.name for card in selected(gallery)] == list(FEATURED_SHAPES)
-    assert len(cards(gallery)) == len(gallery.shapes())
+    assert [shape.name for shape in selected(gallery)] == list(FEATURED_SHAPES)
     assert {tag for tag, _ in kinds(gallery)} <= set(TAG_LABELS)
     assert not {text for _, text in kinds(gallery)} & set(CHAIN_LABELS.values())
 
@@ -74,12 +73,13 @@ def test_status_of_a_shape_is_that_of_its_best_public_fold(store: Store) -> None
 
 
 def test_cards_show_the_torque_needed_on_a_table() -> None:
-    assert HEART.rests.endswith("(joints must hold 2.0 modules at a distance of one module width)")
-    assert CUBES.rests is None
-    resting = replace(HEART, rests_within=0.0)
-    assert resting.rests == "Can be folded on a table (needs almost no motor torque)"
-    known = [card for card in cards(Gallery()) if card.rests]
-    assert {card.module for card in known} == {"cube"}
+    assert rest_of(1.94).endswith(
+        "(joints must hold 2.0 modules at a distance of one module width)"
+    )
+    assert rest_of(None) is None
+    assert rest_of(0.0) == "Can be folded on a table (needs almost no motor torque)"
+    known = [shape for shape in Gallery().shapes() if rest_of(shape.rests_within)]
+    assert {shape.module for shape in known} == {"cube"}
 
 
 def test_card_of_an_unusual_fold_shows_its_method() -> None:

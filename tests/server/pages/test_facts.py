@@ -14,7 +14,7 @@ from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import PRESETS, preset
 from planner.parameters.playback import PlaybackParameters, RobotParameters
 from planner.parameters.published import PaperExplosionParameters
-from server.api.fold_lookup import Viewing
+from server.api.context import Context
 from server.api.schemas import Fold
 from server.jobs.eta import EtaEstimator
 from server.pages.facts import fold_facts
@@ -153,10 +153,10 @@ def test_times_of_offered_folds_name_the_compilation(
 ) -> None:
     found = failed_fold(tmp_path, 0, status="verified")
     leases = Leases.of(Settings(data_dir=tmp_path, workers=0), store)
-    viewing = cast(Viewing, SimpleNamespace(estimates=Estimates(store), leases=leases))
+    context = cast(Context, SimpleNamespace(estimates=Estimates(store), leases=leases))
 
     def hints() -> set[str]:
-        offers = fold_facts(found, takes=takes(viewing))["compare"]
+        offers = fold_facts(found, takes=takes(context))["compare"]
         return {offer.get("hint", "") for offer in offers}
 
     assert "Takes less than a minute" in hints()

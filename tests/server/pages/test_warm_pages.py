@@ -4,7 +4,6 @@ from pathlib import Path
 
 import pytest
 
-from planner.readers.gallery import Gallery
 from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.pages import landing
 from tests.run_python import run_python
@@ -46,7 +45,7 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
 
 
 def test_files_of_the_landing_page_exist() -> None:
-    landing.warm_up(Gallery())
+    landing.warm_up()
 
 
 @pytest.mark.processes

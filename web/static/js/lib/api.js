@@ -92,18 +92,26 @@ export async function ask(path, { method, body = null, token = null, signal } = 
   return contentOf(status, text);
 }
 
-// Poll until `over` returns true for an answer, or until the item no longer exists.
+// Poll until `over` returns true for an answer, or until the signal aborts the polling.
 /**
  * @template Answer
  * @param {string} path
  * @param {number} pauseMs
  * @param {(answer: Answer) => boolean} over
+ * @param {AbortSignal} [signal]
+ * @throws {Refusal} if the item no longer exists
  */
-export async function askUntil(path, pauseMs, over) {
+export async function askUntil(path, pauseMs, over, signal) {
   for (;;) {
-    const answer = await ask(path).catch((error) => error);
-    if (answer instanceof Refusal ? answer.gone : over(answer)) return;
-    await new Promise((again) => { setTimeout(again, pauseMs); });
+    const answer = await ask(path, { signal }).catch((error) => error);
+    if (signal?.aborted) return;
+    if (!(answer instanceof Refusal)) {
+      if (over(answer)) return;
+    } else if (answer.gone) throw answer;
+    await new Promise((again) => {
+      setTimeout(again, pauseMs);
+      signal?.addEventListener("abort", again);
+    });
   }
 }
 

@@ -164,6 +164,7 @@ export const UNREACHABLE = "The server cannot be reached. Check the connection a
 // Return a function that loads a part on first use and returns the
 // result of the given callback. If loading fails, it calls `refused`
 // with the reason and returns undefined; the next use tries again.
+// A script that cannot be fetched is reported as a TypeError.
 /**
  * @template Part
  * @param {() => Promise<Part>} load
@@ -177,9 +178,9 @@ export function later(load, refused) {
     let part;
     try {
       part = await (loading ??= load());
-    } catch {
+    } catch (error) {
       loading = null;
-      refused(UNREACHABLE);
+      refused(error instanceof TypeError ? UNREACHABLE : wordsOf(error));
       return undefined;
     }
     return use(part);

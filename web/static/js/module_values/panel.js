@@ -12,22 +12,20 @@ const DIGITS = 3;
  * @typedef {object} Owned
  * @property {import("../player/player.js").Player} player
  * @property {import("../panels/legend.js").Legend} legend
- * @property {() => Promise<KeptValues | null>} load
+ * @property {KeptValues | null} values that are stored with the fold
  * @property {string | null} id of the fold, if values can be stored with it
  */
 
 export class OwnPanel {
   /** @param {Owned} owned */
-  constructor({ player, legend, load, id }) {
+  constructor({ player, legend, values, id }) {
     this.player = player;
     this.legend = legend;
-    this.load = load;
     this.id = id;
     this.token = id && tokenOf(id);
     /** @type {import("./reading.js").OwnValues | null} */
-    this.own = null;
-    this.asked = false;
-    this.kept = false;
+    this.own = values?.data ? unpacked(values, player.timeline.chain.modules) : null;
+    this.kept = Boolean(this.own);
     this.box = get("own-values");
     this.error = get("own-error");
     const file = get("own-file");
@@ -37,24 +35,12 @@ export class OwnPanel {
     get("own-remove").onclick = () => this.change("DELETE");
     get("own-close").onclick = () => this.close();
     addStyle(STYLE);
-    player.on("begun", () => { if (player.colouring?.key === "own") this.colour(); });
+    player.on("begun", () => { if (player.colouring?.key === "own") this.show(); });
   }
 
-  // Colour by the values that are stored with the fold, if there are any.
-  async show() {
-    if (!this.own && !this.asked) {
-      this.asked = true;
-      try {
-        const kept = await this.load();
-        if (kept?.data && !this.own) [this.own, this.kept] = [unpacked(kept, this.player.timeline.chain.modules), true];
-      } catch (error) { this.error.textContent = wordsOf(error); }
-    }
-    this.colour();
-  }
-
-  async open() {
+  open() {
     this.box.hidden = false;
-    await this.show();
+    this.show();
     this.say();
   }
 
@@ -73,13 +59,14 @@ export class OwnPanel {
       if (file.size > MAX_FILE_BYTES) throw new Error(`This file is ${Math.ceil(file.size / 2 ** 20)} MB. The limit is ${MAX_FILE_BYTES / 2 ** 20} MB. Use fewer digits or frames.`);
       const frames = timeline.growing ? 0 : timeline.total;
       this.own = readValues(await file.text(), file.name, { modules: timeline.chain.modules, frames });
-      [this.asked, this.kept] = [true, false];
-      this.colour();
+      this.kept = false;
+      this.show();
     } catch (error) { this.error.textContent = wordsOf(error); }
     this.say();
   }
 
-  colour() {
+  // Colour by the values, if there are any.
+  show() {
     const { own, player: { timeline } } = this;
     this.legend.offer(own?.name ?? null);
     if (!own) return;

@@ -30,7 +30,7 @@ async function follow(id, verdict, player) {
     verdict.dataset.tone = now.verdict.tone;
     if (!now.running && !now.frames) pair.leave(player);
     return !now.running;
-  });
+  }).catch(() => {}); // deleted meanwhile
   player.timeline.finish();
 }
 

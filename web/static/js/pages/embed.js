@@ -13,7 +13,7 @@ const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
 const { hand, player } = view({
   over: !facts.running, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => load(frame, at("/embed/view")),
   kept: {
-    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), id: null, toast,
+    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), id: null,
   },
   onScroll: () => toast(`To zoom, click here or hold ${zoomKey}`),
 });

@@ -19,7 +19,7 @@ const { timeline, player, place, bar } = view({
   over: !facts.running, play: code ? false : undefined,
   source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => load(frame, at("/view")),
   kept: {
-    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), get id() { return facts.movies ? facts.id : null; }, toast,
+    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), get id() { return facts.movies ? facts.id : null; },
   },
 });
 
@@ -32,7 +32,7 @@ const downloads = later(() => import("../panels/downloads.js"), toast);
 const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);
 const dialogs = later(() => import("../panels/dialogs.js"), toast);
 const share = later(() => import("../panels/share.js").then(({ sharing }) => sharing(facts, { place, player })), toast);
-const progress = later(() => Promise.all([import("../panels/progress.js"), import("../panels/outcome.js")]), toast);
+const progress = later(() => import("../panels/progress.js"), toast);
 
 const token = tokenOf(facts.id);
 const rename = document.getElementById("rename"); // only with a service
@@ -101,16 +101,9 @@ function tryAgain() {
 show(facts);
 if (code) import("../tour/follower.js").then(({ Follower }) => new Follower(code, player, place)).catch((error) => toast(wordsOf(error)));
 if (facts.running) {
-  progress(([{ Progress }, { awaitOutcome, headingOf, titleOf }]) => {
-    const end = awaitOutcome(toast);
-    return new Progress(facts, {
-      onProgress: (now, stage, verdict) => { document.title = verdict ? headingOf({ name: facts.name, verdict }) : titleOf(now, facts.name, stage); },
-      onDone: async () => {
-        const now = await renewed();
-        if (!now) return;
-        show(now);
-        end(now);
-      },
-    });
-  });
+  progress(({ Progress }) => new Progress(facts, async () => {
+    const now = await renewed();
+    if (now) show(now);
+    return now;
+  }));
 }

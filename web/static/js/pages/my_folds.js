@@ -6,13 +6,8 @@ import { KeyPanel } from "../panels/key_panel.js";
 import { FoldCard, MovieLine, PreviewCard } from "../panels/owned_cards.js";
 
 const PAGE = 24;
-const LOOK_MS = 3000;
 
 let list = new FoldList([]);
-/** @type {(FoldCard | MovieLine)[]} */
-let changing = [];
-/** @type {ReturnType<typeof setTimeout> | undefined} */
-let timer;
 let turn = 0;
 
 /** @param {string} text */
@@ -44,7 +39,6 @@ async function more() {
       return new FoldCard(fold, key, () => { list.forget(key); counted(); });
     });
     get("folds").append(...cards.map(({ item }) => item));
-    changing.push(...cards);
     trouble("");
     counted();
   } catch (error) {
@@ -55,7 +49,6 @@ async function more() {
 
 async function load() {
   const mine = ++turn;
-  clearTimeout(timer);
   get("found").textContent = "Searching…";
   const keys = keysHere();
   try {
@@ -70,22 +63,11 @@ async function load() {
     get("folds").replaceChildren();
     get("previews").replaceChildren(...shapes.map(({ item }) => item));
     get("movies").replaceChildren(...lines.map(({ item }) => item));
-    changing = [...lines];
     await more();
-    if (mine === turn) look();
   } catch (error) {
     get("found").textContent = "";
     trouble(wordsOf(error));
   }
-}
-
-// Poll running folds and movies every LOOK_MS while the page is visible.
-function look() {
-  changing = changing.filter(({ running, item }) => running && item.isConnected);
-  timer = setTimeout(async () => {
-    if (!document.hidden) for (const card of changing) await card.refresh();
-    look();
-  }, LOOK_MS);
 }
 
 new KeyPanel(load);

@@ -10,7 +10,7 @@ import { Sketch } from "../viewer/sketch.js";
 import { thereAndBack } from "../player/frames.js";
 import { view } from "../viewer/fold_view.js";
 import { load } from "../viewer/scene.js";
-import { get, toast } from "../lib/text.js";
+import { get } from "../lib/text.js";
 
 /**
  * Content of the page: encoded messages, and the 3D client.
@@ -85,7 +85,7 @@ function loadView(frame) {
 }
 const figures = new StoredFigures("");
 const drawer = new Drawer();
-const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: loadView, kept: { tour: async () => parts.tour, values: async () => parts.values, id: null, toast } });
+const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: loadView, kept: { tour: async () => parts.tour, values: async () => parts.values, id: null } });
 figures.begin();
 if (parts.plan) {
   const checker = await (await fetch(import.meta.resolve("foldback/checker"))).text();

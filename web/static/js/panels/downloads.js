@@ -1,6 +1,6 @@
 // Movies and torques of a fold, requested by the forms of the Download tab.
 import { motorWords } from "./motor_words.js";
-import { Refusal, ask, ownKey, tokenOf } from "../lib/api.js";
+import { Refusal, ask, askUntil, ownKey, tokenOf } from "../lib/api.js";
 import { at, element, get, toast, wordsOf } from "../lib/text.js";
 
 const LOOK_MS = 1000;
@@ -60,27 +60,20 @@ export async function createMovie(id, form) {
  */
 async function follow(movie, token) {
   let now = movie;
-  let wake = () => {};
-  const nextLook = () => new Promise((done) => { wake = () => done(null); setTimeout(done, LOOK_MS); });
-  /** @type {Promise<boolean> | null} */
-  let stopping = null;
+  const stopping = new AbortController();
   get("movie-stop").hidden = !token;
-  get("movie-stop").onclick = () => {
-    stopping = ask(now.links.self, { method: "DELETE", token }).then(() => true, (error) => {
-      const shared = error instanceof Refusal && error.status === FORBIDDEN;
-      toast(shared ? "Someone else requested this movie too, so it will be finished" : `The movie was not stopped. ${wordsOf(error)}`);
-      return false;
-    });
-    wake();
-  };
-  while (now.status === "queued" || now.status === "running") {
+  get("movie-stop").onclick = () => ask(now.links.self, { method: "DELETE", token }).then(() => stopping.abort(), (error) => {
+    const shared = error instanceof Refusal && error.status === FORBIDDEN;
+    toast(shared ? "Someone else requested this movie too, so it will be finished" : `The movie was not stopped. ${wordsOf(error)}`);
+  });
+  await askUntil(now.links.self, LOOK_MS, (/** @type {Api.MovieBody} */ answer) => {
+    now = answer;
     get("movie-bar").hidden = false;
     get("movie-bar").value = now.frames_done / now.frames_total;
     get("movie-state").textContent = now.status === "queued" ? "Waiting in the queue" : `Picture ${now.frames_done} of ${now.frames_total}`;
-    await nextLook();
-    if (await stopping) { get("movie-state").textContent = "Stopped"; return; }
-    now = await ask(now.links.self);
-  }
+    return now.status !== "queued" && now.status !== "running";
+  }, stopping.signal);
+  if (stopping.signal.aborted) { get("movie-state").textContent = "Stopped"; return; }
   if (now.status === "failed") throw new Error(now.problem?.detail ?? "The movie could not be created. Try again, or choose a smaller size.");
   get("movie-state").replaceChildren(element("a", { href: now.links.file, download: true, class: "button primary" }, `Download the ${now.format === "gif" ? "GIF" : "MP4"}`));
 }

@@ -30,12 +30,8 @@ export class ModulePanel {
     this.player = player;
     this.figures = figures;
     this.opened = opened;
-    /** @type {number | null} */
-    this.index = null;
-    /** @type {Snapshot | null} */
-    this.shown = null;
-    /** @type {JointTold[]} */
-    this.joints = [];
+    /** @type {ModuleTold | null} */
+    this.module = null;
     this.modules = 0;
     this.field = get("module-number");
     this.field.onchange = () => this.choose(false);
@@ -51,27 +47,29 @@ export class ModulePanel {
     panel.addEventListener("keydown", (event) => this.key(event));
     player.on("outline", (/** @type {{ modules: number }} */ { modules }) => this.count(modules));
     player.on("module", (/** @type {Told} */ module) => this.show(module));
-    figures.on("loaded", () => this.measure());
-    figures.on("begun", () => this.measure());
+    figures.on("loaded", () => this.fill());
+    figures.on("begun", () => this.fill());
     this.show({ index: null });
   }
 
-  /** @param {Told} module */
-  show(module) {
+  get index() { return this.module?.index ?? null; }
+
+  /** @param {Told} told */
+  show(told) {
     const before = this.index;
-    this.index = module.index;
-    if (before !== module.index || module.index === null) this.number();
-    get("no-module").hidden = module.index !== null;
-    get("module").hidden = module.index === null;
-    if (module.index === null) return;
+    const module = told.index === null ? null : told;
+    this.module = module;
+    if (before !== told.index || !module) this.number();
+    get("no-module").hidden = Boolean(module);
+    get("module").hidden = !module;
+    if (!module) return;
     if (before !== module.index) {
       this.build(module);
       this.opened();
       const turned = module.joints.map(({ name, angle_rad: angle }) => `${hingeOf(name)} ${degrees(angle)}`);
       get("module-said").textContent = [`Module ${module.index + 1} of ${module.modules}`, ...turned].join(", ");
     }
-    this.fill(module);
-    this.measure();
+    this.fill();
   }
 
   // Set the number of modules to choose from.
@@ -126,9 +124,9 @@ export class ModulePanel {
   /** @param {ModuleTold} module */
   build({ index, modules, cell, joints }) {
     const column = (/** @type {string} */ of) => element("td", { "data-of": of });
-    const rows = (/** @type {string} */ key, /** @type {string[]} */ of) => joints.map(({ name }) => element("tr", { [key]: name }, element("th", { scope: "row" }, hingeOf(name)), ...of.map(column)));
+    const rows = (/** @type {string[]} */ ...of) => joints.map(({ name }) => element("tr", { "data-joint": name }, element("th", { scope: "row" }, hingeOf(name)), ...of.map(column)));
     get("module-joint").replaceChildren(...(joints.length
-      ? [table(["Hinge", "Now", "Folded", "Joint error"], rows("data-joint", ["now", "target", "error"])), table(["Hinge", "Speed", "Torque"], rows("data-motion", ["speed", "torque"]))]
+      ? [table(["Hinge", "Now", "Folded", "Joint error"], rows("now", "target", "error")), table(["Hinge", "Speed", "Torque"], rows("speed", "torque"))]
       : [element("p", { class: "hint" }, "This module has no joint.")]));
     get("module-heading").textContent = `Module ${index + 1} of ${modules}`;
     this.write("end", index === 0 ? "first module" : index === modules - 1 ? "last module" : null);
@@ -151,33 +149,28 @@ export class ModulePanel {
     return value;
   }
 
-  /** @param {ModuleTold} module */
-  fill(module) {
-    this.shown = module.shown;
-    const speeds = this.player.timeline.speeds(module.shown.frame);
-    for (const { name, column, angle_rad: angle, target_rad: target, error_rad: error } of module.joints) {
-      this.put(`[data-joint="${name}"]`, "now", degrees(angle));
-      this.put(`[data-joint="${name}"]`, "target", degrees(target, 0));
-      this.put(`[data-joint="${name}"]`, "error", error === null ? "–" : radians(error));
-      this.put(`[data-motion="${name}"]`, "speed", Number.isNaN(speeds[column]) ? "–" : si(speeds[column], "rad/s"));
+  // Write the values that change with the frame. The figures of a finished fold have most of them.
+  fill() {
+    if (!this.module) return;
+    const { index, joints, shown } = this.module;
+    const speeds = this.player.timeline.speeds(shown.frame);
+    const row = this.figures.row(shown.low);
+    const unit = this.figures.plots?.table?.unit_nm ?? NaN;
+    for (const { name, column, angle_rad: angle, target_rad: target, error_rad: error } of joints) {
+      const torque = row?.torque?.[column] ?? (row?.joint_torque?.[column] ?? NaN) * unit;
+      /** @type {Record<string, string>} */
+      const texts = {
+        now: degrees(angle), target: degrees(target, 0), error: error === null ? "–" : radians(error),
+        speed: Number.isNaN(speeds[column]) ? "–" : si(speeds[column], "rad/s"), torque: Number.isFinite(torque) ? newtonMetres(torque) : "–",
+      };
+      const cells = /** @type {NodeListOf<HTMLElement>} */ (this.panel.querySelectorAll(`[data-joint="${name}"] [data-of]`));
+      for (const cell of cells) cell.textContent = texts[cell.dataset.of ?? ""];
     }
-    this.joints = module.joints;
-  }
-
-  // Show the values that come from the figures of a finished fold.
-  measure() {
-    if (this.index === null || !this.shown) return;
-    const row = this.figures.row(this.shown.low);
     if (!row) return;
-    for (const { name, column } of this.joints) {
-      const unit = this.figures.plots?.table?.unit_nm ?? NaN;
-      const torque = row.torque?.[column] ?? (row.joint_torque?.[column] ?? NaN) * unit;
-      this.put(`[data-motion="${name}"]`, "torque", Number.isFinite(torque) ? newtonMetres(torque) : "–");
-    }
-    if (row.nearest && row.clearance) this.showNearest(row.nearest[this.index], row.clearance[this.index]);
-    const [pressed, off] = [row.pressed?.[this.index] ?? null, row.position_error?.[this.index] ?? NaN];
+    const [pressed, off] = [row.pressed?.[index] ?? null, row.position_error?.[index] ?? NaN];
     this.write("pressed", pressed === null ? null : Number.isFinite(pressed) ? `${number(pressed)} × the module’s weight` : "–");
     this.write("position", Number.isFinite(off) ? pitches(off) : "–");
+    if (row.nearest && row.clearance) this.showNearest(row.nearest[index], row.clearance[index]);
   }
 
   /**
@@ -189,15 +182,5 @@ export class ModulePanel {
     if (nearest < 0) return;
     value.replaceChildren(element("button", { class: "inline", type: "button", "data-module": nearest }, `Module ${nearest + 1}`),
       clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`);
-  }
-
-  /**
-   * @param {string} row
-   * @param {string} of
-   * @param {string} text
-   */
-  put(row, of, text) {
-    const cell = this.panel.querySelector(`${row} [data-of="${of}"]`);
-    if (cell) cell.textContent = text;
   }
 }

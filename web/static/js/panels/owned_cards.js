@@ -1,9 +1,10 @@
 // Cards of items made with this browser: folds, previews, movies.
-import { Refusal, ask, remove } from "../lib/api.js";
+import { ask, askUntil, remove } from "../lib/api.js";
 import { at, button, copyText, element, sentence, STAGES, toast, whole, wordsOf } from "../lib/text.js";
 import { confirmed, renamed } from "./dialogs.js";
 
 const S = 1000;
+const LOOK_MS = 3000;
 /** @type {Record<string, string>} */
 const METHODS = { direct: "direct servoing", paper: "published method" };
 /** @type {Record<string, string>} */
@@ -50,6 +51,8 @@ export function verdictOf({ status, stage, progress, summary }) {
 /** @param {Pick<Api.Fold, "preset" | "world">} fold */
 const methodWords = ({ preset, world }) => [METHODS[preset] ?? "", world === "table" ? "on a table" : ""].filter(Boolean).join(", ");
 
+const runs = (/** @type {{ status: string }} */ { status }) => status === "queued" || status === "running";
+
 // Return a picture that links to a page. Screen readers
 // skip it, because the title has the same link.
 /**
@@ -84,18 +87,15 @@ class Card {
     this.gone();
   }
 
-  // Fetch the item again.
+  // Poll a running item while its card is on the page; `take` returns true while it runs.
   /**
    * @template Answer
    * @param {string} address
-   * @param {(answer: Answer) => void} take
+   * @param {(answer: Answer) => boolean} take
    */
-  async fetch(address, take) {
-    try {
-      take(await ask(address));
-    } catch (error) {
-      if (error instanceof Refusal && error.gone) this.away();
-    }
+  follow(address, take) {
+    askUntil(address, LOOK_MS, (/** @type {Answer} */ answer) => !take(answer) || !this.item.isConnected)
+      .catch(() => { if (this.item.isConnected) this.away(); });
   }
 
   // Return the button that deletes the item after a
@@ -137,9 +137,8 @@ export class FoldCard extends Card {
     this.item.append(art(fold.links.page, fold.links.drawing, `${fold.links.page}/picture.png`), this.title, this.verdict, this.facts, this.ways);
     this.show();
     this.offer();
+    if (runs(fold)) this.follow(fold.links.self, (/** @type {Api.Fold} */ now) => { this.fold = now; this.show(); return runs(now); });
   }
-
-  get running() { return this.fold.status === "queued" || this.fold.status === "running"; }
 
   show() {
     const { fold } = this;
@@ -157,13 +156,6 @@ export class FoldCard extends Card {
       way("Copy link", fold.title, () => this.copy()),
       ...(fold.public ? [] : [way("Rename", fold.title, () => this.rename()),
         this.deletion(fold.title, fold.links.self, [`Delete “${fold.title}”?`, "This permanently deletes the fold, its plan and its movies. The link will stop working for everyone."])]));
-  }
-
-  refresh() {
-    return this.fetch(this.fold.links.self, (/** @type {Api.Fold} */ fold) => {
-      this.fold = fold;
-      this.show();
-    });
   }
 
   copy() {
@@ -211,9 +203,8 @@ export class MovieLine extends Card {
     this.item.append(
       element("div", {}, element("a", { href: movie.links.fold.replace("/api", "") }, title), element("span", { class: "card-count" }, facts), this.state), this.ways);
     this.show();
+    if (runs(movie)) this.follow(movie.links.self, (/** @type {Api.MovieBody} */ now) => { this.movie = now; this.show(); return runs(now); });
   }
-
-  get running() { return this.movie.status === "queued" || this.movie.status === "running"; }
 
   show() {
     const { status, frames_done: done, frames_total: total, problem, links, format } = this.movie;
@@ -221,12 +212,5 @@ export class MovieLine extends Card {
     this.state.textContent = words[status];
     const file = status === "ready" ? [element("a", { class: "way", href: links.file, download: true, "aria-label": `Download ${format.toUpperCase()}: ${this.title}` }, "Download")] : [];
     this.ways.replaceChildren(...file, this.deletion(`movie of ${this.title}`, links.self, [`Delete the movie of “${this.title}”?`, "You can create the movie again on the fold’s page."]));
-  }
-
-  refresh() {
-    return this.fetch(this.movie.links.self, (/** @type {Api.MovieBody} */ movie) => {
-      this.movie = movie;
-      this.show();
-    });
   }
 }

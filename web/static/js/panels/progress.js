@@ -1,13 +1,11 @@
 // Progress of a running fold: stage, percentage, steps per second, position in the queue.
-import { Refusal, ask, tokenOf } from "../lib/api.js";
+import { Refusal, ask, askUntil, tokenOf } from "../lib/api.js";
+import { awaitOutcome, headingOf, titleOf } from "./outcome.js";
 import { OverallProgress, queueWords } from "./overall_progress.js";
 import { preparingWords, remaining, showPreparing } from "./preparing.js";
 import { at, get, toast, whole } from "../lib/text.js";
 
-const ASK_MS = 1000; // initial interval of polling without an event stream
-const LONGEST_ASK_MS = 10000;
-const LONGER = 1.5;
-const LOST = 404;
+const ASK_MS = 5000; // between two requests without an event stream
 const FORBIDDEN = 403;
 const CANCEL_MS = 10000;
 const READY = "getting ready";
@@ -18,19 +16,19 @@ const OVER = ["verified", "failed", "cancelled"];
 export class Progress {
   /**
    * @param {Facts} facts
-   * @param {{ onDone: () => void, onProgress: (now: Api.Progress, stage: string, verdict: Facts["verdict"] | null) => void }} around
+   * @param {() => Promise<Facts | null>} onDone updates the page, and returns the facts of the outcome
    */
-  constructor(facts, { onDone, onProgress }) {
+  constructor(facts, onDone) {
     this.facts = facts;
     this.onDone = onDone;
-    this.onProgress = onProgress;
+    this.announce = awaitOutcome(toast);
     this.token = tokenOf(facts.id);
     this.advance = new OverallProgress();
     this.cancelling = false;
     /** @type {EventSource | null} */
     this.events = null;
-    /** @type {ReturnType<typeof setTimeout> | null} */
-    this.pollTimer = null;
+    /** @type {AbortController | null} */
+    this.polling = null;
     /** @type {Api.Progress | null} */
     this.now = null;
     /** @type {Facts["verdict"] | null} */
@@ -47,30 +45,25 @@ export class Progress {
     this.events = events;
     events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
     events.onopen = () => this.pollNoMore();
-    // The stream is broken, or refused because too many
-    // are open: poll until the end or until it is back.
-    events.onerror = () => { if (!this.pollTimer) this.poll(ASK_MS); };
+    events.onerror = () => { if (!this.polling) this.poll(); };
     events.addEventListener("done", () => this.end());
   }
 
-  /** @param {number} pause */
-  poll(pause) {
-    this.pollTimer = setTimeout(async () => {
-      /** @type {Api.Fold | Refusal} */
-      const answer = await ask(`/api/folds/${this.facts.id}`).catch((error) => error);
-      if (!this.pollTimer) return; // the stream is back
-      const now = answer instanceof Refusal ? null : answer.progress;
-      if (now ? OVER.includes(now.status) : answer.status === LOST) this.end();
-      else {
-        if (now) this.show(now);
-        this.poll(Math.min(LONGER * pause, LONGEST_ASK_MS));
-      }
-    }, pause);
+  // The stream is broken, or refused because too many
+  // are open: poll until the end or until it is back.
+  async poll() {
+    this.polling = new AbortController();
+    const { signal } = this.polling;
+    await askUntil(`/api/folds/${this.facts.id}`, ASK_MS, (/** @type {Api.Fold} */ { progress }) => {
+      this.show(progress);
+      return OVER.includes(progress.status);
+    }, signal).catch(() => {}); // deleted meanwhile
+    if (!signal.aborted) this.end();
   }
 
   pollNoMore() {
-    clearTimeout(this.pollTimer ?? undefined);
-    this.pollTimer = null;
+    this.polling?.abort();
+    this.polling = null;
   }
 
   /** @param {Api.Progress} now */
@@ -83,7 +76,9 @@ export class Progress {
     else this.verdict = null;
     this.offer();
     const { preparing } = now;
-    this.onProgress({ ...now, ...(now.status === "running" && { fraction: advance.fraction }) }, advance.name(), this.verdict);
+    const name = get("name").textContent; // the owner may rename the fold meanwhile
+    const shown = { ...now, ...(now.status === "running" && { fraction: advance.fraction }) };
+    document.title = this.verdict ? headingOf({ name, verdict: this.verdict }) : titleOf(shown, name, advance.name());
     const queue = now.queue_position ?? 0;
     let text = advance.name();
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;
@@ -136,13 +131,14 @@ export class Progress {
     if (!get("cover").classList.contains("gone")) get("cover-text").textContent = text;
   }
 
-  end() {
+  async end() {
     this.events?.close();
     this.pollNoMore();
     get("progress").hidden = true;
     get("cancel").hidden = true;
     showPreparing(null);
-    this.onDone();
+    const facts = await this.onDone();
+    if (facts) this.announce(facts);
   }
 
   async cancel() {

@@ -1,7 +1,7 @@
 // A fold in an exhibition: its tour plays in a loop. A visitor can
 // take over; after some time without input the tour restarts. The page
 // around it (pages/kiosk.js) receives its state: see docs/links.md.
-import { TourPanel } from "./panel.js";
+import { get } from "../lib/text.js";
 
 const USUAL_S = 60;
 const RANGE_S = [10, 3600];
@@ -18,11 +18,10 @@ export function idleSeconds(search) {
   return seconds >= RANGE_S[0] && seconds <= RANGE_S[1] ? seconds : USUAL_S;
 }
 
-/** @param {Omit<import("./panel.js").Toured, "id" | "toast">} toured */
-export function exhibit(toured) {
-  const { player, calm } = toured;
+/** @param {Pick<import("./panel.js").Toured, "player" | "calm"> & { touring: import("./panel.js").Touring }} shown */
+export function exhibit({ player, calm, touring }) {
   const idleMs = 1000 * (idleSeconds(location.search) ?? USUAL_S);
-  const panel = new TourPanel({ ...toured, id: null, toast: () => {} });
+  const box = get("tour-panel");
   let held = false; // true while a visitor is active
   let telling = false; // true while a fold without a tour plays
   /** @type {ReturnType<typeof setTimeout> | undefined} */
@@ -37,7 +36,11 @@ export function exhibit(toured) {
     for (const dialog of document.querySelectorAll("dialog")) dialog.close();
     player.send({ do: "select", module: null });
     player.send({ do: "set", speed: 1 });
-    const shown = await panel.open({ playing: true }).catch(() => false);
+    const shown = await touring((panel) => {
+      panel.onEnd = over;
+      panel.open({ playing: true });
+      return true;
+    });
     tell("ready");
     if (shown || held) return;
     player.send({ do: "seek", frame: calm ? player.timeline.last : 0 });
@@ -57,17 +60,16 @@ export function exhibit(toured) {
   const touch = (/** @type {EventTarget | null} */ target) => {
     held = true;
     telling = false;
-    if (!(target instanceof Node && panel.box.contains(target))) panel.pause();
+    if (!box.hidden && !(target instanceof Node && box.contains(target))) touring((panel) => panel.pause());
     tell("touched");
     clearTimeout(timer);
     timer = setTimeout(() => { held = false; over(); }, idleMs);
   };
 
-  panel.onEnd = over;
   for (const kind of INPUTS) addEventListener(kind, (event) => touch(event.target), { capture: true, passive: true });
   player.on("camera", (/** @type {Command} */ { do: what }) => { if (what === "orbit") touch(null); });
   player.on("state", (/** @type {State} */ { playing }) => { if (telling && !playing && player.playhead.frame >= player.timeline.last) over(); });
   const drag = document.querySelector("label.folded");
-  if (drag) panel.box.prepend(drag); // the slider from straight to folded
+  if (drag) box.prepend(drag); // the slider from straight to folded
   begin();
 }

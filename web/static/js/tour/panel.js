@@ -1,6 +1,6 @@
 // The tour panel over the view: captions with previous, play and next, and a list for editing.
 import { Refusal, ask, tokenOf } from "../lib/api.js";
-import { button, element, get, save, wordsOf } from "../lib/text.js";
+import { button, element, get, save, toast, wordsOf } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
 import { cameraText } from "../player/address.js";
 import { Flight } from "./flight.js";
@@ -14,21 +14,18 @@ const NOBODYS = "Only the owner of this fold can save its tour. You can download
  * @property {import("../player/player.js").Player} player
  * @property {import("../player/address.js").Place} place
  * @property {boolean} calm
- * @property {() => Promise<Tour | null>} load
+ * @property {Tour} tour
  * @property {string | null} id of the fold, if its tour can be edited
- * @property {(text: string) => void} toast
+ * @typedef {<Made>(use: (panel: TourPanel) => Made) => Promise<Made | undefined>} Touring loads the panel on first use
  */
 
 export class TourPanel {
   /** @param {Toured} toured */
-  constructor({ player, place, calm, load, id, toast }) {
+  constructor({ player, place, calm, tour, id }) {
     this.player = player;
     this.place = place;
-    this.load = load;
     this.id = id;
-    this.toast = toast;
-    /** @type {TourState | null} */
-    this.state = null;
+    this.state = new TourState(tour);
     this.flight = new Flight(player, { calm, page: place.page, over: () => this.next() });
     this.playing = false;
     this.onEnd = () => {}; // called after the last caption
@@ -37,7 +34,7 @@ export class TourPanel {
     /** @type {Record<string, () => void>} */
     const ways = {
       before: () => this.step(-1), after: () => this.step(1), run: () => this.toggle(), close: () => this.close(), edit: () => this.fold(Boolean(get("tour-editor").hidden)),
-      add: () => this.add(), undo: () => { this.state?.undo(); this.show(); }, draft: () => this.draft(), save: () => this.keep(), download: () => this.download(),
+      add: () => this.add(), undo: () => { this.state.undo(); this.show(); }, draft: () => this.draft(), save: () => this.keep(), download: () => this.download(),
     };
     for (const [name, press] of Object.entries(ways)) get(`tour-${name}`).onclick = press;
     addStyle(STYLE);
@@ -46,12 +43,7 @@ export class TourPanel {
 
   // Open the tour at a stop, counted from 1. With `view` false, keep the view of the address.
   /** @param {{ stop?: number, view?: boolean, playing?: boolean }} how */
-  async open({ stop = 1, view = true, playing = false } = {}) {
-    if (!this.state) {
-      const tour = await this.load();
-      if (!tour?.stops) { this.toast("This fold has no tour yet."); return false; }
-      this.state = new TourState(tour);
-    }
+  open({ stop = 1, view = true, playing = false } = {}) {
     this.box.hidden = false;
     get("tour").setAttribute("aria-expanded", "true");
     this.state.go(stop - 1);
@@ -59,7 +51,6 @@ export class TourPanel {
     this.playing = playing;
     this.flight.show(this.state.stop, { view, playing });
     this.say();
-    return true;
   }
 
   close() {
@@ -73,7 +64,6 @@ export class TourPanel {
   }
 
   toggle() {
-    if (!this.state) return;
     if (this.playing) { this.pause(); return; }
     this.playing = true;
     if (this.state.at === this.state.stops.length - 1) this.state.go(0);
@@ -88,21 +78,20 @@ export class TourPanel {
 
   /** @param {number} by */
   step(by) {
-    if (!this.state?.go(this.state.at + by)) return;
+    if (!this.state.go(this.state.at + by)) return;
     this.playing = false;
     this.go();
   }
 
   // Go to the next stop; after the last one, stop playing.
   next() {
-    if (this.state?.go(this.state.at + 1)) { this.go(); return; }
+    if (this.state.go(this.state.at + 1)) { this.go(); return; }
     this.playing = false;
     this.say();
     this.onEnd();
   }
 
   go() {
-    if (!this.state) return;
     this.flight.show(this.state.stop, { playing: this.playing });
     this.show();
   }
@@ -110,7 +99,6 @@ export class TourPanel {
   // Show the caption and the number of the current stop.
   say() {
     const { state } = this;
-    if (!state) return;
     const { stops, stop } = state;
     if (get("tour-caption").textContent !== stop.caption) get("tour-caption").textContent = stop.caption;
     get("tour-count").textContent = `${state.at + 1} of ${stops.length}`;
@@ -124,7 +112,7 @@ export class TourPanel {
   show() {
     this.say();
     const { state } = this;
-    if (!state || get("tour-editor").hidden) return;
+    if (get("tour-editor").hidden) return;
     get("tour-list").replaceChildren(...state.stops.map((stop, k) => this.row(stop, k)));
     this.offer();
   }
@@ -132,8 +120,8 @@ export class TourPanel {
   // Update the buttons of the editor.
   offer() {
     this.say();
-    get("tour-undo").disabled = !this.state?.undone.length;
-    get("tour-save").disabled = !this.state?.changed;
+    get("tour-undo").disabled = !this.state.undone.length;
+    get("tour-save").disabled = !this.state.changed;
   }
 
   /**
@@ -145,13 +133,13 @@ export class TourPanel {
     const field = element("textarea", { rows: 3, maxlength: MAX_CAPTION, "aria-label": `Caption of stop ${k + 1}` });
     field.value = stop.caption;
     // Keep the list: the click that ended the edit may be on one of its buttons.
-    field.onchange = () => { state?.edit(k, field.value); this.offer(); };
+    field.onchange = () => { state.edit(k, field.value); this.offer(); };
     const act = (/** @type {string} */ sign, /** @type {string} */ words, /** @type {() => void} */ press, off = false) =>
-      button("icon-button", sign, () => { press(); this.show(); get("tour-list").children[state?.at ?? 0]?.querySelector("textarea")?.focus(); }, { "aria-label": `${words}: stop ${k + 1}`, title: words, disabled: off });
-    return element("li", { "aria-current": k === state?.at ? "step" : null },
-      button("button quiet", `Frame ${stop.frame}`, () => { state?.go(k); this.playing = false; this.go(); }), field,
-      act("↑", "Move up", () => state?.move(k, -1), k === 0), act("↓", "Move down", () => state?.move(k, 1), k === (state?.stops.length ?? 0) - 1),
-      act("×", "Delete", () => state?.remove(k), state?.stops.length === 1));
+      button("icon-button", sign, () => { press(); this.show(); get("tour-list").children[state.at]?.querySelector("textarea")?.focus(); }, { "aria-label": `${words}: stop ${k + 1}`, title: words, disabled: off });
+    return element("li", { "aria-current": k === state.at ? "step" : null },
+      button("button quiet", `Frame ${stop.frame}`, () => { state.go(k); this.playing = false; this.go(); }), field,
+      act("↑", "Move up", () => state.move(k, -1), k === 0), act("↓", "Move down", () => state.move(k, 1), k === state.stops.length - 1),
+      act("×", "Delete", () => state.remove(k), state.stops.length === 1));
   }
 
   /** @param {boolean} open */
@@ -164,7 +152,7 @@ export class TourPanel {
   // Add a stop with the current view.
   add() {
     const view = this.place.page.view();
-    if (!this.state || !view) return;
+    if (!view) return;
     const { frame, module, from, to, camera, colour, path, follow } = view;
     /** @type {TourStop} */
     const stop = { caption: "Describe what is visible here.", frame: Math.round(frame ?? 0) + 1 };
@@ -174,7 +162,7 @@ export class TourPanel {
     if (!follow) stop.follow = false;
     if (colour && colour !== "error") stop.colour = colour;
     if (path) stop.path = true;
-    if (!this.state.add(stop)) { this.toast("A tour has at most 50 stops."); return; }
+    if (!this.state.add(stop)) { toast("A tour has at most 50 stops."); return; }
     this.show();
     const field = get("tour-list").children[this.state.at]?.querySelector("textarea");
     field?.focus();
@@ -183,27 +171,26 @@ export class TourPanel {
 
   async draft() {
     try {
-      this.state?.replace(await ask(`/api/folds/${this.id}/tour?draft=true`));
+      this.state.replace(await ask(`/api/folds/${this.id}/tour?draft=true`));
       this.go();
-    } catch (error) { this.toast(wordsOf(error)); }
+    } catch (error) { toast(wordsOf(error)); }
   }
 
   async keep() {
     const { state } = this;
     const token = this.id && tokenOf(this.id);
-    if (!state || !token) { this.toast(NOBODYS); return; }
+    if (!token) { toast(NOBODYS); return; }
     try {
       await ask(`/api/folds/${this.id}/tour`, { method: "PUT", token, body: state.tour });
       state.keep();
-      this.toast("Tour saved");
+      toast("Tour saved");
     } catch (error) {
-      this.toast(error instanceof Refusal && error.gone ? NOBODYS : wordsOf(error));
+      toast(error instanceof Refusal && error.gone ? NOBODYS : wordsOf(error));
     }
     this.show();
   }
 
   download() {
-    if (!this.state) return;
     save(new Blob([JSON.stringify(this.state.tour, null, 2)], { type: "application/json" }), "tour.json");
   }
 

@@ -8,7 +8,7 @@ import { Legend } from "../panels/legend.js";
 import { Place, viewIn, viewOf } from "../player/address.js";
 import { offerSides, pathButton, playerOn } from "./controls.js";
 import { hasWebGL } from "./scene.js";
-import { get, later } from "../lib/text.js";
+import { get, later, toast } from "../lib/text.js";
 
 const DRAW_MS = 250;
 const START_DELAY_MS = 1500;
@@ -46,7 +46,7 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {boolean} [over]
  * @property {Details | null} [details]
  * @property {boolean} [play]
- * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>, id: string | null, toast: (text: string) => void }} kept
+ * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>, id: string | null }} kept
  *   tour and module values stored with the fold; `id` is that of a fold that accepts new ones
  * @property {() => void} [onScroll] called if the page around an embed scrolls instead of a zoom
  */
@@ -74,7 +74,10 @@ export function view({ source, figures, load, over = true, details = null, play 
   standIn.onOpen = () => get("cover").classList.add("gone");
   const plots = details && new details.Plots(get("panel-plots"), player, figures);
   const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
-  const own = later(() => import("../module_values/panel.js").then(({ OwnPanel }) => new OwnPanel({ player, legend, load: kept.values, id: kept.id })), kept.toast);
+  const own = later(async () => {
+    const [{ OwnPanel }, values] = await Promise.all([import("../module_values/panel.js"), kept.values()]);
+    return new OwnPanel({ player, legend, values, id: kept.id });
+  }, toast);
   const legend = new Legend(player, figures, (how) => own((panel) => panel[how]()));
   takeFiles((file) => own((panel) => panel.take(file)));
   const panel = details && new details.ModulePanel(get("panel-module"), player, figures, () => details.drawer.openAt("module"));
@@ -104,13 +107,18 @@ export function view({ source, figures, load, over = true, details = null, play 
     get("cover-text").textContent = detail;
   });
 
-  const open = offerTour(kept, player, place);
+  const touring = later(async () => {
+    const [{ TourPanel }, tour] = await Promise.all([import("../tour/panel.js"), kept.tour()]);
+    if (!tour?.stops) throw new Error("This fold has no tour yet.");
+    return new TourPanel({ player, place, calm, tour, id: kiosk ? null : kept.id });
+  }, (text) => { if (!kiosk) toast(text); });
+  const open = offerTour(touring);
   let begun = false;
   player.on("begun", () => {
     if (begun) return;
     begun = true;
     if (kiosk) {
-      import("../tour/kiosk.js").then(({ exhibit }) => exhibit({ player, place, calm, load: kept.tour }));
+      import("../tour/kiosk.js").then(({ exhibit }) => exhibit({ player, calm, touring }));
       return;
     }
     const shown = place.go();
@@ -123,14 +131,9 @@ export function view({ source, figures, load, over = true, details = null, play 
 
 // Offer the tour of the fold. Return a function that opens it at a stop, or at the stop in the
 // address, and returns whether there is one.
-/**
- * @param {Viewed["kept"]} kept
- * @param {import("../player/player.js").Player} player
- * @param {Place} place
- */
-function offerTour(kept, player, place) {
-  const touring = later(() => import("../tour/panel.js").then(({ TourPanel }) => new TourPanel({ player, place, calm, load: kept.tour, id: kept.id, toast: kept.toast })), kept.toast);
-  get("tour").onclick = () => touring(async (panel) => { if (panel.box.hidden) await panel.open({ playing: !calm }); else panel.close(); });
+/** @param {import("../tour/panel.js").Touring} touring */
+function offerTour(touring) {
+  get("tour").onclick = () => touring((panel) => { if (panel.box.hidden) panel.open({ playing: !calm }); else panel.close(); });
   const open = (/** @type {number | null} */ asked = null) => {
     get("tour").hidden = false; // frames are loaded
     const { stop, named, frame } = viewIn(asked === null ? location.hash : `#stop=${asked}`);
