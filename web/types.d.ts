@@ -288,19 +288,11 @@ interface Playing {
 interface SceneHeard {
   open?: () => void;
   lost?: () => void; // its graphics, until it opens again
-  pointer?: (pointer: Pointer) => void;
-  scroll?: () => void; // of a page around an embed, in place of a zoom
   pick?: (origin: Vector, direction: Vector) => void;
 }
 // What the frame of a 3D view says, or says nonsense instead: see bridge.js.
 interface ViewTold {
   is?: unknown;
-  pointer?: unknown;
-  position?: unknown;
-  target?: unknown;
-  on?: unknown;
-  key?: unknown;
-  shift?: unknown;
   id?: unknown;
 }
 
