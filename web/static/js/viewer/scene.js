@@ -208,18 +208,18 @@ export class Hand {
     this.fingers = new Map();
   }
 
-  /** @param {Pointer} pointer */
-  hear({ kind, id, x, y, by, button, touch }) {
+  /** @param {PointerEvent} event */
+  hear({ type, pointerId: id, pointerType, offsetX: x, offsetY: y, button }) {
     const { fingers } = this;
-    const finger = fingers.get(id);
-    if (kind === "pointerdown") {
+    if (type === "pointermove") { this.drag(id, x, y); return; }
+    if (type === "pointerdown") {
       for (const other of fingers.values()) other.drags = true;
-      fingers.set(id, { x, y, fromX: x, fromY: y, button, still: touch ? STILL_PX.touch : STILL_PX.mouse, drags: fingers.size > 0 });
-    } else if (kind === "pointerup" || kind === "pointercancel") {
-      fingers.delete(id);
-      if (kind === "pointerup" && finger && !finger.drags && finger.button === 0) this.tap(x, y);
-    } else if (kind === "wheel") this.does({ zoom: Math.exp(ZOOM_PER_PX * Math.min(MAX_WHEEL_PX, Math.max(-MAX_WHEEL_PX, by))) });
-    else if (kind === "pointermove") this.drag(id, x, y);
+      fingers.set(id, { x, y, fromX: x, fromY: y, button, still: pointerType === "touch" ? STILL_PX.touch : STILL_PX.mouse, drags: fingers.size > 0 });
+      return;
+    }
+    const finger = fingers.get(id);
+    fingers.delete(id);
+    if (type === "pointerup" && finger && !finger.drags && finger.button === 0) this.tap(x, y);
   }
 
   /**
@@ -255,11 +255,8 @@ export class Hand {
   cover(view) {
     const surface = element("div", { class: "surface", tabindex: 0, role: "application", "aria-label": "3D view" });
     this.surface = surface;
-    const hear = (/** @type {PointerEvent} */ { type: kind, pointerId: id, pointerType, offsetX: x, offsetY: y, button }) => {
-      if (kind === "pointerdown") { this.clicked = true; surface.setPointerCapture(id); }
-      this.hear({ kind, id, x, y, by: 0, button, touch: pointerType === "touch" });
-    };
-    for (const kind of /** @type {const} */ (["pointerdown", "pointermove", "pointerup", "pointercancel"])) surface.addEventListener(kind, hear);
+    for (const type of /** @type {const} */ (["pointerdown", "pointermove", "pointerup", "pointercancel"])) surface.addEventListener(type, (event) => this.hear(event));
+    surface.addEventListener("pointerdown", ({ pointerId }) => { this.clicked = true; surface.setPointerCapture(pointerId); });
     surface.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     // A ring shows that the keyboard has moved the focus here; keys after a click show none.
     surface.addEventListener("focus", () => surface.classList.toggle("focused", surface.matches(":focus-visible")));
@@ -280,8 +277,8 @@ export class Hand {
   wheel(event) {
     if (this.yields && !this.clicked && !event.ctrlKey && !event.metaKey) { this.scroll(); return; }
     event.preventDefault();
-    const { offsetX: x, offsetY: y, deltaMode, deltaY, button } = event;
-    this.hear({ kind: "wheel", id: 0, x, y, by: deltaMode ? LINE_PX * deltaY : deltaY, button, touch: false });
+    const by = event.deltaMode ? LINE_PX * event.deltaY : event.deltaY;
+    this.does({ zoom: Math.exp(ZOOM_PER_PX * Math.min(MAX_WHEEL_PX, Math.max(-MAX_WHEEL_PX, by))) });
   }
 }
 
