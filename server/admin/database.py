@@ -20,7 +20,7 @@ import sqlalchemy as sa
 from psycopg.conninfo import conninfo_to_dict, make_conninfo
 from psycopg.pq import Conninfo
 
-from planner.files import temporary_path
+from planner.files import written_aside
 from server.admin.errors import AdminError
 from server.settings import VARIABLE_PREFIX
 from server.store.tables import reading_connection
@@ -113,15 +113,11 @@ class Database:
         self._run("pg_restore", *options, f"--dbname={name}", source=source)
 
     def _restore_sqlite(self, source: BufferedReader) -> None:
-        aside = temporary_path(self.path)
-        try:
+        with written_aside(self.path) as aside:
             with open(os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
                 shutil.copyfileobj(source, file)
             for suffix in LOG_SUFFIXES:
                 self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
-            aside.replace(self.path)
-        finally:
-            aside.unlink(missing_ok=True)
 
     @staticmethod
     def _tables(connection: sa.Connection) -> list[str]:
