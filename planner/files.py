@@ -77,14 +77,25 @@ def refuses_writing(place: FilePath) -> bool:
     return False
 
 
-def write_whole(path: FilePath, data: bytes) -> None:
-    """Writes a file that is either whole or not there."""
+@contextmanager
+def written_aside(path: FilePath) -> Generator[FilePath]:
+    """Yield the path of a temporary file, which replaces a file if the context ends without error.
+
+    The file is thus either whole or not there.
+    """
     aside = temporary_path(path)
     try:
-        aside.write_bytes(data)
+        yield aside
         aside.replace(path)
     finally:
-        aside.unlink(missing_ok=True)
+        with suppress(OSError):  # an error of the write itself must not be replaced
+            aside.unlink(missing_ok=True)
+
+
+def write_whole(path: FilePath, data: bytes) -> None:
+    """Write a file that is either whole or not there."""
+    with written_aside(path) as aside:
+        aside.write_bytes(data)
 
 
 def write_json(path: FilePath, values: object) -> None:

@@ -182,8 +182,6 @@ interface CameraAt { azimuth: number | null; elevation: number | null; zoom: num
 // What a hand does to the view: turns the camera, multiplies its distance, moves the picture by shares of
 // its height. Gently is in a glide.
 interface Orbit { turn?: [azimuth: number, elevation: number]; zoom?: number; move?: [x: number, y: number]; gently?: boolean }
-// A pointer event, or a wheel's, in pixels.
-interface Pointer { kind: string; id: number; x: number; y: number; by: number; button: number; touch: boolean }
 interface Seeing { radius: number; aspect: number; field: number; home?: number }
 
 // What the address of a page says: see js/player/address.js. Frames and modules count from 0 here.
@@ -288,19 +286,11 @@ interface Playing {
 interface SceneHeard {
   open?: () => void;
   lost?: () => void; // its graphics, until it opens again
-  pointer?: (pointer: Pointer) => void;
-  scroll?: () => void; // of a page around an embed, in place of a zoom
   pick?: (origin: Vector, direction: Vector) => void;
 }
 // What the frame of a 3D view says, or says nonsense instead: see bridge.js.
 interface ViewTold {
   is?: unknown;
-  pointer?: unknown;
-  position?: unknown;
-  target?: unknown;
-  on?: unknown;
-  key?: unknown;
-  shift?: unknown;
   id?: unknown;
 }
 

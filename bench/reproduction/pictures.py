@@ -106,7 +106,8 @@ def _spread(film: TimelineView, count: int, also: int | None) -> Ints:
 
 def _evenly(film: TimelineView, frames: Ints, count: int) -> Ints:
     """Choose frames with equal rotation of the hinges between them; include first and last."""
-    angles = film.frames(int(frames[0]), int(frames[-1]) + 1).joint_angles_rad
+    motion = film.motion(int(frames[0]), int(frames[-1]) + 1)
+    angles = motion.angles(film.chain)
     turned = np.sqrt((np.diff(angles, axis=0) ** 2).mean(axis=1))
     way = np.concatenate([[0.0], np.cumsum(turned)])
     places = np.searchsorted(way, np.linspace(0.0, way[-1], count))

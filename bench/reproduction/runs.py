@@ -249,7 +249,7 @@ def _playback(
 ) -> Phase | None:
     if not data.get("steps") or frames is None:
         return None
-    return _phase(data, film.frames(*frames).time_s, frames[1] - frames[0])
+    return _phase(data, film.motion(*frames).time_s, frames[1] - frames[0])
 
 
 def _phase(data: dict[str, Any], time_s: NDArray[np.float64], frames: int) -> Phase:

@@ -89,6 +89,12 @@ class Motion:
         return len(self.time_s)
 
     @property
+    def nbytes(self) -> int:
+        """Approximate memory of the motion, bytes."""
+        errors = 0 if self.errors_rad is None else self.errors_rad.nbytes
+        return self.angles_rad.nbytes + errors + 100 * len(self)
+
+    @property
     def is_windowed(self) -> bool:
         """True if only the angles of windows are held, in single precision."""
         return self.hinges is None

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import Array
-from planner.files import temporary_path
+from planner.files import written_aside
 from planner.motion.angle_encoding import packed_frames, unpacked_frames
 from planner.motion.failure_schemas import SpentKind
 from planner.motion.motion import Motion
@@ -179,17 +179,12 @@ def save_npz(path: FilePath, arrays: dict[str, Any], *, level: int = 1) -> None:
         arrays: Arrays by name.
         level: Level of zlib, 1 to 9, for arrays that compression makes smaller.
     """
-    aside = temporary_path(path)
-    try:
-        with ZipFile(aside, "w", compresslevel=level) as file:
-            for name, value in arrays.items():
-                array = np.asanyarray(value)
-                file.compression = ZIP_DEFLATED if _shrinks(array) else ZIP_STORED
-                with file.open(f"{name}.npy", "w", force_zip64=True) as part:
-                    np.lib.format.write_array(part, array, allow_pickle=False)
-        aside.replace(path)
-    finally:
-        aside.unlink(missing_ok=True)
+    with written_aside(path) as aside, ZipFile(aside, "w", compresslevel=level) as file:
+        for name, value in arrays.items():
+            array = np.asanyarray(value)
+            file.compression = ZIP_DEFLATED if _shrinks(array) else ZIP_STORED
+            with file.open(f"{name}.npy", "w", force_zip64=True) as part:
+                np.lib.format.write_array(part, array, allow_pickle=False)
 
 
 def _shrinks(array: NDArray[Any]) -> bool:

@@ -48,6 +48,9 @@ recorded tracking error, or None if there is none: readers need not read the err
 FRAMES_PER_CHUNK: Final = 128
 """Number of frames in a zarr chunk of a motion that stores all hinges in each frame. Larger values
 make fewer files and read more data for a single frame. Chosen."""
+FRAMES_PER_ERROR_READ: Final = 1024
+"""Minimum number of a timeline's frames that are read at once to find their largest joint errors. A
+larger value reads less often and takes more memory. Chosen."""
 WINDOWS_PER_CHUNK: Final = 4096
 """Number of frames in a zarr chunk of a motion that stores only the moving hinges of each frame,
 for all arrays but those of angles. Larger values make fewer files and rewrite more data for each
@@ -448,26 +451,28 @@ class Timeline:
         array = cast("Any", self._arrays.get("errors_rad"))
         return array is not None and array.nchunks_initialized > 0
 
-    def window_errors(self, start: int = 0, stop: int | None = None) -> Array:
-        """Return the (f,) largest joint error of each window, NaN if none is recorded.
+    def largest_errors(self, start: int = 0, stop: int | None = None) -> Array:
+        """Return the (f,) largest joint error of each frame, NaN if none is recorded.
 
         Without any recorded error, no chunk is read.
 
         Raises:
             TimelineError: The range is not within the timeline.
         """
-        end, rows = self._end(start, stop, 1), WINDOWS_PER_CHUNK
+        end, rows = self._end(start, stop, 1), max(self.chunk_frames, FRAMES_PER_ERROR_READ)
         if not self.tells_errors:
             return np.full(end - start, np.nan)
         parts = [
-            self.windows(at, min(at + rows, end)).largest_errors for at in range(start, end, rows)
+            self.motion(at, min(at + rows, end)).largest_errors for at in range(start, end, rows)
         ]
         return np.concatenate([np.zeros(0), *parts])
 
-    def clock(self) -> tuple[Array, NDArray[np.uint8]]:
-        """Return (F,) times and (F,) phases of all frames, without reading the rest."""
+    def clock(self, start: int = 0) -> tuple[Array, NDArray[np.uint8]]:
+        """Return (f,) times and (f,) phases of all frames from ``start`` on, nothing else."""
         with _reading(self.path, self.id):
-            time_s, phase = (self._arrays[name][: self._frames] for name in ("time_s", "phase"))
+            time_s, phase = (
+                self._arrays[name][start : self._frames] for name in ("time_s", "phase")
+            )
         return cast("Array", time_s), cast("NDArray[np.uint8]", phase)
 
     def _end(self, start: int, stop: int | None, stride: int) -> int:

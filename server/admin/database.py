@@ -10,8 +10,7 @@ import os
 import shutil
 import sqlite3
 import subprocess
-from collections.abc import Generator
-from contextlib import closing, contextmanager
+from contextlib import closing
 from dataclasses import dataclass
 from io import BufferedReader
 from pathlib import Path
@@ -21,10 +20,10 @@ import sqlalchemy as sa
 from psycopg.conninfo import conninfo_to_dict, make_conninfo
 from psycopg.pq import Conninfo
 
-from planner.files import temporary_path
+from planner.files import written_aside
 from server.admin.errors import AdminError
 from server.settings import VARIABLE_PREFIX
-from server.store.tables import read_only_engine, reading_connection
+from server.store.tables import reading_connection
 
 SECRET_PREFIXES: Final = (VARIABLE_PREFIX, "AWS_", "PG")
 """Prefixes of the environment variables that PostgreSQL's programs do not inherit from this
@@ -62,7 +61,9 @@ class Database:
             SQLAlchemyError: If the SQLite database cannot be read.
         """
         if self.is_sqlite:
-            with self._reading() as connection, closing(sqlite3.connect(target)) as copy:
+            with reading_connection(self.url) as read, closing(sqlite3.connect(target)) as copy:
+                connection = read.connection.driver_connection
+                assert isinstance(connection, sqlite3.Connection)
                 connection.backup(copy)
                 copy.execute("PRAGMA journal_mode=DELETE")
         else:
@@ -112,26 +113,11 @@ class Database:
         self._run("pg_restore", *options, f"--dbname={name}", source=source)
 
     def _restore_sqlite(self, source: BufferedReader) -> None:
-        aside = temporary_path(self.path)
-        try:
+        with written_aside(self.path) as aside:
             with open(os.open(aside, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as file:
                 shutil.copyfileobj(source, file)
             for suffix in LOG_SUFFIXES:
                 self.path.with_name(self.path.name + suffix).unlink(missing_ok=True)
-            aside.replace(self.path)
-        finally:
-            aside.unlink(missing_ok=True)
-
-    @contextmanager
-    def _reading(self) -> Generator[sqlite3.Connection]:
-        engine = read_only_engine(self.url)
-        try:
-            with closing(engine.raw_connection()) as connection:
-                found = connection.driver_connection
-                assert isinstance(found, sqlite3.Connection)
-                yield found
-        finally:
-            engine.dispose()
 
     @staticmethod
     def _tables(connection: sa.Connection) -> list[str]:
@@ -161,9 +147,7 @@ class Database:
 
 
 def _variables(url: str) -> dict[str, str]:
-    """Return the parts of an address as variables of PostgreSQL's programs; empty for SQLite."""
-    if url.startswith("sqlite"):
-        return {}
+    """Return the parts of an address as variables of PostgreSQL's programs."""
     plain = sa.make_url(url).set(drivername="postgresql")
     parts = conninfo_to_dict(plain.render_as_string(hide_password=False))
     names = {

@@ -24,7 +24,6 @@ from server.files.exports import export_file
 from server.http.client_address import address_of
 from server.http.downloads import download
 from server.store.folds import FoldRow
-from web.timeline.view import largest_errors
 from words.fold import has_motion
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
@@ -113,7 +112,7 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
 
     chain = timeline.chain
     frames = timeline.frames(start, until, stride)
-    largest = largest_errors(frames.joint_error_rad)
+    largest = frames.largest_errors
     positions = wxyzs = None
     if poses:
         found = frames.poses(chain)

@@ -45,7 +45,7 @@ def moment_of(
     frame = None
     if view is not None and timeline is not None and len(timeline):
         index = min(max(int(view.partition(",")[0]) - 1, 0), len(timeline) - 1)
-        told = timeline.frames(index, index + 1)
+        told = timeline.motion(index, index + 1).dense(timeline.chain)
         errors = told.joint_error_rad[0]
         frame = {
             "angles_rad": told.joint_angles_rad[0].tolist(),

@@ -134,12 +134,16 @@ class Readiness:
         return self._kept[1]
 
     def _look(self) -> Places:
+        disk, free_bytes = OK, None
         try:
             free_bytes = free_space(self._settings.root)
-        except OSError:
-            free_bytes = None
-        disk, storage = disk_says(self._settings), self._storage_says()
-        return Places(disk=disk, storage=storage, free_bytes=free_bytes)
+            if free_bytes < self._settings.min_free_disk_bytes:
+                disk = f"only {free_bytes // 2**20} MiB free"
+            else:
+                check_folder(self._settings.uploads_dir)
+        except OSError as error:
+            disk = f"cannot be written: {error.strerror}"
+        return Places(disk=disk, storage=self._storage_says(), free_bytes=free_bytes)
 
     def _storage_says(self) -> str:
         try:
@@ -151,18 +155,6 @@ class Readiness:
             log.warning("storage: %r", error)
             return "cannot be used"
         return OK
-
-
-def disk_says(settings: Settings) -> str:
-    """Return ``ok`` if uploads can be written and enough space is free, or the problem."""
-    try:
-        free = free_space(settings.root)
-        if free < settings.min_free_disk_bytes:
-            return f"only {free // 2**20} MiB free"
-        check_folder(settings.uploads_dir)
-    except OSError as error:
-        return f"cannot be written: {error.strerror}"
-    return OK
 
 
 def check_folder(folder: Path) -> None:

@@ -21,7 +21,7 @@ from typing import Final
 
 from planner.errors import UNREADABLE
 from planner.file_names import TIMELINE
-from planner.files import temporary_path
+from planner.files import written_aside
 from planner.pipeline.fold_layout import result_path
 from server.errors import NoSuch
 from server.settings import Settings
@@ -208,15 +208,10 @@ class Folders:
         if not place.is_dir():
             raise NoSuchFoldError(fold_id)
         movies = place / MOVIES
-        aside = temporary_path(movies / name)
-        try:
-            movies.mkdir(exist_ok=True)
+        movies.mkdir(exist_ok=True)
+        with written_aside(movies / name) as aside:
             shutil.copyfile(path, aside)
             sync(aside)
-            aside.replace(movies / name)
-        finally:
-            with suppress(OSError):
-                aside.unlink(missing_ok=True)
 
     def remove_movie(self, fold_id: str, name: str) -> None:
         """Remove the file of a movie, if there is one.

@@ -17,7 +17,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeVar
 
-from planner.files import temporary_path, write_whole
+from planner.files import write_whole, written_aside
 from server.settings import Settings
 
 if TYPE_CHECKING:  # the extra `storage`
@@ -188,20 +188,15 @@ class Storage:
         Raises:
             StorageError: If the storage does not answer.
         """
-        aside = temporary_path(path)
         with self._storage_errors():
             try:
                 found = self._obstore.get(self._store, key)
             except FileNotFoundError:
                 return False
             path.parent.mkdir(parents=True, exist_ok=True)
-            try:
-                with open(aside, "wb") as file:
-                    for chunk in found.stream():
-                        file.write(chunk)
-                aside.replace(path)
-            finally:
-                aside.unlink(missing_ok=True)
+            with written_aside(path) as aside, open(aside, "wb") as file:
+                for chunk in found.stream():
+                    file.write(chunk)
         return True
 
     def keep_file(self, key: str, path: Path | BinaryIO) -> None:

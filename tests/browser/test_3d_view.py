@@ -72,7 +72,7 @@ def test_view_shows_figures_and_the_path_and_rests(
     view.evaluate(COUNT_PICTURES)
     view.wait_for_function(AT_REST)
     painted = view.evaluate("pictures")
-    page.locator("#view").hover()
+    page.locator(".surface").hover()
     page.mouse.wheel(0, 200)
     view.wait_for_function("(before) => pictures > before + 3", arg=painted)
 

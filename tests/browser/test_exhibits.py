@@ -49,7 +49,7 @@ def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
     expect(page.locator(second)).to_be_visible()
 
     expect(shown.locator("#tour-run")).to_have_text("Pause")
-    shown.locator("#sketch").click()
+    shown.locator(".surface").click()
     expect(shown.locator("#tour-run")).to_have_text("Play tour")
     expect(page.locator(first)).to_be_visible()
     expect(page.locator("iframe")).to_have_count(1)

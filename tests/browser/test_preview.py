@@ -58,6 +58,9 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
         assert (warmth(seen) < -40).mean() > 0.003
         page.locator("[data-layer=path]").click()
         assert np.abs(picture(page) - seen).max() > 40
+        seen = picture(page)
+        page.locator(".surface").press("ArrowLeft")
+        assert np.abs(picture(page) - seen).max() > 40
     number = page.locator("#modules-number")
     number.fill("24")
     number.press("Enter")

@@ -39,7 +39,7 @@ from web.timeline.frame_batch import batch_of
 from web.timeline.view import TimelineView
 from web.timeline.window_columns import (
     PLANE_COLUMNS,
-    SINGLE_BYTE_COLUMNS,
+    SHORT_COLUMNS,
     window_columns,
 )
 from web.viser.scene_bundle import bundle_of
@@ -144,7 +144,7 @@ def windows() -> list[Vectors]:
             )
             frames.append({"frame": frame, "poses": encoded(poses, angles=q, errors=errors[low])})
         header = {"start": 0, "stop": len(windows), "stride": 1}
-        batch = encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
+        batch = encode(header, columns, planes=PLANE_COLUMNS, short=SHORT_COLUMNS)
         bundle = text(bundle_of(chain, 40))
         found.append({"name": name, "bundle": bundle, "batch": text(batch), "frames": frames})
     return found

@@ -13,7 +13,7 @@ from PIL import Image
 
 from planner.chain.chain import Chain
 from tests.refusal import refused
-from web.movies.encoding import EncodingError, Mp4Encoder, NoEncoderError, find_ffmpeg, open_encoder
+from web.movies.encoding import EncodingError, NoEncoderError, find_ffmpeg, open_encoder
 from web.movies.make_movie import make_movie, schedule
 from web.movies.movie import Movie
 from web.movies.renderer import MovieRenderer, NoGLError
@@ -187,16 +187,18 @@ def test_missing_opengl_is_an_error(chain: Chain) -> None:
         )
 
 
-def test_failed_encoder_is_an_error(tmp_path: Path) -> None:
-    movie = Movie.of(SMALL)
+def test_failed_encoder_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    program = tmp_path / "ffmpeg"
+    program.write_text("#!/bin/sh\necho no space left >&2\nexit 3\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("IMAGEIO_FFMPEG_EXE", str(program))
     with (
-        pytest.raises(EncodingError, match="exit code"),
-        Mp4Encoder(movie, tmp_path / "missing.mp4") as encoder,
+        pytest.raises(EncodingError, match="exit code 3: no space left"),
+        open_encoder(Movie.of(SMALL), tmp_path / "missing.mp4") as add,
     ):
-        encoder._process.kill()
-        encoder._process.wait()
         for _ in range(50):
-            encoder.add(np.zeros((180, 320, 3), np.uint8))
+            add(np.zeros((180, 320, 3), np.uint8))
+    assert list(tmp_path.iterdir()) == [program]
 
 
 @pytest.fixture
@@ -217,7 +219,7 @@ def test_ffmpeg_of_the_setting_comes_before_path_and_extra(
     without_ffmpeg.setenv("IMAGEIO_FFMPEG_EXE", "/opt/other")
     assert find_ffmpeg() == "/opt/other"
     with pytest.raises(EncodingError, match="/opt/other cannot be started: No such file"):
-        open_encoder(Movie.of(SMALL), tmp_path / "fold.mp4")
+        open_encoder(Movie.of(SMALL), tmp_path / "fold.mp4").__enter__()
     assert list(tmp_path.iterdir()) == [on_path]
 
 
@@ -226,13 +228,13 @@ def test_gif_without_ffmpeg_has_its_pictures_colours_and_times(
 ) -> None:
     without_ffmpeg.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(NoEncoderError, match="no ffmpeg is on PATH"):
-        open_encoder(Movie.of(SMALL), tmp_path / "fold.mp4")
+        open_encoder(Movie.of(SMALL), tmp_path / "fold.mp4").__enter__()
     movie = Movie.of({"format": "gif", "width": 66, "height": 64, "seconds": 2.0, "fps": 15})
     ramp = np.add.outer(np.arange(64), np.arange(66)).astype(np.uint8)
     given = [np.stack([ramp, ramp + 2 * k, 255 - ramp], axis=-1) for k in range(movie.count)]
-    with open_encoder(movie, tmp_path / "fold.gif") as encoder:
+    with open_encoder(movie, tmp_path / "fold.gif") as add:
         for picture in given:
-            encoder.add(picture)
+            add(picture)
     with Image.open(tmp_path / "fold.gif") as gif:
         assert gif.info["loop"] == 0
         ends = [0]

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import shutil
 import subprocess
-from abc import ABC, abstractmethod
+import tempfile
+from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager, contextmanager, suppress
+from itertools import pairwise
 from pathlib import Path
-from typing import IO, TYPE_CHECKING, Final, Self
+from typing import Final
 
 import numpy as np
 import zstandard
@@ -16,9 +18,8 @@ from numpy.typing import NDArray
 
 from web.movies.movie import Movie
 
-if TYPE_CHECKING:
-    from PIL.Image import Image
-
+AddPicture = Callable[[NDArray[np.uint8]], object]
+"""Function that adds a picture to a movie: (H, W, 3) sRGB bytes, from the top."""
 X264_CRF: Final = 19
 """Constant rate factor of the video encoder x264, from 0 (lossless) to 51. A larger value makes
 smaller files of lower quality; at this value no loss is visible. Chosen."""
@@ -50,42 +51,20 @@ class NoEncoderError(EncodingError):
     """There is no program that encodes this format."""
 
 
-class Encoder(ABC):
-    """Encoder of a movie's pictures, one by one; its file is complete once it is closed."""
+def open_encoder(movie: Movie, out: Path) -> AbstractContextManager[AddPicture]:
+    """Return the encoder of a movie's format; its file is complete when the context ends.
 
-    @abstractmethod
-    def add(self, picture: NDArray[np.uint8]) -> None:
-        """Add a picture.
-
-        Args:
-            picture: (H, W, 3) sRGB bytes, from the top.
-
-        Raises:
-            EncodingError: If the encoder has ended.
-        """
-
-    @abstractmethod
-    def close(self, *, complete: bool) -> None:
-        """Finish the file, which is unusable if ``complete`` is False."""
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, kind: type[BaseException] | None, *_: object) -> None:
-        self.close(complete=kind is None)
-
-
-def open_encoder(movie: Movie, out: Path) -> Encoder:
-    """Return the encoder of a movie's format.
+    An error in the context leaves an unusable file, or none.
 
     Args:
         movie: Size, frame rate and format.
         out: The file to write.
 
     Raises:
-        NoEncoderError: If the format is MP4 and there is no ffmpeg.
+        NoEncoderError: If the format is MP4 and there is no ffmpeg. Raised by the context.
+        EncodingError: If the encoder cannot be started or fails. Raised by the context.
     """
-    return GifEncoder(movie, out) if movie.format == "gif" else Mp4Encoder(movie, out)
+    return _gif_encoder(movie, out) if movie.format == "gif" else _mp4_encoder(movie, out)
 
 
 def find_ffmpeg() -> str:
@@ -104,111 +83,83 @@ def find_ffmpeg() -> str:
         raise NoEncoderError("no ffmpeg is on PATH, and imageio-ffmpeg is not installed") from None
 
 
-class Mp4Encoder(Encoder):
-    """Encoder of MP4 files with ffmpeg."""
-
-    def __init__(self, movie: Movie, out: Path) -> None:
-        """Start ffmpeg.
-
-        Raises:
-            EncodingError: If it cannot be started.
-        """
-        command = [find_ffmpeg(), *_options(movie), str(out)]
-        # ffmpeg logs to a file, because it would block on a full pipe that is not read.
-        self._words: IO[bytes] = open(out.with_name(f"{out.name}.log"), "w+b")  # noqa: SIM115
+@contextmanager
+def _mp4_encoder(movie: Movie, out: Path) -> Generator[AddPicture]:
+    """Encode an MP4 file with ffmpeg."""
+    command = [find_ffmpeg(), *_options(movie), str(out)]
+    # ffmpeg logs to a file, because it would block on a full pipe that is not read.
+    with tempfile.TemporaryFile(dir=out.parent) as log:
         try:
-            self._process = subprocess.Popen(
-                command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=self._words
+            process = subprocess.Popen(
+                command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=log
             )
         except OSError as error:
-            self._close_words()
             raise EncodingError(f"{command[0]} cannot be started: {error.strerror}") from error
-
-    def add(self, picture: NDArray[np.uint8]) -> None:
-        """Add a picture."""
-        assert self._process.stdin is not None
+        pipe = process.stdin
+        assert pipe is not None
+        ended_early = False
         try:
-            self._process.stdin.write(np.ascontiguousarray(picture).data)
+            yield lambda picture: pipe.write(np.ascontiguousarray(picture).data)
         except BrokenPipeError:
-            raise EncodingError(self._said(self._process.wait())) from None
-
-    def close(self, *, complete: bool) -> None:
-        """Finish the file."""
-        assert self._process.stdin is not None
-        try:
-            if not complete:
-                self._process.kill()
-            with contextlib.suppress(BrokenPipeError):  # its exit code is more informative
-                self._process.stdin.close()
-            code = self._process.wait()
-            if complete and code:
-                raise EncodingError(self._said(code))
+            ended_early = True
+        except BaseException:
+            process.kill()
+            raise
         finally:
-            self._close_words()
-
-    def _close_words(self) -> None:
-        self._words.close()
-        Path(self._words.name).unlink(missing_ok=True)
-
-    def _said(self, code: int) -> str:
-        self._words.seek(0)
-        words = self._words.read()[-400:].decode(errors="replace").strip()
-        return f"the encoder ended with exit code {code}: {words or 'no message'}"
+            with suppress(BrokenPipeError):  # the exit code is more informative
+                pipe.close()
+            code = process.wait()
+        if code or ended_early:
+            log.seek(0)
+            words = log.read()[-400:].decode(errors="replace").strip() or "no message"
+            raise EncodingError(f"the encoder ended with exit code {code}: {words}")
 
 
-class GifEncoder(Encoder):
-    """Encoder of GIF files with Pillow.
+@contextmanager
+def _gif_encoder(movie: Movie, out: Path) -> Generator[AddPicture]:
+    """Encode a GIF file with Pillow.
 
     All pictures share one palette, which depends on all of them, so they are held compressed until
     the end. Ordered dither compresses better than noise and does not flicker from frame to frame.
     """
+    from PIL import Image  # MP4 does not need it
 
-    def __init__(self, movie: Movie, out: Path) -> None:
-        self._movie = movie
-        self._out = out
-        self._packed: list[bytes] = []
-        self._samples: list[NDArray[np.uint8]] = []
-        rows, columns = -(-movie.height // 4), -(-movie.width // 4)
-        pattern = np.tile((_BAYER + 0.5) / 16 - 0.5, (rows, columns)) * DITHER_AMPLITUDE
-        self._pattern = pattern[: movie.height, : movie.width, None].round().astype(np.int16)
+    packed: list[bytes] = []
+    samples: list[NDArray[np.uint8]] = []
 
-    def add(self, picture: NDArray[np.uint8]) -> None:
-        """Add a picture."""
-        if len(self._packed) % PALETTE_STRIDE == 0:
-            self._samples.append(picture[::PALETTE_STRIDE, ::PALETTE_STRIDE].copy())
-        self._packed.append(zstandard.compress(np.ascontiguousarray(picture).data, 1))
+    def add(picture: NDArray[np.uint8]) -> None:
+        if len(packed) % PALETTE_STRIDE == 0:
+            samples.append(picture[::PALETTE_STRIDE, ::PALETTE_STRIDE].copy())
+        packed.append(zstandard.compress(np.ascontiguousarray(picture).data, 1))
 
-    def close(self, *, complete: bool) -> None:
-        """Finish the file."""
-        if complete and self._packed:
-            self._write()
+    yield add  # pictures are encoded once all of them are known
+    if not packed:
+        return
+    rows, columns = -(-movie.height // 4), -(-movie.width // 4)
+    pattern = np.tile((_BAYER + 0.5) / 16 - 0.5, (rows, columns)) * DITHER_AMPLITUDE
+    dither = pattern[: movie.height, : movie.width, None].round().astype(np.int16)
+    sampled = Image.fromarray(np.concatenate(samples))
+    palette = sampled.quantize(MAX_PALETTE_COLOURS, Image.Quantize.MEDIANCUT)
 
-    def _write(self) -> None:
-        from PIL import Image  # MP4 does not need it
-
-        samples = Image.fromarray(np.concatenate(self._samples))
-        palette = samples.quantize(MAX_PALETTE_COLOURS, Image.Quantize.MEDIANCUT)
-        pictures = (self._reduced(packed, palette) for packed in self._packed)
-        # GIF times are hundredths of a second: each picture ends at the one nearest to its time.
-        ends = [round(100 * k / self._movie.fps) for k in range(len(self._packed) + 1)]
-        next(pictures).save(
-            self._out,
-            format="GIF",
-            save_all=True,
-            append_images=pictures,
-            duration=[10 * (end - begin) for begin, end in zip(ends, ends[1:], strict=False)],
-            loop=0,
-            optimize=False,
-        )
-
-    def _reduced(self, packed: bytes, palette: Image) -> Image:
-        """Return a picture in the colours of a palette."""
-        from PIL import Image
-
-        colours = np.frombuffer(zstandard.decompress(packed), np.uint8)
-        dotted = colours.reshape(self._movie.height, self._movie.width, 3) + self._pattern
+    def reduced(data: bytes) -> Image.Image:
+        """Return a picture in the colours of the palette."""
+        colours = np.frombuffer(zstandard.decompress(data), np.uint8)
+        dotted = colours.reshape(movie.height, movie.width, 3) + dither
         picture = Image.fromarray(dotted.clip(0, 255).astype(np.uint8))
         return picture.quantize(palette=palette, dither=Image.Dither.NONE)
+
+    pictures = map(reduced, packed)
+    # GIF times are hundredths of a second: each picture ends at the one nearest to its time.
+    ends = [round(100 * k / movie.fps) for k in range(len(packed) + 1)]
+    next(pictures).save(
+        out,
+        format="GIF",
+        save_all=True,
+        append_images=pictures,
+        duration=[10 * (end - begin) for begin, end in pairwise(ends)],
+        loop=0,
+        optimize=False,
+    )
 
 
 def _options(movie: Movie) -> list[str]:

@@ -77,13 +77,13 @@ def make_movie(
         path = _path(timeline, movie, frames)
         if on_table:
             path = replace(path, grounds=np.full(len(frames), timeline.chain.table_height))
-        with open_encoder(movie, out) as encoder:
+        with open_encoder(movie, out) as add:
             for k, frame in enumerate(frames):
                 if cancelled():
                     return False
                 snapshot = timeline.snapshot(float(frame))
                 picture = stage.draw(_shot(timeline, snapshot, path, k, stops[k]))
-                encoder.add(_captioned(picture, stops[k], movie))
+                add(_captioned(picture, stops[k], movie))
                 progress(k + 1)
     return True
 

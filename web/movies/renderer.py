@@ -20,15 +20,13 @@ from web.pictures.camera import FIELD_OF_VIEW_RAD, View
 from web.pictures.ground_shadow import SHADOW_CELLS, ground_shadow
 from web.pictures.lighting import (
     SHADOW_SHIFT_PER_HEIGHT,
-    UPWARD,
     Theme,
     fill_light,
     key_light,
     shade_colours,
     share_left,
-    unit,
 )
-from web.pictures.meshes import DISPLAYED_MODULE_SIZE, stud_mesh
+from web.pictures.meshes import stud_mesh, stud_poses
 from web.pictures.module_faces import module_faces
 
 Array = NDArray[np.float64]
@@ -159,12 +157,10 @@ class MovieRenderer:
                 geom.rgba[:3] = colours[k, f]
 
     def _place_ends(self, ends: Array) -> None:
-        """Place studs on the free faces: behind the first module, before the last one."""
-        reach = DISPLAYED_MODULE_SIZE * float(np.abs(self._module.vertices[:, 0]).max())
-        for geom, end, turn in zip(self._ends, ends, (_HALF_TURN, np.eye(3)), strict=True):
-            frame = matrix_from_wxyz(end[3:]) @ turn
-            geom.pos = end[:3] + reach * frame[:, 0] + frame @ self._mesh_at[-1]
-            geom.mat = frame @ self._mesh_turn[-1]
+        placed = zip(self._ends, *stud_poses(self._module, ends[:, :3], ends[:, 3:]), strict=True)
+        for geom, position, turn in placed:
+            geom.pos = position + turn @ self._mesh_at[-1]
+            geom.mat = turn @ self._mesh_turn[-1]
 
     def _place_ground(self, shot: Shot) -> None:
         shadow = ground_shadow(
@@ -196,18 +192,14 @@ class MovieRenderer:
         fill.ambient = [theme.ambient] * 3
 
     def _look(self, view: View) -> None:
-        forward = unit(view.target - view.position)
-        right = unit(np.cross(forward, UPWARD))
+        _, up, out = view.axes
         near = 0.02 * view.distance
         half = near * float(np.tan(FIELD_OF_VIEW_RAD / 2))
         for camera in self._scene.camera:
-            camera.pos, camera.forward, camera.up = view.position, forward, np.cross(right, forward)
+            camera.pos, camera.forward, camera.up = view.position, -out, up
             camera.frustum_near, camera.frustum_far = near, 40.0 * view.distance
             camera.frustum_bottom, camera.frustum_top = -half, half
             camera.frustum_center = 0.0
-
-
-_HALF_TURN: Final = np.diag([-1.0, -1.0, 1.0])
 
 
 def _shine(light: Any, towards: Array, diffuse: Array) -> None:

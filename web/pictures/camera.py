@@ -58,9 +58,14 @@ class View:
     distance: float
 
     @property
+    def axes(self) -> Array:
+        """(3, 3) unit vectors to the right, up and towards the camera, one in each row."""
+        return _axes(self.azimuth_rad, self.elevation_rad)
+
+    @property
     def position(self) -> Array:
         """(3,) position of the camera, pitches."""
-        return self.target + self.distance * _outward(self.azimuth_rad, self.elevation_rad)
+        return self.target + self.distance * self.axes[2]
 
 
 def few_points(points: NDArray[np.floating[Any]]) -> Array:
@@ -123,10 +128,8 @@ def framing(
     some = few_points(points)
     if azimuth_rad is None:
         azimuth_rad = _azimuth(some, aspect)
-    out = _outward(azimuth_rad, elevation_rad)
-    right = np.array([-np.sin(azimuth_rad), np.cos(azimuth_rad), 0.0])
-    up = np.cross(out, right)
-    local = np.column_stack([some @ right, some @ up, some @ out])
+    axes = _axes(azimuth_rad, elevation_rad)
+    local = some @ axes.T
     middle = (local.min(axis=0) + local.max(axis=0)) / 2
     tall = np.tan(FIELD_OF_VIEW_RAD / 2)
     wide = tall * aspect
@@ -142,9 +145,8 @@ def framing(
         shift_x = ((x / depth).max() + (x / depth).min()) / 2 * distance
         shift_y = ((y / depth).max() + (y / depth).min()) / 2 * distance
         middle = middle + np.array([shift_x, shift_y, 0.0])
-    target = middle[0] * right + middle[1] * up + middle[2] * out
     return View(
-        target=target,
+        target=middle @ axes,
         azimuth_rad=azimuth_rad,
         elevation_rad=elevation_rad,
         distance=distance,
@@ -153,19 +155,18 @@ def framing(
 
 def distance_needed(points: Array, view: View, *, radius: float, aspect: float) -> float:
     """Return the minimum distance at which a view with this target shows all points."""
-    out = _outward(view.azimuth_rad, view.elevation_rad)
-    right = np.array([-np.sin(view.azimuth_rad), np.cos(view.azimuth_rad), 0.0])
-    off = few_points(points) - view.target
+    x, y, depth = view.axes @ (few_points(points) - view.target).T
     tall = np.tan(FIELD_OF_VIEW_RAD / 2)
-    depth = off @ out
-    sideways = (np.abs(off @ right) + radius) / (tall * aspect) + depth
-    upwards = (np.abs(off @ np.cross(out, right)) + radius) / tall + depth
+    sideways = (np.abs(x) + radius) / (tall * aspect) + depth
+    upwards = (np.abs(y) + radius) / tall + depth
     return float(max(sideways.max(), upwards.max()))
 
 
-def _outward(azimuth: float, elevation: float) -> Array:
+def _axes(azimuth: float, elevation: float) -> Array:
     flat = np.cos(elevation)
-    return np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+    out = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
+    right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
+    return np.array([right, np.cross(out, right), out])
 
 
 def _azimuth(points: Array, aspect: float) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from planner.chain.module import Module
 from web.pictures.camera import FIELD_OF_VIEW_RAD, View
-from web.pictures.lighting import UPWARD, Theme, fill_light, key_light, share_left, unit
+from web.pictures.lighting import Theme, fill_light, key_light, share_left
 from web.pictures.module_faces import module_faces
 from web.pictures.visible_modules import visible_modules
 
@@ -32,9 +32,8 @@ class Camera:
         self.view = view
         self.size = (width, height)
         self._eye = view.position
-        forward = unit(view.target - view.position)
-        right = unit(np.cross(forward, UPWARD))
-        self._axes = np.array([right, -np.cross(right, forward), forward])
+        right, up, out = view.axes
+        self._axes = np.array([right, -up, -out])
         self._scale = height / 2 / float(np.tan(FIELD_OF_VIEW_RAD / 2))
 
     def seen(self, points: Array) -> Array:
@@ -78,7 +77,7 @@ def module_triangles(
     view = camera.view
     pieces = module_faces(module)
     # Modules behind the camera, or too close to it, cannot be projected.
-    ahead = (positions - view.position) @ unit(view.target - view.position) > 2.0 * module.radius
+    ahead = (view.position - positions) @ view.axes[2] > 2.0 * module.radius
     drawn = visible_modules(positions, module, target=view.target)
     drawn = drawn[ahead[drawn]]
     turns, centres, paint = rotations[drawn], positions[drawn], colours[drawn].astype(np.float64)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from planner.chain.chain import Chain
 from planner.chain.module import Module
 from web.pictures.isometric import DRAWING_MARGIN_PITCH, PITCH_UNITS, isometric_svg, svg_of
-from web.pictures.sketch import sketch_outline
+from web.pictures.meshes import sketch_outline
 
 Array = NDArray[np.float64]
 AZIMUTH_RAD, ELEVATION_RAD = math.radians(33.0), math.radians(27.0)

@@ -132,11 +132,7 @@ def shade_colours(shadow: GroundShadow, theme: Theme) -> NDArray[np.uint8]:
     return steps[np.rint(shadow.shade * 255.0).astype(np.uint8)]
 
 
-def unit(vector: Array) -> Array:
-    """Return a vector of length 1 in the same direction."""
-    return vector / np.linalg.norm(vector)
-
-
 def _beside(view: View, way: tuple[float, float, float]) -> Array:
-    out = np.array([np.cos(view.azimuth_rad), np.sin(view.azimuth_rad), 0.0])
-    return unit(way[0] * np.cross(UPWARD, out) + way[1] * out + way[2] * UPWARD)
+    right = view.axes[0]
+    towards = way[0] * right + way[1] * np.cross(right, UPWARD) + way[2] * UPWARD
+    return towards / np.linalg.norm(towards)

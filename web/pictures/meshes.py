@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.module import Module
+from planner.chain.rotations import matrix_from_wxyz
+from web.pictures.camera import FIELD_OF_VIEW_RAD
 
 Array = NDArray[np.float64]
 DISPLAYED_MODULE_SIZE: Final = 0.93
@@ -42,13 +44,39 @@ class Mesh:
 
 def module_mesh(module: Module) -> Mesh:
     """Return a module's hull, shrunk to leave a gap, with bevelled edges and corners."""
-    from scipy.spatial import ConvexHull  # imported late, so that the service starts faster
+    outline = sketch_outline(module, 1)
+    corners: Array = np.array(outline["corners"])
+    return hull_mesh(np.concatenate([inset(corners[ring]) for ring in outline["faces"]]))
 
+
+def sketch_outline(module: Module, modules: int) -> dict[str, Any]:
+    """Return the data with which a page draws a fold on a 2D canvas, and which all frames share.
+
+    The 3D view takes seconds to start on a slow machine and does not work without WebGL. The sketch
+    shows the same frame, poses, colours and camera with the browser's 2D canvas.
+
+    Returns:
+        JSON of the displayed hull and the field of view: ``corners`` (V, 3) are in pitches,
+        ``faces`` lists the corners of each flat face, counterclockwise from outside, ``normals`` is
+        (F, 3), and ``field_of_view_rad`` is vertical.
+    """
     corners = module.vertices * DISPLAYED_MODULE_SIZE
-    hull = ConvexHull(corners)
-    planes = np.unique(np.round(hull.equations, 9), axis=0)
-    points = [inset(_ring(corners[_on(corners, plane)])) for plane in planes]
-    return hull_mesh(np.concatenate(points))
+    faces: list[list[int]] = []
+    normals: list[list[float]] = []
+    for normal in np.concatenate([module.face_normals, -module.face_normals]):
+        reach = corners @ normal
+        on = np.flatnonzero(reach > reach.max() - FLAT_TOLERANCE)
+        if len(on) < 3:  # the hull is not symmetric: no face on this side
+            continue
+        faces.append([int(k) for k in on[_around(corners[on], normal)]])
+        normals.append([float(v) for v in normal])
+    return {
+        "modules": modules,
+        "corners": corners.tolist(),
+        "faces": faces,
+        "normals": normals,
+        "field_of_view_rad": float(FIELD_OF_VIEW_RAD),
+    }
 
 
 def stud_mesh() -> Mesh:
@@ -60,18 +88,29 @@ def stud_mesh() -> Mesh:
     return hull_mesh(np.concatenate([low, high]))
 
 
-def _on(points: Array, plane: Array) -> NDArray[np.bool_]:
-    return np.abs(points @ plane[:3] + plane[3]) < FLAT_TOLERANCE
+def stud_poses(module: Module, positions: Array, wxyzs: Array) -> tuple[Array, Array]:
+    """Return the poses of studs on the free faces: behind the first module, before the last one.
+
+    Args:
+        module: Kind of the modules.
+        positions: (2, 3) centres of the first and of the last module, pitches.
+        wxyzs: (2, 4) orientations of these modules.
+
+    Returns:
+        (2, 3) positions and (2, 3, 3) orientations.
+    """
+    reach = DISPLAYED_MODULE_SIZE * float(np.abs(module.vertices[:, 0]).max())
+    half_turn = np.diag([-1.0, -1.0, 1.0])
+    turns = matrix_from_wxyz(wxyzs) @ np.array([half_turn, np.eye(3)])
+    return positions + reach * turns[..., 0], turns
 
 
-def _ring(corners: Array) -> Array:
-    """Return the corners of one flat face in their order around it."""
-    centre = corners.mean(axis=0)
-    spread = corners - centre
-    _, _, axes = np.linalg.svd(spread)
-    flat = spread @ axes[:2].T
-    order = np.argsort(np.arctan2(flat[:, 1], flat[:, 0]))
-    return corners[order]
+def _around(corners: Array, normal: Array) -> NDArray[np.int64]:
+    """Return the order of a flat face's corners, counterclockwise about its outward normal."""
+    spread = corners - corners.mean(axis=0)
+    right = spread[0] / np.linalg.norm(spread[0])
+    up = np.cross(normal, right)
+    return np.argsort(np.arctan2(spread @ up, spread @ right))
 
 
 def inset(ring: Array) -> Array:
@@ -85,7 +124,7 @@ def inset(ring: Array) -> Array:
 
 def hull_mesh(points: Array) -> Mesh:
     """Return the convex hull of points; its triangles are counterclockwise from outside."""
-    from scipy.spatial import ConvexHull  # as above
+    from scipy.spatial import ConvexHull  # imported late, so that the service starts faster
 
     hull = ConvexHull(points)
     used = np.unique(hull.simplices)

@@ -14,8 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.module import Module
-from web.pictures.meshes import inset
-from web.pictures.sketch import sketch_outline
+from web.pictures.meshes import inset, sketch_outline
 
 Array = NDArray[np.float64]
 

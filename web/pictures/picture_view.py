@@ -90,8 +90,5 @@ class PictureView:
             needed = distance_needed(points, base, radius=radius, aspect=aspect)
             distance = max(distance, MIN_FOLLOW_DISTANCE_SCALE * needed)
         else:
-            out = (base.position - base.target) / base.distance
-            right = np.array([-np.sin(base.azimuth_rad), np.cos(base.azimuth_rad), 0.0])
-            across, upwards = self.aside
-            target = target + base.distance * (across * right + upwards * np.cross(out, right))
+            target = target + base.distance * (self.aside @ base.axes[:2])
         return replace(base, target=target, distance=distance)

@@ -25,7 +25,7 @@ from web.timeline.view import TimelineView
 from web.timeline.window_columns import (
     PLANE_COLUMNS,
     SENT_ANGLE_STEP_RAD,
-    SINGLE_BYTE_COLUMNS,
+    SHORT_COLUMNS,
     window_columns,
 )
 
@@ -85,7 +85,7 @@ def batch_of(
         stop: End of the frames, exclusive; the timeline's end when None.
         stride: Step between frames.
         largest: Approximate maximum size of the angles and errors when unpacked, bytes.
-        without: Columns of a windowed timeline to leave out.
+        without: Columns to leave out.
 
     Raises:
         TimelineError: If the timeline is being replaced.
@@ -97,34 +97,44 @@ def batch_of(
         if timeline.windowed:
             windows, end = _windows(timeline, start, end, stride, largest)
             columns = window_columns(windows, timeline.chain.folded_rad)
-            columns = {name: columns[name] for name in columns if name not in without}
-            header = _header(timeline, total, start, end, stride)
-            return encode(header, columns, planes=PLANE_COLUMNS, short=SINGLE_BYTE_COLUMNS)
-        most = max(1, largest // (8 * len(timeline.chain.joint_names) + 40))
-        end = min(end, start + most * stride)
-        frames = timeline.frames(start, end, stride)
-        columns = {
-            "time_s": frames.time_s.astype("<f8"),
-            "phase": frames.phase.astype("|u1"),
-            "root_position": frames.root_position.astype("<f4"),
-            "root_wxyz": frames.root_wxyz.astype("<f4"),
-            "joint_angles_rad": frames.joint_angles_rad.astype("<f4"),
-            "joint_error_rad": frames.joint_error_rad.astype("<f4"),
+        else:
+            most = max(1, largest // (8 * len(timeline.chain.joint_names) + 40))
+            end = min(end, start + most * stride)
+            columns = _dense_columns(timeline.motion(start, end, stride))
+        header = {
+            "id": timeline.id,
+            "status": timeline.status,
+            "total": total,
+            "start": start,
+            "stop": end,
+            "stride": stride,
+            "outline": timeline.outline(),
         }
         return encode(
-            _header(timeline, total, start, end, stride),
-            columns,
+            header,
+            {name: values for name, values in columns.items() if name not in without},
             steps={"joint_angles_rad": SENT_ANGLE_STEP_RAD},
             planes=PLANE_COLUMNS,
-            short=frozenset({"joint_error_rad"}),
+            short=SHORT_COLUMNS,
         )
+
+
+def _dense_columns(frames: Motion) -> dict[str, NDArray[Any]]:
+    return {
+        "time_s": frames.time_s.astype("<f8"),
+        "phase": frames.phase.astype("|u1"),
+        "root_position": frames.root_position.astype("<f4"),
+        "root_wxyz": frames.root_wxyz.astype("<f4"),
+        "joint_angles_rad": frames.joint_angles_rad.astype("<f4"),
+        "joint_error_rad": frames.joint_error_rad.astype("<f4"),
+    }
 
 
 def unpacked_bytes(timeline: TimelineView) -> int:
     """Return the approximate size of an uncompressed batch of the whole timeline, in bytes."""
     if not timeline.windowed:
         return len(timeline) * (8 * len(timeline.chain.joint_names) + 40)
-    some = timeline.windows(0, len(timeline), max(1, len(timeline) // SIZE_SAMPLES))
+    some = timeline.motion(0, len(timeline), max(1, len(timeline) // SIZE_SAMPLES))
     return len(timeline) * (
         WINDOW_HEADER_BYTES + _hinge(some) * len(some.angles_rad) // max(1, len(some))
     )
@@ -135,28 +145,14 @@ def _hinge(windows: Motion) -> int:
     return 4 if windows.errors_rad is None else 8
 
 
-def _header(
-    timeline: TimelineView, total: int, start: int, stop: int, stride: int
-) -> dict[str, Any]:
-    return {
-        "id": timeline.id,
-        "status": timeline.status,
-        "total": total,
-        "start": start,
-        "stop": stop,
-        "stride": stride,
-        "outline": timeline.outline(),
-    }
-
-
 def _windows(
     timeline: TimelineView, start: int, stop: int, stride: int, largest: int
 ) -> tuple[Motion, int]:
     """Return the next snapshots that fit into a batch, at least one, and the frame after them."""
-    parts = [timeline.windows(start, start)]
+    parts = [timeline.motion(start, start)]
     room = largest
     for at in range(start, stop, WINDOWS_PER_READ * stride):
-        part = timeline.windows(at, min(at + WINDOWS_PER_READ * stride, stop), stride)
+        part = timeline.motion(at, min(at + WINDOWS_PER_READ * stride, stop), stride)
         sizes = _hinge(part) * part.offsets[1:] + WINDOW_HEADER_BYTES * np.arange(1, len(part) + 1)
         fitting = int(np.searchsorted(sizes, room, "right"))
         if fitting < len(part):
@@ -176,10 +172,9 @@ def thinned(timeline: TimelineView, stride: int) -> bytes:
     """
     if stride == 1:
         return batch_of(timeline, largest=UNLIMITED_BYTES)
-    taken = timeline.windows if timeline.windowed else timeline.frames
-    parts: list[Motion] = [taken(0, len(timeline), stride)]
+    parts: list[Motion] = [timeline.motion(0, len(timeline), stride)]
     if (len(timeline) - 1) % stride:
-        parts.append(taken(len(timeline) - 1, len(timeline)))
+        parts.append(timeline.motion(len(timeline) - 1, len(timeline)))
     return _joined(timeline, parts)
 
 
@@ -189,7 +184,7 @@ def chosen(timeline: TimelineView, frames: NDArray[np.int64]) -> bytes:
     Raises:
         TimelineError: If the timeline is being replaced.
     """
-    return _joined(timeline, [timeline.frames(0, len(timeline))[frames]])
+    return _joined(timeline, [timeline.motion(0, len(timeline))[frames]])
 
 
 def _joined(timeline: TimelineView, parts: Sequence[Motion]) -> bytes:

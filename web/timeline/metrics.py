@@ -44,7 +44,7 @@ ERROR_SAMPLES: Final = 48
 """Approximate number of frames, spread over a fold's motion, from which the largest position error
 is computed for the scale of its plot. A larger value is more accurate and slower. Chosen."""
 Array = NDArray[np.float64]
-_REFERENCES: Final[Cache[Motion]] = Cache(128 * 2**20, lambda kept: _bytes(kept))
+_REFERENCES: Final[Cache[Motion]] = Cache(128 * 2**20, lambda motion: motion.nbytes)
 _FORCES: Final[Cache[TableForces]] = Cache(
     64 * 2**20, lambda kept: kept.torques.nbytes + kept.pressed.nbytes
 )
@@ -216,13 +216,11 @@ def _reference(directory: Path, timeline: Timeline) -> Motion | None:
         return None
     path = directory / PLAN
     try:
-        found = path.stat()
         # Cached, because each of the fold's many stretches needs the reference.
-        key = (path, found.st_ino, found.st_mtime_ns)
-        reference = _REFERENCES.get(key)
-        if reference is None:
-            reference = Motion.from_angles(**plan_columns(path, timeline.chain.folded_rad))
-            _REFERENCES.keep(key, reference)
+        reference = _REFERENCES.get_or_make(
+            version_of(path),
+            lambda: Motion.from_angles(**plan_columns(path, timeline.chain.folded_rad)),
+        )
     except UNREADABLE:
         return None
     return reference if len(reference) else None
@@ -254,10 +252,6 @@ def _position_errors(
     there = chain.poses(frames.joint_angles_rad[known], *root)
     errors[known] = np.linalg.norm(meant.positions - there.positions, axis=-1)
     return errors
-
-
-def _bytes(reference: Motion) -> int:
-    return reference.angles_rad.nbytes + 80 * len(reference)
 
 
 def _largest(values: NDArray[Any]) -> float:

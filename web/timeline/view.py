@@ -15,6 +15,7 @@ import time
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, Final
 
@@ -102,7 +103,7 @@ class TimelineView:
     def _begin(self) -> None:
         stamp = self._stamp_now()  # taken first, so that later writes are noticed
         self._timeline, self._stamp = Timeline.open(self.path), stamp
-        self._chunks: Cache[Motion] = Cache(MAX_CHUNK_CACHE_BYTES, _bytes)
+        self._chunks: Cache[Motion] = Cache(MAX_CHUNK_CACHE_BYTES, lambda motion: motion.nbytes)
         self._table: TableTop | None = None
         self._refreshed = time.monotonic()
         self._summarised = 0
@@ -198,14 +199,14 @@ class TimelineView:
                 return self._exact(low)
             return self._between(low, share)
 
-    def frames(self, start: int, stop: int, stride: int = 1) -> Motion:
-        """Return frames as they were recorded.
+    def motion(self, start: int, stop: int, stride: int = 1) -> Motion:
+        """Return frames as they were recorded, in the layout of the timeline.
 
         Raises:
             TimelineError: If there are no such frames, or the timeline is being replaced.
         """
         with self.reading():
-            return self._timeline.frames(start, min(stop, self._summarised), stride)
+            return self._timeline.motion(start, min(stop, self._summarised), stride)
 
     def table(self) -> TableTop:
         """Return the table that the chain folds on, large enough for the whole motion.
@@ -217,23 +218,10 @@ class TimelineView:
             if self.growing or not self._summarised:
                 return TableTop.under(self.chain)
             if self._table is None:
-                frames = self.frames(
-                    0, self._summarised, max(1, self._summarised // TABLE_EXTENT_SAMPLES)
-                )
-                poses = self.chain.poses(
-                    frames.joint_angles_rad, frames.root_position, frames.root_wxyz
-                )
+                stride = max(1, self._summarised // TABLE_EXTENT_SAMPLES)
+                poses = self.motion(0, self._summarised, stride).poses(self.chain)
                 self._table = TableTop.under(self.chain, poses.positions)
             return self._table
-
-    def windows(self, start: int, stop: int, stride: int = 1) -> Motion:
-        """Return windowed frames; otherwise like ``frames``.
-
-        Raises:
-            TimelineError: If there are no such frames, or the timeline is being replaced.
-        """
-        with self.reading():
-            return self._timeline.windows(start, min(stop, self._summarised), stride)
 
     @contextmanager
     def reading(self) -> Generator[None]:
@@ -268,13 +256,12 @@ class TimelineView:
             }
 
     def _phases(self) -> list[dict[str, Any]]:
-        found: list[dict[str, Any]] = []
-        edges = np.flatnonzero(np.diff(self._phase)) + 1
-        for part in np.split(np.arange(self._summarised), edges):
-            if len(part):
-                name = PHASES[int(self._phase[part[0]])]
-                found.append({"name": name, "from": int(part[0]), "to": int(part[-1]) + 1})
-        return found
+        changes = (np.flatnonzero(np.diff(self._phase)) + 1).tolist()
+        return [
+            {"name": PHASES[int(self._phase[start])], "from": start, "to": stop}
+            for start, stop in pairwise([0, *changes, self._summarised])
+            if start < stop
+        ]
 
     def _columns(self, columns: int) -> list[float | None]:
         total = self._summarised
@@ -300,37 +287,25 @@ class TimelineView:
         start, stop = self._summarised, len(self._timeline)
         if stop <= start:
             return
-        if self.windowed:
-            times, phases = self._timeline.clock()
-            time_s, phase = times[start:stop], phases[start:stop]
-            largest = self._timeline.window_errors(start, stop)
-        else:
-            parts = [
-                self._timeline.frames(at, min(at + 1024, stop)) for at in range(start, stop, 1024)
-            ]
-            time_s = np.concatenate([p.time_s for p in parts])
-            phase = np.concatenate([p.phase for p in parts])
-            largest = np.concatenate([largest_errors(p.joint_error_rad) for p in parts])
+        time_s, phase = self._timeline.clock(start)
+        largest = self._timeline.largest_errors(start)
         self._phase = np.concatenate([self._phase, phase])
         self._time_s = np.concatenate([self._time_s, time_s])
         self._max_error = np.concatenate([self._max_error, largest])
         self._summarised = stop
 
-    @property
-    def _rows(self) -> int:
-        """Number of frames per chunk."""
-        return CACHED_CHUNK_WINDOWS if self.windowed else CACHED_CHUNK_FRAMES
-
     def _exact(self, frame: int) -> Snapshot:
-        motion, k = self._chunk(frame // self._rows), frame % self._rows
+        motion, k = self._recorded(frame)
         return moment_of(self.chain, motion, k, frame=frame, stretch=self.stretch)
 
     def _between(self, low: int, share: float) -> Snapshot:
         a, b = self._exact(low), self._exact(low + 1)
-        first, second = (self._given(k) for k in (low, low + 1))
+        (first, j), (second, k) = self._recorded(low), self._recorded(low + 1)
         angles = _mix(a.joint_angles_rad, b.joint_angles_rad, share)
-        turn = _mix(first[1], second[1] * (1.0 if first[1] @ second[1] >= 0 else -1.0), share)
-        position, turn = _mix(first[0], second[0], share), turn / np.linalg.norm(turn)
+        position = _mix(first.anchor_position[j], second.anchor_position[k], share)
+        start, end = first.anchor_wxyz[j], second.anchor_wxyz[k]
+        turn = _mix(start, end * (1.0 if start @ end >= 0 else -1.0), share)
+        turn = turn / np.linalg.norm(turn)
         poses = _poses(self.chain, angles, position, turn, windowed=self.windowed)
         return replace(
             a,
@@ -342,27 +317,13 @@ class TimelineView:
             framed=max(a.framed, b.framed),
         )
 
-    def _given(self, frame: int) -> tuple[Array, Array]:
-        """Return the recorded pose of a frame: that of the root, or of a window's first module."""
-        motion, k = self._chunk(frame // self._rows), frame % self._rows
-        return motion.anchor_position[k], motion.anchor_wxyz[k]
-
-    def _chunk(self, index: int) -> Motion:
-        """Return the chunk of frames from ``index * rows`` on."""
-        start = index * self._rows
-        stop = min(start + self._rows, self._summarised)  # the last chunk may still grow
-
-        def read() -> Motion:
-            with self.reading():
-                return self._timeline.motion(start, stop)
-
-        return self._chunks.get_or_make((start, stop), read)
-
-
-def _bytes(motion: Motion) -> int:
-    """Return the approximate size of a motion in memory."""
-    errors = 0 if motion.errors_rad is None else motion.errors_rad.nbytes
-    return motion.angles_rad.nbytes + errors + 100 * len(motion)
+    def _recorded(self, frame: int) -> tuple[Motion, int]:
+        """Return the cached chunk that holds a frame, and the frame's index in it."""
+        rows = CACHED_CHUNK_WINDOWS if self.windowed else CACHED_CHUNK_FRAMES
+        start = frame - frame % rows
+        stop = min(start + rows, self._summarised)  # the last chunk may still grow
+        motion = self._chunks.get_or_make((start, stop), lambda: self.motion(start, stop))
+        return motion, frame - start
 
 
 def _mix(a: Array, b: Array, share: float) -> Array:
@@ -407,13 +368,6 @@ def _poses(chain: Chain, angles: Array, position: Array, wxyz: Array, *, windowe
     )
 
 
-def largest_errors(errors: Array) -> Array:
-    """Return the (F,) largest magnitudes of (F, J) errors; NaN where none is recorded."""
-    known = np.isfinite(errors)
-    found = np.where(known, np.abs(errors), -np.inf).max(axis=-1)
-    return np.where(known.any(axis=-1), found, np.nan)
-
-
 class MotionMoments:
     """Motion in memory: poses by forward kinematics, computed on request."""
 
@@ -433,9 +387,8 @@ class MotionMoments:
 
     def table(self) -> TableTop:
         """Return the table that the chain folds on, large enough for the whole motion."""
-        frames = range(0, len(self), max(1, len(self) // TABLE_EXTENT_SAMPLES))
-        positions = np.concatenate([self.snapshot(k).positions for k in frames])
-        return TableTop.under(self.chain, positions.astype(np.float64))
+        some = self._motion[:: max(1, len(self) // TABLE_EXTENT_SAMPLES)]
+        return TableTop.under(self.chain, some.poses(self.chain).positions)
 
     def snapshot(self, frame: float) -> Snapshot:
         """Return the snapshot of the recorded frame nearest to ``frame``."""

@@ -32,8 +32,8 @@ PLANE_COLUMNS: Final = frozenset(
 )
 """Names of the arrays of a motion, dense or in windows, whose bytes are grouped by significance
 before compression, without loss: constant or evenly changing values then take almost no space."""
-SINGLE_BYTE_COLUMNS: Final = frozenset({"errors_rad"})
-"""Names of the arrays of a long chain's motion that are sent with the upper half of each
+SHORT_COLUMNS: Final = frozenset({"errors_rad", "joint_error_rad"})
+"""Names of the arrays of a motion, in windows or dense, that are sent with the upper half of each
 single-precision number only, a relative precision of 1 in 256."""
 
 

@@ -31,8 +31,6 @@ html, body { background: radial-gradient(120% 90% at 50% 38%, light-dark(#fbfaf7
 #root div { background-color: transparent !important; }
 .mantine-Notifications-root, .mantine-Paper-root, .mantine-Tooltip-tooltip,
 .mantine-Modal-root { display: none !important; }
-html.yields canvas { touch-action: pan-y !important; }
-canvas:focus { outline: none; }
 """
 
 

@@ -7,7 +7,6 @@ client by the page, which shows and hides its layers: ``/solid``, ``/cells`` and
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
@@ -191,24 +190,24 @@ class _PreviewScene:
             if along.any():
                 sides = np.full(3, PATH_WIDTH_PITCH)
                 sides[axis] = 1.0
-                self._cubes(f"/path/rods{axis}", middles[along], mixed[along], sides=sides)
+                self._cubes(f"/path/rods{axis}", middles[along], mixed[along], sides)
         sizes = np.full(len(cells), PATH_WIDTH_PITCH * 1.06)
         sizes[[0, -1]] = PATH_END_SIZE_PITCH * 1.3
-        self._cubes("/path/beads", cells, colours, scales=sizes)
+        self._cubes("/path/beads", cells, colours, batched_scales=sizes.astype(np.float32))
 
     def _modules(
         self, name: str, colours: Bytes, *, opacity: float | None = None, visible: bool = True
     ) -> None:
         """Add the first modules of the folded chain, one for each colour."""
-        mesh = module_mesh(self.module)
         count = len(colours)
         add_meshes(
             self._scene,
             name,
-            replace(mesh, vertices=mesh.vertices * self.unit),
+            module_mesh(self.module),
             colours,
             self._placed(self.positions[:count]),
             self._wxyzs[:count],
+            self.unit,
             opacity=opacity,
             visible=visible,
         )
@@ -218,22 +217,13 @@ class _PreviewScene:
         name: str,
         cells: Array,
         colours: Bytes,
-        *,
-        opacity: float | None = None,
-        sides: Array | None = None,
-        scales: Array | None = None,
+        sides: float | Array = DISPLAYED_MODULE_SIZE,
+        **options: Any,
     ) -> None:
-        cube = module_mesh(CUBE)
-        stretch = self.unit if sides is None else self.unit * sides / DISPLAYED_MODULE_SIZE
-        add_meshes(
-            self._scene,
-            name,
-            replace(cube, vertices=cube.vertices * stretch),
-            colours,
-            self._placed(cells),
-            batched_scales=None if scales is None else scales.astype(np.float32),
-            opacity=opacity,
-        )
+        """Add cuboids with sides in pitches."""
+        scale = self.unit * sides / DISPLAYED_MODULE_SIZE
+        places = self._placed(cells)
+        add_meshes(self._scene, name, module_mesh(CUBE), colours, places, scale=scale, **options)
 
     def _placed(self, points: Array) -> Array:
         return (points - self._middle) * self.unit
@@ -247,14 +237,8 @@ def _repair(report: Mapping[str, Any]) -> Mapping[str, Any]:
 
 def _bounds(cells: Array, mesh: Mapping[str, Any] | None) -> tuple[Array, Array]:
     """Return the lowest and the highest corner of the box around cells and solid."""
-    lows, highs = [np.full(3, np.inf)], [np.full(3, -np.inf)]
-    if len(cells):
-        lows.append(cells.min(axis=0) - 0.5)
-        highs.append(cells.max(axis=0) + 0.5)
-    if mesh is not None and len(mesh["vertices"]):
-        vertices = np.asarray(mesh["vertices"], dtype=np.float64)
-        lows.append(vertices.min(axis=0))
-        highs.append(vertices.max(axis=0))
-    if len(lows) == 1:
-        return np.full(3, -0.5), np.full(3, 0.5)
-    return np.min(lows, axis=0), np.max(highs, axis=0)
+    vertices = np.asarray([] if mesh is None else mesh["vertices"], dtype=np.float64)
+    points = np.concatenate([cells - 0.5, cells + 0.5, vertices.reshape(-1, 3)])
+    if not len(points):
+        points = np.array([[-0.5] * 3, [0.5] * 3])
+    return points.min(axis=0), points.max(axis=0)

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
+from planner.chain.rotations import wxyz_from_matrix
 from web.palette import FIRST_MODULE_RGB, LAST_MODULE_RGB, instance_colours, ramp_colours
 from web.pictures.camera import FIELD_OF_VIEW_RAD, GROUND_GAP_PITCH
-from web.pictures.meshes import DISPLAYED_MODULE_SIZE, Mesh, module_mesh, stud_mesh
+from web.pictures.meshes import Mesh, module_mesh, stud_mesh, stud_poses
 from web.pictures.table_top import TABLE_RGB, TableTop, disc_mesh
 from web.timeline.view import Snapshot
 
@@ -81,6 +81,7 @@ def add_meshes(
     colours: NDArray[np.uint8],
     positions: Array,
     wxyzs: Array | None = None,
+    scale: float | Array = 1.0,
     **options: Any,
 ) -> viser.BatchedMeshHandle:
     """Add a mesh at each of (n, 3) positions.
@@ -92,6 +93,7 @@ def add_meshes(
         colours: (n, 3) sRGB bytes.
         positions: (n, 3) positions.
         wxyzs: (n, 4) orientations; by default all are upright.
+        scale: Factor on the mesh, or (3,) factors along its axes.
         options: Other options of viser; by default there are no shadows.
     """
     if wxyzs is None:
@@ -99,7 +101,7 @@ def add_meshes(
     options = {"cast_shadow": False, "receive_shadow": False, **options}
     return scene.add_batched_meshes_simple(
         name,
-        mesh.vertices,
+        mesh.vertices * scale,
         mesh.faces,
         wxyzs,
         positions,
@@ -167,8 +169,7 @@ class Scene:
     ) -> viser.BatchedMeshHandle:
         """Add a copy of a mesh at the origin for each of (n, 3) sRGB colours."""
         at = np.zeros((len(colours), 3))
-        scaled = replace(mesh, vertices=mesh.vertices * self.pitch)
-        return add_meshes(self._server.scene, name, scaled, colours, at, **options)
+        return add_meshes(self._server.scene, name, mesh, colours, at, scale=self.pitch, **options)
 
     def _add_path(self) -> None:
         """Add the line through the modules' centres, hidden at first."""
@@ -238,17 +239,12 @@ class Scene:
         return self._chain.module.radius * self.pitch
 
     def _place_ends(self, snapshot: Snapshot) -> None:
-        """Place studs on the free faces: behind the first module, before the last one."""
-        wxyzs = snapshot.wxyzs[[0, -1]].astype(np.float64)
-        w, x, y, z = wxyzs.T
-        ahead = np.column_stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)])
-        out = ahead * np.array([[-1.0], [1.0]])
-        reach = DISPLAYED_MODULE_SIZE * float(np.abs(self._chain.module.vertices[:, 0]).max())
-        at = snapshot.positions[[0, -1]] + out * reach
-        # Half a turn about z points the first stud backwards: q · (0, 0, 0, 1).
-        wxyzs[0] = (-z[0], y[0], -x[0], w[0])
-        self._ends.batched_positions = (at * self.pitch).astype(np.float32)
-        self._ends.batched_wxyzs = wxyzs.astype(np.float32)
+        centres, wxyzs = (
+            values[[0, -1]].astype(np.float64) for values in (snapshot.positions, snapshot.wxyzs)
+        )
+        positions, turns = stud_poses(self._chain.module, centres, wxyzs)
+        self._ends.batched_positions = (positions * self.pitch).astype(np.float32)
+        self._ends.batched_wxyzs = wxyz_from_matrix(turns).astype(np.float32)
 
     def move_ground(self, seconds: float) -> None:
         """Let the ground follow the chain for ``seconds`` of playing time."""

@@ -35,8 +35,7 @@ from web.palette import (
     ramp_colours,
 )
 from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, ORBIT_SPEED_RAD_S
-from web.pictures.meshes import DISPLAYED_MODULE_SIZE
-from web.pictures.sketch import sketch_outline
+from web.pictures.meshes import DISPLAYED_MODULE_SIZE, sketch_outline
 from web.pictures.table_top import TableTop
 from web.timeline.columns import encode
 from web.viser.scene import Scene
@@ -133,7 +132,6 @@ def opened_scene(record: bytes) -> tuple[list[tuple[float, dict[str, Any]]], lis
     return [(float(t), message) for t, message in found["messages"]], buffers
 
 
-_OPENING: Final = threading.Lock()
 _QUIET_LOCK: Final = threading.RLock()
 
 
@@ -154,13 +152,13 @@ def viser_server() -> Generator[viser.ViserServer]:
     """Run a viser server during the context; only this machine can reach it."""
     import viser  # imported late, so that the service starts faster
 
-    with _OPENING, quiet():
+    with quiet():
         server = viser.ViserServer(host="127.0.0.1", port=0, verbose=False)
     try:
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         yield server
     finally:
-        with _OPENING, quiet():
+        with quiet():
             server.stop()
 
 

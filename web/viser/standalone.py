@@ -121,7 +121,7 @@ def _repeats(timeline: TimelineView, plan: Path) -> bool:
     if not timeline.windowed:
         return False
     motion = Motion.from_angles(**plan_columns(plan, timeline.chain.folded_rad))
-    both, shown = Motion.joined((motion[::-1], motion)), timeline.windows(0, len(timeline))
+    both, shown = Motion.joined((motion[::-1], motion)), timeline.motion(0, len(timeline))
     return all(
         np.array_equal(getattr(both, name), getattr(shown, name))
         for name in ("first", "offsets", "angles_rad")

@@ -11,7 +11,7 @@ from web.timeline.columns import encode
 from web.timeline.window_columns import (
     PLANE_COLUMNS,
     SENT_ANGLE_STEP_RAD,
-    SINGLE_BYTE_COLUMNS,
+    SHORT_COLUMNS,
     window_columns,
 )
 
@@ -79,7 +79,7 @@ def round_trip(windows: Motion) -> Motion:
         {},
         window_columns(windows, CHAIN.folded_rad),
         planes=PLANE_COLUMNS,
-        short=SINGLE_BYTE_COLUMNS,
+        short=SHORT_COLUMNS,
     )
     return windows_of(decode(message)[1], CHAIN.folded_rad)
 

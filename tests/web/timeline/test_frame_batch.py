@@ -55,7 +55,7 @@ def test_batch_has_no_frames_of_a_timeline_that_was_replaced(
     growing: Growing, chain: Chain, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path, _, _ = growing
-    timeline, read = TimelineView(path), Timeline.frames
+    timeline, read = TimelineView(path), Timeline.motion
     some = Timeline.open(path).frames(0, 3)
 
     def replaced_meanwhile(self: Timeline, *given: int) -> Motion:
@@ -64,7 +64,7 @@ def test_batch_has_no_frames_of_a_timeline_that_was_replaced(
             writer.append(some)
         return found
 
-    monkeypatch.setattr(Timeline, "frames", replaced_meanwhile)
+    monkeypatch.setattr(Timeline, "motion", replaced_meanwhile)
     with pytest.raises(TimelineError, match="is being replaced"):
         cached_batch(timeline)
     monkeypatch.undo()
@@ -80,7 +80,7 @@ def test_batch_of_a_finished_timeline_is_made_once(
     assert first == batch_of(timeline, 3, 90, 7)
     # Another view of the same timeline does not read its frames again.
     again = TimelineView(timeline_path)
-    monkeypatch.delattr(TimelineView, "frames")
+    monkeypatch.delattr(TimelineView, "motion")
     assert cached_batch(again, 3, 90, 7) == first
 
 

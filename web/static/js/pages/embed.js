@@ -10,7 +10,7 @@ import { at, get, later, toast } from "../lib/text.js";
 const facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
-const { stage, player } = view({
+const { hand, player } = view({
   over: !facts.running, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => load(frame, at("/embed/view")),
   kept: {
     tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), id: null,
@@ -18,7 +18,7 @@ const { stage, player } = view({
   onScroll: () => toast(`To zoom, click here or hold ${zoomKey}`),
 });
 // In full screen there is no page around it to scroll.
-const yieldScrolling = () => stage.yieldScrolling(window.parent !== window && !document.fullscreenElement);
+const yieldScrolling = () => hand.yieldScrolling(window.parent !== window && !document.fullscreenElement);
 document.addEventListener("fullscreenchange", yieldScrolling);
 yieldScrolling();
 if (!facts.running) figures.begin();

@@ -1,6 +1,6 @@
 // Camera of a player. With Follow on, it keeps the whole chain in view, from a direction and at a
 // distance that the visitor chooses; with Follow off, it stays where the visitor puts it.
-import { axesOf, blended, distanceNeeded, fewPoints, framing, glided, positionOf } from "../viewer/camera.js";
+import { across, axesOf, blended, clamp, distanceNeeded, fewPoints, framing, glided, orbited, positionOf, steep } from "../viewer/camera.js";
 
 const GOAL_EVERY = 12; // frames between two blended views
 const GOAL_EVERY_S = 0.2; // the same in seconds of playback; the larger of both counts
@@ -10,7 +10,6 @@ const MAX_GOALS = 4000; // views in memory
 const ROOM = 1.08; // minimum distance, as a multiple of that at which the chain touches the edge of the picture
 const USUAL_ASPECT = 1.6;
 const AROUND_PITCH = 3; // radius of the visible surroundings of each module of a group
-const MAX_ELEVATION = 1.56; // rad; at π/2 the up direction is undefined
 const MAX_ZOOM = 8; // largest distance while following, as a multiple of the usual one
 const NEAREST_PITCH = 1.5; // smallest distance from the target with Follow off
 const FARTHEST = 40; // largest distance with Follow off, as a multiple of the usual one
@@ -20,21 +19,6 @@ const MIN_DEPTH = 0.02; // minimum distance in an address
 
 /** @type {CameraAt} */
 export const USUAL = Object.freeze({ azimuth: null, elevation: null, zoom: 1, aside: null });
-
-const clamp = (/** @type {number} */ value, /** @type {number} */ low, /** @type {number} */ high) => Math.min(high, Math.max(low, value));
-const steep = (/** @type {number} */ elevation) => clamp(elevation, -MAX_ELEVATION, MAX_ELEVATION);
-
-// Return the target of a view, moved to the right and
-// up in the picture by fractions of the distance.
-/**
- * @param {View} view
- * @param {number} x
- * @param {number} y
- */
-function across({ target, azimuth, elevation, distance }, x, y) {
-  const [right, up] = axesOf(azimuth, elevation);
-  return /** @type {Vector} */ (target.map((v, k) => v + distance * (x * right[k] + y * up[k])));
-}
 
 export class CameraRig {
   /**
@@ -126,34 +110,18 @@ export class CameraRig {
    * @param {Snapshot | null} shown
    */
   orbit({ turn, zoom, move, gently = false }, shown) {
-    const { view: now } = this;
-    if (!now || !shown) return;
+    const { view, goal, is: { follow } } = this;
+    if (!view || !shown) return;
     this.sight = null;
     this.pending = null;
-    if (turn) {
-      const from = (gently ? this.goal : null) ?? now;
-      const [azimuth, elevation] = [from.azimuth + turn[0], steep(from.elevation + turn[1])];
-      if (this.is.follow) this.choose({ ...this.choice, azimuth, elevation });
-      // A camera that follows glides there by itself.
-      if (!this.is.follow || !gently) this.moved(gently, (view) => ({ ...view, azimuth, elevation }));
-    }
-    if (zoom && this.is.follow) {
+    const from = (gently ? goal : null) ?? view;
+    if (turn && follow) this.choose({ ...this.choice, azimuth: from.azimuth + turn[0], elevation: steep(from.elevation + turn[1]) });
+    if (zoom && follow) {
       const least = Math.min(1, this.minZoom);
       this.choice = { ...this.choice, zoom: clamp(Math.max(this.choice.zoom, least) * zoom, least, MAX_ZOOM) };
-    } else if (zoom) this.moved(gently, (view) => ({ ...view, distance: clamp(view.distance * zoom, NEAREST_PITCH * this.pitch, FARTHEST * this.whole(shown, view).distance) }));
-    const height = 2 * Math.tan(this.seeing().field / 2); // of the picture, as a fraction of the distance
-    if (move) this.moved(gently, (view) => ({ ...view, target: across(view, -height * move[0], -height * move[1]) }));
-  }
-
-  // Change the view at once or, with `gently`, the goal that it glides to.
-  /**
-   * @param {boolean} gently
-   * @param {(view: View) => View} change
-   */
-  moved(gently, change) {
-    const { view, goal } = this;
-    if (!view) return;
-    this.goal = change(gently ? goal ?? view : view);
+    }
+    if (follow && (gently || !turn)) return; // a camera that follows glides there by itself
+    this.goal = orbited(from, follow ? { turn } : { turn, zoom, move }, this.seeing().field, [NEAREST_PITCH * this.pitch, FARTHEST * this.whole(shown, from).distance]);
     if (!gently) this.view = this.goal;
   }
 

@@ -1,10 +1,9 @@
 // Keyboard shortcuts of a page with a player. One table
 // defines them and fills the dialog that lists them.
 import { element, get, store, stored } from "../lib/text.js";
+import { KEY_ORBITS } from "../viewer/scene.js";
 
 const KEPT = "foldback:single-keys";
-const TURN_RAD = Math.PI / 18; // per key press
-const ZOOM = 1.15;
 
 /**
  * @typedef {object} Row
@@ -17,6 +16,7 @@ const ZOOM = 1.15;
  */
 
 const send = (/** @type {Command} */ command) => (/** @type {Keys} */ { player }) => { player.send(command); };
+const orbits = (/** @type {string[]} */ ...keys) => Object.fromEntries(keys.map((key) => [key, send({ do: "orbit", ...KEY_ORBITS[key], gently: true })]));
 const alone = (/** @type {Keys} */ { options }) => options.alone;
 
 const frame = (/** @type {import("./bar.js").Bar} */ bar) => bar.frame.words;
@@ -38,8 +38,8 @@ const TABLE = [
   { shown: ["L"], text: "Loop", says: switched("loop", "Loop"), does: { l: ({ bar }) => bar.press("loop") } },
   { shown: ["I", "O"], text: "Start, end of the loop", says: looped, does: { i: ({ player, bar }) => { player.send({ do: "set", from: bar.frame.frame }); }, o: ({ player, bar }) => { player.send({ do: "set", to: bar.frame.frame }); } } },
   { shown: ["X"], text: "Loop over the whole timeline", says: looped, does: { x: send({ do: "set", from: null, to: null }) } },
-  { shown: ["W", "A", "S", "D"], text: "Turn the view", held: true, does: Object.fromEntries(/** @type {[string, [number, number]][]} */ ([["w", [0, TURN_RAD]], ["a", [-TURN_RAD, 0]], ["s", [0, -TURN_RAD]], ["d", [TURN_RAD, 0]]]).map(([key, turn]) => [key, send({ do: "orbit", turn, gently: true })])) },
-  { shown: ["+", "−"], text: "Nearer, farther", held: true, does: Object.fromEntries(/** @type {[string, number][]} */ ([["+", 1 / ZOOM], ["=", 1 / ZOOM], ["-", ZOOM]]).map(([key, zoom]) => [key, send({ do: "orbit", zoom, gently: true })])) },
+  { shown: ["W", "A", "S", "D"], text: "Turn the view", held: true, does: orbits("w", "a", "s", "d") },
+  { shown: ["+", "−"], text: "Nearer, farther", held: true, does: orbits("+", "=", "-") },
   { shown: ["0"], text: "Reset the view", does: { 0: send({ do: "camera", camera: null, gently: true }) } },
   { shown: ["M"], text: "Select a module by number", there: ({ options }) => options.module, does: { m: ({ options }) => options.module?.() } },
   { shown: ["↑", "↓"], text: "In the module panel: next, previous module", there: ({ options }) => options.module, does: {} },
@@ -48,11 +48,6 @@ const TABLE = [
   { shown: ["T"], text: "Theme: light, dark or system", does: { t: () => { /** @type {HTMLElement | null} */ (document.querySelector("[data-theme-switch]"))?.click(); } } },
   { shown: ["?"], text: "Show keyboard shortcuts", does: { "?": (it) => it.open() } },
 ];
-
-const plain = (/** @type {string} */ key) => key.replace("Shift+", "");
-
-// All keys with an action, also with Caps Lock.
-export const KEYS = [...new Set(TABLE.flatMap(({ does }) => Object.keys(does)).map(plain).flatMap((key) => (key.length > 1 ? [key] : [key, key.toUpperCase()])))];
 
 // Return the name of a key in the table; characters already include Shift.
 /** @param {Pick<KeyboardEvent, "key" | "shiftKey">} event */

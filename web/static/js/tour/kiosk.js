@@ -18,8 +18,8 @@ export function idleSeconds(search) {
   return seconds >= RANGE_S[0] && seconds <= RANGE_S[1] ? seconds : USUAL_S;
 }
 
-/** @param {Pick<import("./panel.js").Toured, "player" | "calm"> & { stage: import("../viewer/stage.js").Stage, touring: import("./panel.js").Touring }} shown */
-export function exhibit({ player, stage, calm, touring }) {
+/** @param {Pick<import("./panel.js").Toured, "player" | "calm"> & { touring: import("./panel.js").Touring }} shown */
+export function exhibit({ player, calm, touring }) {
   const idleMs = 1000 * (idleSeconds(location.search) ?? USUAL_S);
   const box = get("tour-panel");
   let held = false; // true while a visitor is active
@@ -67,8 +67,6 @@ export function exhibit({ player, stage, calm, touring }) {
   };
 
   for (const kind of INPUTS) addEventListener(kind, (event) => touch(event.target), { capture: true, passive: true });
-  const { pointer } = stage.heard;
-  stage.heard.pointer = (told) => { if (told.kind !== "pointermove") touch(null); pointer?.(told); };
   player.on("camera", (/** @type {Command} */ { do: what }) => { if (what === "orbit") touch(null); });
   player.on("state", (/** @type {State} */ { playing }) => { if (telling && !playing && player.playhead.frame >= player.timeline.last) over(); });
   const drag = document.querySelector("label.folded");

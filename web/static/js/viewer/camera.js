@@ -9,6 +9,7 @@ const WAYS = [
 const SETTLE_S = 0.14;
 const SETTLED = 2e-4;
 const WHOLE_TURN = 2 * Math.PI;
+const MAX_ELEVATION = 1.56; // rad; at π/2 the up direction is undefined
 
 /**
  * @param {Vector} a
@@ -143,6 +144,35 @@ export function distanceNeeded(points, view, { radius, aspect, field }) {
     needed = Math.max(needed, (Math.abs(dot(off, right)) + radius) / (tall * aspect) + depth, (Math.abs(dot(off, up)) + radius) / tall + depth);
   }
   return needed;
+}
+
+// Return the target of a view, moved to the right and
+// up in the picture by fractions of the distance.
+/**
+ * @param {View} view
+ * @param {number} x
+ * @param {number} y
+ */
+export function across({ target, azimuth, elevation, distance }, x, y) {
+  const [right, up] = axesOf(azimuth, elevation);
+  return vector((k) => target[k] + distance * (x * right[k] + y * up[k]));
+}
+
+export const clamp = (/** @type {number} */ value, /** @type {number} */ low, /** @type {number} */ high) => Math.min(high, Math.max(low, value));
+export const steep = (/** @type {number} */ elevation) => clamp(elevation, -MAX_ELEVATION, MAX_ELEVATION);
+
+// Return a view that a pointer or key has turned, zoomed and moved.
+/**
+ * @param {View} view
+ * @param {Orbit} orbit
+ * @param {number} field vertical angle of view, rad
+ * @param {[nearest: number, farthest: number]} distances
+ * @returns {View}
+ */
+export function orbited({ azimuth, elevation, distance, target }, { turn = [0, 0], zoom = 1, move = [0, 0] }, field, [nearest, farthest]) {
+  const view = { azimuth: azimuth + turn[0], elevation: steep(elevation + turn[1]), distance: zoom === 1 ? distance : clamp(distance * zoom, nearest, farthest), target };
+  const height = 2 * Math.tan(field / 2); // of the picture, as a fraction of the distance
+  return { ...view, target: across(view, -height * move[0], -height * move[1]) };
 }
 
 // Return the ray from the camera through a point of the picture,

@@ -20,17 +20,17 @@ const SIDES = { front: [-QUARTER, 0], right: [0, 0], back: [QUARTER, 0], left: [
 export function playerOn(timeline, frame, canvas, { calm, onFirst, onScroll, pauseMs }) {
   const sketch = new Sketch(canvas, onFirst);
   const stage = new Stage(frame, {
-    open: () => standIn.takeOver(), pick: (origin, direction) => player.pick(origin, direction), pointer: (pointer) => hand.hear(pointer), scroll: onScroll, lost: () => { standIn.fallBack(); player.show(true); },
+    open: () => standIn.takeOver(), pick: (origin, direction) => player.pick(origin, direction), lost: () => { standIn.fallBack(); player.show(true); },
   });
   const standIn = new StandIn(canvas, stage, sketch);
   /** @type {Player} */
   const player = new Player(timeline, { stage, standIn, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm, pauseMs });
   const hand = new Hand((orbit) => player.send({ do: "orbit", ...orbit }), {
-    height: () => Math.max(1, frame.clientHeight), follows: () => player.is.follow, tap: (x, y) => stage.tap(x, y),
+    height: () => Math.max(1, frame.clientHeight), follows: () => player.is.follow, tap: (x, y) => stage.tap(x, y), scroll: onScroll,
   });
-  hand.on(canvas);
+  hand.cover(canvas);
   new ResizeObserver(() => player.show(true)).observe(frame);
-  return { player, stage, sketch, standIn };
+  return { player, stage, sketch, standIn, hand };
 }
 
 // Set up the menu of viewing directions.

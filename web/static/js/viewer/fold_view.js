@@ -65,7 +65,7 @@ export function view({ source, figures, load, over = true, details = null, play 
   const pauseMs = () => (shares && !timeline.over && (player.shown?.frame ?? 0) > 0 ? COMPUTING_PICTURE_MS : 0);
   // The page draws the fold itself until the 3D view, which takes longer to start, takes over.
   /** @type {ReturnType<typeof playerOn>} */
-  const { player, stage, sketch, standIn } = playerOn(timeline, frame, get("sketch"), {
+  const { player, stage, sketch, standIn, hand } = playerOn(timeline, frame, get("sketch"), {
     calm, pauseMs, onScroll, onFirst: () => {
       get("cover").classList.add("gone");
       setTimeout(start3d, DRAW_MS);
@@ -118,7 +118,7 @@ export function view({ source, figures, load, over = true, details = null, play 
     if (begun) return;
     begun = true;
     if (kiosk) {
-      import("../tour/kiosk.js").then(({ exhibit }) => exhibit({ player, stage, calm, touring }));
+      import("../tour/kiosk.js").then(({ exhibit }) => exhibit({ player, calm, touring }));
       return;
     }
     const shown = place.go();
@@ -126,7 +126,7 @@ export function view({ source, figures, load, over = true, details = null, play 
   });
   window.foldback = { timeline, player }; // for the console
   if (window.name === "foldback-fold" && window.parent !== window) import("./embed_messages.js").then(({ answer }) => answer({ player, timeline, open }));
-  return { timeline, player, stage, sketch, bar, place, plots };
+  return { timeline, player, stage, sketch, hand, bar, place, plots };
 }
 
 // Offer the tour of the fold. Return a function that opens it at a stop, or at the stop in the

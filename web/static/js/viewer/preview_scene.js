@@ -1,11 +1,14 @@
 // The 3D scene of a preview: layers that can be toggled,
 // and a highlighted module; see web/viser/preview_scene.py.
-import { framing, picked, positionOf } from "./camera.js";
+import { framing, orbited, picked, positionOf } from "./camera.js";
 import { decode } from "../lib/columns.js";
-import { Hand, Scene, cameraTo, linear, update, visibility } from "./scene.js";
+import { Hand, KEY_ORBITS, Scene, cameraTo, linear, update, visibility } from "./scene.js";
 
 const MOST_TRIES = 8;
 const RETRY_S = 2;
+const DISTANCES = /** @type {const} */ ([0.1, 8]); // smallest and largest, as multiples of the usual one
+/** @type {Record<string, string>} */
+const ARROWS = { ArrowUp: "w", ArrowLeft: "a", ArrowDown: "s", ArrowRight: "d" }; // keys with the same effect
 
 /**
  * @typedef {object} PreviewHeard
@@ -25,13 +28,22 @@ export class PreviewStage extends Scene {
    * @param {PreviewHeard} heard
    */
   constructor(frame, heard) {
-    const hand = new Hand(() => { this.touched = true; }, { height: () => 1, follows: () => true, tap: (x, y) => this.tap(x, y) });
-    super(frame, { pointer: (pointer) => hand.hear(pointer) });
+    super(frame);
+    const hand = new Hand((orbit) => this.orbit(orbit), { height: () => Math.max(1, frame.clientHeight), follows: () => false, tap: (x, y) => this.tap(x, y) });
+    hand.cover(frame).onkeydown = (event) => {
+      const orbit = KEY_ORBITS[ARROWS[event.key] ?? event.key.toLowerCase()];
+      if (!orbit || event.ctrlKey || event.metaKey || event.altKey) return;
+      event.preventDefault();
+      this.orbit(orbit);
+    };
     this.listener = heard;
     /** @type {Record<string, boolean>} */
     this.layers = { solid: true, cells: true, path: true };
     /** @type {number | null} */
     this.selected = null;
+    /** @type {View | null} */
+    this.view = null;
+    this.usual = 1; // distance at which the shape fits the view
     this.touched = false;
     /** @type {string | null} */
     this.address = null;
@@ -150,12 +162,29 @@ export class PreviewStage extends Scene {
   // Keep the shape in view when the window changes, until the visitor turns it.
   look() {
     const { clientWidth: wide, clientHeight: high } = this.frame;
-    if (!this.open || !this.bundle || this.touched || !wide || !high) return;
+    if (!this.open || !this.bundle || !wide || !high) return;
+    if (this.touched && this.view) { this.aim(this.view); return; }
     const { corners, radius, camera } = this.bundle.header;
     const view = framing(corners, {
       radius, aspect: wide / high, field: camera.field_of_view_rad,
       azimuth: camera.azimuth_rad, elevation: camera.elevation_rad, margin: camera.margin,
     });
-    this.apply(cameraTo({ position: positionOf(view), target: view.target }));
+    this.usual = view.distance;
+    this.aim(view);
+  }
+
+  /** @param {Orbit} orbit */
+  orbit(orbit) {
+    const { view, bundle, usual } = this;
+    if (!view || !bundle) return;
+    this.touched = true;
+    this.aim(orbited(view, orbit, bundle.header.camera.field_of_view_rad, [DISTANCES[0] * usual, DISTANCES[1] * usual]));
+  }
+
+  /** @param {View} view */
+  aim(view) {
+    this.view = view;
+    this.eye = { position: positionOf(view), target: view.target };
+    this.apply(cameraTo(this.eye));
   }
 }

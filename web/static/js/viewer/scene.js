@@ -1,13 +1,21 @@
-// A 3D scene: viser's client in a frame, controlled by the page, and its pointer events; see
-// bridge.js and web/viser/scene_bundle.py. The frame is not trusted: its messages are validated.
+// A 3D scene: viser's client in a frame, controlled by the page, and the pointer controls; see
+// bridge.js and web/viser/scene_bundle.py. The frame is not trusted: it only reports its progress.
 import { rayThrough } from "./camera.js";
+import { element } from "../lib/text.js";
 
-const FARTHEST = 1e9;
 const RELOAD_MS = 500; // delay before the first restart of the client
 const STILL_PX = { mouse: 4, touch: 10 }; // maximum motion of a tap; chosen
 const TURN_RAD = 2 * Math.PI; // for a drag over the height of the view
 const ZOOM_PER_PX = 0.0012; // exponent per pixel of wheel motion
 const MAX_WHEEL_PX = 400; // per event
+const LINE_PX = 33; // pixels per line, for wheels that report lines
+const KEY_TURN_RAD = Math.PI / 18; // per key press
+const KEY_ZOOM = 1.15; // per key press
+/** @type {Record<string, Orbit>} */
+export const KEY_ORBITS = {
+  w: { turn: [0, KEY_TURN_RAD] }, a: { turn: [-KEY_TURN_RAD, 0] }, s: { turn: [0, -KEY_TURN_RAD] }, d: { turn: [KEY_TURN_RAD, 0] },
+  "+": { zoom: 1 / KEY_ZOOM }, "=": { zoom: 1 / KEY_ZOOM }, "-": { zoom: KEY_ZOOM },
+};
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
 export const linear = Uint8Array.from({ length: 256 }, (_, byte) => {
@@ -61,37 +69,16 @@ function staged(messages, arrays) {
   return messages.map((message) => /** @type {SceneMessage} */ (filled(message)));
 }
 
-/**
- * @param {unknown} value
- * @returns {value is Vector}
- */
-const isVector = (value) => Array.isArray(value) && value.length === 3
-  && value.every((v) => Number.isFinite(v) && Math.abs(v) < FARTHEST);
-
-/**
- * @param {unknown} value
- * @returns {value is Pointer}
- */
-function isPointer(value) {
-  if (typeof value !== "object" || value === null) return false;
-  const { kind, id, x, y, by, button } = /** @type {Record<string, unknown>} */ (value);
-  return typeof kind === "string" && [id, x, y, by, button].every((v) => Number.isFinite(v) && Math.abs(Number(v)) < FARTHEST);
-}
-
 /** @template {Staged} [Told=Bundle] */
 export class Scene {
-  // `heard` receives open() and pointer events. `keys` that are pressed in the frame are dispatched
-  // to the page. With `holds` the page moves the camera, and the client gets no pointer events.
   /**
    * @param {HTMLIFrameElement} frame
    * @param {SceneHeard} heard
-   * @param {{ keys?: string[], holds?: boolean }} options
    */
-  constructor(frame, heard, { keys = [], holds = false } = {}) {
+  constructor(frame, heard = {}) {
     this.frame = frame;
+    frame.inert = true;
     this.heard = heard;
-    this.keys = keys;
-    this.holds = holds;
     this.open = false;
     /** @type {Told | null} */
     this.bundle = null;
@@ -100,21 +87,13 @@ export class Scene {
     /** @type {MessagePort | null} */
     this.port = null;
     /** @type {Eye | null} */
-    this.camera = null; // camera of the client, if the page does not move it
-    this.yields = false;
+    this.eye = null; // camera of the visible picture
     this.losses = 0; // number of lost WebGL contexts
     this.asks = 0;
     /** @type {Map<unknown, { what: "pass" | "paint", then: () => void }>} */
     this.asked = new Map();
     frame.addEventListener("load", () => this.connect());
     addEventListener("themechange", () => this.port?.postMessage({ do: "dress", scheme: scheme() }));
-  }
-
-  // Let the wheel and vertical swipes scroll the page around an embed.
-  /** @param {boolean} on */
-  yieldScrolling(on) {
-    this.yields = on;
-    this.port?.postMessage({ do: "yield", on });
   }
 
   // Replace the scene bundle.
@@ -159,7 +138,7 @@ export class Scene {
     const { port1, port2 } = new MessageChannel();
     this.port = port1;
     port1.onmessage = ({ data }) => this.hear(data);
-    this.frame.contentWindow?.postMessage({ keys: this.keys, holds: this.holds, scheme: scheme(), yields: this.yields }, "*", [port2]);
+    this.frame.contentWindow?.postMessage({ scheme: scheme() }, "*", [port2]);
     for (const [id, { what }] of this.asked) port1.postMessage({ do: what, id });
   }
 
@@ -169,19 +148,6 @@ export class Scene {
     this.heard.lost?.();
     setTimeout(() => this.frame.parentNode?.insertBefore(this.frame, this.frame.nextSibling), RELOAD_MS * 2 ** this.losses++);
   }
-
-  // Store a moved camera; ignore invalid ones.
-  /**
-   * @param {unknown} position
-   * @param {unknown} target
-   */
-  moved(position, target) {
-    if (isVector(position) && isVector(target) && position.some((v, k) => v !== target[k])) this.camera = { position, target };
-  }
-
-  // Camera of the visible picture.
-  /** @returns {Eye | null} */
-  get eye() { return this.camera; }
 
   // Pick at a point of the picture, in pixels from the top left.
   /**
@@ -209,18 +175,7 @@ export class Scene {
         if (this.bundle) this.build();
         this.heard.open?.();
         return;
-      case "camera": this.moved(told.position, told.target); return;
-      case "pointer":
-        if (isPointer(told.pointer)) this.heard.pointer?.(told.pointer);
-        return;
       case "lost": this.reload(); return;
-      case "scroll": this.heard.scroll?.(); return;
-      case "drag": this.frame.parentElement?.classList.add("dropping"); return;
-      case "focus": this.frame.classList.toggle("focused", told.on === true); return;
-      case "key":
-        if (typeof told.key !== "string" || !this.keys.includes(told.key)) return;
-        this.frame.dispatchEvent(new KeyboardEvent("keydown", { key: told.key, shiftKey: told.shift === true, bubbles: true, cancelable: true }));
-        return;
       case "done": {
         const asked = this.asked.get(told.id);
         this.asked.delete(told.id);
@@ -232,35 +187,39 @@ export class Scene {
 
 /** @typedef {{ x: number, y: number, fromX: number, fromY: number, button: number, still: number, drags: boolean }} Finger */
 
-// Pointer controls of the camera. A press without motion is a tap. One pointer
-// turns the camera; with the right or middle button it moves the picture. Two
-// pointers zoom and, unless the camera follows the chain, move the picture.
+// Pointer controls of the camera, on a transparent element above the view, which also has its focus.
+// A press without motion is a tap. One pointer turns the camera; with the right or middle button it
+// moves the picture. Two pointers zoom and, unless the camera follows the chain, move the picture.
 export class Hand {
   /**
    * @param {(orbit: Orbit) => void} does
-   * @param {{ height: () => number, follows: () => boolean, tap: (x: number, y: number) => void }} view its height in pixels
+   * @param {{ height: () => number, follows: () => boolean, tap: (x: number, y: number) => void, scroll?: () => void }} view its height
+   *   in pixels; `scroll` is called if the page around an embed scrolls instead of a zoom
    */
-  constructor(does, { height, follows, tap }) {
+  constructor(does, { height, follows, tap, scroll = () => {} }) {
     this.does = does;
     this.height = height;
     this.follows = follows;
     this.tap = tap;
+    this.scroll = scroll;
+    this.yields = false; // true in an embed, where the wheel and vertical swipes scroll the page around it
+    this.clicked = false;
     /** @type {Map<number, Finger>} */
     this.fingers = new Map();
   }
 
-  /** @param {Pointer} pointer */
-  hear({ kind, id, x, y, by, button, touch }) {
+  /** @param {PointerEvent} event */
+  hear({ type, pointerId: id, pointerType, offsetX: x, offsetY: y, button }) {
     const { fingers } = this;
-    const finger = fingers.get(id);
-    if (kind === "pointerdown") {
+    if (type === "pointermove") { this.drag(id, x, y); return; }
+    if (type === "pointerdown") {
       for (const other of fingers.values()) other.drags = true;
-      fingers.set(id, { x, y, fromX: x, fromY: y, button, still: touch ? STILL_PX.touch : STILL_PX.mouse, drags: fingers.size > 0 });
-    } else if (kind === "pointerup" || kind === "pointercancel") {
-      fingers.delete(id);
-      if (kind === "pointerup" && finger && !finger.drags && finger.button === 0) this.tap(x, y);
-    } else if (kind === "wheel") this.does({ zoom: Math.exp(ZOOM_PER_PX * Math.min(MAX_WHEEL_PX, Math.max(-MAX_WHEEL_PX, by))) });
-    else if (kind === "pointermove") this.drag(id, x, y);
+      fingers.set(id, { x, y, fromX: x, fromY: y, button, still: pointerType === "touch" ? STILL_PX.touch : STILL_PX.mouse, drags: fingers.size > 0 });
+      return;
+    }
+    const finger = fingers.get(id);
+    fingers.delete(id);
+    if (type === "pointerup" && finger && !finger.drags && finger.button === 0) this.tap(x, y);
   }
 
   /**
@@ -291,23 +250,35 @@ export class Hand {
     return a && b ? Math.hypot(a.x - b.x, a.y - b.y) : 0;
   }
 
-  // Listen to an element of the page.
-  /** @param {HTMLElement} element */
-  on(element) {
-    const hear = (/** @type {PointerEvent | WheelEvent} */ event) => {
-      if (event.target !== element) return;
-      const { type: kind, offsetX: x, offsetY: y, button } = event;
-      if (event instanceof WheelEvent) {
-        event.preventDefault();
-        this.hear({ kind, id: 0, x, y, by: event.deltaY, button, touch: false });
-        return;
-      }
-      const { pointerId: id, pointerType } = event;
-      if (kind === "pointerdown") element.setPointerCapture(id);
-      this.hear({ kind, id, x, y, by: 0, button, touch: pointerType === "touch" });
-    };
-    for (const kind of /** @type {const} */ (["pointerdown", "pointermove", "pointerup", "pointercancel"])) element.addEventListener(kind, hear);
-    element.addEventListener("wheel", hear, { passive: false });
+  // Cover a view with the element that receives its input.
+  /** @param {HTMLElement} view */
+  cover(view) {
+    const surface = element("div", { class: "surface", tabindex: 0, role: "application", "aria-label": "3D view" });
+    this.surface = surface;
+    for (const type of /** @type {const} */ (["pointerdown", "pointermove", "pointerup", "pointercancel"])) surface.addEventListener(type, (event) => this.hear(event));
+    surface.addEventListener("pointerdown", ({ pointerId }) => { this.clicked = true; surface.setPointerCapture(pointerId); });
+    surface.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
+    // A ring shows that the keyboard has moved the focus here; keys after a click show none.
+    surface.addEventListener("focus", () => surface.classList.toggle("focused", surface.matches(":focus-visible")));
+    surface.addEventListener("blur", () => { this.clicked = false; surface.classList.remove("focused"); });
+    surface.addEventListener("contextmenu", (event) => event.preventDefault()); // the right button moves the view
+    view.after(surface);
+    return surface;
+  }
+
+  /** @param {boolean} on */
+  yieldScrolling(on) {
+    this.yields = on;
+    this.surface?.style.setProperty("touch-action", on ? "pan-y" : "none");
+  }
+
+  // After a click, until the focus leaves, or with Ctrl or ⌘, the wheel zooms a view in an embed, too.
+  /** @param {WheelEvent} event */
+  wheel(event) {
+    if (this.yields && !this.clicked && !event.ctrlKey && !event.metaKey) { this.scroll(); return; }
+    event.preventDefault();
+    const by = event.deltaMode ? LINE_PX * event.deltaY : event.deltaY;
+    this.does({ zoom: Math.exp(ZOOM_PER_PX * Math.min(MAX_WHEEL_PX, Math.max(-MAX_WHEEL_PX, by))) });
   }
 }
 

@@ -1,7 +1,6 @@
 // The 3D scene of a fold, which receives poses, colours and a camera for each frame; and the
 // fallback to the page's own drawing while the scene is not ready or too slow.
 import { Scene, cameraTo, isSoftware, linear, update, visibility } from "./scene.js";
-import { KEYS } from "../player/keys.js";
 import { buriedBy } from "../player/kinematics.js";
 import { floorUnder, tableColours } from "./sketch.js";
 
@@ -31,7 +30,7 @@ export class Stage extends Scene {
    * @param {SceneHeard} heard
    */
   constructor(frame, heard) {
-    super(frame, heard, { keys: [...KEYS, "Escape"], holds: true }); // Escape closes the drawer
+    super(frame, heard);
     /** @type {Picture | null} */
     this.latest = null;
     /** @type {number | null} */
@@ -43,14 +42,10 @@ export class Stage extends Scene {
     /** @type {Int32Array | null} */
     this.buried = null;
     this.away = false;
-    /** @type {Eye | null} */
-    this.drawn = null; // camera of the visible picture, including that of the page's own drawing
     /** @type {((shown: Snapshot) => Floats | null) | null} */
     this.pressed = null; // returns the contact forces on the table, if they are displayed
     addEventListener("themechange", () => this.dress());
   }
-
-  get eye() { return this.drawn; }
 
   /** @returns {TableTold | null} */
   get table() { return this.bundle?.header.table ?? null; }
@@ -312,7 +307,7 @@ export class StandIn {
    */
   draw(shown, colours, eye) {
     const { stage, sketch } = this;
-    stage.drawn = eye;
+    stage.eye = eye;
     if (!this.opened) {
       this.given = [shown, colours, eye];
       // The view needs a first picture; a slow view gets no more of them.
