@@ -93,6 +93,7 @@ def test_menu_of_a_fold_links_and_renames(visit: Visit) -> None:
     menu, rename = page.get_by_role("button", name="Menu"), page.locator("#rename")
     menu.click()
     rename.click()
+    expect(page.locator("#renaming")).to_be_visible()
     page.keyboard.press("Escape")
     expect(page.locator("#name")).to_have_text("stairs")
     expect(menu).to_be_focused()

@@ -24,8 +24,7 @@ def test_gallery_files_visit_the_blocks_of_their_drawings_unknotted() -> None:
         with case(shape.name):
             path = read((HERE / "shapes" / f"{shape.name}.json").read_bytes())
             assert isinstance(path, Path)
-            assert path.name == shape.name
-            assert 60 <= len(path) <= 400
+            assert path.name == shape.name and 60 <= len(path) <= 400
             blocks = Counter(map(tuple, (path.cells // 2).tolist()))
             assert set(blocks) == shape.blocks
             assert set(blocks.values()) == {8}

@@ -195,16 +195,13 @@ def test_plan_is_posed_as_its_timeline(tmp_path: Path) -> None:
 
 
 def test_fold_on_a_table_has_its_table_until_another_is_shown(tmp_path: Path) -> None:
-    def table(shown: Shown) -> bool:
-        return "/table" in shown.server.scene._handle_from_node_name
-
     with show.live(port=0) as live:
         plan = fold(chain_of(SNAKE), world="table", directory=tmp_path, progress=live)
-        assert table(live)
         with show(tmp_path, port=0) as one, show(plan, port=0) as other:
-            assert table(one) and table(other)
+            nodes = [each.server.scene._handle_from_node_name for each in (live, one, other)]
+        assert all("/table" in names for names in nodes)
         fold(chain_of(SNAKE), progress=live)
-        assert not table(live)
+        assert "/table" not in nodes[0]
 
 
 def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:

@@ -349,7 +349,7 @@ def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
     """Return the figures of a frame, as Markdown."""
     known = np.abs(snapshot.joint_error_rad[np.isfinite(snapshot.joint_error_rad)])
     error = (
-        f"Largest joint error {known.max():.2g} rad (full red: {scale_rad:g} rad)"
+        f"Largest joint error {known.max():.2g} rad (modules are fully red at {scale_rad:g} rad)"
         if len(known)
         else "The joint error was not recorded"
     )

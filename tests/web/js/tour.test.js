@@ -1,6 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { hashOf, viewIn } from "../../../web/static/js/player/address.js";
+import { Flight } from "../../../web/static/js/tour/flight.js";
 import { idleSeconds } from "../../../web/static/js/tour/kiosk.js";
 import { MAX_CAPTION, MAX_STOPS, TourState, frameBetween, movingSeconds, readingSeconds } from "../../../web/static/js/tour/state.js";
 
@@ -48,6 +49,23 @@ test("motion between stops is slow at both ends, and captions can be read", () =
   assert.ok(frameBetween(10, 30, 0.1) < 12 && frameBetween(10, 30, 0.9) > 28);
   assert.ok(movingSeconds(2) >= 1 && movingSeconds(-1e6) === movingSeconds(1e6));
   assert.ok(readingSeconds("x".repeat(160)) > 8);
+});
+
+test("a visitor who moves the playhead stops the tour", () => {
+  const frames = [];
+  globalThis.requestAnimationFrame = (draw) => frames.push(draw);
+  const player = {
+    is: { playing: false }, playhead: { frame: 0 }, mark() {},
+    send({ do: what, frame }) { if (what === "seek") this.playhead.frame = frame; },
+  };
+  const called = [];
+  const flight = new Flight(player, { calm: false, page: { colour() {}, path() {} }, over: () => called.push("over"), taken: () => called.push("taken") });
+  flight.show({ caption: "a", frame: 100 }, { playing: true });
+  frames.pop()();
+  assert.deepEqual(called, []);
+  player.playhead.frame = 50;
+  frames.pop()();
+  assert.deepEqual([called, frames.length], [["taken"], 0]);
 });
 
 test("the address names a stop of the tour", () => {

@@ -10,14 +10,15 @@ export class Flight {
   // With reduced motion (`calm`), a stop is shown without an animation.
   /**
    * @param {import("../player/player.js").Player} player
-   * @param {{ calm: boolean, page: Addressed, over: () => void }} around
-   *   `over` is called after the reading time of a caption
+   * @param {{ calm: boolean, page: Addressed, over: () => void, taken: () => void }} around
+   *   `over` is called after the reading time of a caption, `taken` when the visitor moves the playhead
    */
-  constructor(player, { calm, page, over }) {
+  constructor(player, { calm, page, over, taken }) {
     this.player = player;
     this.calm = calm;
     this.page = page;
     this.over = over;
+    this.taken = taken;
     /** @type {{ from: number, to: number, begun: number, seconds: number, frame: number } | null} */
     this.way = null;
     /** @type {TourStop | null} */
@@ -55,8 +56,7 @@ export class Flight {
   step() {
     const { way, player } = this;
     if (!way) return;
-    // The visitor took over the playhead.
-    if (player.is.playing || Math.abs(player.playhead.frame - way.frame) > SLACK) { this.end(); return; }
+    if (player.is.playing || Math.abs(player.playhead.frame - way.frame) > SLACK) { this.taken(); return; }
     const share = (performance.now() - way.begun) / 1000 / way.seconds;
     if (share >= 1) { this.arrive(); return; }
     way.frame = frameBetween(way.from, way.to, share);

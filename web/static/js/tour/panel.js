@@ -26,7 +26,7 @@ export class TourPanel {
     this.place = place;
     this.id = id;
     this.state = new TourState(tour);
-    this.flight = new Flight(player, { calm, page: place.page, over: () => this.next() });
+    this.flight = new Flight(player, { calm, page: place.page, over: () => this.next(), taken: () => this.pause() });
     this.playing = false;
     this.onEnd = () => {}; // called after the last caption
     this.box = get("tour-panel");
