@@ -27,6 +27,7 @@ def findings(page: Page) -> dict[str, list[str]]:
         page.set_viewport_size({"width": width, "height": height})
         for scheme, rules in SCHEMES.items():
             page.emulate_media(color_scheme=scheme, reduced_motion="reduce")
+            page.evaluate("new Promise(requestAnimationFrame)")  # scripts have changed the theme
             # The 3D view is a page of its own, made by viser.
             options: dict[str, Any] = {"resultTypes": ["violations"], "iframes": False, **rules}
             violations = axe.run(page, options=options).response["violations"]
