@@ -41,12 +41,12 @@ behind are removed as well."""
 
 
 def temporary_path(path: FilePath) -> FilePath:
-    """Return a new name beside a path, for what gets that name when it is complete."""
+    """Return the path of a new temporary file beside a path."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}")
 
 
 def remove_temporary(directory: FilePath, *, before: float) -> None:
-    """Remove what killed processes have left half written in a directory and in its folders.
+    """Remove temporary files of killed processes from a directory and its folders.
 
     Args:
         directory: Directory that is searched, with its folders, but not deeper.
@@ -99,12 +99,12 @@ def write_whole(path: FilePath, data: bytes) -> None:
 
 
 def write_json(path: FilePath, values: object) -> None:
-    """Writes plain values into a file that is either whole or not there."""
+    """Write plain values into a JSON file that is either whole or not there."""
     write_whole(path, json.dumps(values).encode())
 
 
 def json_of(path: FilePath) -> dict[str, Any]:
-    """The JSON object in a file; an empty one when there is none that can be read."""
+    """Return the JSON object in a file; an empty one if it is missing or unreadable."""
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -135,7 +135,7 @@ def _seal_of(text: bytes) -> bytes:
 
 
 def zarr_group(path: str | FilePath, mode: Literal["r", "r+", "w"] = "r") -> zarr.Group:
-    """The zarr group at a path; a new one for ``w``.
+    """Open the zarr group at a path; create it for ``w``.
 
     Its chunks are not checked: ``planner.checked_zarr`` does that.
     """
@@ -154,7 +154,7 @@ def load_zarr() -> Any:
 
 @contextmanager
 def directory_or_aside(directory: str | FilePath | None) -> Generator[FilePath]:
-    """A directory, made if it is not there; for None one that goes away afterwards."""
+    """Yield a directory, created if it is missing; for None a temporary one."""
     if directory is None:
         with TemporaryDirectory(prefix="foldback-") as aside:
             yield FilePath(aside)
@@ -165,12 +165,12 @@ def directory_or_aside(directory: str | FilePath | None) -> Generator[FilePath]:
 
 
 def settle(directory: FilePath) -> None:
-    """Has all that was written lately reach the disk of a directory, to outlast a power cut.
+    """Write the caches of a directory's disk, so that recent files survive a power cut.
 
-    One call for the whole disk: to ask for each file of a timeline takes twenty times as long.
+    One call writes the whole disk; one call for each file of a timeline takes twenty times as long.
 
     Raises:
-        OSError: When the disk can't take it.
+        OSError: If the disk cannot be written.
     """
     syncfs = getattr(ctypes.CDLL(None, use_errno=True), "syncfs", None)
     if syncfs is None:  # elsewhere than on Linux

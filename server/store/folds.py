@@ -292,7 +292,7 @@ class Store:
 
     @staticmethod
     def _duration_factor(session: Session) -> float:
-        """Return the median ratio of actual and expected time of recent folds; 1 if unknown."""
+        """Return the actual time of recent folds divided by the expected time; 1 if unknown."""
         recent_folds = (
             sa.select(FoldRow.ended_at - FoldRow.started_at, FoldRow.cost_s)
             .where(FoldRow.status == "verified", FoldRow.cost_s > 0, FoldRow.pauses == 0)
