@@ -104,7 +104,6 @@ class GalleryFilter:
 
     def lets(self, shape: GalleryShape, standing: FoldStatus) -> bool:
         """Return True if the filter accepts the card of a shape."""
-        searched = f" {search_words(shape)}"
         return (
             self.module in ("", shape.module)
             and (not self.kind or self.kind in shape.tags)
@@ -112,7 +111,7 @@ class GalleryFilter:
             and (not self.world or shape.rests_within is not None)
             and (self.least is None or shape.modules >= self.least)
             and (self.most is None or shape.modules <= self.most)
-            and all(f" {word}" in searched for word in self.words.lower().split())
+            and all(f" {word}" in f" {search_words(shape)}" for word in self.words.lower().split())
         )
 
 

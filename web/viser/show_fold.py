@@ -52,21 +52,24 @@ class Live(Shown):
         if progress.directory is None:
             return
         directory = FilePath(progress.directory)
-        on_table = is_on_table(directory)
         if progress.stage == LAST_STAGE and progress.fraction >= 1.0:
             whole = self._whole
             with suppress(TimelineError):  # nothing can be shown, but the fold goes on
                 timeline = Timeline.open(result_path(directory, TIMELINE))
                 whole = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
             with self._lock:  # so that heading and frames change together
-                self._whole, self._directory, self._with_table = whole, None, on_table
+                self._whole, self._directory, self._with_table = whole, None, is_on_table(directory)
                 self._controls.heading = "Done"
                 if not self._closed:
                     self._look()
             return
         with self._lock:
             if directory != self._directory:
-                self._directory, self._whole, self._with_table = directory, None, on_table
+                self._directory, self._whole, self._with_table = (
+                    directory,
+                    None,
+                    is_on_table(directory),
+                )
             told = progress.stage.replace("_", " ").capitalize()
             self._controls.heading = f"{told}, {progress.fraction:.0%}"
 

@@ -102,16 +102,16 @@ export async function ask(path, { method, body = null, token = null, signal } = 
  * @throws {Refusal} if the item no longer exists
  */
 export async function askUntil(path, pauseMs, over, signal) {
+  let wake = () => {};
+  const pause = () => /** @type {Promise<void>} */ (new Promise((again) => { wake = again; setTimeout(again, pauseMs); }));
+  signal?.addEventListener("abort", () => wake());
   for (;;) {
     const answer = await ask(path, { signal }).catch((error) => error);
     if (signal?.aborted) return;
     if (!(answer instanceof Refusal)) {
       if (over(answer)) return;
     } else if (answer.gone) throw answer;
-    await new Promise((again) => {
-      setTimeout(again, pauseMs);
-      signal?.addEventListener("abort", again);
-    });
+    await pause();
   }
 }
 

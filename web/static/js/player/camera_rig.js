@@ -121,7 +121,8 @@ export class CameraRig {
       this.choice = { ...this.choice, zoom: clamp(Math.max(this.choice.zoom, least) * zoom, least, MAX_ZOOM) };
     }
     if (follow && (gently || !turn)) return; // a camera that follows glides there by itself
-    this.goal = orbited(from, follow ? { turn } : { turn, zoom, move }, this.seeing().field, [NEAREST_PITCH * this.pitch, FARTHEST * this.whole(shown, from).distance]);
+    const farthest = zoom ? FARTHEST * this.whole(shown, from).distance : Infinity; // only a zoom changes the distance
+    this.goal = orbited(from, follow ? { turn } : { turn, zoom, move }, this.seeing().field, [NEAREST_PITCH * this.pitch, farthest]);
     if (!gently) this.view = this.goal;
   }
 
