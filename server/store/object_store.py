@@ -13,6 +13,7 @@ import threading
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
 from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeVar
@@ -47,6 +48,21 @@ class StorageError(Exception):
     """The storage does not answer, or its answer is invalid."""
 
 
+@dataclass(slots=True)
+class _Uploaded:
+    """What the store has of a directory that this process uploads.
+
+    Attributes:
+        marks: Modification time and size of each file; None while the file is being deleted.
+        settled: Names of the files of the last upload at which nothing was growing.
+    """
+
+    marks: dict[str, tuple[int, int] | None] = field(
+        default_factory=dict[str, tuple[int, int] | None]
+    )
+    settled: frozenset[str] = frozenset()
+
+
 class Storage:
     """Directories in an object store. Safe for use by several threads.
 
@@ -62,9 +78,7 @@ class Storage:
         self._obstore = obstore
         self._name = name
         self._lock = threading.Lock()
-        # Modification time and size of each uploaded file; None while it is being deleted.
-        self._known: dict[str, dict[str, tuple[int, int] | None]] = {}
-        self._settled: dict[str, frozenset[str]] = {}
+        self._uploaded: dict[str, _Uploaded] = {}
         self._threads = ThreadPoolExecutor(TRANSFERS_AT_ONCE, thread_name_prefix="storage")
 
     def check(self) -> None:
@@ -101,7 +115,8 @@ class Storage:
             StorageError: If the storage does not answer; its copy is still consistent.
         """
         with self._lock:
-            known = self._known.setdefault(key, {})
+            uploaded = self._uploaded.setdefault(key, _Uploaded())
+        known = uploaded.marks
         unsure = None in known.values()  # the last call failed while it deleted files
         # Read first, so that all frames that it states are uploaded before it.
         head = _read(directory / TIMELINE_HEAD)
@@ -117,12 +132,12 @@ class Storage:
             if head is not None and known.get(TIMELINE_HEAD) != (mark := (hash(head), len(head))):
                 self._put(key, TIMELINE_HEAD, head)
                 known[TIMELINE_HEAD] = mark
-            spared = self._settled.get(key, frozenset()) if growing else frozenset[str]()
+            spared = uploaded.settled if growing else frozenset[str]()
             gone = [name for name in known if name not in found and name not in spared]
             if gone or unsure:
                 self._delete_all(key, gone, known)
         if not growing:
-            self._settled[key] = frozenset(found)
+            uploaded.settled = frozenset(found)
         return sum(size for _, size in found.values())
 
     def _delete_all(
@@ -139,8 +154,7 @@ class Storage:
     def forget(self, key: str) -> None:
         """Forget the uploaded state of a directory, so that the next ``keep`` uploads all of it."""
         with self._lock:
-            self._known.pop(key, None)
-            self._settled.pop(key, None)
+            self._uploaded.pop(key, None)
 
     def fetch(self, key: str, directory: Path) -> bool:
         """Update a local copy from the storage; return False if the storage has no files.
@@ -229,10 +243,9 @@ class Storage:
             gone = [name for name in names if spared is None or not name.startswith(spared)]
             self._each(gone, self._delete)
         with self._lock:
-            for known in [k for k in self._known if k == key or k.startswith(f"{key}/")]:
+            for known in [k for k in self._uploaded if k == key or k.startswith(f"{key}/")]:
                 if known != but:
-                    del self._known[known]
-                    self._settled.pop(known, None)
+                    del self._uploaded[known]
 
     def below(self, key: str) -> list[str]:
         """Return the names directly below a key.

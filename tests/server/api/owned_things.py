@@ -122,12 +122,12 @@ class Thing:
         write_json(timeline / "zarr.json", {"attributes": {"frames": 9}})
 
     def _add_preview(self) -> None:
-        directory = self._service.settings.previews_dir / self.fold_id
-        directory.mkdir()
-        (directory / "input").write_bytes(b"")
         now, owner = time.time(), self.owner("owner").digest
         shape = {"name": "a shape", "modules": 16, "module": "cube", "key": "0" * 24, "query": ""}
         about = {"visitor": "somebody", "owner": owner, "created_at": now, "seen_at": now}
         row = PreviewRow(id=self.fold_id, **shape, **about)
         with self._store.changing() as session:
             session.add(row)
+        directory = self._service.settings.previews_dir / self.fold_id
+        directory.mkdir()  # after its row, without which it would be swept
+        (directory / "input").write_bytes(b"")
