@@ -15,6 +15,10 @@ class Missing(NamedTuple):
 GONE: Final = "The link may be incomplete, or the fold has been deleted."
 NO_FOLD: Final = Missing("Fold not found", GONE)
 NO_PAIR: Final = Missing("One of these folds was not found", GONE)
+NO_INPUT: Final = Missing(
+    "The file of this fold has expired",
+    "Files are stored for a limited time. Upload the file again to change its options.",
+)
 NO_PREVIEW: Final = Missing(
     "This preview has expired",
     "Previews are stored for a limited time. Upload the file again to get a new preview.",

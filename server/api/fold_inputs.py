@@ -21,10 +21,12 @@ from planner.pipeline.request import FoldRequest, PreviewRequest
 from planner.readers.limits import quote
 from planner.verification.integrity import check
 from server.api.context import Context
+from server.api.owner_tokens import not_owner
 from server.api.parent_folds import ParentFold, finished_parent, stored_parent
 from server.api.schemas import MAX_FOLD_NAME
 from server.errors import NotFound, Unusable
 from server.files.preview_reports import read_report
+from server.store.owner import Owner
 from server.store.previews import NoSuchPreviewError
 from server.store.tables import FoldRow
 
@@ -143,9 +145,7 @@ def open_source(
         NoSuchPreviewError: If the preview no longer exists.
         ServiceError: If the input cannot be used.
     """
-    origin.check()
-    stream, filename = _opened(context, origin)
-    with stream:
+    with open_input(context, origin) as (stream, filename):
         source = Source(request=replace(request, filename=filename))
         if origin.shape is not None:
             source = _of_gallery(source, origin.shape)
@@ -156,6 +156,21 @@ def open_source(
         if (parent := _parent(context, origin, source.repeats)) is not None:
             source = _derived(source, parent, origin)
         yield stream, replace(source, request=source.request.canonical())
+
+
+@contextmanager
+def open_input(context: Context, origin: Origin) -> Generator[tuple[BinaryIO, str | None]]:
+    """Open the input that a form names; yield it and the name of its file.
+
+    Raises:
+        NoSuchFoldError: If there is no such fold.
+        NoSuchPreviewError: If the preview no longer exists.
+        ServiceError: If the input cannot be used.
+    """
+    origin.check()
+    stream, filename = _opened(context, origin)
+    with stream:
+        yield stream, filename
 
 
 def _opened(context: Context, origin: Origin) -> tuple[BinaryIO, str | None]:
@@ -270,6 +285,25 @@ def stored_input(directory: Path) -> tuple[BinaryIO, str | None]:
     except BaseException:
         source.close()
         raise
+
+
+def check_readable(row: FoldRow, owner: Owner | None) -> None:
+    """Refuse to show the input of a fold to anyone but its owner, except for a gallery shape.
+
+    Raises:
+        Forbidden: If the input is a file of another owner.
+    """
+    if row.shape is None and row.owner and not (owner and owner.owns(row.owner)):
+        raise not_owner("Only the owner of this fold can see its file again.")
+
+
+def stored_options(directory: Path) -> FoldRequest:
+    """Return the request of a fold.
+
+    Raises:
+        NotFound: If it no longer exists.
+    """
+    return FoldRequest.from_json(_stored_request(directory))
 
 
 def _stored_request(directory: Path) -> dict[str, Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import threading
-from collections.abc import AsyncGenerator
+from collections.abc import AsyncGenerator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import replace
 from typing import Annotated, Any, Final
@@ -17,7 +17,14 @@ from fastapi.responses import Response
 from planner.parameters.option import options_of
 from planner.pipeline.request import FoldRequest, PreviewRequest
 from server.api.context import Context
-from server.api.fold_inputs import GalleryShape, Origin, Uploaded, id_field, open_source
+from server.api.fold_inputs import (
+    GalleryShape,
+    Origin,
+    Uploaded,
+    check_readable,
+    id_field,
+    open_input,
+)
 from server.api.folds import Here, problems
 from server.api.forms import field, form_of
 from server.api.owner_tokens import OptionalOwner
@@ -49,9 +56,16 @@ async def previewed_in_form(
             "previewed with these options."
         ),
     ] = None,
+    fold: Annotated[
+        str | None,
+        id_field(
+            "Instead of a file: the id of a fold whose input is previewed with these options. "
+            "Except for gallery shapes, this needs the owner token of the fold."
+        ),
+    ] = None,
 ) -> Origin:
     """Return the origin of a preview that a form names."""
-    return Origin(file=file, shape=shape, preview=preview)
+    return Origin(file=file, shape=shape, preview=preview, fold=fold)
 
 
 async def preview_in_form(
@@ -93,9 +107,11 @@ async def post_preview(
     def reported(asker: Asker) -> Preview:
         known = origin.preview
         if known is None or origin != Origin(preview=known):
+            if origin.fold is not None:
+                check_readable(context.store.fold(origin.fold), owner)
             with (
-                open_source(context, origin, FoldRequest()) as (stream, source),
-                context.uploads.stored(stream, source.request.filename) as upload,
+                open_input(context, origin) as (stream, filename),
+                context.uploads.stored(stream, filename) as upload,
             ):
                 known = context.preview_reports.add(upload, asker.visitor, owner)
         report = context.preview_reports.report(known, options, asker)
@@ -152,15 +168,24 @@ def bounded(options: PreviewRequest, max_modules: int) -> None:
 def viewed(options: PreviewRequest, report: dict[str, Any]) -> dict[str, Any]:
     """Return what an owner's list says of a preview with these options."""
     asked = {**options.changed(), **({"seed": options.seed} if options.seed else {})}
-    if options.start is not None:
-        asked["start"] = ",".join(map(str, options.start))
-    told = {k: "true" if v is True else v for k, v in asked.items()}
     return {
         "name": str(report["name"])[:MAX_FOLD_NAME],
         "modules": int(report["modules"]),
         "module": str(report["module"]),
         "key": options.key,
-        "query": urlencode(told, safe=","),
+        "query": urlencode(texts_of(asked), safe=","),
+    }
+
+
+def texts_of(options: Mapping[str, Any]) -> dict[str, str]:
+    """Return the values of options as a form or an address states them."""
+    return {
+        name: ",".join(map(str, value))
+        if isinstance(value, tuple)
+        else str(value).lower()
+        if isinstance(value, bool)
+        else str(value)
+        for name, value in options.items()
     }
 
 

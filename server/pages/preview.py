@@ -10,17 +10,21 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from planner.pathfinding.path_options import MAX_TABLE_MODULES
-from server.api.context import context_of
+from server.api.context import Context, context_of
+from server.api.fold_inputs import stored_options
+from server.api.shapes import texts_of
+from server.errors import NotFound
 from server.files.preview_reports import OPTIONS_KEY, cells_of_repair, read_report
 from server.http.client_address import address_of
 from server.http.downloads import BINARY_MEDIA_TYPE
 from server.pages.page import drawing, not_found, page, script_addresses, script_json
 from server.pages.problem_page import not_found_page
+from server.store.fold_files import NoSuchFoldError
 from server.store.previews import NoSuchPreviewError, Previews
 from web.pictures.preview_drawing import preview_svg
 from web.viser.preview_scene import preview_scene_of
-from words.fold import shown_name
-from words.missing_pages import NO_PREVIEW
+from words.fold import ShownFold, shown_name
+from words.missing_pages import NO_FOLD, NO_INPUT, NO_PREVIEW
 
 router = APIRouter(include_in_schema=False)
 
@@ -36,12 +40,39 @@ async def preview_page(request: Request, preview_id: str) -> Response:
     except NoSuchPreviewError:
         return not_found_page(*NO_PREVIEW)
     name = shown_name((filename or "shape").rpartition(".")[0] or filename or "shape")
-    facts: dict[str, object] = {
-        "id": preview_id,
-        "name": name,
+    return await _page(context, {"id": preview_id, "name": name})
+
+
+@router.get("/folds/{fold_id}/options", response_class=HTMLResponse)
+async def options_page(request: Request, fold_id: str) -> Response:
+    """Return a preview's page for the input and the options of a fold.
+
+    Its script creates the preview, so that opening the address stores nothing.
+    """
+    context = context_of(request)
+
+    def facts() -> dict[str, object]:
+        row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
+        options = texts_of(stored_options(directory).changed())
+        return {"id": "", "fold": fold_id, "options": options, "name": ShownFold.of(row).title}
+
+    try:
+        return await _page(context, await asyncio.to_thread(facts))
+    except NoSuchFoldError:
+        return not_found_page(*NO_FOLD)
+    except NotFound:
+        return not_found_page(*NO_INPUT)
+
+
+async def _page(context: Context, facts: dict[str, object]) -> Response:
+    """Return the page of a preview, or of a fold whose options are changed."""
+    facts = {
+        "fold": "",
+        "options": {},
         "most_modules": context.settings.max_modules,
         "table_modules": MAX_TABLE_MODULES,
         "next_scripts": _next_scripts(),
+        **facts,
     }
     preparing = await asyncio.to_thread(context.leases.preparing)
     return page("preview.html", facts=facts, facts_json=script_json(facts), preparing=preparing)

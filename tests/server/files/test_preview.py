@@ -122,6 +122,29 @@ def test_page_of_a_fold_draws_the_cells_of_its_preview(idle: Service) -> None:
     assert '<div class="cover-art"></div>' in page
 
 
+def test_options_of_a_fold_are_changed_by_its_owner_only(idle: Service) -> None:
+    options = {"modules": "64", "seed": "6", "ends": "surface", "prefer": "time"}
+    token = new_token()
+    fold = idle.upload("thing.bin", stl(), token=token, **options).json()
+    page = idle.http.get(f"/folds/{fold['id']}/options")
+    facts = json.loads(page.text.partition('id="facts">')[2].partition("</script>")[0])
+    assert (page.status_code, facts["id"], facts["fold"]) == (200, "", fold["id"])
+    assert facts["options"] == options
+    again = report(idle, fold=fold["id"], modules="128", full="false", token=token)
+    assert (again["name"], again["modules"]) == ("thing", 128)
+    assert idle.http.get(again["links"]["page"]).status_code == 200
+    for stranger in (None, new_token()):
+        answer = ask(idle, fold=fold["id"], token=stranger)
+        assert check_problem(answer, 403, "not-owner").startswith("Only the owner")
+    gallery = idle.fold(shape="mallet-24")
+    assert report(idle, fold=gallery["id"], full="false")["modules"] == 24
+    assert idle.http.get("/folds/nosuchfold/options").status_code == 404
+    check_problem(ask(idle, fold="nosuchfold"), 404, "no-such-fold")
+    (idle.directory(fold["id"]) / "request.json").write_text("{}")
+    page = idle.http.get(f"/folds/{fold['id']}/options")
+    assert (page.status_code, "has expired" in page.text) == (404, True)
+
+
 def test_blocks_are_not_offered_for_cells_apart(idle: Service) -> None:
     apart = voxels([[0, 0, 0], [1, 0, 0], [2, 0, 0], [9, 0, 0]])
     found = report(idle, apart, method="blocks")

@@ -1,7 +1,7 @@
 // The preview page: connects its controls, and requests reports, offers and a fold.
-import { Refusal, ask, formOf, ownKey } from "../lib/api.js";
-import { UNREACHABLE, element, get, later, sentence } from "../lib/text.js";
-import { fieldsOf, refused, settingsOf } from "../panels/paper_settings.js";
+import { Refusal, ask, formOf, ownKey, tokenOf } from "../lib/api.js";
+import { UNREACHABLE, at, element, get, later, sentence } from "../lib/text.js";
+import { fieldsOf, fill, refused, settingsOf } from "../panels/paper_settings.js";
 import { Preview } from "../panels/preview_state.js";
 import { Picture, choicesOnPage, cover, foldWords, radios, showOffers, showOptions, showProblem, showReport, showStart, showTrouble } from "../panels/preview_view.js";
 
@@ -10,8 +10,8 @@ const UNFIT = "not-for-a-table"; // a code of the API
 
 /** @type {import("../panels/preview_state.js").PreviewFacts} */
 const facts = JSON.parse(get("facts").textContent);
-const preview = new Preview(facts, choicesOnPage(), new URLSearchParams(location.search));
-const picture = new Picture(preview.id, {
+const preview = new Preview(facts, choicesOnPage(), new URLSearchParams(facts.fold ? facts.options : location.search));
+const picture = new Picture({
   pick: (module, cell) => { preview.picked = module === null ? null : { module, cell }; showStart(preview, change); },
   settled: settle,
 });
@@ -48,9 +48,10 @@ async function look() {
   get("seeking").textContent = "";
   if (running) { again = true; return; }
   busy(true);
-  history.replaceState(null, "", location.pathname + preview.query);
+  if (preview.id) history.replaceState(null, "", at(preview.path));
   try {
-    show(await ask("/api/shapes/preview", { body: formOf({ ...preview.fields, full: false }), token: ownKey() }));
+    const token = (preview.id ? null : tokenOf(preview.fold)) ?? ownKey();
+    show(await ask("/api/shapes/preview", { body: formOf({ ...preview.fields, full: false }), token }));
   } catch (error) {
     if (!(error instanceof Refusal)) throw error;
     refuse(error);
@@ -63,7 +64,7 @@ async function look() {
 function show(report) {
   preview.take(report);
   showProblem(sentence(report.not_started));
-  history.replaceState(null, "", location.pathname + preview.query);
+  history.replaceState(null, "", at(preview.path));
   showOptions(preview);
   showReport(preview, report, change);
   showStart(preview, change);
@@ -149,6 +150,7 @@ get("fold").onclick = async () => {
 
 addEventListener("pageshow", (event) => { if (event.persisted) { picture.release(); busy(false); } });
 showOptions(preview);
+fill(preview.onTable ? get("table-settings") : get("paper-settings"), facts.options.settings ?? "");
 look();
 if (!get("preparing").hidden) {
   import("../panels/preparing.js").then(({ followPreparing }) => followPreparing((preparing) => {

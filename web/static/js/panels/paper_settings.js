@@ -28,6 +28,16 @@ export function settingsOf(part) {
     .filter(({ value, usual }) => value && value !== usual).map(({ name, value }) => `${name}=${value}`).join(",");
 }
 
+// Write a settings string into the fields of an element.
+/**
+ * @param {HTMLElement} part
+ * @param {string} settings
+ */
+export function fill(part, settings) {
+  const values = new Map(settings.split(",").map((setting) => /** @type {[string, string]} */ (setting.split("="))));
+  for (const input of inputsIn(part)) input.value = values.get(input.name) ?? input.value;
+}
+
 // Return the changed settings as a field of the form
 // that requests a fold; none if nothing is changed.
 /** @returns {{ settings?: string }} */

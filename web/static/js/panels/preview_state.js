@@ -9,7 +9,7 @@ const SLIDER_STEPS = 1000;
 /** @typedef {Record<ChoiceName, string[]>} Choices available values, the default of the page first */
 /** @typedef {Record<ChoiceName, string> & { modules: number | null, repair: boolean, as_voxels: boolean, start: string | null, seed: number }} PreviewOptions */
 /** @typedef {{ text: string, primary?: boolean, change: Partial<PreviewOptions> }} Offer a button and the options that it changes */
-/** @typedef {{ id: string, most_modules: number, table_modules: number, next_scripts: string[] }} PreviewFacts */
+/** @typedef {{ id: string, most_modules: number, table_modules: number, next_scripts: string[], fold: string, options: Record<string, string> }} PreviewFacts `fold` and `options` are those of the fold whose options are changed, if any */
 
 /** Options that may change the cells and thus invalidate the start cell. @type {Set<string>} */
 const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "seed"]);
@@ -31,8 +31,9 @@ export class Preview {
    * @param {Choices} choices
    * @param {URLSearchParams} query of the page's address, which stores the options
    */
-  constructor({ id, most_modules: maxModules, table_modules: maxTableModules }, choices, query) {
+  constructor({ id, fold, options: earlier, most_modules: maxModules, table_modules: maxTableModules }, choices, query) {
     this.id = id;
+    this.fold = fold; // fold whose input is previewed, until the preview has its own id
     this.maxModules = maxModules;
     this.maxTableModules = maxTableModules;
     this.choices = choices;
@@ -46,8 +47,8 @@ export class Preview {
       repair: query.get("repair") === "true", as_voxels: this.givenAsVoxels, start: /^-?\d+,-?\d+,-?\d+$/.test(start) ? start : null,
       world: chosen("world"), seed: Number(query.get("seed")) || 0,
     };
-    this.preset = "default";
-    this.prefer = "computing";
+    this.preset = earlier.preset ?? "default";
+    this.prefer = earlier.prefer ?? "computing";
     /** @type {Api.Preview | null} */
     this.report = null;
     /** @type {Api.PreparingBody | null} */
@@ -62,7 +63,10 @@ export class Preview {
   get onTable() { return this.options.world === "table"; }
 
   /** @returns {Form} */
-  get fields() { return { preview: this.id, ...this.options }; }
+  get fields() { return { ...(this.id ? { preview: this.id } : { fold: this.fold }), ...this.options }; }
+
+  // Address of the page under its site, with the options that differ from the defaults.
+  get path() { return `/previews/${this.id}${this.query}`; }
 
   // Options that differ from the defaults of the page, as the query of its address.
   get query() {
@@ -123,6 +127,7 @@ export class Preview {
 
   /** @param {Api.Preview} report */
   take(report) {
+    this.id = report.id;
     this.picked = null;
     this.offers = [];
     this.report = report;

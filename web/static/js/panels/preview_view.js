@@ -152,11 +152,9 @@ export function cover(text, more) {
 // The picture of a report: a drawing until the 3D view is ready, or instead of it.
 export class Picture {
   /**
-   * @param {string} id of the preview
    * @param {{ pick: (module: number | null, cell: number[] | null) => void, settled: () => void }} heard
    */
-  constructor(id, { pick, settled }) {
-    this.under = at(`/previews/${id}`);
+  constructor({ pick, settled }) {
     this.settled = settled;
     this.viewing = false; // true while the 3D view is visible
     this.started = false;
@@ -183,6 +181,9 @@ export class Picture {
   }
 
   get waiting() { return this.stage.waiting; }
+
+  // Address of the files of the preview.
+  get under() { return at(`/previews/${this.report?.id}`); }
 
   /** @param {Api.Preview} report */
   show(report) {
