@@ -97,7 +97,7 @@ class Peeling(Explosion[Window, WindowConfiguration]):
 
     def close(self, end: End) -> None:
         """Make all steps final."""
-        self.recorder.commit(end=True)
+        self.recorder.close()
 
     def may_restart(self, *, after_error: bool) -> bool:
         """Return True unless an error comes after too many pushes in a row."""

@@ -246,7 +246,7 @@ class Published(Explosion[PublishedChain, Step]):
         if end.status == "straight":
             self.snapshots.append(last.angles)
         self.recorder.add(last)
-        self.recorder.commit(end=True)
+        self.recorder.close()
 
     def may_restart(self, *, after_error: bool) -> bool:
         """Return False: an error ends the run, and contacts may be as deep as they get."""

@@ -105,6 +105,7 @@ class Recorder(Generic[S]):
         self._sink = sink
         self._guard = guard
         self._steps: list[S] = []
+        self._first: S | None = None
         self._last: S | None = None
         self._parts: list[Motion] = []
 
@@ -114,6 +115,8 @@ class Recorder(Generic[S]):
 
     def add(self, step: S) -> None:
         """Add a step that may still be taken back."""
+        if self._first is None:
+            self._first = step
         self._steps.append(step)
 
     def take_back(self) -> None:
@@ -145,6 +148,16 @@ class Recorder(Generic[S]):
         if chosen:
             self.append_motion(self._rule.motion(chosen))
         return None
+
+    def close(self) -> None:
+        """Make the last steps final; without a snapshot so far, record the first step.
+
+        The guard may have refused every step. The first one is where the chain began, so that each
+        record shows at least that.
+        """
+        self.commit(end=True)
+        if not self._parts and self._first is not None:
+            self.append([self._first])
 
     def append(self, snapshots: list[S]) -> None:
         """Add snapshots that were made without a simulation, after a ``commit``."""

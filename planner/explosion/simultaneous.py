@@ -231,7 +231,7 @@ class Simultaneous(Explosion[WholeChain, Step]):
 
     def close(self, end: End) -> None:
         """Make all steps final."""
-        self.recorder.commit(end=True)
+        self.recorder.close()
 
     def may_restart(self, *, after_error: bool) -> bool:
         """Return True if the run has not restarted too often from its checkpoint."""

@@ -13,6 +13,7 @@ from planner.explosion.peeling_window import Peelable, WindowConfiguration
 from planner.explosion.recorder import Refusal
 from planner.explosion.table_explosion import explode_on_table
 from planner.explosion.table_guard import MAX_TABLE_PENETRATION_PITCH, Guard
+from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import TableParameters
 from tests.planner.chains import chain_of, line
@@ -54,6 +55,19 @@ def test_steps_beyond_the_largest_torque_are_taken_back() -> None:
     assert found.table.bound == pytest.approx(0.3)
     assert found.table.taken_back > weak.refusals
     assert [bound for _, bound in found.table.raised][:2] == pytest.approx([0.23, 0.2645])
+
+
+def test_chain_that_cannot_even_stand_fails_with_a_reason_and_its_folded_frame() -> None:
+    """The long arm needs more torque than the bound, so the guard refuses every frame."""
+    chain = chain_of([(0, 0, 0), (1, 0, 0), *((x, 0, 1) for x in range(1, 8)), (7, 1, 1)])
+    parts: list[Motion] = []
+    weak = replace(TableParameters(), first_bound=0.3, most_torque=0.3)
+    found = explode_on_table(chain, weak, sink=parts.append)
+    assert found.status == "stalled"
+    assert "0.30 w·p" in found.reason
+    (shown,) = parts
+    for frames in (found.frames, shown):
+        assert np.allclose(frames.angles(chain), [chain.folded_rad], atol=1e-6)
 
 
 def test_module_bent_into_the_table_is_refused_and_raises_no_bound() -> None:
