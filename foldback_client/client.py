@@ -17,6 +17,7 @@ import httpx
 from foldback_client.downloads import save
 from foldback_client.fold import Fold
 from foldback_client.problem import Problem
+from foldback_client.proxies import environment_proxies, is_loopback, proxy_of
 from foldback_client.retries import RETRIED_STATUSES, Retries
 from foldback_client.upload import FoldOptions, ShapeOptions, Source, file_of, form_of
 
@@ -36,7 +37,11 @@ class Client:
         timeout_s: Maximum time without data of a response, in s.
         verify: Verification of the ``https`` certificate, as in httpx.
 
-    Thread-safe. Close the client, or use it in a ``with`` statement.
+    The environment's proxies (``HTTPS_PROXY`` and others) are used, except for a service on this
+    machine. Thread-safe. Close the client, or use it in a ``with`` statement.
+
+    Raises:
+        ConnectionError: If the environment names a proxy that httpx cannot use.
     """
 
     def __init__(
@@ -52,12 +57,21 @@ class Client:
         # Chosen by the client, so that it owns an upload even if the response is lost.
         self.token = token or secrets.token_urlsafe(32)
         self.retries = retries or Retries()
-        self._http = httpx.Client(
-            base_url=self.base_url,
-            timeout=httpx.Timeout(timeout_s, connect=min(timeout_s, CONNECT_TIMEOUT_S)),
-            limits=httpx.Limits(max_connections=None),
-            verify=verify,
-        )
+        try:
+            self._http = httpx.Client(
+                base_url=self.base_url,
+                timeout=httpx.Timeout(timeout_s, connect=min(timeout_s, CONNECT_TIMEOUT_S)),
+                limits=httpx.Limits(max_connections=None),
+                verify=verify,
+                trust_env=not is_loopback(self.base_url),
+            )
+        except (ImportError, ValueError, httpx.InvalidURL) as error:
+            proxies = environment_proxies()
+            if not proxies:
+                raise
+            raise ConnectionError(
+                f"got the proxies {proxies}, expected proxies that httpx can use: {error}"
+            ) from error
 
     def __enter__(self) -> Self:
         return self
@@ -232,8 +246,10 @@ class Client:
                 unsure = True
                 pause_s = self.retries.pause_s(attempt)
                 if pause_s is None:
+                    proxy = proxy_of(self.base_url)
+                    through = "" if proxy is None else f" through the proxy {proxy}"
                     raise ConnectionError(
-                        f"got no answer from {self.base_url} in {attempt} attempts "
+                        f"got no answer from {self.base_url}{through} in {attempt} attempts "
                         f"({error or type(error).__name__}); is the service running there?"
                     ) from error
             time.sleep(pause_s)

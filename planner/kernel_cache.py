@@ -1,8 +1,12 @@
-"""Kernel cache: the use of machine code on disk only while all of its sources are the same.
+"""Kernel cache: where machine code is stored, and its use only while all sources are the same.
 
 numba compares the source of the file that a kernel stands in. Machine code of a kernel holds that
 of the kernels it calls, too, most of which stand in other files: after a change there, the old code
 would still be run.
+
+numba refuses to define a cached kernel if it can write neither beside the source, nor below the
+user's home, nor into ``NUMBA_CACHE_DIR``: a program of root, run by a user without a home. Then
+machine code is stored in a private temporary directory, or not at all.
 """
 # numba has no types; what is changed here is private to it.
 # pyright: reportUnknownMemberType=false, reportPrivateUsage=false
@@ -10,12 +14,17 @@ would still be run.
 from __future__ import annotations
 
 import hashlib
+import os
 import re
+import stat
+import tempfile
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from numba.core.caching import IndexDataCacheFile, _SourceFileBackedLocatorMixin
+from numba import config
+from numba.core.caching import CacheImpl, IndexDataCacheFile, _SourceFileBackedLocatorMixin
 
 KERNELS: Final = Path(__file__).parent / "kernels"
 KERNEL_IMPORT: Final = re.compile(rb"(?m)^from planner\.kernels\.(\w+) import ")
@@ -43,6 +52,41 @@ def compare_all_sources() -> None:
 
     locator.get_source_stamp = get_source_stamp
     index.__init__ = __init__
+
+
+@cache
+def find_cache() -> bool:
+    """Return True if compiled kernels can be stored; choose a temporary directory if need be."""
+    if _has_directory():
+        return True
+    with suppress(OSError):
+        # Also read by the processes that this one starts, and by the sandbox that confines them.
+        os.environ["NUMBA_CACHE_DIR"] = str(_private_temporary_directory())
+        config.reload_config()
+    return _has_directory()
+
+
+def _has_directory() -> bool:
+    locators: Any = CacheImpl._locator_classes
+    file = str(KERNELS / "__init__.py")
+    return any(each.from_function(_has_directory, file) is not None for each in locators)
+
+
+def _private_temporary_directory() -> Path:
+    """Return this user's directory for kernels among the temporary files.
+
+    Machine code is run, so a directory that others made or can write is refused.
+
+    Raises:
+        OSError: If it cannot be created, or is not this user's alone.
+    """
+    path = Path(tempfile.gettempdir()) / f"foldback-kernels-{os.getuid()}"
+    path.mkdir(mode=0o700, exist_ok=True)
+    status = path.lstat()
+    mode = stat.S_IMODE(status.st_mode)
+    if not stat.S_ISDIR(status.st_mode) or status.st_uid != os.getuid() or mode & 0o077:
+        raise PermissionError(f"{path} is not a private directory of this user.")
+    return path
 
 
 def sources(path: Path) -> tuple[Path, ...]:

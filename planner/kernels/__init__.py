@@ -20,8 +20,8 @@ ONE: Final = cast(int, np.int64(1))
 Python 1 could have another type, for which a second version would be compiled."""
 
 _OPTIONS: Final[dict[str, dict[str, Any]]] = {
-    "KERNEL": {"cache": True, "no_cfunc_wrapper": True},
-    "INNER": {"cache": True, "no_cfunc_wrapper": True, "no_cpython_wrapper": True},
+    "KERNEL": {"no_cfunc_wrapper": True},
+    "INNER": {"no_cfunc_wrapper": True, "no_cpython_wrapper": True},
 }
 
 if TYPE_CHECKING:
@@ -41,8 +41,8 @@ def __getattr__(name: str) -> Any:
     if name not in _OPTIONS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from planner.inner_kernels import leave_inner_kernels_to_callers
-    from planner.kernel_cache import compare_all_sources
+    from planner.kernel_cache import compare_all_sources, find_cache
 
     compare_all_sources()
     leave_inner_kernels_to_callers()
-    return _OPTIONS[name]
+    return _OPTIONS[name] | {"cache": find_cache()}

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import atexit
+import errno
 import gc
+import io
 import os
 import sys
 import threading
 from collections.abc import Callable
 from importlib import import_module
-from typing import TYPE_CHECKING, Annotated, Final
+from typing import TYPE_CHECKING, Annotated, Final, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -53,8 +55,10 @@ which makes their start faster."""
 
 GC_THRESHOLD_OBJECTS: Final = 100_000
 """Number of newly allocated objects after which Python's garbage collector runs (threshold 0 of
-``gc.set_threshold``). With Python's default the imports take 0.2 s longer; with a larger value
-garbage stays in memory for longer. Measured."""
+``gc.set_threshold``). With Python's default the imports take 0.2 s longer."""
+
+FULL_DISK_ERRORS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
+"""Error numbers (errno) of a full disk, a used-up quota, and a file above the permitted size."""
 
 
 class LazyCommands(TyperGroup):
@@ -66,6 +70,13 @@ class LazyCommands(TyperGroup):
         """Import the command that is called and return it with its arguments."""
         name, command, rest = super().resolve_command(ctx, args)
         return name, command if name is None else _imported(name), rest
+
+    def invoke(self, ctx: Context) -> object:
+        """Run the command; report an error of the operating system in one sentence."""
+        try:
+            return super().invoke(ctx)
+        except OSError as error:
+            _refuse_system_error(error)
 
 
 def application() -> typer.Typer:
@@ -113,6 +124,7 @@ def _version(asked: bool) -> None:
 
 def main() -> None:
     """Run the command line."""
+    _make_streams_safe()
     # NumPy reads these on import. Threads do not speed up linear algebra at these sizes.
     for name in ("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS"):
         os.environ.setdefault(name, "1")
@@ -128,6 +140,48 @@ def main() -> None:
         if brief and (end.code is None or isinstance(end.code, int)):
             _leave(end.code or 0)
         raise
+
+
+def _make_streams_safe() -> None:
+    """Let output never fail: closed streams discard it, and unknown letters become ``?``."""
+    # Otherwise the next file that is opened would get the number of a closed stream.
+    while (descriptor := os.open(os.devnull, os.O_RDWR)) <= 2:
+        os.set_inheritable(descriptor, True)
+    os.close(descriptor)
+    for name in ("stdout", "stderr"):
+        stream = getattr(sys, name)
+        if stream is None:
+            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))  # noqa: SIM115
+        elif isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")
+
+
+def _refuse_system_error(error: OSError) -> NoReturn:
+    """Print an error of the operating system in one sentence, and exit with 2.
+
+    Raises:
+        OSError: The error itself, if it concerns no file and thus is a fault of the program.
+    """
+    from cli.inputs import refuse
+    from planner.errors import InputError
+
+    full = error.errno in FULL_DISK_ERRORS
+    if not full and error.filename is None:
+        raise error
+    reason = error.strerror or str(error)
+    remedy = (
+        "free some space, or name a directory on another disk"
+        if full
+        else "check the path and its permissions"
+    )
+    refuse(
+        InputError(
+            "disk-full" if full else "no-file",
+            f"a file cannot be read or written ({reason}); {remedy}.",
+            where=None if error.filename is None else os.fsdecode(error.filename),
+        ),
+        as_json="--json" in sys.argv,
+    )
 
 
 def _leave(code: int) -> None:

@@ -24,6 +24,7 @@ CHECKS: Final[tuple[tuple[str, Check], ...]] = (
     ("open files", machine.files),
     ("clock", machine.clock),
     ("kernels", drawing.kernels),
+    ("MuJoCo", drawing.mujoco),
     ("computing processes", children.confinement),
     ("OpenGL", drawing.gl),
     ("encoder", drawing.encoder),

@@ -1,4 +1,4 @@
-"""Checks of OpenGL, movie encoder and compiled kernels.
+"""Checks of OpenGL, movie encoder, compiled kernels and MuJoCo.
 
 Each runs in its own process, because a faulty library can crash it.
 """
@@ -38,6 +38,17 @@ _COMPILE: Final = """
 from planner.kernels.trails import one_circuit
 print(one_circuit.stats.cache_path)
 """
+_SIMULATE: Final = """
+import sys
+from importlib.metadata import version
+import mujoco
+loaded, installed = mujoco.mj_versionString(), version("mujoco")
+if loaded != installed:
+    sys.exit(f"the library has version {loaded}, its package {installed}")
+model = mujoco.MjModel.from_xml_string("<mujoco/>")
+mujoco.mj_step(model, mujoco.MjData(model))
+print(f"MuJoCo {loaded} computes")
+"""
 
 
 def gl(_: Settings) -> CheckResult:
@@ -73,6 +84,17 @@ def kernels(_: Settings) -> CheckResult:
         return ok(f"compiled solvers are stored in {words}")
     return problem(
         f"compiled solvers cannot be used ({words})", "Set NUMBA_CACHE_DIR to a writable directory."
+    )
+
+
+def mujoco(_: Settings) -> CheckResult:
+    """Check that MuJoCo's library is the one of its package, also after an upgrade in place."""
+    code, words = run_python(_SIMULATE)
+    if code == 0:
+        return ok(words)
+    return problem(
+        f"MuJoCo cannot be used ({words})",
+        "Run `pip install --force-reinstall mujoco` with the version that foldback requires.",
     )
 
 

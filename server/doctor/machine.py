@@ -45,6 +45,7 @@ a busy service. Chosen."""
 def python(_: Settings) -> CheckResult:
     """Check the versions of Python and of the required packages."""
     wrong: list[str] = []
+    expected: list[str] = []
     count = 0
     for line in requires("foldback") or ():
         needed = Requirement(line)
@@ -55,15 +56,19 @@ def python(_: Settings) -> CheckResult:
             found = version(needed.name)
         except PackageNotFoundError:
             wrong.append(f"{needed.name} is missing")
+            expected.append(str(needed))
             continue
         if not needed.specifier.contains(found, prereleases=True):
             wrong.append(f"{needed.name} has version {found}, expected {needed.specifier}")
+            expected.append(str(needed))
     here = f"Python {platform.python_version()}, foldback {version('foldback')}"
     if sys.version_info < MIN_PYTHON:
         return problem(here, "Install Python 3.11 or newer.")
     if wrong:
+        command = " ".join(["pip install", *(f"'{needed}'" for needed in expected)])
         return problem(
-            f"{here}; {'; '.join(wrong)}", "Reinstall foldback into its own virtual environment."
+            f"{here}; {'; '.join(wrong)}",
+            f"Run `{command}`, or reinstall foldback into its own virtual environment.",
         )
     where = Path(str(distribution("foldback").locate_file(""))).resolve()
     return ok(f"{here} in {where}; {count} packages have the right versions")

@@ -57,6 +57,28 @@ def test_fold_is_followed_and_downloaded(finished: FinishedFold, tmp_path: Path)
     assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
 
 
+def test_proxies_of_the_environment(
+    finished: FinishedFold, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("NO_PROXY", "HTTPS_PROXY", "ALL_PROXY"):
+        monkeypatch.delenv(name, raising=False)
+        monkeypatch.delenv(name.lower(), raising=False)
+    monkeypatch.setenv("HTTP_PROXY", "http://user:secret@127.0.0.1:9")
+    with client_of(finished.service) as client:  # on this machine: without the proxy
+        assert client.get(finished.id).verified
+    once = Retries(attempts=1)
+    with (
+        Client("http://foldback.test", retries=once) as client,
+        pytest.raises(ConnectionError, match=r"through the proxy HTTP_PROXY=http://127") as refused,
+    ):
+        client.shapes()
+    assert "secret" not in str(refused.value)
+    monkeypatch.setenv("ALL_PROXY", "socks5://127.0.0.1:9")
+    with pytest.raises(ConnectionError, match=r"ALL_PROXY=socks5://127\.0\.0\.1:9, expected"):
+        Client("http://foldback.test")
+    client_of(finished.service).close()
+
+
 def test_frames_of_long_fold_come_in_pages(finished: FinishedFold) -> None:
     # A second web process on the same folds, which sends few frames per response.
     with (

@@ -83,11 +83,21 @@ def test_package_that_is_too_old_is_a_problem(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert machine.python(settings(tmp_path)).verdict == "ok"
-    old = tmp_path / "numpy-0.1.dist-info"
-    old.mkdir()
-    (old / "METADATA").write_text("Metadata-Version: 2.1\nName: numpy\nVersion: 0.1\n")
+    for name, number in (("numpy", "0.1"), ("mujoco", "4.0.0")):
+        wrong = tmp_path / f"{name}-{number}.dist-info"
+        wrong.mkdir()
+        (wrong / "METADATA").write_text(f"Metadata-Version: 2.1\nName: {name}\nVersion: {number}\n")
+    assert drawing.mujoco(settings(tmp_path)).verdict == "ok"
     monkeypatch.syspath_prepend(str(tmp_path))
-    check_finding(machine.python(settings(tmp_path)), "problem", "numpy has version 0.1, expected")
+    check_finding(
+        machine.python(settings(tmp_path)),
+        "problem",
+        "numpy has version 0.1, expected",
+        "mujoco has version 4.0.0, expected !=4.0.0",
+        "pip install 'mujoco",
+    )
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path))  # the package is new, its library is not
+    check_finding(drawing.mujoco(settings(tmp_path)), "problem", "its package 4.0.0", "reinstall")
 
 
 FINDINGS: tuple[tuple[Any, dict[str, Any], str, str], ...] = (
