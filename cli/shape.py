@@ -137,6 +137,11 @@ def show(report: dict[str, Any], out: Path) -> None:
     table.add_row("Modules", str(report["modules"]))
     if report["iou"] is not None:
         table.add_row("Overlap with the mesh (intersection over union)", f"{report['iou']:.2f}")
+        for larger in report["more_modules"]:
+            parts = "; keeps all parts" if larger["keeps_parts"] else ""
+            table.add_row(
+                f"With --modules {larger['modules']}", f"about {larger['iou']:.2f}{parts}"
+            )
         near = [str(n) for n in (report["below"], report["above"]) if n is not None]
         if near:
             table.add_row("Nearest possible numbers of modules", ", ".join(near))

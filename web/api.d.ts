@@ -88,6 +88,13 @@ declare namespace Api {
     verdict: "unknot" | "knotted" | "undecided";
     determinant: number | null;
   }
+  interface LargerShape {
+    modules: number;
+    iou: number;
+    volume_kept: number;
+    tunnels: number;
+    keeps_parts: boolean;
+  }
   interface Links {
     self: string;
     page: string;
@@ -150,8 +157,14 @@ declare namespace Api {
     below: number | null;
     above: number | null;
     iou: number | null;
+    volume_kept?: number | null;
+    tunnels?: TunnelCounts | null;
+    keeps_parts?: boolean | null;
+    unused_bodies?: number[];
+    more_modules?: LargerShape[];
     pitch: number | null;
     method: string;
+    possible_methods?: string[];
     has_path: boolean;
     candidates: number;
     cells: number[][];
@@ -259,6 +272,10 @@ declare namespace Api {
     code: string;
     detail: string;
     cells: number[][];
+  }
+  interface TunnelCounts {
+    mesh: number;
+    cells: number;
   }
   interface ValuesBody {
     format: string;

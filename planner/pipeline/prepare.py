@@ -12,8 +12,10 @@ from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path
 from planner.errors import InputError
+from planner.pathfinding import PATH_METHODS
 from planner.pathfinding.knots import Knot, knot_of
-from planner.pathfinding.path_options import PathOptions
+from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from planner.pathfinding.snake import is_box
 from planner.pathfinding.start_cell import starting_at
 from planner.plan.prepared_chains import PreparedChains
 from planner.readers import read
@@ -41,6 +43,10 @@ a table."""
 PATH_SEARCH_LIMIT_S: Final = 20.0
 """Default time limit of the path search, in s. A larger value finds paths through more shapes and
 takes longer if there is none. Chosen."""
+MORE_MODULES: Final = (400, 1000, 3000)
+"""Larger numbers of modules that are offered for a mesh that its cells keep badly."""
+MIN_OFFER_RATIO: Final = 1.5
+"""Minimum ratio of an offered number of modules to the requested one."""
 TIME_INDEPENDENT_METHODS: Final = ("blocks", "snake", "assembly")
 """Methods of searching a path through a shape whose result does not depend on a time limit, and so
 is the same on every machine. Only their chains may be stored by a preview and used by the fold."""
@@ -143,8 +149,12 @@ class Preparation:
             "below": None if voxels is None else self._scaled(voxels.below),
             "above": None if voxels is None else self._scaled(voxels.above),
             "iou": self.iou,
-            "pitch": None if voxels is None else voxels.pitch / self._scale,
+            **self._kept(),
+            "pitch": None
+            if voxels is None or self.filled is None
+            else voxels.pitch / self.filled.scale,
             "method": self.method,
+            "possible_methods": self._possible_methods(),
             "has_path": bool(self.chains),
             "candidates": len(self.chains),
             "cells": cells.tolist(),
@@ -164,9 +174,44 @@ class Preparation:
             **(self._modules() if full else {}),
         }
 
-    @property
-    def _scale(self) -> float:
-        return 1.0 if self.filled is None else self.filled.scale
+    def _kept(self) -> dict[str, Any]:
+        """Return what the cells keep of a mesh, and what larger numbers of modules would."""
+        voxels = self.voxels
+        if voxels is None:
+            return {
+                **dict.fromkeys(("volume_kept", "tunnels", "keeps_parts")),
+                "unused_bodies": [],
+                "more_modules": [],
+            }
+        per_cell = 1 if self.filled is None else self.filled.modules_per_cell
+        return {
+            "volume_kept": voxels.kept.volume,
+            "tunnels": None
+            if voxels.tunnels is None
+            else {"mesh": voxels.tunnels, "cells": voxels.kept.tunnels},
+            "keeps_parts": voxels.kept.parts,
+            "unused_bodies": list(voxels.unused),
+            "more_modules": [
+                {
+                    "modules": per_cell * kept.asked,
+                    "iou": kept.iou,
+                    "volume_kept": kept.volume,
+                    "tunnels": kept.tunnels,
+                    "keeps_parts": kept.parts,
+                }
+                for kept in voxels.larger
+            ],
+        }
+
+    def _possible_methods(self) -> list[str]:
+        """Return the methods that may find a path through the shape."""
+        if self.shape is None or self.options.world == "table":
+            return list(PATH_METHODS)
+        methods = [method for method in PATH_METHODS if method != "snake"]
+        solid = self.solid
+        if is_box(self.shape) or (solid is not None and solid.fills_its_box):
+            methods.append("snake")
+        return methods
 
     def _scaled(self, count: int | None) -> int | None:
         if count is None or self.filled is None:
@@ -219,6 +264,7 @@ def prepare(
     seed: int = 0,
     time_limit_s: float = PATH_SEARCH_LIMIT_S,
     searching: bool = True,
+    offering: bool = False,
 ) -> Preparation:
     """Read a file and find the chains that may fold into what is in it.
 
@@ -229,6 +275,8 @@ def prepare(
         seed: Random seed.
         time_limit_s: Time limit of the search for a path through exact cells, s.
         searching: True to search a path for voxels and meshes; else they remain cells.
+        offering: True to estimate, for a mesh that its cells keep badly, what larger numbers of
+            modules would keep.
 
     Returns:
         The preparation, with no chains when there is no path: it then says why.
@@ -255,7 +303,21 @@ def prepare(
         return _cells_alone(found, options, seed)
     if isinstance(found, Shape):
         return _from_shape("voxels", found, options, seed, time_limit_s)
-    return _from_solid(found, options, seed, time_limit_s)
+    counts = larger_counts(options) if offering else ()
+    return _from_solid(found, options, seed, time_limit_s, counts)
+
+
+def larger_counts(options: PathOptions) -> tuple[int, ...]:
+    """Return the numbers of cells for the larger numbers of modules that may be offered."""
+    if options.module != CUBE.name or options.world == "table":
+        return ()
+    filling = filling_of(options)
+    asked = DEFAULT_MODULES if options.modules is None else options.modules
+    return tuple(
+        filling.cells_for(replace(options, modules=modules))
+        for modules in MORE_MODULES
+        if modules >= MIN_OFFER_RATIO * asked
+    )
 
 
 def prepare_in_any_order(
@@ -269,10 +331,17 @@ def prepare_in_any_order(
 ) -> Preparation:
     """Run ``prepare``; treat a list of cells that is no path as a shape, and note why.
 
+    For meshes, larger numbers of modules are offered if they keep more.
+
     Raises:
         InputError: See ``prepare``.
     """
-    how: dict[str, Any] = {"seed": seed, "time_limit_s": time_limit_s, "searching": searching}
+    how: dict[str, Any] = {
+        "seed": seed,
+        "time_limit_s": time_limit_s,
+        "searching": searching,
+        "offering": True,
+    }
     try:
         return prepare(data, filename, options, **how)
     except InputError as error:
@@ -363,6 +432,7 @@ def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Prepa
         chains=(),
         shape=voxels.shape,
         notes=(*found.notes, *voxels.notes),
+        voxels=voxels,
         iou=voxels.iou,
     )
 
@@ -376,12 +446,14 @@ def _from_shape(
     return _made(kind, shape.name, options, filled, (*shape.notes, *filled.notes))
 
 
-def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:
+def _from_solid(
+    solid: Solid, options: PathOptions, seed: int, time_limit_s: float, larger: tuple[int, ...]
+) -> Preparation:
     from planner.pathfinding.shape_overlap import intersection_over_union
     from planner.shapes.voxelise import voxelise
 
     filling = filling_of(options)
-    voxels = voxelise(solid, cells=filling.cells_for(options), seed=seed)
+    voxels = voxelise(solid, cells=filling.cells_for(options), seed=seed, larger=larger)
     filled = filling.fill(
         voxels.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s
     )

@@ -20,8 +20,15 @@ from planner.errors import InputError, checked_fraction
 from planner.kernels.crossings import window_histograms, window_sums
 from planner.shapes.bridges import Bridged, bridged, parts_of
 from planner.shapes.mesh_repair import welded
+from planner.shapes.separate_bodies import (
+    MAX_CROSSED_SHARE,
+    MIN_BODY_SHARE,
+    SeparateBody,
+    separate_bodies,
+)
 from planner.shapes.solid import Solid, signed_volume
 from planner.shapes.solid_sampling import Sampling, grid_of, sample
+from planner.shapes.tunnels import tunnels_of_samples, tunnels_of_surface
 
 OFFSETS_PER_AXIS: Final = 4
 """Number of offsets of the lattice of cells, along each axis and within one cell, that are tried to
@@ -72,9 +79,6 @@ counted. Larger values separate closer bodies, more slowly. Chosen."""
 MAX_BODY_SAMPLES: Final = 4_000_000
 """Maximum number of samples in a solid's bounding box with which the separate bodies of a thin
 solid are counted. Larger values separate closer bodies, and take more memory. Chosen."""
-MIN_BODY_SHARE: Final = 0.01
-"""Minimum volume of a separate body, as a fraction of the solid's; a smaller one is a speck and
-does not count. Larger values ignore more bodies. Chosen."""
 WELD_TOLERANCE_SHARE: Final = 0.12
 """Distance up to which vertices of a large mesh are merged before it is sampled, as a fraction of
 the pitch (a cell's size). Larger values are faster and less exact. Chosen."""
@@ -157,14 +161,23 @@ class Grid:
 
 
 class Ladder:
-    """All fits of a solid, computed on demand and cached."""
+    """All fits of a solid, computed on demand and cached.
+
+    Attributes:
+        solid: The solid; its largest body alone, if others have enough volume and do not touch it.
+        bodies: Separate bodies of the whole solid, the one that cells are fitted to first; empty
+            for a solid in one piece.
+        share: Share of the whole solid's volume that cells are fitted to, 0…1.
+        tunnels: Number of tunnels of the largest body; None if that is undecided.
+    """
 
     def __init__(self, solid: Solid, turns: tuple[Array, ...]) -> None:
         self.solid = solid
         self.turns = turns
         self.volume = _volume(solid)
         self.thickness = 2.0 * self.volume / _area(solid)
-        self.bodies = 1
+        self.bodies: tuple[SeparateBody, ...] = ()
+        self.tunnels: int | None = None
         self.share = 1.0
         self._apart = False
         self._fits: dict[tuple[int, float], LatticeFit | None] = {}
@@ -192,19 +205,31 @@ class Ladder:
             edge *= 1.25
         sampling = sample(self.solid, pitch=2.0 * edge, size=2, rotation=self.turns[turn])
         numbers, sizes = parts_of(sampling.inside)
-        if len(sizes):
-            self.bodies = max(1, int((sizes >= MIN_BODY_SHARE * sizes.sum()).sum()))
-        if self.bodies == 1:
+        if not len(sizes):
             return
-        self.share = checked_fraction(float(sizes.max() / sizes.sum()), "share of the largest body")
-        self.volume *= self.share
-        body = _around(self.solid, sampling, numbers == int(np.argmax(sizes)) + 1)
+        main = numbers == int(np.argmax(sizes)) + 1
+        if len(sizes) > 1 or self.solid.surfaces > 1:
+            self.bodies = separate_bodies(self.solid, sampling, numbers, sizes)
+        self.tunnels = self._count_tunnels(sampling, main)
+        if int((sizes >= MIN_BODY_SHARE * sizes.sum()).sum()) <= 1:
+            return
+        self.share = checked_fraction(self.bodies[0].share, "share of the largest body")
+        self.volume *= float(sizes.max() / sizes.sum())
+        body = _around(self.solid, sampling, main)
         self._apart = len(body) == len(self.solid)
         if not self._apart:
             self.solid = body
             self._bounds = _bounds(body, self.turns)
             if body.oriented:
                 self.volume = abs(signed_volume(body.vertices, body.faces)) or self.volume
+
+    def _count_tunnels(self, sampling: Sampling, main: Flags) -> int | None:
+        """Return the number of tunnels of the largest body; None if that is undecided."""
+        tunnels: int | None = None
+        rows = self.bodies[0].faces if self.bodies else np.arange(len(self.solid.faces))
+        if self.solid.oriented and sampling.crossed <= MAX_CROSSED_SHARE and rows is not None:
+            tunnels = tunnels_of_surface(self.solid.faces[rows])
+        return tunnels_of_samples(main) if tunnels is None else tunnels
 
     def pitch_for(self, cells: int) -> float:
         """Return the edge of cells with the volume of the solid together."""
@@ -338,10 +363,20 @@ class Ladder:
         return self._turned[key]
 
 
-def overlap(grid: Grid, offset_threshold: OffsetThreshold, cells: Flags) -> float:
-    """Return the intersection over union of cells with samples."""
+def overlap(
+    grid: Grid, offset_threshold: OffsetThreshold, cells: Flags, *, share: float = 1.0
+) -> float:
+    """Return the intersection over union of cells with a solid.
+
+    Args:
+        grid: Samples of the solid.
+        offset_threshold: Offset of the cells.
+        cells: (X, Y, Z) True for the cells.
+        share: Share of the solid's volume that was sampled, 0…1; the cells contain nothing of the
+            rest.
+    """
     shared = int(grid.fill(offset_threshold)[cells].sum(dtype=np.int64))
-    union = grid.count + int(cells.sum()) * grid.size**3 - shared
+    union = grid.count / share + int(cells.sum()) * grid.size**3 - shared
     return checked_fraction(shared / max(1, union), "intersection over union")
 
 

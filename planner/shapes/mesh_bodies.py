@@ -51,11 +51,13 @@ class Oriented:
     Attributes:
         faces: (F, 3) triangles, counter-clockwise seen from outside.
         volume: Volume that the bodies enclose, cavities taken off.
+        outer: Number of surfaces that face outwards; those around cavities do not.
         notes: Messages about corrected orientations.
     """
 
     faces: Ints
     volume: float
+    outer: int
     notes: tuple[str, ...]
 
 
@@ -135,6 +137,7 @@ def orient_bodies(points: Array, faces: Ints) -> Oriented | None:
     return Oriented(
         faces=faces,
         volume=float((np.abs(mesh.volumes) * wanted)[mesh.filled].sum()),
+        outer=int((wanted[mesh.filled] == 1).sum()),
         notes=tuple(
             _notes(
                 wanted[mesh.filled & (said != wanted)],
@@ -201,13 +204,8 @@ def _surfaces(points: Array, faces: Ints) -> tuple[Ints, Flags] | None:
     not closed without such an edge goes on there with the next triangle around the edge.
     """
     count = len(faces)
-    runs = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    runs, order, shared, pairs = _shared_edges(faces)
     forward = runs[:, 0] < runs[:, 1]
-    keys = runs.min(axis=1) * (int(faces.max()) + 1) + runs.max(axis=1)
-    order = np.argsort(keys, kind="stable")
-    begins = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
-    shared = np.diff(np.append(begins, len(keys)))
-    pairs = order[begins[shared == 2][:, None] + np.arange(2)]
     surfaces = _consistent(count, pairs, forward)
     crowded = np.repeat(shared > 2, shared)
     if surfaces is None or not crowded.any():
@@ -238,6 +236,29 @@ def _surfaces(points: Array, faces: Ints) -> tuple[Ints, Flags] | None:
     ]
     half[swapped], half[swapped + 1] = half[swapped + 1], half[swapped]
     return _consistent(count, np.concatenate([pairs, half.reshape(-1, 2)]), forward)
+
+
+def patches(faces: Ints) -> Ints:
+    """Return (F,) the patch of each triangle: patches only touch at edges of more than two."""
+    _, _, _, pairs = _shared_edges(faces)
+    first, second = pairs.T // 3
+    return _components(len(faces), first, second)
+
+
+def _shared_edges(faces: Ints) -> tuple[Ints, Ints, Ints, Ints]:
+    """Find the triangles at each edge.
+
+    Returns:
+        (3 F, 2) vertices of the triangles' edges, (3 F,) their order in which equal edges follow
+        one another, (E,) number of triangles at each edge, (P, 2) edges with two triangles, as
+        rows of the first array.
+    """
+    runs = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    keys = runs.min(axis=1) * (int(faces.max()) + 1) + runs.max(axis=1)
+    order = np.argsort(keys, kind="stable")
+    begins = np.flatnonzero(np.concatenate([[True], np.diff(keys[order]) != 0]))
+    shared = np.diff(np.append(begins, len(keys)))
+    return runs, order, shared, order[begins[shared == 2][:, None] + np.arange(2)]
 
 
 def _apart(order: Ints, angles: Array, edge: Ints) -> Ints:

@@ -34,6 +34,8 @@ larger values may spend more time on such meshes. Chosen."""
 MIN_NOTED_HOLE_SHARE: Final = 1e-12
 """Minimum area of closed holes, as a fraction of the surface, that a note reports. Holes with less
 are lines, which triangles without area leave behind. Chosen."""
+MIN_BOX_SHARE: Final = 0.97
+"""Minimum share of its bounding box that a solid fills to count as a box."""
 TRIANGLE_CHUNK: Final = 1 << 17
 """Number of triangles whose areas are computed in one NumPy call. Larger values take more memory;
 the result is the same. Chosen."""
@@ -49,6 +51,7 @@ class Solid:
         faces: (F, 3) int64, read-only: triangles as rows of ``vertices``.
         closed: True if every edge is shared by an even number of triangles.
         oriented: True if neighbours agree on the outside and triangles face it.
+        surfaces: Number of surfaces that face outwards, if ``oriented``; else 1.
         notes: Messages about repairs.
     """
 
@@ -57,6 +60,7 @@ class Solid:
     faces: Ints
     closed: bool = True
     oriented: bool = True
+    surfaces: int = 1
     notes: tuple[str, ...] = ()
 
     @classmethod
@@ -102,6 +106,12 @@ class Solid:
     def extents(self) -> Array:
         """(3,) size of the bounding box."""
         return np.ptp(self.vertices, axis=0)
+
+    @property
+    def fills_its_box(self) -> bool:
+        """True if the solid is a box along the axes, up to ``MIN_BOX_SHARE``."""
+        volume = abs(signed_volume(self.vertices, self.faces)) if self.oriented else 0.0
+        return volume >= MIN_BOX_SHARE * float(np.prod(self.extents))
 
     def __len__(self) -> int:
         return len(self.faces)
@@ -279,4 +289,4 @@ def _outside_out(solid: Solid, said: list[str]) -> Solid:
             "parts cancel each other out.",
         )
     said += oriented.notes
-    return replace(solid, faces=oriented.faces, oriented=True)
+    return replace(solid, faces=oriented.faces, oriented=True, surfaces=oriented.outer)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -9,10 +10,19 @@ import numpy as np
 
 from planner.arrays import Array, Flags
 from planner.errors import InputError, checked_fraction
-from planner.shapes.lattice_fits import MAX_FULL_EDGE_SAMPLES, FittedCells, Grid, Ladder, overlap
+from planner.shapes.lattice_fits import (
+    MAX_FINER_SAMPLES,
+    MAX_FULL_EDGE_SAMPLES,
+    FittedCells,
+    Grid,
+    Ladder,
+    overlap,
+)
 from planner.shapes.orientations import candidates
+from planner.shapes.separate_bodies import MAX_CROSSED_SHARE, bodies_note, percent
 from planner.shapes.shape import MAX_CELLS, Shape
 from planner.shapes.solid import Solid
+from planner.shapes.tunnels import tunnels_of_cells
 from planner.shapes.voxel_choice import Chooser
 
 POOR_IOU: Final = 0.5
@@ -26,36 +36,79 @@ MIN_PRESERVED_SHARE: Final = 0.7
 are lost; above it, the note says that cells are thicker than the solid. Chosen."""
 
 
+PART_LOST_SHARE: Final = 0.005
+"""Share of a solid's volume (0 to 1) in parts that cells leave out, above which the parts count as
+lost."""
+GOOD_IOU: Final = 0.75
+"""Overlap of cells and solid (IoU, 0 to 1) from which larger numbers of modules are not offered if
+the cells keep all parts."""
+
+MIN_OFFER_GAIN: Final = 0.05
+"""Minimum gain in overlap (IoU, 0 to 1) for a larger number of modules to be offered, unless it
+keeps lost parts."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Kept:
+    """What cells keep of a solid.
+
+    Attributes:
+        asked: Requested number of cells.
+        iou: Intersection over union of the cells with the whole solid, all of its bodies.
+        volume: Share of the whole solid's volume inside the cells, 0…1.
+        lost: Share of the used body's volume in parts that the cells leave out, 0…1.
+        tunnels: Number of tunnels of the cells.
+        parts: True if no part is lost: neither volume nor a tunnel.
+    """
+
+    asked: int
+    iou: float
+    volume: float
+    lost: float
+    tunnels: int
+    parts: bool
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Voxels:
     """A solid as cells.
 
     Attributes:
         shape: Its cells, in one piece; the smallest coordinates are 0.
-        iou: Intersection over union of the cells with the solid (its largest body).
+        kept: What they keep of the solid.
         pitch: Edge of a cell in the solid's units.
         rotation: (3, 3) rotation of the solid.
         offset: (3,) shift in cells: a point x of the solid lies in ``floor(R x / pitch + offset)``.
         asked: Requested number of cells.
         below: Nearest smaller count that a request for it gives, or None.
         above: Nearest larger count that a request for it gives, or None.
-        bodies: Number of bodies of the solid; the largest was kept.
+        unused: Shares of the solid's volume of the separate bodies that are not used, the largest
+            first.
+        tunnels: Number of tunnels of the used body, such as that of a handle; None if undecided.
+        larger: What larger numbers of cells would keep, in ascending order; estimates.
         notes: Messages about lost, joined and omitted parts.
     """
 
     shape: Shape
-    iou: float
+    kept: Kept
     pitch: float
     rotation: Array
     offset: Array
     asked: int
     below: int | None
     above: int | None
-    bodies: int
+    unused: tuple[float, ...]
+    tunnels: int | None
+    larger: tuple[Kept, ...] = ()
     notes: tuple[str, ...] = ()
 
+    @property
+    def iou(self) -> float:
+        """Intersection over union of the cells with the whole solid, all of its bodies."""
+        return self.kept.iou
 
-def voxelise(solid: Solid, *, cells: int, seed: int = 0) -> Voxels:
+
+def voxelise(solid: Solid, *, cells: int, seed: int = 0, larger: Sequence[int] = ()) -> Voxels:
     """Convert a solid into about ``cells`` cells.
 
     What comes within a tenth of the count and keeps the most of the shape is taken; where nothing
@@ -65,6 +118,8 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0) -> Voxels:
         solid: Solid to voxelise.
         cells: Requested number of cells.
         seed: Seed of the random orientations.
+        larger: Larger numbers of cells, ascending; if the cells lose much of the solid, the result
+            tells what these would keep, up to the first that is good enough.
 
     Raises:
         InputError: The count is out of range, or the solid has no inside.
@@ -86,31 +141,97 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0) -> Voxels:
     )
     filled_cells = np.argwhere(made.joined.cells)
     at = np.array(made.offset_threshold[:3]) * (fine.size // fine.split)
-    iou = overlap(fine, made.offset_threshold, made.joined.cells)
-    better = below is not None and chooser.choose(below).made.iou > iou + MIN_IOU_GAIN
+    kept = _kept(ladder, fine, made, cells)
+    rotation = ladder.turns[made.turn]
+    offset = (fine.offset - at) / fine.size - filled_cells.min(axis=0)
+    shape = Shape.from_cells(filled_cells - filled_cells.min(axis=0), name=solid.name)
+    unused = _unused(ladder, shape, rotation / made.pitch, offset)
+    body_iou = overlap(fine, made.offset_threshold, made.joined.cells)
+    better = below is not None and chooser.choose(below).made.iou > body_iou + MIN_IOU_GAIN
+    notes = _notes(ladder, fine, made, kept, body_iou)
+    if unused:
+        notes.insert(0, bodies_note([body.share for body in ladder.bodies], unused))
+    if better:
+        notes.append("use fewer modules; then the cells would match the shape better.")
     return Voxels(
-        shape=Shape.from_cells(filled_cells - filled_cells.min(axis=0), name=solid.name),
-        iou=iou,
+        shape=shape,
+        kept=kept,
         pitch=made.pitch,
-        rotation=ladder.turns[made.turn],
-        offset=(fine.offset - at) / fine.size - filled_cells.min(axis=0),
+        rotation=rotation,
+        offset=offset,
         asked=cells,
         below=below,
         above=above,
-        bodies=ladder.bodies,
-        notes=tuple(_notes(ladder, fine, made, iou, better=better)),
+        unused=tuple(unused),
+        tunnels=ladder.tunnels,
+        larger=tuple(_larger(chooser, ladder, kept, made.turn, larger)),
+        notes=tuple(notes),
     )
 
 
-def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better: bool) -> list[str]:
+def _kept(ladder: Ladder, grid: Grid, made: FittedCells, asked: int) -> Kept:
+    cells = made.joined.cells
+    filled = grid.fill(made.offset_threshold).astype(np.float64)
+    total = max(float(filled.sum()), np.finfo(float).tiny)
+    inside = checked_fraction(float(filled[cells].sum()) / total, "share of the volume")
+    lost = checked_fraction(_volume_apart(cells, filled) / total, "share that is lost")
+    tunnels = tunnels_of_cells(cells)
+    return Kept(
+        asked=asked,
+        iou=overlap(grid, made.offset_threshold, cells, share=ladder.share),
+        volume=inside * ladder.share,
+        lost=lost,
+        tunnels=tunnels,
+        parts=lost <= PART_LOST_SHARE and (ladder.tunnels is None or tunnels >= ladder.tunnels),
+    )
+
+
+def _larger(
+    chooser: Chooser, ladder: Ladder, kept: Kept, turn: int, counts: Sequence[int]
+) -> Iterator[Kept]:
+    """Yield what larger numbers of cells would keep, up to the first that is good enough.
+
+    A number that seems to keep lost parts is tried in full, as a request for it would do.
+    """
+    for count in counts:
+        if kept.parts and kept.iou >= GOOD_IOU * ladder.share:
+            return
+        made = chooser.estimate(count, turn)
+        if made is None:
+            continue
+        larger = _kept(ladder, _finer_grid(ladder, made), made, count)
+        if larger.parts and not kept.parts:
+            made = chooser.choose(count).made
+            larger = _kept(ladder, _finer_grid(ladder, made), made, count)
+        if larger.iou >= kept.iou + MIN_OFFER_GAIN or larger.parts > kept.parts:
+            kept = larger
+            yield kept
+
+
+def _finer_grid(ladder: Ladder, made: FittedCells) -> Grid:
+    size = ladder.finer(made.turn, made.pitch, MAX_FINER_SAMPLES)
+    return ladder.grid(made.turn, made.pitch, size)
+
+
+def _unused(ladder: Ladder, shape: Shape, turn: Array, offset: Array) -> list[float]:
+    """Return the shares of the bodies that no cell contains a point of."""
+    others = ladder.bodies[1:]
+    if ladder.share == 1.0 and others:
+        cells = {tuple(cell) for cell in shape.cells.tolist()}
+        others = [
+            body
+            for body in others
+            if not any(
+                tuple(cell) in cells
+                for cell in np.floor(body.points @ turn.T + offset).astype(np.int64).tolist()
+            )
+        ]
+    return [body.share for body in others]
+
+
+def _notes(ladder: Ladder, fine: Grid, made: FittedCells, kept: Kept, body_iou: float) -> list[str]:
     notes: list[str] = []
-    if ladder.bodies > 1:
-        notes.append(
-            f"the mesh has {ladder.bodies} separate bodies; only the largest, with "
-            f"{100 * ladder.share:.0f} % of the volume, is used. Join the bodies, or "
-            "fold them one by one."
-        )
-    if fine.crossed > 0.001:
+    if fine.crossed > MAX_CROSSED_SHARE:
         notes.append("the surface crosses itself; everything it encloses counts as inside.")
     joined = made.joined
     if joined.added:
@@ -119,27 +240,48 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, iou: float, *, better:
     if joined.dropped:
         word, verb = ("cell", "was") if joined.dropped == 1 else ("cells", "were")
         notes.append(f"{joined.dropped} {word} not connected to the rest {verb} removed.")
-    filled = fine.fill(made.offset_threshold).astype(np.float64)
-    total = max(float(filled.sum()), np.finfo(float).tiny)
-    kept = checked_fraction(float(filled[joined.cells].sum()) / total, "share of the volume")
-    lost = checked_fraction(_volume_apart(joined.cells, filled) / total, "share that is lost")
-    if lost > 0.005:
+    inside = kept.volume / ladder.share
+    of_shape = "shape's volume" if ladder.share == 1.0 else "used body's volume"
+    if body_iou < POOR_IOU and inside < MIN_PRESERVED_SHARE:
+        notes.append(_volume_note(inside, kept.lost, of_shape))
+    elif kept.lost > PART_LOST_SHARE:
         notes.append(
-            f"{100 * lost:.1f} % of the shape's volume is in parts thinner than a cell and is "
-            "lost; use more modules to keep it."
+            f"{percent(kept.lost)} of the {of_shape} is in thin parts that are left out; use more "
+            "modules to keep them."
         )
-    if iou < POOR_IOU and kept < MIN_PRESERVED_SHARE:
-        notes.append(
-            f"the cells contain only {100 * kept:.0f} % of the shape's volume; use more modules."
-        )
-    elif iou < POOR_IOU:
+    elif body_iou < POOR_IOU:
         notes.append(
             f"the shape is thinner than a cell, and the match between cells and shape is only "
-            f"{100 * iou:.0f} %; use more modules."
+            f"{percent(body_iou)}; use more modules."
         )
-    if better:
-        notes.append("use fewer modules; then the cells would match the shape better.")
+    if ladder.tunnels is not None and kept.tunnels < ladder.tunnels:
+        notes.append(_tunnels_note(ladder.tunnels, kept.tunnels))
     return notes
+
+
+def _volume_note(inside: float, lost: float, of_shape: str) -> str:
+    """Return the note about volume outside of the cells; its figures add up."""
+    inside_percent, lost_percent = round(100 * inside), round(100 * lost)
+    outside_percent = 100 - inside_percent
+    note = f"the cells contain only {inside_percent} % of the {of_shape}. "
+    if lost_percent:
+        note += f"Of the other {outside_percent} %, {lost_percent} % is in thin parts that are "
+        note += "left out"
+        sticks_out = outside_percent - lost_percent
+        note += f", and {sticks_out} % sticks out of the cells. " if sticks_out else ". "
+    else:
+        note += f"The other {outside_percent} % sticks out of the cells. "
+    return f"{note}Use more modules."
+
+
+def _tunnels_note(of_solid: int, of_cells: int) -> str:
+    is_one = of_solid == 1
+    holes = "1 hole" if is_one else f"{of_solid} holes"
+    cells = "none" if of_cells == 0 else f"only {of_cells}"
+    return (
+        f"the shape has {holes} through it, such as {'that' if is_one else 'those'} of a ring or "
+        f"a handle; the cells have {cells}. Use more modules."
+    )
 
 
 def _volume_apart(cells: Flags, filled: Array) -> float:

@@ -15,6 +15,7 @@ from planner.certificate.earlier_certificates import summary_told_honestly
 from planner.certificate.figures import FoldSummary
 from planner.exports.export import Export
 from planner.parameters.parameters import World
+from planner.pathfinding import PATH_METHODS
 from planner.pipeline.request import FoldRequest
 from planner.progress import Stage
 from planner.readers.gallery import GalleryShape
@@ -426,6 +427,25 @@ def expected_times(report: Mapping[str, Any], world: World, expected: Expected) 
     return {name: expected(plain_fold(modules, each)) for name, each in requests.items()}
 
 
+class TunnelCounts(Body):
+    """Numbers of holes through a shape, such as that of a ring or a handle."""
+
+    mesh: int
+    """In the mesh, or in its largest body if it has several."""
+    cells: int
+
+
+class LargerShape(Body):
+    """Estimate of what a larger number of modules would keep of a mesh."""
+
+    modules: int
+    """Number of modules to request."""
+    iou: float
+    volume_kept: float
+    tunnels: int
+    keeps_parts: bool
+
+
 class Preview(Body):
     """Cells and path that a fold of the shape would use."""
 
@@ -442,10 +462,24 @@ class Preview(Body):
     above: int | None
     """The nearest reachable number of modules above."""
     iou: float | None
-    """Overlap of cells and solid: volume of the intersection ÷ volume of the union."""
+    """Overlap of the modules and the whole mesh: volume of the intersection ÷ volume of the
+    union."""
+    volume_kept: float | None = None
+    """Share of the mesh's volume inside the cells, 0 to 1."""
+    tunnels: TunnelCounts | None = None
+    """Holes through the shape; null if they cannot be counted."""
+    keeps_parts: bool | None = None
+    """False if the cells leave out a thin part of the mesh or a hole through it."""
+    unused_bodies: list[float] = []
+    """Shares of the mesh's volume of separate bodies that are left out."""
+    more_modules: list[LargerShape] = []
+    """Estimates of what larger numbers of modules would keep; empty if they would keep little
+    more."""
     pitch: float | None
     """Distance between module centres, in the solid's own units."""
     method: str
+    possible_methods: list[str] = list(PATH_METHODS)
+    """Path methods that can work for this shape."""
     has_path: bool
     candidates: int
     """Number of paths that a fold will try in turn."""

@@ -119,6 +119,12 @@ async def post_preview(
             context.previews.note_view(known, owner, viewed(options, report))
         times = expected_times(report, options.world, context.estimates.total_s)
         preparing = context.leases.preparing()
+        offered = [
+            larger
+            for larger in report.get("more_modules", [])
+            if larger["modules"] <= context.settings.max_modules
+        ]
+        report = {**report, "more_modules": offered}
         return Preview.of(known, options.key, report, times, preparing=preparing, full=full)
 
     async with asking(request, context) as asker:

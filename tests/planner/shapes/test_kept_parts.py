@@ -1,0 +1,154 @@
+"""What cells keep of a mesh: separate bodies, holes through it, and larger numbers of modules."""
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+
+from planner.pathfinding.path_options import PathOptions
+from planner.pipeline.prepare import prepare, prepare_in_any_order
+from planner.shapes.tunnels import tunnels_of_cells, tunnels_of_samples, tunnels_of_surface
+from planner.shapes.voxelise import voxelise
+from tests.planner.solids_made import Mesh, box, exported, solid_of, torus
+
+BODY_CELLS = 20
+
+
+def boxes(*parts: tuple[tuple[float, float, float], tuple[float, float, float]]) -> Mesh:
+    """Return boxes as one mesh, each given by its sides and its lowest corner."""
+    made: list[Mesh] = []
+    for sides, corner in parts:
+        made.append(box(*sides))
+        made[-1].apply_translation(np.array(corner) + np.array(sides) / 2)
+    mesh = trimesh.util.concatenate(made)
+    assert isinstance(mesh, Mesh)
+    return mesh
+
+
+def cup() -> Mesh:
+    """Return a block with a thin handle."""
+    bars = (((1.2, 0.4, 0.4), (1.9, 0.8, z)) for z in (0.2, 1.4))
+    return boxes(((2, 2, 2), (0, 0, 0)), *bars, ((0.4, 0.4, 1.6), (2.7, 0.8, 0.2)))
+
+
+@pytest.mark.parametrize(
+    ("mesh", "shares"),
+    [
+        (boxes(((2, 2, 2), (0, 0, 0)), ((2, 2, 2), (2, 2, 0))), (0.5,)),
+        (
+            boxes(((2, 2, 2), (0, 0, 0)), ((2, 2, 1), (9, 0, 0)), ((2, 1, 1), (0, 9, 0))),
+            (2 / 7, 1 / 7),
+        ),
+        (boxes(((4, 4, 4), (0, 0, 0)), ((0.5, 0.8, 0.8), (9, 0, 0))), (0.005 / 1.005,)),
+        (boxes(((4, 4, 4), (0, 0, 0)), ((0.01, 0.01, 0.01), (9, 0, 0))), (1e-6 / 64,)),
+    ],
+    ids=["edge to edge", "4 to 2 to 1", "half a percent", "a speck below the samples"],
+)
+def test_separate_bodies_are_reported_with_exact_shares(
+    mesh: Mesh, shares: tuple[float, ...]
+) -> None:
+    voxels = voxelise(solid_of(mesh), cells=BODY_CELLS)
+    assert voxels.unused == pytest.approx(shares, rel=1e-6)
+    text = {0.5: "50 %", 2 / 7: "29 % and 14 %"}.get(shares[0], "left out")
+    assert "separate bodies" in voxels.notes[0]
+    assert text in voxels.notes[0]
+    assert voxels.iou <= 1.0 - sum(shares)
+    assert voxels.kept.volume <= 1.0 - sum(shares)
+
+
+def test_bodies_that_overlap_or_lie_in_cavities_are_not_separate() -> None:
+    hollow = boxes(((4, 4, 4), (0, 0, 0)), ((2, 2, 2), (1, 1, 1)))
+    assert voxelise(solid_of(hollow), cells=BODY_CELLS).unused == ()
+    crossing = boxes(((4, 4, 4), (0, 0, 0)), ((4, 4, 4), (3, 3, 3)))
+    assert voxelise(solid_of(crossing), cells=BODY_CELLS).unused == ()
+
+
+def test_similarity_of_two_bodies_never_exceeds_the_share_of_the_used_one() -> None:
+    alone, both = (
+        prepare(exported("stl", mesh), "a.stl", PathOptions(modules=216)).report(full=False)
+        for mesh in (
+            boxes(((3, 3, 3), (0, 0, 0))),
+            boxes(((3, 3, 3), (0, 0, 0)), ((2, 3, 3), (9, 0, 0))),
+        )
+    )
+    assert alone["iou"] == pytest.approx(1.0)
+    assert both["iou"] == pytest.approx(0.6)
+    assert both["unused_bodies"] == pytest.approx([0.4])
+    assert both["cells"] == alone["cells"]
+
+
+@pytest.mark.slow
+def test_lost_handle_is_reported_with_the_number_of_modules_that_keeps_it() -> None:
+    report = prepare_in_any_order(exported("stl", cup()), "cup.stl", PathOptions()).report()
+    assert report["tunnels"] == {"mesh": 1, "cells": 0}
+    assert report["keeps_parts"] is False
+    assert any("1 hole through it" in note for note in report["notes"])
+    keeping = [larger for larger in report["more_modules"] if larger["keeps_parts"]]
+    assert keeping
+    chosen = prepare_in_any_order(
+        exported("stl", cup()), "cup.stl", PathOptions(modules=keeping[0]["modules"])
+    ).report()
+    assert chosen["tunnels"] == {"mesh": 1, "cells": 1}
+    assert chosen["keeps_parts"] is True
+    assert chosen["iou"] >= keeping[0]["iou"] - 0.02
+
+
+def test_well_kept_shapes_get_no_offers() -> None:
+    report = prepare_in_any_order(
+        exported("stl", box(4, 4, 4)), "a.stl", PathOptions(modules=216)
+    ).report()
+    assert report["keeps_parts"] is True
+    assert report["more_modules"] == []
+
+
+def test_snake_is_possible_only_for_boxes() -> None:
+    cube, ring = (
+        prepare(exported("stl", mesh), "a.stl", PathOptions()).report(full=False)
+        for mesh in (box(4, 4, 4), torus())
+    )
+    assert "snake" in cube["possible_methods"]
+    assert ring["possible_methods"] == ["auto", "blocks", "exact"]
+
+
+def test_volume_note_adds_up() -> None:
+    sheet = boxes(((10, 10, 0.2), (0, 0, 0)), ((0.2, 0.2, 6), (0, 0, 0)), ((10, 0.2, 8), (0, 0, 0)))
+    voxels = voxelise(solid_of(sheet), cells=BODY_CELLS)
+    note = next(note for note in voxels.notes if "contain only" in note)
+    inside, outside, *others = (int(word) for word in note.split() if word.isdigit())
+    assert inside + outside == 100
+    assert sum(others) in (0, outside)
+
+
+def ring_cells() -> NDArray[np.bool_]:
+    cells = np.ones((5, 5, 3), dtype=bool)
+    cells[1:-1, 1:-1] = False
+    return cells
+
+
+def test_tunnels_of_rings_cavities_and_crossing_holes() -> None:
+    block = np.ones((5, 5, 5), dtype=bool)
+    assert tunnels_of_cells(block) == 0
+    hollow = block.copy()
+    hollow[2, 2, 2] = False
+    assert tunnels_of_cells(hollow) == 0
+    assert tunnels_of_cells(ring_cells()) == 1
+    crossed = block.copy()
+    crossed[2, 2, :] = crossed[2, :, 2] = False
+    assert tunnels_of_cells(crossed) == 3
+    assert tunnels_of_samples(np.kron(crossed, np.ones((2, 2, 2), dtype=bool))) == 3
+
+
+def test_tunnels_are_undecided_where_samples_only_touch_at_edges() -> None:
+    ring = np.zeros((6, 6, 3), dtype=bool)
+    ring[1:5, 1:5] = True
+    ring[2:4, 2:4] = False
+    ring[1, 1] = False  # its neighbours, (1, 2) and (2, 1), then only share an edge
+    assert tunnels_of_cells(ring) == 0
+    assert tunnels_of_samples(ring) is None
+
+
+def test_tunnels_of_surfaces() -> None:
+    assert tunnels_of_surface(np.asarray(torus().faces)) == 1
+    assert tunnels_of_surface(np.asarray(box(1, 1, 1).faces)) == 0
+    edge_to_edge = solid_of(boxes(((2, 2, 2), (0, 0, 0)), ((2, 2, 2), (2, 2, 0))))
+    assert tunnels_of_surface(edge_to_edge.faces) is None
