@@ -13,6 +13,7 @@ from bench.load.faults import FAULTS, FAULTS_SEED, faults, signals
 from bench.load.mutated_files import mutated_uploads
 from bench.load.scrubbing import scrubbing
 from bench.load.several_machines import several_machines
+from bench.load.starts import starts
 from bench.load.strangers import strangers
 from bench.load.uploads import uploads
 from bench.load.viewers import viewers
@@ -40,6 +41,7 @@ FAULTY = {"faults": _faults, "several": _several}
 SECTIONS: dict[str, Callable[[bool], Section]] = {
     "classes": classes,
     "scrubbing": scrubbing,
+    "starts": starts,
     "strangers": strangers,
     "uploads": uploads,
     "mutated": mutated_uploads,

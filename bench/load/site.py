@@ -127,7 +127,7 @@ class Site:
         service = self._service(f"host-{k}" if self.setup.apart else "web")
         with open(self.place / f"host-{k}.log", "a") as log:
             return subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.cli.command_line", "worker"],
+                [sys.executable, "-P", "-m", "server.cli", "worker"],
                 env=service.environment,
                 stderr=log,
             )
@@ -203,7 +203,7 @@ class Site:
 
 
 def _kind(command: list[str]) -> str:
-    if "server.jobs.worker" in command or command[-1:] == ["worker"]:
+    if "server.jobs.worker_process" in command or command[-1:] == ["worker"]:
         return "worker"
     if command and command[0].startswith("foldback "):
         return command[0].removeprefix("foldback ")

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import logging
 import resource
-import signal
 import sys
+from collections.abc import Generator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
@@ -15,6 +16,7 @@ from planner.may_compile import forbid_compiling
 from server.errors import READ_ONLY_WORDS
 from server.ops.logs import set_up_logs
 from server.ops.startup_errors import settings_of, starting, warn_of_unknown_names
+from server.ops.stop_signals import on_stop_signals
 from server.processes.limits import keep_secrets
 
 MAX_HEAD_BYTES: Final = 32 * 1024
@@ -54,9 +56,6 @@ def serve(
     supervisor = Supervisor(settings)
     if not settings.read_only:
         supervisor.start()
-    # uvicorn shuts down on these signals and then raises them again, which has no effect here.
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda number, frame: log.info("ended by signal %d", number))
     try:
         _run(settings, first_shape)
     finally:
@@ -99,12 +98,21 @@ def server_of(settings: Settings, first_shape: str | None = None) -> uvicorn.Ser
     app = create_app(settings)
 
     class Server(uvicorn.Server):
-        """HTTP server that prints its address, and ends event streams before it stops."""
+        """HTTP server that prints its address, and ends event streams before it stops.
+
+        Until it has started, a stop signal ends the process at once.
+        """
+
+        @contextmanager
+        def capture_signals(self) -> Generator[None]:
+            """Leave the signals to their owner."""
+            yield
 
         async def startup(self, sockets: list[Any] | None = None) -> None:
             await super().startup(sockets)
             if not self.started:
                 return
+            on_stop_signals(self.handle_exit)
             port = self.servers[0].sockets[0].getsockname()[1]
             host = f"[{settings.host}]" if ":" in settings.host else settings.host
             address = f"http://{host}:{port}{settings.base_path}"

@@ -8,9 +8,7 @@ from __future__ import annotations
 import errno
 import logging
 import os
-import signal
 import socket
-import sys
 import threading
 import time
 from collections.abc import Callable
@@ -22,8 +20,10 @@ from server.jobs.housekeeping import Housekeeping
 from server.jobs.movie_runner import MovieJobs
 from server.jobs.queue import Lane, Queue
 from server.jobs.runner import Runner
+from server.ops.leash import Leash
 from server.ops.logs import set_up_logs
-from server.ops.startup_errors import settings_of, starting, warn_of_unknown_names
+from server.ops.startup_errors import starting, warn_of_unknown_names
+from server.ops.stop_signals import on_stop_signals
 from server.ops.tracing import send_rest, start_tracing
 from server.processes.limits import keep_secrets
 from server.settings import Settings
@@ -54,17 +54,6 @@ COMPILING_REPORT_S: Final = 0.5
 compiled, in s. A smaller value updates the displayed progress more often and writes more.
 Chosen."""
 log = logging.getLogger("foldback.worker")
-
-
-def _hold_leash(on_end: Callable[[], None]) -> None:
-    """Call ``on_end`` when standard input ends, because the parent process has ended."""
-
-    def wait() -> None:
-        while os.read(0, 1024):
-            pass
-        on_end()
-
-    threading.Thread(target=wait, name="leash", daemon=True).start()
 
 
 class _LeaseMonitor:
@@ -137,7 +126,7 @@ def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], w
     threading.Thread(target=loop, name=what, daemon=True).start()
 
 
-def work(settings: Settings, *, leashed: bool = False) -> None:
+def work(settings: Settings, *, leash: Leash | None = None) -> None:
     """Process jobs until a signal, or the end of the parent process.
 
     After the first signal it takes no new jobs, continues for ``drain_s``, and returns unfinished
@@ -145,11 +134,11 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
 
     Args:
         settings: The settings.
-        leashed: True to end when standard input ends.
+        leash: Connection to the parent process, if it ends with this process.
     """
     keep_secrets()
     set_up_logs(settings)
-    if not leashed:  # otherwise the parent process has already warned
+    if leash is None:  # otherwise the parent process has already warned
         warn_of_unknown_names(log)
     with starting("worker"):
         if settings.read_only:
@@ -163,7 +152,7 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
         queue = Queue(store)
         monitor = _LeaseMonitor(settings, store, queue, runner, identity.name)
         monitor.take_back(identity.name)  # jobs of an earlier process of this name
-    told = _signals(leashed=leashed)
+    told = _signals(leash)
     dispatcher = Dispatcher(
         queue,
         runner,
@@ -204,19 +193,14 @@ def work(settings: Settings, *, leashed: bool = False) -> None:
     send_rest()
 
 
-def _signals(*, leashed: bool) -> threading.Semaphore:
-    """Return a semaphore, released once per SIGTERM or SIGINT, and twice if the leash ends."""
+def _signals(leash: Leash | None) -> threading.Semaphore:
+    """Return a semaphore, released once per stop signal, and twice if the leash ends."""
     told = threading.Semaphore(0)
 
-    def tell(number: int = 0, frame: FrameType | None = None) -> None:
+    def tell(_number: int, _frame: FrameType | None) -> None:
         told.release()
 
-    signal.signal(signal.SIGTERM, tell)
-    signal.signal(signal.SIGINT, tell)
-    if leashed:
-        _hold_leash(lambda: told.release(2))
+    on_stop_signals(tell)
+    if leash is not None:
+        leash.on_end = lambda: told.release(2)
     return told
-
-
-if __name__ == "__main__":
-    work(settings_of(), leashed="--leashed" in sys.argv[1:])

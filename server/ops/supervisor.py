@@ -1,15 +1,16 @@
-"""Supervisor: starts worker processes, and restarts those that die."""
+"""Supervisor: starts worker processes, and restarts those that die or hang."""
 
 from __future__ import annotations
 
-import contextlib
 import json
 import logging
 import os
+import socket
 import subprocess
 import sys
 import threading
 import time
+from collections.abc import Callable
 from typing import Final
 
 from server.settings import Settings
@@ -23,18 +24,32 @@ killed. A smaller value interrupts more requests and folds. Chosen."""
 MAX_RESTART_PAUSE_S: Final = 30.0
 """Maximum pause before a worker process that ends again and again is restarted, in s; the pause
 doubles from 0.5 s. A larger value resumes later after the cause is gone. Chosen."""
+PULSES_PER_LEASE: Final = 5
+"""Number of pulses that a worker process sends to the service's main process within the time
+``lease_s`` of the settings."""
+HUNG_LEASES: Final = 2.0
+"""Time without a pulse after which a worker process counts as hung and is killed, as a multiple of
+``lease_s`` of the settings."""
+MIN_HUNG_S: Final = 5.0
+"""Minimum time without a pulse after which a worker process counts as hung, in s. On a busy
+machine, loading a library can stop all threads of a process for a second."""
+MAX_COUNTED_S: Final = 1.0
+"""Maximum time between two checks that counts as time without a pulse, in s."""
+MAX_PULSES: Final = 65536
+"""Maximum number of pulses that are received at once."""
 log = logging.getLogger("foldback.supervisor")
 
 
 class Supervisor:
     """Worker processes, in the number of the settings.
 
-    A worker ends when its standard input is closed, and thus also if this process is killed.
+    A worker ends when its leash (``server.ops.leash``) is closed, and thus also if this process is
+    killed. One that sends no pulses hangs, or was suspended, and is killed.
     """
 
     def __init__(self, settings: Settings) -> None:
         self._environment = {**os.environ, **environment_of_worker(settings)}
-        self._workers: list[_Worker] = [_Worker() for _ in range(settings.workers)]
+        self._workers = [SupervisedWorker(settings.lease_s) for _ in range(settings.workers)]
         self._stopping = threading.Event()
         self._thread = threading.Thread(target=self._look_after, name="supervisor", daemon=True)
 
@@ -47,13 +62,10 @@ class Supervisor:
         self._stopping.set()
         if self._thread.is_alive():
             self._thread.join()
-        running = [w.process for w in self._workers if w.process is not None]
-        for process in running:
-            assert process.stdin is not None
-            with contextlib.suppress(BrokenPipeError):
-                process.stdin.close()
+        for worker in self._workers:
+            worker.release()
         deadline = time.monotonic() + STOP_TIMEOUT_S
-        for process in running:
+        for process in [w.process for w in self._workers if w.process is not None]:
             try:
                 process.wait(max(0.0, deadline - time.monotonic()))
             except subprocess.TimeoutExpired:
@@ -61,43 +73,83 @@ class Supervisor:
                 process.wait()
 
     def _look_after(self) -> None:
-        while True:
+        while not self._stopping.is_set():
             for worker in self._workers:
                 worker.look(self._environment)
-            if self._stopping.wait(SUPERVISION_POLL_S):
-                return
+            self._stopping.wait(SUPERVISION_POLL_S)
 
 
-class _Worker:
-    """Worker process with restarts; the pause doubles if it dies soon after its start."""
+class SupervisedWorker:
+    """Worker process with restarts; the pause doubles if it dies soon after its start.
 
-    def __init__(self) -> None:
+    Args:
+        lease_s: Time without a heartbeat after which a worker counts as dead, s.
+        clock: Monotonic clock in seconds.
+    """
+
+    def __init__(self, lease_s: float, *, clock: Callable[[], float] = time.monotonic) -> None:
+        self._clock = clock
         self.process: subprocess.Popen[bytes] | None = None
+        self.leash: socket.socket | None = None
+        self._pulse_s = lease_s / PULSES_PER_LEASE
+        self._max_silent_s = max(HUNG_LEASES * lease_s, MIN_HUNG_S)
+        self._silent_s = 0.0
+        self._looked_at = 0.0
         self._started = 0.0
         self._start_at = 0.0
         self._pause_s = 0.5
 
     def look(self, environment: dict[str, str]) -> None:
-        now = time.monotonic()
-        if self.process is not None and (code := self.process.poll()) is not None:
+        """Start the worker if it has ended, and kill it if it hangs."""
+        now = self._clock()
+        if self.process is None:
+            if now >= self._start_at:
+                self._start(environment, now)
+        elif (code := self.process.poll()) is not None:
             lasted = now - self._started
             self._pause_s = 0.5 if lasted > 10.0 else min(2 * self._pause_s, MAX_RESTART_PAUSE_S)
             log.warning(
                 "a worker ended (exit code %d); the next starts in %.1f s", code, self._pause_s
             )
-            assert self.process.stdin is not None
-            self.process.stdin.close()
+            self.release()
             self.process = None
             self._start_at = now + self._pause_s
-        if self.process is None and now >= self._start_at:
-            self._started = now
+        elif self._hangs(now):
+            log.error("a worker has sent no pulse for %.0f s and is killed", self._silent_s)
+            self._silent_s = 0.0
+            self.process.kill()
+
+    def release(self) -> None:
+        """Close the leash: the worker ends."""
+        if self.leash is not None:
+            self.leash.close()
+
+    def _start(self, environment: dict[str, str], now: float) -> None:
+        self._started = self._looked_at = now
+        self._silent_s = 0.0
+        self.leash, theirs = socket.socketpair()
+        self.leash.setblocking(False)
+        with theirs:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.jobs.worker", "--leashed"],
-                stdin=subprocess.PIPE,
+                [sys.executable, "-P", "-m", "server.jobs.worker_process", str(self._pulse_s)],
+                stdin=theirs.fileno(),
                 env=environment,
                 # Ctrl-C in the terminal must reach only the service, which stops its workers.
                 start_new_session=True,
             )
+
+    def _hangs(self, now: float) -> bool:
+        """Return True if the worker has sent no pulse for too long."""
+        assert self.leash is not None
+        try:
+            heard = bool(self.leash.recv(MAX_PULSES))
+        except BlockingIOError:
+            heard = False
+        # If this process was suspended, too, as with the whole machine, that time does not count.
+        passed_s = min(now - self._looked_at, MAX_COUNTED_S)
+        self._looked_at = now
+        self._silent_s = 0.0 if heard else self._silent_s + passed_s
+        return self._silent_s > self._max_silent_s
 
 
 def environment_of_worker(settings: Settings) -> dict[str, str]:

@@ -72,15 +72,20 @@ class Service:
         self.process: subprocess.Popen[str] | None = None
         self.http = httpx.Client()
 
-    def start(self, *arguments: str) -> Self:
+    def launch(self, *arguments: str) -> "subprocess.Popen[str]":
+        """Start the process, without waiting for the service."""
         with open(self.log, "a") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.cli.command_line", "serve", *arguments],
+                [sys.executable, "-P", "-m", "server.cli", "serve", *arguments],
                 env=self.environment,
                 stdout=subprocess.PIPE,
                 stderr=log,
                 text=True,
             )
+        return self.process
+
+    def start(self, *arguments: str) -> Self:
+        self.launch(*arguments)
         lines: queue.Queue[str] = queue.Queue()
         threading.Thread(target=self._read, args=(self.process, lines), daemon=True).start()
         address = re.search(r"http://\S+", lines.get(timeout=TIMEOUT_S))
@@ -113,7 +118,7 @@ class Service:
         """Run a worker that is not supervised."""
         with open(self.log, "a") as log:
             worker = subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.cli.command_line", "worker"],
+                [sys.executable, "-P", "-m", "server.cli", "worker"],
                 env=self.environment,
                 stderr=log,
             )

@@ -144,7 +144,6 @@ def test_each_process_starts_without_packages_of_others(
 
 @pytest.mark.usefixtures("process_state")
 def test_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("server.cli.serve.signal", MagicMock())
     run = MagicMock()
     monkeypatch.setattr("server.cli.serve._run", run)
     place = ("--data-dir", str(tmp_path))
@@ -157,7 +156,7 @@ def test_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_taken_port_is_a_clear_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    for name in ("_allow_files", "signal", "sys"):
+    for name in ("_allow_files", "sys"):
         monkeypatch.setattr(f"server.cli.serve.{name}", MagicMock())
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])

@@ -107,7 +107,7 @@ def test_readiness_and_doctor_on_read_only_disk_say_why(stored: tuple[ServiceThr
 
 def test_worker_on_read_only_disk_ends_in_one_line(stored: tuple[ServiceThread, str]) -> None:
     service, _ = stored
-    worker = [sys.executable, "-P", "-m", "server.jobs.worker"]
+    worker = [sys.executable, "-P", "-m", "server.cli", "worker"]
     ended = subprocess.run(worker, env=service.environment, capture_output=True, text=True)
     assert (ended.returncode, ended.stderr.count("\n")) == (1, 1), ended.stderr
     assert "Read-only file system" in ended.stderr

@@ -1,0 +1,92 @@
+"""Supervision: processes of the service end with a signal, and hung workers are replaced."""
+
+import os
+import signal
+from collections.abc import Callable
+from pathlib import Path
+
+import psutil
+import pytest
+
+from server.ops.supervisor import SupervisedWorker, environment_of_worker
+from server.settings import Settings
+from tests.server.service_process import STAIRS, Service, wait_until
+
+LEASE_S = 1.0
+
+
+def running(processes: list[psutil.Process]) -> list[psutil.Process]:
+    return [p for p in processes if p.is_running() and p.status() != psutil.STATUS_ZOMBIE]
+
+
+MOMENTS: dict[str, Callable[[Service], object]] = {
+    "first": lambda service: service.process,
+    "worker": lambda service: service.processes("server.jobs.worker_process"),
+    "database": lambda service: (service.data_dir / "foldback.db").exists(),
+}
+"""Moments of the start; `make load ARGS="--only starts"` tries one each 100 ms."""
+
+
+@pytest.mark.slow
+@pytest.mark.processes
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("moment", list(MOMENTS))
+def test_stop_signal_during_the_start_ends_all_processes(
+    tmp_path: Path, moment: str, number: signal.Signals
+) -> None:
+    service = Service(tmp_path / "data", prewarm=True)
+    process = service.launch()
+    wait_until(lambda: MOMENTS[moment](service))
+    started = psutil.Process(process.pid).children(recursive=True)
+    process.send_signal(number)
+    process.communicate(timeout=60)
+    wait_until(lambda: not running(started), lambda: running(started))
+
+
+@pytest.mark.slow
+@pytest.mark.processes
+def test_stop_signal_ends_a_starting_worker(tmp_path: Path) -> None:
+    service = Service(tmp_path / "data")
+    with service.worker() as worker:
+        wait_until(lambda: (service.data_dir / "foldback.db").exists())
+        worker.send_signal(signal.SIGINT)
+        worker.wait(60)
+
+
+@pytest.mark.slow
+@pytest.mark.processes
+def test_stopped_worker_is_replaced_and_its_fold_continues(tmp_path: Path) -> None:
+    with Service(tmp_path / "data", lease_s=LEASE_S).start() as service:
+        service.wait_workers(1)
+        (worker,) = service.processes("server.jobs.worker_process")
+        worker.suspend()
+        fold_id = service.fold(STAIRS)["id"]
+        assert service.wait_over(fold_id)["status"] == "verified"
+        assert not worker.is_running()
+        assert "has sent no pulse" in service.log.read_text()
+
+
+@pytest.mark.processes
+def test_worker_is_killed_for_its_own_silence_only(tmp_path: Path) -> None:
+    """Time in which the supervisor did not run either, as in a suspended machine, has no effect."""
+    settings = Settings(data_dir=tmp_path, prewarm=False)
+    now = 0.0
+    worker = SupervisedWorker(LEASE_S, clock=lambda: now)
+    environment = {**os.environ, **environment_of_worker(settings)}
+    worker.look(environment)
+    process = worker.process
+    assert process is not None
+    try:
+        for _ in range(3):
+            now += 3600.0
+            worker.look(environment)
+        assert process.poll() is None
+        psutil.Process(process.pid).suspend()
+        for _ in range(8):
+            now += 1.0
+            worker.look(environment)
+        assert process.wait(60) == -signal.SIGKILL
+    finally:
+        process.kill()
+        process.wait()
+        worker.release()
