@@ -1,26 +1,70 @@
-"""Backup and restoration of a service: rows first, then files.
+"""Backup and restoration of a service: its rows and its files.
 
-A backup is a directory with a dump of the database, the stored files, and a manifest. Previews and
-caches are not included.
+A backup is a directory with the rows of the database, the stored files, and a manifest. Previews
+and caches are not included.
 """
 
 from __future__ import annotations
 
 import os
-import shutil
+import secrets
 import time
-from contextlib import suppress
+from collections import Counter
+from collections.abc import Collection, Generator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
+from typing import Final
+
+import sqlalchemy as sa
+from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
 from planner.files import settle
-from server.admin.backup_manifest import MANIFEST, BackupFile, Manifest
-from server.admin.database import Database
+from server.admin.backup_manifest import (
+    MANIFEST,
+    MAX_MANIFEST_BYTES,
+    ROWS,
+    BackupFile,
+    Manifest,
+)
+from server.admin.backup_rows import load_rows, write_rows
+from server.admin.database import consistent_view, drop_tables, has_tables, replacement
 from server.admin.errors import AdminError
 from server.admin.migration import schema_of
 from server.admin.stored_files import StoredFiles, at_once, open_inside, stored_files
+from server.limits.disk_space import free_space
 from server.settings import Settings
+from server.store.folds import Store
+from server.store.object_store import StorageError
 from server.store.schema_version import Schema
+from server.store.staged_files import (
+    RESTORED_COUNTER,
+    StagedFiles,
+    discard_staged,
+    restored_number,
+    staged_files,
+)
+from server.store.tables import CounterRow, upgrade
+
+BLOCK_BYTES: Final = 4096
+"""Usual size of a disk's blocks, in bytes; a file takes a whole number of them."""
+ROWS_SPACE: Final = 4
+"""Space that SQLite needs to restore rows, as a multiple of their size in a backup: the tables with
+their indexes, twice (log and database)."""
+
+
+@dataclass(frozen=True, slots=True)
+class Restored:
+    """A restored backup.
+
+    Attributes:
+        manifest: Its content.
+        left_out: Number of folds that were left out, because the backup has no files of them.
+    """
+
+    manifest: Manifest
+    left_out: int
 
 
 def back_up(settings: Settings, directory: Path) -> Manifest:
@@ -31,42 +75,49 @@ def back_up(settings: Settings, directory: Path) -> Manifest:
         directory: Directory of the backup, empty or missing.
 
     Raises:
-        AdminError: If there is nothing to back up, the directory is not empty, or a dump failed.
+        AdminError: If there is nothing to back up, a restore is unfinished, or the directory is
+            not empty.
         SQLAlchemyError: If the database does not answer.
         StorageError: If the object store does not answer.
         OSError: If a file cannot be read or written.
     """
-    schema = schema_of(settings)
-    if schema.found is None:
+    if schema_of(settings).found is None:
         raise AdminError(
             f"got a database without tables for the data directory {settings.root}, expected "
             "tables to back up; check FOLDBACK_DATA_DIR and FOLDBACK_DATABASE_URL."
         )
     _make_empty(directory)
     created_at = time.time()
-    database = Database(settings.store_url)
-    database.dump(_make_private(directory / database.file))
-    dump = _described(directory, database.file)
+    with consistent_view(settings.store_url) as connection:
+        schema = Schema.of(connection).found
+        if schema is None or restored_number(connection) is not None:
+            raise AdminError(
+                "got a service with an unfinished restore; finish it with `foldback admin list`."
+            )
+        with open(_make_private(directory / ROWS), "wb") as file:
+            ids = write_rows(connection, file)
     with stored_files(settings) as stored:
-        found = at_once(lambda name: _save(stored, name, directory), stored.names())
-        files = [file for file in found if file is not None]
+        names = (name for name in stored.names() if name.split("/")[1] in ids)
+        found = at_once(lambda name: _save(stored, name, directory), names)
         manifest = Manifest(
             foldback=version("foldback"),
             created_at=created_at,
-            schema=schema.found,
+            schema=schema,
             storage=stored.kind,
-            database=dump,
-            files=tuple(files),
+            rows=_described(directory, ROWS),
+            files=tuple(file for file in found if file is not None),
         )
     _make_private(directory / MANIFEST).write_bytes(manifest.text())
     settle(directory)
     return manifest
 
 
-def restore(settings: Settings, directory: Path, *, replace: bool) -> Manifest:
+def restore(settings: Settings, directory: Path, *, replace: bool) -> Restored:
     """Restore the state of a service from a backup. All its processes must be stopped.
 
-    Every file of the backup is compared with its digest before anything changes.
+    Rows and files are staged beside the old ones. The commit of one transaction replaces them: if
+    this process ends before, nothing has changed; if it ends later, the next process that opens the
+    store moves the files into place.
 
     Args:
         settings: The settings of the service.
@@ -74,31 +125,92 @@ def restore(settings: Settings, directory: Path, *, replace: bool) -> Manifest:
         replace: True to delete and replace existing folds; otherwise they are an error.
 
     Raises:
-        AdminError: If the backup is damaged or of another kind, or the service is not empty or
-            runs.
-        SQLAlchemyError: If the database does not answer.
-        StorageError: If the object store does not answer.
-        OSError: If a file cannot be written.
+        AdminError: If the backup is damaged or of another kind, the service is not empty or runs,
+            or the disk, the database or the storage is full or does not answer.
     """
     manifest = _read(directory)
-    settings.make_directories()
-    database = Database(settings.store_url)
-    with stored_files(settings) as stored:
-        _check_kinds(manifest, database, stored)
+    number = secrets.randbits(62)
+    with _unchanged(), stored_files(settings) as stored:
+        _check_storage(manifest, stored)
+        settings.make_directories()
+        _check_space(settings, manifest)
         _check_digests(manifest, directory)
-        if not replace and not _is_empty(database, stored):
-            raise AdminError(
-                "got a service that already has data, expected an empty one; delete the data with "
-                "--replace, or name an empty data directory, database and object store."
-            )
-        database.check_unused()
-        with open_inside(directory, database.file) as source:
-            database.restore(source)
-        stored.replace((file.name for file in manifest.files), lambda n: open_inside(directory, n))
-    for copies in (settings.work_dir, settings.cache_dir):  # copies of the replaced folds
-        shutil.rmtree(copies, ignore_errors=True)
-    settle(settings.root)
-    return manifest
+        staged = staged_files(settings, stored.storage, number)
+        with replacement(settings.store_url) as connection:
+            if not replace and (has_tables(connection) or next(stored.names(), None)):
+                raise AdminError(
+                    "got a service that already has data, expected an empty one; delete the data "
+                    "with --replace, or name an empty data directory, database and object store."
+                )
+            discard_staged(connection, settings, stored.storage)
+            try:
+                left_out = _stage_rows(connection, manifest, directory, number)
+                _stage_files(staged, manifest, directory)
+            except BaseException:
+                with suppress(StorageError):
+                    staged.discard()
+                raise
+            _commit(connection, staged, number)
+    try:
+        Store(settings).close()
+    except (SQLAlchemyError, StorageError, OSError) as error:
+        raise AdminError(
+            f"the backup is restored, but its files are not in place yet ({_reason(error)}); the "
+            "next start of the service or `foldback admin list` moves them."
+        ) from None
+    return Restored(manifest, len(left_out))
+
+
+def _stage_rows(
+    connection: sa.Connection, manifest: Manifest, directory: Path, number: int
+) -> Collection[str]:
+    """Replace the tables within a transaction; return the ids of the folds that are left out."""
+    drop_tables(connection)
+    upgrade(connection, manifest.schema)
+    with_files = {file.name.split("/")[1] for file in manifest.files}
+    with open_inside(directory, ROWS) as source:
+        left_out = load_rows(connection, source, with_files)
+    connection.execute(sa.insert(CounterRow).values(name=RESTORED_COUNTER, value=number))
+    return left_out
+
+
+def _stage_files(staged: StagedFiles, manifest: Manifest, directory: Path) -> None:
+    def stage(file: BackupFile) -> None:
+        with open_inside(directory, file.name) as source:
+            staged.write(file.name, source)
+
+    at_once(stage, manifest.files)
+    staged.complete()
+
+
+def _commit(connection: sa.Connection, staged: StagedFiles, number: int) -> None:
+    """Commit the transaction; delete the staged files if it has certainly not taken effect."""
+    try:
+        connection.commit()
+    except SQLAlchemyError:
+        with suppress(SQLAlchemyError, StorageError):
+            connection.rollback()
+            if restored_number(connection) != number:
+                staged.discard()
+        raise
+
+
+@contextmanager
+def _unchanged() -> Generator[None]:
+    """Turn an error of a disk, a database or a storage into one that says that nothing changed."""
+    try:
+        yield
+    except (SQLAlchemyError, StorageError, OSError) as error:
+        raise AdminError(
+            f"the backup cannot be restored ({_reason(error)}); nothing was changed."
+        ) from error
+
+
+def _reason(error: Exception) -> str:
+    if isinstance(error, OSError):
+        return f"{error.filename or 'a file'}: {error.strerror}"
+    said = str(error.orig if isinstance(error, DBAPIError) else error)
+    return said.strip().partition("\n")[0].removesuffix(".")
 
 
 def _make_empty(directory: Path) -> None:
@@ -137,7 +249,7 @@ def _described(directory: Path, name: str) -> BackupFile:
 def _read(directory: Path) -> Manifest:
     try:
         with open_inside(directory, MANIFEST) as file:
-            manifest = Manifest.read(file.read())
+            manifest = Manifest.read(file.read(MAX_MANIFEST_BYTES + 1))
     except OSError:
         raise AdminError(
             f"got no {MANIFEST} in {directory}, expected a complete backup; create one with "
@@ -152,16 +264,34 @@ def _read(directory: Path) -> Manifest:
     return manifest
 
 
-def _check_kinds(manifest: Manifest, database: Database, stored: StoredFiles) -> None:
-    """Refuse a backup of a service with another database or storage than this one."""
-    got = (manifest.database.name, manifest.storage)
-    expected = (database.file, stored.kind)
-    if got != expected:
+def _check_storage(manifest: Manifest, stored: StoredFiles) -> None:
+    """Refuse a backup of a service whose files are stored in another way."""
+    if manifest.storage != stored.kind:
         raise AdminError(
-            f"got a backup with the database file {got[0]} and the storage '{got[1]}', expected "
-            f"{expected[0]} and '{expected[1]}'; set FOLDBACK_DATABASE_URL and "
-            "FOLDBACK_STORAGE_URL to the values that they had when the backup was made."
+            f"got a backup with the storage '{manifest.storage}', expected '{stored.kind}'; set "
+            "FOLDBACK_STORAGE_URL to the value that it had when the backup was made."
         )
+
+
+def _check_space(settings: Settings, manifest: Manifest) -> None:
+    """Refuse a backup that does not fit on the disks of this machine beside the old data."""
+    blocks = sum(-(-file.bytes // BLOCK_BYTES) for file in manifest.files)
+    needs: list[tuple[Path, int]] = []
+    if settings.storage_url is None:
+        needs.append((settings.folds_dir, blocks * BLOCK_BYTES))
+    if settings.store_url.startswith("sqlite"):
+        path = Path(sa.make_url(settings.store_url).database or "")
+        needs.append((path.parent, ROWS_SPACE * manifest.rows.bytes))
+    needed: Counter[int] = Counter()
+    for path, size in needs:
+        disk = path.stat().st_dev
+        needed[disk] += size
+        if (free := free_space(path)) < needed[disk]:
+            raise AdminError(
+                f"got {free >> 20} MiB of free space at {path}, expected "
+                f"{(needed[disk] >> 20) + 1} MiB, because a backup is stored beside the old data "
+                "first; free some space. Nothing was restored."
+            )
 
 
 def _check_digests(manifest: Manifest, directory: Path) -> None:
@@ -171,15 +301,12 @@ def _check_digests(manifest: Manifest, directory: Path) -> None:
         except OSError:
             return True
 
-    files = (manifest.database, *manifest.files)
+    files = (manifest.rows, *manifest.files)
     found = zip(files, at_once(is_damaged, files), strict=True)
     damaged = [file.name for file, wrong in found if wrong]
     if damaged:
         raise AdminError(
-            f"got a backup with damaged files ({len(damaged)} in all), such as {damaged[0]}, which "
-            "is missing, changed or a symbolic link; use another backup. Nothing was restored."
+            f"got a backup with damaged files ({len(damaged)} in all), such as "
+            f"{damaged[0]!r}, which is missing, changed or a symbolic link; use another backup. "
+            "Nothing was restored."
         )
-
-
-def _is_empty(database: Database, stored: StoredFiles) -> bool:
-    return database.is_empty() and next(stored.names(), None) is None

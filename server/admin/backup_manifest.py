@@ -9,18 +9,23 @@ import re
 from collections import Counter
 from hashlib import file_digest
 from io import BufferedReader
-from typing import Final, Self
+from typing import Annotated, Final, Literal, Self
 
 import msgspec
-from msgspec import Struct
+from msgspec import Meta, Struct
 
 from server.admin.errors import AdminError
 
 MANIFEST: Final = "manifest.json"
-BACKUP_FORMAT: Final = 1
+BACKUP_FORMAT: Final = 2
 """Version number of the format of backups, which is stored in each. Restoring a backup of another
 version is refused; the number rises when an older foldback could not restore a new backup."""
-DATABASE_NAME: Final = re.compile(r"rows\.(sqlite|dump)")
+ROWS: Final = "rows.jsonl"
+"""Name of the file with the rows."""
+MAX_MANIFEST_BYTES: Final = 256 << 20
+"""Maximum size of a manifest, in bytes: about two million files."""
+Words = Annotated[str, Meta(pattern=r"\A[0-9A-Za-z.+_-]{1,64}\Z")]
+"""Short text that can be shown on a terminal."""
 FILE_NAMES: Final = re.compile(
     r"folds/[0-9A-Za-z]{1,32}(/(?!\.)[^/\\\x00-\x1f]{1,255}){1,32}"
     r"|movies/[0-9A-Za-z]{1,32}/(?!\.)[^/\\\x00-\x1f]{1,255}"
@@ -39,7 +44,7 @@ class BackupFile(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """
 
     name: str
-    bytes: int
+    bytes: Annotated[int, Meta(ge=0, le=2**53)]
     sha256: str
 
     @classmethod
@@ -63,20 +68,25 @@ class Manifest(
         created_at: Time of its start, in seconds since 1970.
         schema: Version of the rows' tables.
         storage: Kind of the stored files: ``directory`` or ``objects``.
-        database: Dump of the database.
+        rows: Rows of the database.
         files: Stored files.
     """
 
-    foldback: str
-    created_at: float
-    schema: str
-    storage: str
-    database: BackupFile
+    foldback: Words
+    created_at: Annotated[float, Meta(ge=0, le=1e11)]
+    schema: Words
+    storage: Literal["directory", "objects"]
+    rows: BackupFile
     files: tuple[BackupFile, ...]
 
     def text(self) -> bytes:
         """Return the manifest as JSON."""
         return msgspec.json.format(msgspec.json.encode(self), indent=1)
+
+    @property
+    def total_bytes(self) -> int:
+        """Size of all files of the backup."""
+        return sum(file.bytes for file in (self.rows, *self.files))
 
     @classmethod
     def read(cls, text: bytes) -> Self:
@@ -85,23 +95,44 @@ class Manifest(
         Raises:
             AdminError: If it is not a manifest of this format, or contains an invalid name.
         """
+        if len(text) > MAX_MANIFEST_BYTES:
+            raise AdminError(
+                f"got a {MANIFEST} of more than {MAX_MANIFEST_BYTES >> 20} MiB; use another backup."
+            )
         try:
-            found = msgspec.json.decode(text, type=cls)
+            version = msgspec.json.decode(text, type=_Version)
+            if version.format == BACKUP_FORMAT:
+                found = msgspec.json.decode(text, type=cls)
+                _check_names([file.name for file in (found.rows, *found.files)])
+                return found
         except (msgspec.DecodeError, RecursionError) as error:
             raise AdminError(
-                f"got a {MANIFEST} that cannot be read ({error}), expected a file in "
+                f"got a {MANIFEST} that cannot be read ({str(error)!r}), expected a file in "
                 f"format {BACKUP_FORMAT}; create a backup with `foldback admin backup`."
             ) from None
-        names = [one.name for one in (found.database, *found.files)]
-        strange = [] if DATABASE_NAME.fullmatch(names[0]) else names[:1]
-        strange += [name for name in names[1:] if not is_file_name(name)]
-        strange += [name for name, count in Counter(names).items() if count > 1]
-        if strange:
-            raise AdminError(
-                f"got a {MANIFEST} with the invalid or repeated file name {strange[0]!r}; use "
-                "another backup, because this one was changed."
-            )
-        return found
+        raise AdminError(
+            f"got a backup in format {version.format}, expected format {BACKUP_FORMAT}; restore it "
+            f"with foldback {version.foldback}, which made it, and create a new one with "
+            "`foldback admin backup`."
+        )
+
+
+class _Version(Struct, frozen=True):
+    """The part of a manifest that all formats have in common."""
+
+    format: int
+    foldback: Words
+
+
+def _check_names(names: list[str]) -> None:
+    strange = [] if names[0] == ROWS else names[:1]
+    strange += [name for name in names[1:] if not is_file_name(name)]
+    strange += [name for name, count in Counter(names).items() if count > 1]
+    if strange:
+        raise AdminError(
+            f"got a {MANIFEST} with the invalid or repeated file name {strange[0]!r}; use another "
+            "backup, because this one was changed."
+        )
 
 
 def is_file_name(name: str) -> bool:

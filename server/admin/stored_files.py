@@ -10,12 +10,12 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from io import BufferedReader
 from pathlib import Path
-from typing import TypeVar
+from typing import Final, TypeVar
 
-from planner.files import temporary_path
 from server.admin.backup_manifest import is_file_name
 from server.settings import Settings
 from server.store.object_store import TRANSFERS_AT_ONCE, Storage, open_storage
+from server.store.staged_files import OBJECT_KEYS
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")
@@ -24,7 +24,8 @@ Answer = TypeVar("Answer")
 class DirectoryFiles:
     """Files in the directory of folds, by their names in a backup: ``folds/<id>/…``."""
 
-    kind = "directory"
+    kind: Final = "directory"
+    storage: Final = None
 
     def __init__(self, settings: Settings) -> None:
         self._folds = settings.folds_dir
@@ -48,60 +49,24 @@ class DirectoryFiles:
             shutil.copyfileobj(source, file)
         return True
 
-    def replace(self, names: Iterable[str], opened: Callable[[str], BufferedReader]) -> None:
-        """Replace all files; the new ones are complete before the old ones are deleted.
-
-        Args:
-            names: Names of the new files.
-            opened: Opens a new file by its name.
-        """
-        aside = temporary_path(self._folds / "restored")
-        aside.mkdir(mode=0o700)
-        try:
-            for name in names:
-                target = aside / name.removeprefix("folds/")
-                target.parent.mkdir(parents=True, exist_ok=True)
-                with opened(name) as source, open(target, "xb") as file:
-                    shutil.copyfileobj(source, file)
-            for path in self._folds.iterdir():
-                if path != aside:
-                    shutil.rmtree(
-                        path
-                    ) if path.is_dir() and not path.is_symlink() else path.unlink()
-            for path in aside.iterdir():
-                path.rename(self._folds / path.name)
-        finally:
-            shutil.rmtree(aside, ignore_errors=True)
-
 
 class ObjectFiles:
     """Files in an object store: ``folds/<id>/…`` and ``movies/<id>/…``."""
 
-    kind = "objects"
+    kind: Final = "objects"
 
     def __init__(self, storage: Storage) -> None:
-        self._storage = storage
+        self.storage: Final = storage
 
     def names(self) -> Iterator[str]:
         """Yield the names of all files."""
-        for key in ("folds", "movies"):
-            found = (f"{key}/{name}" for name in self._storage.names(key))
+        for key in OBJECT_KEYS:
+            found = (f"{key}/{name}" for name in self.storage.names(key))
             yield from filter(is_file_name, found)
 
     def save(self, name: str, target: Path) -> bool:
         """Copy a file to an existing empty one; return False if it has been deleted meanwhile."""
-        return self._storage.fetch_file(name, target)
-
-    def replace(self, names: Iterable[str], opened: Callable[[str], BufferedReader]) -> None:
-        """Replace all files."""
-
-        def upload(name: str) -> None:
-            with opened(name) as source:
-                self._storage.keep_file(name, source)
-
-        for key in ("folds", "movies"):
-            self._storage.remove(key)
-        at_once(upload, names)
+        return self.storage.fetch_file(name, target)
 
 
 StoredFiles = DirectoryFiles | ObjectFiles

@@ -204,7 +204,7 @@ def backup(directory: BackupDirectory, data_dir: DataDir = None) -> None:
 
     with _refusals():
         manifest = back_up(settings_of(data_dir=data_dir), directory)
-    size = sum(file.bytes for file in (manifest.database, *manifest.files))
+    size = manifest.total_bytes
     typer.echo(f"{directory}: {len(manifest.files)} fold files, {size} bytes in total.")
 
 
@@ -213,9 +213,7 @@ def restore(
     directory: BackupDirectory,
     replace: Annotated[
         bool,
-        typer.Option(
-            "--replace", help="Delete the service's current data and replace it with the backup."
-        ),
+        typer.Option("--replace", help="Replace the service's current data with the backup."),
     ] = False,
     data_dir: DataDir = None,
 ) -> None:
@@ -223,9 +221,11 @@ def restore(
     from server.admin import backup
 
     with _refusals():
-        manifest = backup.restore(settings_of(data_dir=data_dir), directory, replace=replace)
-    date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(manifest.created_at))
-    typer.echo(f"Restored the backup of {date}: {len(manifest.files)} fold files.")
+        done = backup.restore(settings_of(data_dir=data_dir), directory, replace=replace)
+    date = time.strftime("%Y-%m-%d %H:%M UTC", time.gmtime(done.manifest.created_at))
+    typer.echo(f"Restored the backup of {date}: {len(done.manifest.files)} fold files.")
+    if done.left_out:
+        typer.echo(f"Left out {done.left_out} folds that were deleted during the backup.")
 
 
 @admin.command()

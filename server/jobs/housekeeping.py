@@ -283,9 +283,12 @@ class Housekeeping:
     def sweep_orphans(self) -> None:
         """Delete temporary files and files of folds without a row; a part of them per call.
 
+        The first call of a round also deletes what interrupted restores have left.
+
         Files of folds without a row are deleted when two successive rounds find them.
         """
         if self._names is None:
+            self._store.discard_staged()
             self._names = self._files()
             self._suspects, self._found = self._found, set()
         names = set(itertools.islice(self._names, NAMES_PER_SWEEP))

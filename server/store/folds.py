@@ -34,6 +34,7 @@ from server.settings import Settings
 from server.store.fold_files import Folders, NoSuchFoldError
 from server.store.fold_source import Found
 from server.store.owner import Owner, owned_by
+from server.store.staged_files import discard_staged, finish_restore, staged_numbers
 from server.store.tables import (
     ENDED,
     Base,
@@ -42,6 +43,7 @@ from server.store.tables import (
     SecretRow,
     TourRow,
     ValuesRow,
+    changing_alone,
     engine_of,
     is_read_only,
     migrate,
@@ -107,16 +109,28 @@ class Store:
 
     def __init__(self, settings: Settings) -> None:
         self.folders = Folders(settings)
+        self._settings = settings
         self._keep_days = settings.keep_days
         self._first_slice_s = settings.slice_seconds
         self.admitting = threading.Lock()
         """Lock that is held from the check of the queue until a fold is in it."""
         self._engine = engine_of(settings)
         migrate(self._engine)
+        finish_restore(self._engine, settings, self.folders.storage)
         self.reading = sessionmaker(self._engine, expire_on_commit=False)
         """Factory of sessions that read."""
         self.changing = self.reading.begin
         """Factory of sessions that commit their changes together, or none of them."""
+
+    def discard_staged(self) -> None:
+        """Delete what interrupted restores have left.
+
+        Raises:
+            StorageError: If the storage does not answer.
+        """
+        if set(staged_numbers(self._settings, self.folders.storage)):
+            with changing_alone(self._engine) as connection:
+                discard_staged(connection, self._settings, self.folders.storage)
 
     def close(self) -> None:
         """Close all connections."""

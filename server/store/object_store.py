@@ -247,6 +247,24 @@ class Storage:
                 if known != but:
                     del self._uploaded[known]
 
+    def copy_all(self, key: str, names: list[str]) -> None:
+        """Copy files below a key to their names without it, inside the store.
+
+        Raises:
+            StorageError: If the storage does not answer; some files may have been copied.
+        """
+        with self._storage_errors():
+            self._each(names, lambda name: self._copy(f"{key}/{name}", name))
+
+    def remove_files(self, names: list[str]) -> None:
+        """Remove files by their names, if they exist.
+
+        Raises:
+            StorageError: If the storage does not answer; some files may have been removed.
+        """
+        with self._storage_errors():
+            self._each(names, self._delete)
+
     def below(self, key: str) -> list[str]:
         """Return the names directly below a key.
 
@@ -281,6 +299,9 @@ class Storage:
             return bytes(self._obstore.get(self._store, name).bytes())
         except FileNotFoundError:
             return None
+
+    def _copy(self, name: str, target: str) -> None:
+        self._obstore.copy(self._store, name, target)
 
     def _delete(self, name: str) -> None:
         try:

@@ -400,17 +400,9 @@ def migrate(engine: sa.Engine) -> None:
     Raises:
         NewerSchemaError: If a newer foldback wrote them.
     """
-    from alembic import command
+    from server.store.schema_version import Schema
 
-    from server.store.schema_version import Schema, config
-
-    alembic = config()
-    with engine.begin() as connection:
-        if engine.dialect.name == "sqlite" and not is_read_only(engine):
-            connection.exec_driver_sql("BEGIN IMMEDIATE")
-        elif engine.dialect.name == "postgresql":
-            connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
-            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(MIGRATION_LOCK)))
+    with changing_alone(engine) as connection:
         schema = Schema.of(connection)
         schema.check()
         if not schema.missing:
@@ -418,8 +410,30 @@ def migrate(engine: sa.Engine) -> None:
         if is_read_only(engine):
             words = "the disk is read-only, and the tables on it are missing or too old"
             raise OSError(errno.EROFS, words, engine.url.database)
-        alembic.attributes["connection"] = connection
-        command.upgrade(alembic, "head")
+        upgrade(connection, "head")
+
+
+@contextmanager
+def changing_alone(engine: sa.Engine) -> Generator[sa.Connection]:
+    """Yield a connection in a transaction; only one process has such a transaction at a time."""
+    with engine.begin() as connection:
+        if engine.dialect.name == "sqlite" and not is_read_only(engine):
+            connection.exec_driver_sql("BEGIN IMMEDIATE")
+        elif engine.dialect.name == "postgresql":
+            connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
+            connection.execute(sa.select(sa.func.pg_advisory_xact_lock(MIGRATION_LOCK)))
+        yield connection
+
+
+def upgrade(connection: sa.Connection, version: str) -> None:
+    """Migrate the tables to a version within the transaction of a connection."""
+    from alembic import command
+
+    from server.store.schema_version import config
+
+    alembic = config()
+    alembic.attributes["connection"] = connection
+    command.upgrade(alembic, version)
 
 
 def passes(error: BaseException) -> bool:

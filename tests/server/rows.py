@@ -7,14 +7,13 @@ from contextlib import closing, contextmanager
 from typing import Any
 
 import sqlalchemy as sa
-from alembic import command
 from sqlalchemy import event
 
 from server.settings import Settings
+from server.store import tables
 from server.store.folds import Store, new_id
 from server.store.owner import Claim, Owner
 from server.store.previews import SWEEPING_THREAD
-from server.store.schema_version import config
 from server.store.tables import FoldRow, MovieRow
 from tests.server.service_process import Service
 
@@ -92,12 +91,10 @@ def scans(store: Store, queries: list[tuple[str, Any]]) -> list[str]:
     return found
 
 
-def upgrade(engine: sa.Engine, revision: str) -> None:
+def upgrade(engine: sa.Engine, version: str) -> None:
     """Migrate a database to a version of its tables."""
     with engine.begin() as connection:
-        alembic = config()
-        alembic.attributes["connection"] = connection
-        command.upgrade(alembic, revision)
+        tables.upgrade(connection, version)
 
 
 def store_of(service: Service) -> closing[Store]:

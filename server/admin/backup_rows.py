@@ -1,0 +1,213 @@
+"""Rows of a backup: one JSON array per line, with the name of a table and the values of a row.
+
+Rows are data: they are read into tables that foldback's own migrations create, with the columns and
+types of these tables. Anything else in the file is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from io import BufferedReader
+from typing import Annotated, Any, BinaryIO, Final
+
+import msgspec
+import sqlalchemy as sa
+from msgspec import Meta
+from sqlalchemy.exc import DataError, IntegrityError
+
+from server.admin.errors import AdminError
+from server.store.staged_files import RESTORED_COUNTER
+from server.store.tables import STATUSES
+
+SAVED_TABLES: Final = ("folds", "movies", "tours", "own_values", "counters", "secrets")
+"""Names of the tables whose rows are in a backup; a table comes after those that it refers to."""
+UNSAVED_TABLES: Final = ("previews", "preview_reports", "workers")
+"""Names of the tables whose rows are not in a backup: their files are not in it either, or they
+describe running processes."""
+ROWS_PER_BATCH: Final = 500
+"""Number of rows that are read or written together."""
+MAX_ROW_BYTES: Final = 8 << 20
+"""Maximum size of a row in a backup, in bytes. The largest rows, tours and tables of values, take
+about 100 kB."""
+PATTERNS: Final = {
+    ("folds", "id"): r"\A[0-9A-Za-z]{1,32}\Z",
+    ("folds", "status"): rf"\A({'|'.join(STATUSES)})\Z",
+    ("movies", "id"): r"\A[0-9A-Za-z]{1,32}\Z",
+    ("movies", "job"): r"\A[0-9A-Za-z]+([.-][0-9A-Za-z]+)*\Z",
+    ("movies", "status"): r"\A(queued|running|ready|failed)\Z",
+}
+"""Patterns of the columns that become paths or select code."""
+
+
+def write_rows(connection: sa.Connection, file: BinaryIO) -> frozenset[str]:
+    """Write the rows of a service into a file; return the ids of its folds.
+
+    Args:
+        connection: Connection to the database, which sees the same rows until the end.
+        file: The file.
+
+    Raises:
+        SQLAlchemyError: If the database does not answer.
+        OSError: If the file cannot be written.
+    """
+    encoder = msgspec.json.Encoder()
+    ids: set[str] = set()
+    for table in _tables(connection):
+        name, columns = f"{table.name}", [f"{column.name}" for column in table.columns]
+        found = connection.execution_options(yield_per=ROWS_PER_BATCH).execute(sa.select(table))
+        for values in found:
+            row = dict(zip(columns, values, strict=True))
+            file.write(encoder.encode([name, row]) + b"\n")
+            if name == "folds":
+                ids.add(row["id"])
+    return frozenset(ids)
+
+
+def load_rows(
+    connection: sa.Connection, file: BufferedReader, with_files: Collection[str]
+) -> Collection[str]:
+    """Insert the rows of a backup into tables that have just been created.
+
+    Folds without files, which were deleted while the backup was made, are left out; only cancelled
+    folds may have none.
+
+    Args:
+        connection: Connection to the database, in a transaction.
+        file: The rows.
+        with_files: Ids of the folds that have files in the backup.
+
+    Returns:
+        Ids of the folds that were left out.
+
+    Raises:
+        AdminError: If a row is not one of a known table, or a fold with files has no row.
+        SQLAlchemyError: If the database refuses a row for other reasons.
+        OSError: If the file cannot be read.
+    """
+    tables = {table.name: _Table.of(table) for table in _tables(connection)}
+    missing, left_out = set(with_files), set[str]()
+    started: set[str] = set()
+    for name, lines in _batches(file, tables):
+        table = tables[name]
+        if name not in started:  # rows of the migrations
+            started.add(name)
+            connection.execute(sa.delete(table.table))
+        rows = [table.row_of(line, place) for place, line in lines]
+        if name == "folds":
+            gone = {
+                row["id"]
+                for row in rows
+                if row["id"] not in with_files and row["status"] != "cancelled"
+            }
+            left_out |= gone
+            missing.difference_update(row["id"] for row in rows)
+        kept = [row for row in rows if row.get(table.fold_column) not in left_out]
+        if kept:
+            table.insert(connection, kept)
+    connection.execute(
+        sa.text("DELETE FROM counters WHERE name = :name"), {"name": RESTORED_COUNTER}
+    )
+    if missing:
+        raise _changed(f"files of the fold {min(missing)}, which has no row")
+    return left_out
+
+
+def _tables(connection: sa.Connection) -> list[sa.Table]:
+    """Return the tables of a database that a backup contains."""
+    found = sa.MetaData()
+    there = sa.inspect(connection).get_table_names()
+    found.reflect(connection, only=[name for name in SAVED_TABLES if name in there])
+    for table in found.tables.values():
+        for column in table.columns:
+            if isinstance(column.type, sa.JSON):
+                column.type = sa.JSON(none_as_null=True)
+    return [found.tables[name] for name in SAVED_TABLES if name in found.tables]
+
+
+@dataclass(frozen=True, slots=True)
+class _Table:
+    """A table, with the decoder of its rows.
+
+    Attributes:
+        table: The table.
+        decoder: Decoder that checks names and types of the columns.
+        fold_column: Name of the column with the id of the fold.
+    """
+
+    table: sa.Table
+    decoder: msgspec.json.Decoder[msgspec.Struct]
+    fold_column: str
+
+    @classmethod
+    def of(cls, table: sa.Table) -> _Table:
+        fields = [(f"{column.name}", _type_of(column)) for column in table.columns]
+        row = msgspec.defstruct(f"{table.name}", fields, forbid_unknown_fields=True)
+        fold_column = "id" if table.name == "folds" else "fold_id"
+        return cls(table, msgspec.json.Decoder(row), fold_column)
+
+    def row_of(self, line: msgspec.Raw, number: int) -> dict[str, Any]:
+        try:
+            return msgspec.structs.asdict(self.decoder.decode(line))
+        except (msgspec.DecodeError, RecursionError) as error:
+            raise _changed(f"an invalid row in line {number} ({str(error)!r})") from None
+
+    def insert(self, connection: sa.Connection, rows: list[dict[str, Any]]) -> None:
+        try:
+            connection.execute(sa.insert(self.table), rows)
+        except (DataError, IntegrityError, ValueError) as error:
+            said = str(getattr(error, "orig", error)).partition("\n")[0]
+            raise _changed(f"rows of {self.table.name} that do not fit ({said!r})") from None
+
+
+def _type_of(column: sa.Column[Any]) -> Any:
+    """Return the type of a column's values in JSON."""
+    kind, name = column.type, (column.table.name, column.name)
+    if isinstance(kind, sa.JSON):
+        found: Any = dict[str, Any]
+    elif isinstance(kind, sa.Boolean):
+        found = bool
+    elif isinstance(kind, sa.LargeBinary):
+        found = bytes
+    elif isinstance(kind, sa.String):
+        found = Annotated[str, Meta(max_length=kind.length, pattern=PATTERNS.get(name))]
+    elif isinstance(kind, sa.Integer):
+        bits = 63 if isinstance(kind, sa.BigInteger) else 31
+        found = Annotated[int, Meta(ge=-(2**bits), le=2**bits - 1)]
+    else:
+        found = float
+    return found | None if column.nullable else found
+
+
+def _batches(
+    file: BufferedReader, tables: Collection[str]
+) -> Iterator[tuple[str, list[tuple[int, msgspec.Raw]]]]:
+    """Yield successive rows of one table: its name, and the number and text of each line."""
+    decoder = msgspec.json.Decoder(tuple[str, msgspec.Raw])
+    current, batch, size = "", list[tuple[int, msgspec.Raw]](), 0
+    for number, line in enumerate(iter(lambda: file.readline(MAX_ROW_BYTES + 1), b""), start=1):
+        if len(line) > MAX_ROW_BYTES:
+            raise _changed(f"a row of more than {MAX_ROW_BYTES >> 20} MiB in line {number}")
+        try:
+            name, row = decoder.decode(line)
+        except (msgspec.DecodeError, RecursionError) as error:
+            raise _changed(f"an invalid row in line {number} ({str(error)!r})") from None
+        if name not in tables:
+            raise _changed(f"a row of the unknown table {name[:40]!r} in line {number}")
+        if batch and (
+            name != current or len(batch) == ROWS_PER_BATCH or size + len(line) > MAX_ROW_BYTES
+        ):
+            yield current, batch
+            batch, size = [], 0
+        current = name
+        batch.append((number, row))
+        size += len(line)
+    if batch:
+        yield current, batch
+
+
+def _changed(what: str) -> AdminError:
+    return AdminError(
+        f"got a backup with {what}; use another backup, because this one was changed. Nothing was "
+        "restored."
+    )
