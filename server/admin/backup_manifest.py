@@ -112,8 +112,7 @@ class Manifest(
             ) from None
         raise AdminError(
             f"got a backup in format {version.format}, expected format {BACKUP_FORMAT}; restore it "
-            f"with foldback {version.foldback}, which made it, and create a new one with "
-            "`foldback admin backup`."
+            "with the version of foldback that made it."
         )
 
 
@@ -121,7 +120,6 @@ class _Version(Struct, frozen=True):
     """The part of a manifest that all formats have in common."""
 
     format: int
-    foldback: Words
 
 
 def _check_names(names: list[str]) -> None:

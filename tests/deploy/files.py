@@ -14,6 +14,7 @@ EXAMPLES = (
     "Dockerfile",
     "Caddyfile",
     "compose.example.env",
+    "database.sh",
     "alerts.yml",
     "prometheus.yml",
     "systemd/foldback-.service.d/common.conf",

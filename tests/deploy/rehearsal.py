@@ -174,7 +174,7 @@ def start_database(services: Services) -> None:
     shutil.chown(home, "postgres", "postgres")
     shutil.chown(home / "password", "postgres", "postgres")
     as_postgres = ("setpriv", "--reuid=postgres", "--regid=postgres", "--clear-groups")
-    secret = ("--username", given["POSTGRES_USER"], "--pwfile", home / "password")
+    secret = ("--username", "postgres", "--pwfile", home / "password")
     run(
         *(*as_postgres, programs / "initdb", "--pgdata", home / "cluster", *secret),
         *("--auth=scram-sha-256", "--no-sync", "--no-instructions"),
@@ -190,10 +190,14 @@ def start_database(services: Services) -> None:
         "its own health check finds the database well",
         lambda: not subprocess.call(services.inside("database-0", *health_check), env=given),
     )
-    query = f"CREATE DATABASE {given['POSTGRES_DB']}"
-    reach = ("--host=database", f"--username={given['POSTGRES_USER']}", "--dbname=postgres")
-    password = {**given, "PGPASSWORD": given["POSTGRES_PASSWORD"]}
-    run(programs / "psql", *reach, "--command", query, env=password)
+    # As the image does it: over the socket, before the first connection from outside.
+    (script,) = [
+        DEPLOY / volume.partition(":")[0]
+        for volume in services.file["services"]["database"]["volumes"]
+        if volume.endswith(".sh:ro")
+    ]
+    socket = {**given, "PATH": f"{programs}:{given['PATH']}", "PGHOST": str(home)}
+    run(*as_postgres, "sh", script, env={**socket, "PGPASSWORD": given["POSTGRES_PASSWORD"]})
 
 
 def start_storage(services: Services) -> None:

@@ -1,14 +1,22 @@
 """deploy/compose.yaml: valid according to the compose specification, and set up as intended."""
 
 import ipaddress
+import os
 import re
+import subprocess
+from contextlib import closing
+from pathlib import Path
 from typing import Any
+from urllib.parse import urlsplit
 
+import psycopg
 import pytest
 import yaml
 from compose_spec import PyCompose
 
 from tests.deploy.files import DEPLOY, compose, variables
+from tests.server.postgres import Postgres
+from tests.tools import POSTGRES
 
 TEXT = (DEPLOY / "compose.yaml").read_text()
 ENVIRONMENT = variables()
@@ -107,11 +115,35 @@ def test_metrics_are_open_inside_and_closed_outside() -> None:
     assert {f"/etc/prometheus/{name}" for name in prometheus["rule_files"]} < mounted
 
 
-def test_backup_programs_match_the_database_version() -> None:
-    bookworm = "15"  # version in Debian 12, on which both images are based
-    assert SERVICES["database"]["image"] == f"postgres:{bookworm}-bookworm"
-    text = (DEPLOY / "Dockerfile").read_text()
-    assert "postgresql-client " in text and "slim-bookworm\n\n# For movies" in text
+@pytest.mark.processes
+def test_role_of_the_service_is_no_superuser() -> None:
+    database = SERVICES["database"]
+    assert set(database["environment"]) == {"POSTGRES_PASSWORD"}  # the superuser is `postgres`
+    (script,) = [v.split(":") for v in database["volumes"] if "/docker-entrypoint-initdb.d/" in v]
+    url = SERVICES["web"]["environment"]["FOLDBACK_DATABASE_URL"]
+    secret = 'it\'s "secret"'
+    with closing(Postgres("postgres")) as postgres:
+        postgres.start()
+        environment = {
+            **{"PATH": f"{Path(POSTGRES.get())}:{os.environ['PATH']}", "PGHOST": "127.0.0.1"},
+            **{"PGPORT": str(postgres.port), "POSTGRES_PASSWORD": secret},
+        }
+        subprocess.run(["sh", DEPLOY / script[0]], env=environment, check=True, timeout=60)
+        user, name = urlsplit(url).username, urlsplit(url).path[1:]
+        assert user and urlsplit(url).password == ENVIRONMENT["POSTGRES_PASSWORD"]
+        with psycopg.connect(postgres.url("postgres")) as connection:
+            roles = connection.execute(
+                "SELECT rolname, rolsuper, rolcreaterole, rolcreatedb, rolpassword IS NULL "
+                "FROM pg_authid WHERE rolcanlogin ORDER BY rolname"
+            ).fetchall()
+        assert roles == [
+            (user, False, False, False, False),
+            ("postgres", True, True, True, True),
+        ]
+        with psycopg.connect(postgres.url(name).replace("postgres@", f"{user}@")) as connection:
+            connection.execute("CREATE TABLE folds (id text)")
+            with pytest.raises(psycopg.errors.InsufficientPrivilege):
+                connection.execute("COPY folds FROM PROGRAM 'echo evil'")
 
 
 def test_times_and_sizes_fit_together() -> None:

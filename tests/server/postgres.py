@@ -29,9 +29,13 @@ class Postgres:
 
     PostgreSQL refuses to run as root, and then runs as another user of this machine. Nothing is
     synced to disk, so that data may be lost in a crash.
+
+    Args:
+        user: Name of its superuser.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, user: str = USER) -> None:
+        self._user = user
         self._programs = Path(POSTGRES.get())
         self._user_options = _other_user()
         # pytest's own temporary directory is closed to other users
@@ -44,7 +48,7 @@ class Postgres:
         self._template = ""
         self._run(
             "initdb",
-            *("--pgdata", str(self._cluster), "--username", USER, "--auth", "trust"),
+            *("--pgdata", str(self._cluster), "--username", user, "--auth", "trust"),
             *("--encoding", "UTF8", "--locale", "C", "--no-sync", "--no-instructions"),
         )
 
@@ -79,7 +83,7 @@ class Postgres:
 
     def url(self, database: str) -> str:
         """Return the URL of a database."""
-        return f"postgresql://{USER}@127.0.0.1:{self.port}/{database}"
+        return f"postgresql://{self._user}@127.0.0.1:{self.port}/{database}"
 
     def database(self, template: str = "template1") -> str:
         """Create a database, which is empty without a template, and return its URL."""
@@ -87,6 +91,15 @@ class Postgres:
         with psycopg.connect(self.url("postgres"), autocommit=True) as connection:
             connection.execute(f'CREATE DATABASE "{name}" TEMPLATE "{template}"'.encode())
         return self.url(name)
+
+    def owned(self) -> str:
+        """Create an empty database whose owner is no superuser; return its URL for the owner."""
+        url = self.database()
+        name = url.rpartition("/")[2]
+        with psycopg.connect(self.url("postgres"), autocommit=True) as connection:
+            connection.execute(f'CREATE ROLE "{name}" LOGIN'.encode())
+            connection.execute(f'ALTER DATABASE "{name}" OWNER TO "{name}"'.encode())
+        return url.replace(f"{self._user}@", f"{name}@")
 
     def migrated(self) -> str:
         """Create a database with the service's tables and return its URL."""

@@ -1,61 +1,31 @@
 """Backups of real databases and files: their content, and refusals to restore."""
 
+import errno
 import json
 import os
+import re
 import shutil
 import stat
 from collections.abc import Callable
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 
 import msgspec
 import pytest
-from click.testing import Result
-from typer.testing import CliRunner
 
-from server.admin.backup_manifest import MANIFEST, BackupFile, Manifest
-from server.cli.admin import admin
-from server.settings import Settings
+from server.admin.backup_manifest import MANIFEST, ROWS, BackupFile, Manifest
+from server.admin.backup_rows import SAVED_TABLES, UNSAVED_TABLES
+from server.admin.database import drop_tables, replacement
+from server.jobs.housekeeping import Housekeeping
 from server.store.folds import NoSuchFoldError, Store
-from server.store.tables import engine_for
+from server.store.staged_files import StagedFolders
+from server.store.tables import Base, engine_for
 from tests.case import case
+from tests.server.backups import Site
 from tests.server.postgres import Postgres
 from tests.server.rows import SOMEBODY, a_fold, upgrade
-from tests.server.service_thread import copy_tables
-
-
-@dataclass(frozen=True)
-class Site:
-    """Settings of one service, as keywords and as variables."""
-
-    data_dir: Path
-    database_url: str | None = None
-    storage_url: str | None = None
-
-    @property
-    def settings(self) -> Settings:
-        return Settings(**self.__dict__)
-
-    def run(self, *arguments: str | Path) -> Result:
-        given = {f"FOLDBACK_{name.upper()}": str(value) for name, value in self.__dict__.items()}
-        given = {name: value for name, value in given.items() if value != "None"}
-        return CliRunner().invoke(admin, list(map(str, arguments)), env=given)
-
-    def add(self, fold_id: str) -> None:
-        """Add a queued fold with files."""
-        aside = self.data_dir / f"aside-{fold_id}"
-        (aside / "timeline.zarr").mkdir(parents=True)
-        (aside / "input").write_bytes(b"cells of " + fold_id.encode())
-        (aside / "timeline.zarr" / "zarr.json").write_bytes(b'{"attributes": {}}')
-        copy_tables(self.settings)
-        with closing(Store(self.settings)) as store:
-            store.add(a_fold(fold_id, status="queued"), SOMEBODY)
-            store.folders.adopt(aside, fold_id)
-
-    def input_of(self, fold_id: str) -> bytes:
-        with closing(Store(self.settings)) as store:
-            return (store.directory(fold_id) / "input").read_bytes()
 
 
 @pytest.fixture
@@ -140,6 +110,54 @@ def _pipe(copy: Path) -> None:
     os.mkfifo(copy / INPUT)
 
 
+def _manifest(**values: object) -> Callable[[Path], None]:
+    """Return a change that sets members of a manifest."""
+
+    def change(copy: Path) -> None:
+        manifest = json.loads((copy / MANIFEST).read_text())
+        (copy / MANIFEST).write_text(json.dumps(manifest | values))
+
+    return change
+
+
+def _file_of(size: int) -> dict[str, object]:
+    return {"name": INPUT, "bytes": size, "sha256": "0" * 64}
+
+
+def _rows(change: Callable[[str], str]) -> Callable[[Path], None]:
+    """Return a change of the rows' text, with its new digest."""
+
+    def change_all(copy: Path) -> None:
+        text = (copy / ROWS).read_text()
+        assert change(text) != text
+        (copy / ROWS).write_text(change(text))
+        with open(copy / ROWS, "rb") as file:
+            rows = BackupFile.of(ROWS, file)
+        manifest = Manifest.read((copy / MANIFEST).read_bytes())
+        (copy / MANIFEST).write_bytes(msgspec.structs.replace(manifest, rows=rows).text())
+
+    return change_all
+
+
+def _value(name: str, text: str) -> Callable[[Path], None]:
+    """Return a change of a column in the first row of a fold."""
+    column = re.compile(rf'"{name}":("[^"]*"|[\w.]+)')
+    return _rows(lambda rows: column.sub(lambda _: f'"{name}":{text}', rows, count=1))
+
+
+def _added(*rows: object) -> Callable[[Path], None]:
+    return _rows(lambda text: text + "".join(json.dumps(row) + "\n" for row in rows))
+
+
+def _movie(**values: object) -> object:
+    movie = {
+        **{"fold_id": "first", "id": "a", "job": "first.a.b.mp4", "wishes": {}, "visitor": ""},
+        **{"token_hash": "", "status": "ready", "frames_done": 1, "problem": None, "worker": None},
+        **{"created_at": 1.0, "bytes": 0, "of_owner": False, "losses": 0},
+    }
+    return ["movies", movie | values]
+
+
 def _named(name: str) -> Callable[[Path], None]:
     """Return a change that adds an existing file elsewhere, with its digest, to a manifest."""
 
@@ -170,13 +188,41 @@ HOSTILE: dict[str, Callable[[Path], object]] = {
     "line": _named("folds/first/a\nb"),
     "database": _named("../rows.jsonl"),
     "twice": _named("folds/first/input"),
+    "huge file": _manifest(files=[_file_of(2**50)]),
+    "impossible file": _manifest(files=[_file_of(2**70)]),
+    "negative file": _manifest(files=[_file_of(-1)]),
+    "no version": _manifest(foldback="\x1b[2J"),
+    "time": _manifest(created_at=1e300),
+    "storage": _manifest(storage="program"),
+    "more members": _manifest(script="rm"),
+    "no row": _rows(lambda text: ""),
+    "other table": _added(["sqlite_master", {"sql": "CREATE TRIGGER t"}]),
+    "version table": _added(["alembic_version", {"version_num": "1"}]),
+    "worker": _added(["workers", {"name": "a"}]),
+    "no array": _rows(lambda text: text + "DROP TABLE folds;\n"),
+    "cut": _rows(lambda text: text[:-9]),
+    "deep": _rows(lambda text: text.replace('"progress":{}', f'"progress":{"[" * 9999}', 1)),
+    "surrogate": _value("name", r'"\ud800"'),
+    "column": _value("name", '"a","evil":1'),
+    "text for a number": _value("modules", '"16"'),
+    "large number": _value("modules", str(2**40)),
+    "infinite": _value("created_at", "1e999"),
+    "long text": _value("module", '"' + "x" * 99 + '"'),
+    "null": _value("module", "null"),
+    "path as id": _value("id", '"../../evil"'),
+    "status": _value("status", '"evil"'),
+    "long row": _value("name", '"' + "x" * (9 << 20) + '"'),
+    "path as movie": _added(_movie(job="a./../../evil")),
+    "movie of no fold": _added(_movie(fold_id="evil")),
+    "row twice": _added(_movie(), _movie()),
 }
 
 
+@pytest.mark.slow
 def test_restore_of_a_changed_backup_touches_nothing(small: Site, tmp_path: Path) -> None:
     whole = tmp_path / "whole"
     assert small.run("backup", whole).exit_code == 0
-    times = {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")}
+    before = small.state()
     for name, change in HOSTILE.items():
         with case(name):
             copy = tmp_path / name / "copy"
@@ -184,9 +230,115 @@ def test_restore_of_a_changed_backup_touches_nothing(small: Site, tmp_path: Path
             change(copy)
             refused = small.run("restore", "--replace", copy)
             assert refused.exit_code == 1
-            assert any(words in refused.stderr for words in ("use another", "admin backup"))
-            assert {path: path.stat().st_mtime_ns for path in small.data_dir.rglob("*")} == times
+            said = refused.stderr
+            print(name, "|", said.strip())
+            assert any(w in said for w in ("use another", "admin backup", "free some space")), said
+            assert said.replace("\n", "").isprintable()
+            assert small.state() == before
+            assert not small.staged()
             assert not list(tmp_path.rglob("evil/*"))
+
+
+def test_backup_in_an_older_format_is_refused(small: Site, tmp_path: Path) -> None:
+    (tmp_path / MANIFEST).write_text('{"format": 1, "files": []}')
+    said = small.run("restore", "--replace", tmp_path).stderr
+    assert "format 1, expected format 2; restore it with the version" in said
+
+
+def test_folds_without_files_are_left_out(small: Site, tmp_path: Path) -> None:
+    with closing(Store(small.settings)) as store:
+        store.add(a_fold("deleted"), SOMEBODY)
+        store.add(a_fold("cancelled", status="cancelled"), SOMEBODY)
+    assert small.run("backup", tmp_path / "copy").exit_code == 0
+    done = small.run("restore", "--replace", tmp_path / "copy")
+    assert done.exit_code == 0 and "Left out 1 folds" in done.stdout
+    listed = {row["id"] for row in json.loads(small.run("list", "--json").stdout)}
+    assert listed == {"first", "cancelled"}
+
+
+def test_every_table_is_in_a_backup_or_left_out_on_purpose() -> None:
+    assert {*SAVED_TABLES, *UNSAVED_TABLES} == set(Base.metadata.tables)
+
+
+@pytest.mark.processes
+def test_backup_is_restored_into_the_other_kind_of_database(
+    small: Site, tmp_path: Path, postgres: Postgres
+) -> None:
+    with closing(Store(small.settings)) as store:
+        secret = store.secret("signing", bytes(range(200, 232)))
+        store.add(
+            a_fold("large", seed=2**32 - 1, module_size=0.1, progress={"a": [1, None]}), SOMEBODY
+        )
+        (store.directory("large")).mkdir()
+        (store.directory("large") / "input").write_bytes(b"cells")
+    before = small.state()
+    assert small.run("backup", tmp_path / "first").exit_code == 0
+    # A role that owns its database and is no superuser.
+    other = replace(small, data_dir=tmp_path / "other", database_url=postgres.owned())
+    for site, copy in ((other, "first"), (small, "second")):
+        done = site.run("restore", "--replace", tmp_path / copy)
+        assert done.exit_code == 0, done.output
+        assert site.state() == before
+        with closing(Store(site.settings)) as store:
+            assert store.secret("signing", bytes(range(200, 232))) == secret
+        if site is other:
+            assert other.run("backup", tmp_path / "second").exit_code == 0
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize("kind", ["small", "large"])
+def test_second_restore_at_the_same_time_is_refused(
+    kind: str, tmp_path: Path, request: pytest.FixtureRequest
+) -> None:
+    site: Site = request.getfixturevalue(kind)
+    assert site.run("backup", tmp_path / "copy").exit_code == 0
+    before = site.state()
+    with replacement(site.settings.store_url) as connection:
+        refused = site.run("restore", "--replace", tmp_path / "copy")
+        drop_tables(connection)
+    assert refused.exit_code == 1 and "in use" in refused.stderr
+    assert site.state() == before
+
+
+def test_unfinished_restore_is_finished_by_the_next_command(
+    small: Site, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    assert small.run("backup", tmp_path / "copy").exit_code == 0
+    small.add("later")
+
+    def fail(*_: object) -> None:
+        raise OSError(errno.EIO, os.strerror(errno.EIO), "disk")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(StagedFolders, "move_into_place", fail)
+        halfway = small.run("restore", "--replace", tmp_path / "copy")
+        assert halfway.exit_code == 1 and "not in place yet (disk: " in halfway.stderr
+        assert "disk cannot be used" in small.run("list").stderr
+    assert "unfinished restore" in small.run("backup", tmp_path / "other").stderr
+    assert not (tmp_path / "other" / MANIFEST).exists()
+    (number,) = small.staged()
+    assert [row["id"] for row in json.loads(small.run("list", "--json").stdout)] == ["first"]
+    assert not small.staged() and not (small.data_dir / "folds" / "later").exists()
+    assert number
+
+
+def test_sweep_deletes_what_ended_restores_have_left(small: Site) -> None:
+    with closing(Store(small.settings)) as store:
+        StagedFolders(small.settings.folds_dir, 7).write("folds/first/input", BytesIO(b"cells"))
+        assert small.staged() == {7}
+        Housekeeping(small.settings, store).sweep_orphans()
+        assert not small.staged() and small.input_of("first") == b"cells of first"
+
+
+def test_damaged_database_is_left_to_the_operator(small: Site, tmp_path: Path) -> None:
+    assert small.run("backup", tmp_path / "copy").exit_code == 0
+    path = small.data_dir / "foldback.db"
+    path.write_bytes(b"no database" * 1000)
+    said = small.run("restore", "--replace", tmp_path / "copy").stderr
+    assert f"mv {path} {path}.damaged" in said
+    path.rename(f"{path}.damaged")
+    assert small.run("restore", "--replace", tmp_path / "copy").exit_code == 0
+    assert small.input_of("first") == b"cells of first"
 
 
 def test_backup_holds_the_latest_rows_and_no_links(small: Site, tmp_path: Path) -> None:
