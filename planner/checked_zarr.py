@@ -35,6 +35,12 @@ Checksums = dict[str, list[int | None]]
 """By name of an array: CRC-32 of each chunk file, None for a chunk that was never written."""
 
 
+def create_group(path: str | FilePath) -> zarr.Group:
+    """Create an empty group, which replaces what was at the path."""
+    store = _single_writer_store(FilePath(path))
+    return load_zarr().open_group(store=store, mode="w", zarr_format=3)
+
+
 def create_array(
     group: zarr.Group,
     name: str,
@@ -188,6 +194,22 @@ def _reason(error: OSError) -> str:
 def _digest(attributes: Mapping[str, Any]) -> str:
     values = {k: v for k, v in attributes.items() if k != DIGEST}
     return sha256(json.dumps(values, sort_keys=True).encode()).hexdigest()
+
+
+def _single_writer_store(path: FilePath) -> Any:
+    """Return a zarr store for writing that makes no hard links.
+
+    zarr links a temporary file to create one that no other process creates at the same time. The
+    sandbox of the service refuses links, and one process alone writes a group.
+    """
+    from zarr.storage import LocalStore
+
+    class SingleWriterStore(LocalStore):
+        async def set_if_not_exists(self, key: str, value: Any) -> None:
+            if not await self.exists(key):
+                await self.set(key, value)
+
+    return SingleWriterStore(path)
 
 
 def _checked_store(path: FilePath) -> Any:

@@ -15,7 +15,7 @@ from pathlib import Path as FilePath
 from shutil import rmtree
 from tempfile import TemporaryDirectory, TemporaryFile
 from threading import Lock
-from typing import TYPE_CHECKING, Any, Final, Literal
+from typing import TYPE_CHECKING, Any, Final
 
 if TYPE_CHECKING:
     import zarr
@@ -134,12 +134,12 @@ def _seal_of(text: bytes) -> bytes:
     return f"sha256 {hashlib.sha256(text).hexdigest()}\n".encode()
 
 
-def zarr_group(path: str | FilePath, mode: Literal["r", "r+", "w"] = "r") -> zarr.Group:
-    """Open the zarr group at a path; create it for ``w``.
+def zarr_group(path: str | FilePath) -> zarr.Group:
+    """Open the zarr group at a path for reading.
 
     Its chunks are not checked: ``planner.checked_zarr`` does that.
     """
-    return load_zarr().open_group(str(path), mode=mode, zarr_format=3 if mode == "w" else None)
+    return load_zarr().open_group(str(path), mode="r")
 
 
 def load_zarr() -> Any:

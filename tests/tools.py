@@ -94,6 +94,12 @@ def _find_postgres() -> str | None:
     return None
 
 
+def _find_headers() -> str | None:
+    """Return the directory with the numbers of system calls."""
+    place = Path("/usr/include")
+    return str(place) if (place / "asm-generic" / "unistd.h").is_file() else None
+
+
 def _draws(backend: str) -> bool:
     """Return True if a process of its own can open a window with a backend."""
     code = f"from mujoco.{backend} import GLContext; GLContext(64, 64).make_current()"
@@ -111,12 +117,13 @@ CHROMIUM = Tool("Chromium", ("chromium",), _find_chromium, _download_chromium)
 POSTGRES = Tool("PostgreSQL", ("postgresql",), _find_postgres)
 CADDY = Tool("Caddy", ("caddy",), lambda: shutil.which("caddy"))
 SYSTEMD = Tool("systemd-analyze", ("systemd",), lambda: shutil.which("systemd-analyze"))
+LINUX_HEADERS = Tool("headers of the Linux kernel", ("linux-libc-dev",), _find_headers)
 OPENGL = Tool(
     "OpenGL without a screen",
     ("libegl1", "libgl1", "libgl1-mesa-dri"),
     lambda: next((backend for backend in GL_BACKENDS if _draws(backend)), None),
 )
-TOOLS = (CHROMIUM, POSTGRES, CADDY, SYSTEMD, OPENGL)
+TOOLS = (CHROMIUM, POSTGRES, CADDY, SYSTEMD, LINUX_HEADERS, OPENGL)
 
 
 def _install(missing: list[Tool]) -> dict[str, str]:

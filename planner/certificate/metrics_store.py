@@ -15,9 +15,9 @@ from typing import TYPE_CHECKING, Any, Final, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.checked_zarr import checksums_of, create_array, read_group, sealed
+from planner.checked_zarr import checksums_of, create_array, create_group, read_group, sealed
 from planner.errors import UNREADABLE, DamagedError, TimelineError
-from planner.files import temporary_path, zarr_group
+from planner.files import temporary_path
 
 if TYPE_CHECKING:
     import zarr
@@ -119,7 +119,7 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
     aside = temporary_path(whole)
     rmtree(aside, ignore_errors=True)
     try:
-        group = zarr_group(aside, "w")
+        group = create_group(aside)
         arrays: dict[str, zarr.Array[Any]] = {}
         curves: list[Curves] = []
         start = 0

@@ -27,13 +27,13 @@ from planner.checked_zarr import (
     ROOT_FILE,
     checksums_of,
     create_array,
+    create_group,
     is_sealed,
     open_for_writing,
     read_group,
     sealed,
 )
 from planner.errors import UNREADABLE, DamagedError, InputError, TimelineError
-from planner.files import zarr_group
 from planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
 
 if TYPE_CHECKING:
@@ -162,7 +162,7 @@ class TimelineWriter:
         """
         # First of all: a reader of frames whose files are being deleted sees that by its absence.
         (FilePath(path) / ROOT_FILE).unlink(missing_ok=True)
-        group = zarr_group(path, "w")
+        group = create_group(path)
         columns = _columns(windowed, len(chain.folded_rad))
         arrays = {
             name: create_array(

@@ -2,51 +2,75 @@
 
 from __future__ import annotations
 
+import json
+from typing import Final
+
 from server.doctor.check_result import CheckResult, ok, warning
 from server.doctor.drawing import run_python
 from server.settings import Settings
 
-_CONFINE = """
-import os, socket, sys, tempfile
+_CONFINE: Final = """
+import ctypes, json, os, socket, sys, tempfile
 from pathlib import Path
 import planner, server
 from server.processes.sandbox import confine
 from server.processes.landlock import Allowed
+
+libc = ctypes.CDLL(None, use_errno=True)
+REMOVE, NEW_USER_NAMESPACE = 0, 0x10000000
+
+def call(name, *arguments):
+    found = getattr(libc, name)(*arguments)
+    if found < 0:
+        raise OSError(ctypes.get_errno(), name)
+    return found
+
+def attempts(aim, own, parent):
+    yield "files of other programs", lambda: open(aim).close()
+    yield "signals to other programs", lambda: os.kill(parent, 0)
+    yield "sockets", lambda: socket.socket().close()
+    yield "shared memory", lambda: call("shmctl", call("shmget", 0, 4096, 0o600), REMOVE, None)
+    yield "links", lambda: os.link(own, own.with_name("link"))
+    yield "namespaces", lambda: call("unshare", NEW_USER_NAMESPACE)
+
 with tempfile.NamedTemporaryFile() as foreign, tempfile.TemporaryDirectory() as place:
     aim = sys.argv[1] if os.path.exists(sys.argv[1]) else foreign.name
+    parent = os.getpid()
     if not os.fork():
         confine(Allowed(writable=(Path(place),)))
+        own = Path(place) / "own"
+        own.touch()
         free = []
-        for what, do in (("files", lambda: open(aim)), ("sockets", socket.socket)):
+        for what, attempt in attempts(aim, own, parent):
             try:
-                do().close()
+                attempt()
                 free.append(what)
-            except PermissionError:
+            except (OSError, AttributeError):  # the system has no such function
                 pass
-        print("free", *free, flush=True)
+        print(json.dumps(free), flush=True)
         os._exit(0)
     os.wait()
 """
+"""Program that confines a process and prints what it may use nevertheless."""
 
 
 def confinement(settings: Settings) -> CheckResult:
-    """Check that processes that read uploads can access neither database nor network."""
+    """Check that processes that read uploads reach no other programs, files and networks."""
     code, words = run_python(_CONFINE, str(settings.root / "foldback.db"))
-    free = words.split()[1:]
-    if code or not words.startswith("free"):
+    if code or not words.startswith("["):
         found = f"the sandbox could not be tested ({words})"
-    elif free:
+    elif free := json.loads(words):
         found = (
-            "on this Linux kernel, processes that read uploads are not isolated from the "
-            f"{' and '.join(free)} of other programs"
+            "on this system, processes that read uploads are not isolated: they may use "
+            f"{' and '.join(free)}"
         )
     else:
         return ok(
-            "Landlock and seccomp isolate processes that read uploads from the files, signals and "
-            "sockets of other programs"
+            "the kernel refuses processes that read uploads files of other programs, signals to "
+            "other programs, sockets, shared memory, links and namespaces"
         )
     return warning(
         found,
-        "Use Linux 5.19 or newer with Landlock and seccomp (allow both in a container), "
-        "or run the service as a separate user with the sandbox options of systemd.",
+        "Use Linux 5.19 or newer with Landlock and seccomp (allow both in a container) on x86_64 "
+        "or ARM64, or run the service as a separate user with the sandbox options of systemd.",
     )

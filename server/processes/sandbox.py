@@ -46,8 +46,7 @@ PACKAGE_DIRS: Final = ("site-packages", "dist-packages")
 process may read them even if the service's data lie below them."""
 THREAD_EXIT_S: Final = 5.0
 """Maximum time to wait for other threads to end before a computing process is confined, in s.
-Confinement by the kernel applies to the calling thread only; with a smaller value slow threads make
-the start fail. Chosen."""
+Landlock confines the calling thread only."""
 
 
 def confine(work: Allowed, *, drawing: bool = False) -> None:
@@ -65,7 +64,7 @@ def confine(work: Allowed, *, drawing: bool = False) -> None:
     if landlock.version():
         landlock.restrict(_with_programs(work, drawing=drawing))
     with suppress(OSError):  # the kernel lacks seccomp, or a container forbids it
-        seccomp.refuse_calls()
+        seccomp.restrict(drawing=drawing)
 
 
 def confine_thread(place: Path) -> None:

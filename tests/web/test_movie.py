@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 import pytest
 from PIL import Image
 
@@ -199,6 +200,20 @@ def test_failed_encoder_is_an_error(tmp_path: Path, monkeypatch: pytest.MonkeyPa
         for _ in range(50):
             add(np.zeros((180, 320, 3), np.uint8))
     assert list(tmp_path.iterdir()) == [program]
+
+
+def test_encoder_ends_with_its_input_after_an_error(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused_by_the_sandbox(*_: object) -> None:
+        raise PermissionError
+
+    monkeypatch.setattr(subprocess.Popen, "send_signal", refused_by_the_sandbox)
+    movie = Movie(**SMALL)
+    with pytest.raises(ZeroDivisionError), open_encoder(movie, tmp_path / "a.mp4") as add:
+        add(np.zeros((movie.height, movie.width, 3), np.uint8))
+        raise ZeroDivisionError
+    assert not [child for child in psutil.Process().children() if "ffmpeg" in child.name()]
 
 
 @pytest.fixture

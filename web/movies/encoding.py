@@ -54,7 +54,7 @@ class NoEncoderError(EncodingError):
 def open_encoder(movie: Movie, out: Path) -> AbstractContextManager[AddPicture]:
     """Return the encoder of a movie's format; its file is complete when the context ends.
 
-    An error in the context leaves an unusable file, or none.
+    After an error in the context, the file is missing or holds an incomplete movie.
 
     Args:
         movie: Size, frame rate and format.
@@ -102,10 +102,8 @@ def _mp4_encoder(movie: Movie, out: Path) -> Generator[AddPicture]:
             yield lambda picture: pipe.write(np.ascontiguousarray(picture).data)
         except BrokenPipeError:
             ended_early = True
-        except BaseException:
-            process.kill()
-            raise
         finally:
+            # ffmpeg ends with its input; the sandbox of the service permits no signals to it.
             with suppress(BrokenPipeError):  # the exit code is more informative
                 pipe.close()
             code = process.wait()

@@ -1,4 +1,5 @@
 import json
+import os
 import shutil
 from pathlib import Path as FilePath
 from unittest.mock import Mock
@@ -54,6 +55,15 @@ def write_timeline(place: FilePath, chain: Chain, *parts: Motion) -> FilePath:
         for part in parts:
             writer.append(part)
     return place
+
+
+def test_timeline_is_written_without_links(
+    place: FilePath, hook_chain: Chain, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The sandbox of the service refuses links."""
+    monkeypatch.setattr(os, "link", Mock(side_effect=PermissionError))
+    frames = some_frames(5)
+    assert_same(Timeline.open(write_timeline(place, hook_chain, frames)).frames(), frames)
 
 
 def test_timeline_is_read_with_its_phases_and_its_chain(place: FilePath, hook_chain: Chain) -> None:

@@ -14,7 +14,7 @@ import typer
 from sqlalchemy.orm import Session
 
 from server.cli.doctor import doctor
-from server.doctor import data, drawing, machine
+from server.doctor import children, data, drawing, machine
 from server.doctor.check_result import CheckResult, examine
 from server.doctor.doctor import CHECKS
 from server.processes.movie_task import GL_SETTING
@@ -216,6 +216,35 @@ def test_crash_of_opengl_is_a_warning(tmp_path: Path, monkeypatch: pytest.Monkey
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
     crashed = "egl: it crashed (signal 11); osmesa: it crashed (signal 11)"
     check_finding(drawing.gl(settings(tmp_path)), "warning", crashed)
+
+
+NO_LANDLOCK = "landlock.version = lambda: 0"
+NO_SECCOMP = "seccomp.restrict = lambda **_: None"
+LINUX_5_19 = "landlock.version = lambda: 2"
+
+
+@pytest.mark.processes
+@pytest.mark.parametrize(
+    ("lacks", "verdict", "found"),
+    [
+        (LINUX_5_19, "ok", "refuses processes that read uploads files of other programs"),
+        (NO_LANDLOCK, "warning", "they may use files of other programs"),
+        (
+            f"{NO_SECCOMP}; {LINUX_5_19}",
+            "warning",
+            "signals to other programs and sockets and shared memory and links",
+        ),
+    ],
+)
+def test_what_the_sandbox_lacks_is_named(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, lacks: str, verdict: str, found: str
+) -> None:
+    monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
+    (tmp_path / "sitecustomize.py").write_text(
+        f"from server.processes import landlock, seccomp\n{lacks}\n"
+    )
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
+    check_finding(children.confinement(settings(tmp_path)), verdict, found)
 
 
 def test_missing_or_poor_encoder_is_a_warning(

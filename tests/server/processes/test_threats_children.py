@@ -18,7 +18,7 @@ from typing import Any
 
 import pytest
 
-from server.processes import landlock, sandbox, seccomp
+from server.processes import landlock, sandbox
 from server.processes.fork_server import ForkServer, Kind
 from server.processes.landlock import Allowed
 from server.processes.limits import ChildLimits
@@ -58,7 +58,7 @@ def attack(directory):
     pid = os.getppid()
     return {
         "own": tried(lambda: own.write_text("mine")),
-        "own limits": tried(lambda: resource.setrlimit(resource.RLIMIT_CORE, (0, 0))),
+        "own limits": tried(lambda: resource.getrlimit(resource.RLIMIT_CORE) and None),
         "threads": len(threading.enumerate()),
         "files": sorted(os.readlink(f"/proc/self/fd/{n}").partition(":")[0]
                         for n in os.listdir("/proc/self/fd")
@@ -71,6 +71,7 @@ def attack(directory):
             "other fold": tried(lambda: os.listdir(aim["fold"])),
             "its plan": tried(lambda: open(aim["fold"] + "/plan.json")),
             "its plan replaced": tried(lambda: own.rename(aim["fold"] + "/plan.json")),
+            "hard link": tried(lambda: os.link(own, own.with_name("link"))),
             "link": tried(lambda: os.symlink(aim["database"], own.with_name("link"))),
             "fifo": tried(lambda: os.mkfifo(own.with_name("fifo"))),
             "other upload": tried(lambda: open(aim["upload"] + "/input")),
@@ -220,7 +221,10 @@ def test_hijacked_process_reaches_nothing(
     found = run_attack(kind, tmp_path, targets, None if kind in SPAWNED_KINDS else forks)
     assert found["own"] == found["own limits"] == "done"
     refused = found["refused"]
-    assert refused.pop("program") == "CalledProcessError"
+    # Movies need an encoder, but no program can do more than the process that starts it.
+    assert refused.pop("program") == (
+        "CalledProcessError" if kind == "movies" else "PermissionError"
+    )
     assert set(refused.values()) == {"PermissionError"}, refused
     # Only the pipe to the parent is open and, in some kinds, the reader of one upload or plan. No
     # other reader was started before, as it would not be confined.
@@ -250,14 +254,3 @@ def test_process_with_other_threads_is_not_confined(tmp_path: Path) -> None:
         check=False,
     )
     assert "expected 1" in done.stderr
-
-
-def test_jumps_of_the_filter_stay_within_it() -> None:
-    for mark, _, column in seccomp.ARCHITECTURES.values():
-        code = seccomp.program(mark, column)
-        length = len(code) // 8
-        for at in range(length):
-            kind, yes, no = code[8 * at], code[8 * at + 2], code[8 * at + 3]
-            if kind in (seccomp.EQUAL, seccomp.AT_LEAST):
-                assert at + 1 + max(yes, no) < length
-        assert code[-8] == seccomp.RETURN
