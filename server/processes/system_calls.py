@@ -42,7 +42,6 @@ CALLS: Final[dict[str, Numbers]] = {
     "rename": (82, None),
     "renameat": (264, 38),
     "renameat2": (316, 276),
-    "umask": (95, 166),
     # Open files.
     "read": (0, 63),
     "write": (1, 64),
@@ -82,7 +81,6 @@ CALLS: Final[dict[str, Numbers]] = {
     "recvfrom": (45, 207),
     "shutdown": (48, 210),
     "getsockopt": (55, 209),
-    "setsockopt": (54, 208),
     "getsockname": (51, 204),
     "getpeername": (52, 205),
     "poll": (7, None),
@@ -219,6 +217,7 @@ which repeat the calls of x86_64, are larger, too."""
 ANY_BITS: Final = 0xFFFFFFFF
 O_ACCMODE, O_RDONLY, O_WRONLY, O_RDWR, O_TRUNC = 0x3, 0x0, 0x1, 0x2, 0x200
 AF_UNIX, SOCK_STREAM, SOCK_TYPE_MASK = 0x1, 0x1, 0xF
+MSG_OOB, RENAME_NOREPLACE = 0x1, 0x1
 CLONE_THREAD: Final = 0x10000
 REFUSED_CLONE_FLAGS: Final = 0x7E02A000
 """Bit mask of flags of clone(2) that create namespaces (``CLONE_NEW…``), trace the new process
@@ -281,6 +280,8 @@ def conditions(pid: int, *, drawing: bool) -> dict[str, tuple[Condition, ...]]:
     return {
         "open": (_opened(1),),
         "openat": (_opened(2),),
+        # Without exchanging files, and without leaving devices in their place.
+        "renameat2": (_equal(4, 0, RENAME_NOREPLACE),),
         "fcntl": (_equal(1, *FCNTL_COMMANDS),),
         "ioctl": (Condition(1, (*_equal(1, *IOCTL_REQUESTS).patterns, *driver)),),
         "prctl": (_equal(0, *PRCTL_OPTIONS),),
@@ -289,6 +290,9 @@ def conditions(pid: int, *, drawing: bool) -> dict[str, tuple[Condition, ...]]:
         "tgkill": (_equal(0, pid),),
         # Python's event loops need pairs of stream sockets.
         "socketpair": (_equal(0, AF_UNIX), Condition(1, ((SOCK_TYPE_MASK, SOCK_STREAM),))),
+        # Out-of-band data, which event loops do not send, is a rarely used part of the kernel.
+        "sendto": (Condition(3, ((MSG_OOB, 0),)),),
+        "recvfrom": (Condition(3, ((MSG_OOB, 0),)),),
         # Only its own limits, and only with a null pointer instead of new ones.
         "prlimit64": (_equal(0, 0), _equal(2, 0), Condition(2, ((ANY_BITS, 0),), upper=True)),
     }

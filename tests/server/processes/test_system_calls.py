@@ -118,6 +118,7 @@ def attack(place, foreign, parent):
         "link": outcome(lambda: os.symlink(foreign, own.with_name("link"))),
         "fifo": outcome(lambda: os.mkfifo(own.with_name("fifo"))),
         "mode": outcome(lambda: own.chmod(0o777)),
+        "mode of new files": outcome(lambda: checked(NUMBERS["umask"], 0)),
         "attribute": outcome(lambda: os.setxattr(own, "user.a", b"")),
         "tcp": outcome(lambda: exchange(socket.AF_INET)),
         "unix": outcome(lambda: exchange(socket.AF_UNIX)),
@@ -305,6 +306,11 @@ def test_only_listed_calls_are_permitted(architecture: tuple[int, int, int], dra
         ("socketpair", (1, 2), REFUSE),
         ("socketpair", (1, 5), REFUSE),
         ("socketpair", (2, 1), REFUSE),
+        ("renameat2", (3, 0, 3, 0, 1), PERMIT),
+        ("renameat2", (3, 0, 3, 0, 4), REFUSE),
+        ("sendto", (3, 0, 1, 0x4000), PERMIT),
+        ("sendto", (3, 0, 1, 0x4001), REFUSE),
+        ("recvfrom", (3, 0, 1, 1), REFUSE),
         ("prlimit64", (0, 7, 0, 5000), PERMIT),
         ("prlimit64", (0, 7, 5000, 0), REFUSE),
         ("prlimit64", (0, 7, 5000 << 32, 0), REFUSE),
@@ -360,12 +366,13 @@ def test_entries_of_other_programs_are_refused(tmp_path: Path) -> None:
 def test_every_version_of_landlock_holds_what_is_promised(tmp_path: Path) -> None:
     """Each version that a kernel may report, from that of Linux 5.19 to this kernel's own."""
     column = seccomp.ARCHITECTURES[platform.machine()][2]
-    named = json.dumps({name: CALLS[name][column] for name in ("tgkill", "prctl", "clone")})
+    named = {name: CALLS[name][column] for name in ("tgkill", "prctl", "clone")}
+    named["umask"] = (95, 166)[column]
     foreign, place = tmp_path / "foreign", tmp_path / "place"
     foreign.write_text("theirs")
     place.mkdir()
     versions = list(range(landlock.MIN_LANDLOCK_VERSION, landlock.version() + 1))
-    lines = run(ATTACK, place, foreign, named, json.dumps(versions))
+    lines = run(ATTACK, place, foreign, json.dumps(named), json.dumps(versions))
     assert len(lines) == len(versions) > 0
     for version, line in zip(versions, lines, strict=True):
         found: dict[str, Any] = json.loads(line)
