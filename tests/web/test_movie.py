@@ -209,7 +209,7 @@ def test_encoder_ends_with_its_input_after_an_error(
         raise PermissionError
 
     monkeypatch.setattr(subprocess.Popen, "send_signal", refused_by_the_sandbox)
-    movie = Movie(**SMALL)
+    movie = Movie.of(SMALL)
     with pytest.raises(ZeroDivisionError), open_encoder(movie, tmp_path / "a.mp4") as add:
         add(np.zeros((movie.height, movie.width, 3), np.uint8))
         raise ZeroDivisionError
