@@ -69,7 +69,7 @@ class LazyCommands(TyperGroup):
     ) -> tuple[str | None, Command | None, list[str]]:
         """Import the command that is called and return it with its arguments."""
         name, command, rest = super().resolve_command(ctx, args)
-        return name, command if name is None else _imported(name), rest
+        return name, command if name is None else imported(name), rest
 
     def invoke(self, ctx: Context) -> object:
         """Run the command; report an error of the operating system in one sentence."""
@@ -102,7 +102,7 @@ def _not_imported() -> None:
     """Stand in for a command in the list of commands."""
 
 
-def _imported(name: str) -> Command:
+def imported(name: str) -> Command:
     """Return the command with a name, from the module of the same name."""
     found: typer.Typer | Callable[..., None] = getattr(
         import_module(f"{SERVICE_PACKAGES.get(name, 'cli')}.{name}"), name
