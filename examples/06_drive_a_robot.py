@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
-from urllib.request import urlopen
+from urllib.request import ProxyHandler, build_opener
 
 import mujoco
 import numpy as np
@@ -21,11 +20,11 @@ def main() -> None:
     options.add_argument("--speed", type=float, default=1.0, help="1 keeps within the limits")
     options.add_argument("--stiffness", type=float, default=5.0, help="of servos; weak: 0.02")
     given = options.parse_args()
-    os.environ.setdefault("no_proxy", "127.0.0.1,localhost")  # no proxy reaches this machine
-    with urlopen(f"{given.url}/api/folds") as answer:
-        verified = [f["id"] for f in json.load(answer)["folds"] if f["status"] == "verified"]
-    fold = given.fold or verified[0]
-    with urlopen(f"{given.url}/api/folds/{fold}/model.xml") as answer:
+    directly = build_opener(ProxyHandler({})).open  # a proxy cannot reach this machine
+    with directly(f"{given.url}/api/folds") as answer:
+        verified = (f["id"] for f in json.load(answer)["folds"] if f["status"] == "verified")
+    fold = given.fold or next(verified)
+    with directly(f"{given.url}/api/folds/{fold}/model.xml") as answer:
         spec = mujoco.MjSpec.from_string(answer.read().decode())
     stiffness = given.stiffness * len(spec.bodies) ** 3  # long chains need stiffer servos
     for joint in spec.joints:
@@ -38,7 +37,9 @@ def main() -> None:
     model = spec.compile()
     robot = mujoco.MjData(model)
     address = given.url.replace("http", "ws", 1) + f"/api/folds/{fold}/play"
-    with connect(f"{address}?speed={given.speed}&speeds=true", max_size=None) as service:
+    with connect(
+        f"{address}?speed={given.speed}&speeds=true", max_size=None, proxy=None
+    ) as service:
         begin = json.loads(service.recv())
         if begin["is"] == "problem":
             raise SystemExit(begin["detail"])
@@ -55,12 +56,12 @@ def main() -> None:
                 passed_s = max(message["time_s"] - robot.time, least_s)  # late targets are left out
                 mujoco.mj_step(model, robot, nstep=max(1, round(passed_s / model.opt.timestep)))
                 error = np.abs(robot.qpos[joints] - message["joint_angles_rad"]).max()
-                report = {"do": "report", "error_rad": error, "number": message["number"]}
-                service.send(json.dumps(report))
+                report = {"error_rad": error, "number": message["number"]}
+                service.send(json.dumps({"do": "report"} | report))
             else:
                 print(message, flush=True)
             if message["is"] == "end":
-                break
+                return
 
 
 if __name__ == "__main__":

@@ -30,15 +30,15 @@ Source = str | os.PathLike[str] | bytes | IO[bytes] | Sequence[Sequence[int]] | 
 
 
 class ShapeOptions(PreviewOptions, total=False):
-    """Options that turn a shape into a chain, or the id of a preview."""
+    """Options that turn a shape into a chain, or the id of a preview or fold with the shape."""
 
     preview: str
+    fold: str
 
 
 class FoldOptions(ShapeOptions, PlanOptions, total=False):
     """Options of a fold and of its shape, and ids of the folds that it is based on."""
 
-    fold: str
     refold: str
     smooth: str
 
