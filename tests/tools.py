@@ -114,6 +114,12 @@ def _draws(backend: str) -> bool:
 
 
 CHROMIUM = Tool("Chromium", ("chromium",), _find_chromium, _download_chromium)
+FIREFOX = Tool(
+    "Firefox",
+    ("firefox-esr",),
+    lambda: next(filter(None, map(shutil.which, ("firefox-esr", "firefox"))), None),
+)
+XVFB = Tool("Xvfb", ("xvfb",), lambda: shutil.which("Xvfb"))
 POSTGRES = Tool("PostgreSQL", ("postgresql",), _find_postgres)
 CADDY = Tool("Caddy", ("caddy",), lambda: shutil.which("caddy"))
 SYSTEMD = Tool("systemd-analyze", ("systemd",), lambda: shutil.which("systemd-analyze"))
@@ -123,7 +129,7 @@ OPENGL = Tool(
     ("libegl1", "libgl1", "libgl1-mesa-dri"),
     lambda: next((backend for backend in GL_BACKENDS if _draws(backend)), None),
 )
-TOOLS = (CHROMIUM, POSTGRES, CADDY, SYSTEMD, LINUX_HEADERS, OPENGL)
+TOOLS = (CHROMIUM, FIREFOX, XVFB, POSTGRES, CADDY, SYSTEMD, LINUX_HEADERS, OPENGL)
 
 
 def _install(missing: list[Tool]) -> dict[str, str]:

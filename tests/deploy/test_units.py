@@ -25,7 +25,11 @@ def units(tmp_path: Path) -> list[Path]:
     for name in UNITS:
         path = tmp_path / name.replace("@", "@1")
         text = (DEPLOY / "systemd" / name).read_text()
-        path.write_text(text.replace("/opt/foldback/bin/foldback", sys.executable))
+        # A path in a unit has no spaces; the checkout's may have some.
+        program = tmp_path.with_name(f"{tmp_path.name}-python")
+        if not program.exists():
+            program.symlink_to(sys.executable)
+        path.write_text(text.replace("/opt/foldback/bin/foldback", str(program)))
         found.append(path)
     return found
 

@@ -6,7 +6,7 @@ import shlex
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
@@ -39,8 +39,9 @@ SIGNATURES: Final = ROOT / "docs" / "how-a-fold-is-computed.md"
 SYSTEM_PROGRAMS: Final = {"apt", "docker", "install", "systemctl", "systemd-run"}
 """Programs that change the machine; ``make deploy-check`` and ``make compose-check`` run what these
 commands do."""
-EXIT_STATUSES: Final = {"table": 3}
-"""Exit statuses of commands that, as the pages say, find a weakness of their example."""
+NOT_ACHIEVED: Final = ("foldback table ", "--motor-torque 3")
+"""Parts of the commands that, as the pages say, exit with 3: their example needs stronger motors,
+or was not made for a table."""
 
 
 def blocks(page: Path, language: str) -> list[str]:
@@ -81,7 +82,7 @@ def shell(line: str, place: Path, **environment: str) -> subprocess.CompletedPro
 
 
 @contextmanager
-def until_interrupted(arguments: list[str], place: Path, says: str) -> Iterator[None]:
+def until_interrupted(arguments: list[str], place: Path, says: str) -> Generator[None]:
     """Start a program, wait until it prints an address, and end it as Ctrl-C does."""
     with subprocess.Popen(arguments, cwd=place, stdout=subprocess.PIPE, text=True) as program:
         assert program.stdout is not None
@@ -174,7 +175,8 @@ def test_commands_of_a_page(page: Path, tmp_path: Path) -> None:
                 with until_interrupted(environment_words, tmp_path, "http://"):
                     continue
             done = shell(line, tmp_path)
-            assert done.returncode == EXIT_STATUSES.get(words[1], 0), done.stderr[-2000:]
+            expected = 3 if any(part in line for part in NOT_ACHIEVED) else 0
+            assert done.returncode == expected, done.stderr[-2000:]
 
 
 def test_commands_that_pages_name_exist() -> None:

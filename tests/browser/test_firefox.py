@@ -1,0 +1,172 @@
+"""Fold page in Firefox, with and without WebGL: scrub, play, select, plot, share."""
+
+import json
+import os
+import re
+import subprocess
+from collections.abc import Generator, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import pytest
+from websockets.sync.client import connect
+from websockets.sync.connection import Connection
+
+from tests.browser.conftest import TIMEOUT_MS
+from tests.server.service_process import Service
+from tests.tools import FIREFOX, XVFB
+
+COMPLETE = "window.foldback?.timeline.complete"
+WEBGL = "Boolean(document.createElement('canvas').getContext('webgl2'))"
+SHOWN_FRAME = "document.querySelector('#r-frame').textContent"
+CENTRE = """((selector) => {
+  const element = document.querySelector(selector);
+  if (!element?.checkVisibility() || element.disabled) return null;
+  element.scrollIntoView({ block: "nearest" });
+  const box = element.getBoundingClientRect();
+  return JSON.stringify([box.x + box.width / 2, box.y + box.height / 2].map(Math.round));
+})"""
+"""Function that returns the centre of an element as JSON; null if nobody could click it."""
+ARROW_RIGHT, ENTER = "\ue014", "\ue007"
+"""Keys in the code of WebDriver."""
+
+
+class Firefox:
+    """One tab of Firefox, driven by WebDriver BiDi, which Firefox itself serves.
+
+    Args:
+        socket: Connection to the browser.
+    """
+
+    def __init__(self, socket: Connection) -> None:
+        self.errors: list[str] = []
+        self._socket = socket
+        self._sent = 0
+        self.send("session.new", capabilities={})
+        self.send("session.subscribe", events=["log.entryAdded"])
+        (tab,) = self.send("browsingContext.getTree")["contexts"]
+        self._tab = tab["context"]
+
+    def send(self, method: str, **params: Any) -> Any:
+        """Send a command and return its result; keep the errors that pages log meanwhile."""
+        self._sent += 1
+        self._socket.send(json.dumps({"id": self._sent, "method": method, "params": params}))
+        while True:
+            answer = json.loads(self._socket.recv(TIMEOUT_MS / 1000))
+            if answer.get("id") == self._sent:
+                assert answer["type"] == "success", answer
+                return answer["result"]
+            entry = answer["params"]
+            if entry.get("level") == "error":
+                self.errors.append(f"{entry['text']} {entry.get('stackTrace')}")
+
+    def open(self, address: str) -> None:
+        self.send("browsingContext.navigate", context=self._tab, url=address, wait="interactive")
+
+    def run(self, expression: str) -> Any:
+        """Return the value of an expression in the page; it must be a plain one."""
+        target = {"context": self._tab}
+        answer = self.send(
+            "script.evaluate", expression=expression, target=target, awaitPromise=True
+        )
+        assert answer["type"] == "success", answer
+        return answer["result"].get("value")
+
+    def until(self, expression: str) -> Any:
+        """Wait until an expression in the page is true, and return its value."""
+        return self.run(f"""new Promise((resolve, reject) => {{
+          const begin = performance.now();
+          const check = () => {{
+            const value = {expression};
+            if (value) resolve(value);
+            else if (performance.now() - begin > {TIMEOUT_MS}) reject({expression!r});
+            else setTimeout(check, 50);
+          }};
+          check();
+        }})""")
+
+    def click(self, selector: str) -> None:
+        """Click an element once it is visible and enabled."""
+        x, y = json.loads(self.until(f"{CENTRE}({selector!r})"))
+        press = [{"type": f"pointer{action}", "button": 0} for action in ("Down", "Up")]
+        moves = [{"type": "pointerMove", "x": x, "y": y}, *press]
+        self._act({"type": "pointer", "id": "mouse", "actions": moves})
+
+    def type(self, keys: str) -> None:
+        """Press keys one after another."""
+        actions = [{"type": f"key{way}", "value": key} for key in keys for way in ("Down", "Up")]
+        self._act({"type": "key", "id": "keyboard", "actions": actions})
+
+    def _act(self, source: dict[str, Any]) -> None:
+        self.send("input.performActions", context=self._tab, actions=[source])
+
+
+@contextmanager
+def display() -> Generator[dict[str, str]]:
+    """Run a display that nobody sees, on which Firefox has WebGL; yield its variables."""
+    receiver, sender = os.pipe()
+    command = [XVFB.get(), "-displayfd", str(sender), "-screen", "0", "1366x768x24"]
+    with subprocess.Popen(command, pass_fds=(sender,), stderr=subprocess.DEVNULL) as server:
+        os.close(sender)
+        with open(receiver, encoding="utf-8") as numbers:
+            yield {"DISPLAY": f":{numbers.readline().strip()}", "LIBGL_ALWAYS_SOFTWARE": "1"}
+        server.terminate()
+
+
+@pytest.fixture(params=[True, False], ids=["webgl", "no-webgl"])
+def firefox(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Firefox]:
+    preferences = {
+        "webgl.force-enabled": request.param,
+        "webgl.disabled": not request.param,
+        "services.settings.server": "data:,",  # no request to the maker's servers
+    }
+    lines = [f"user_pref('{name}', {json.dumps(value)});" for name, value in preferences.items()]
+    (tmp_path / "user.js").write_text("\n".join(lines))
+    command = [FIREFOX.get(), "--profile", str(tmp_path), "--remote-debugging-port", "0"]
+    with (
+        display() as variables,
+        subprocess.Popen(
+            command, env={**os.environ, **variables}, stderr=subprocess.PIPE, text=True
+        ) as program,
+    ):
+        assert program.stderr is not None
+        listening = (re.search(r"BiDi listening on (ws:\S+)", line) for line in program.stderr)
+        address = next(match[1] for match in listening if match)
+        with connect(f"{address}/session", max_size=None, proxy=None) as socket:
+            yield Firefox(socket)
+        program.terminate()
+
+
+def test_fold_page_in_firefox(
+    request: pytest.FixtureRequest, firefox: Firefox, service: Service, wrench: str
+) -> None:
+    site = str(service.http.base_url).rstrip("/")
+    firefox.open(f"{site}/folds/{wrench}")
+    assert firefox.run(WEBGL) == request.node.callspec.params["firefox"]
+    firefox.until(COMPLETE)
+    firefox.click("#scrub")
+    frame = firefox.run("Number(document.querySelector('#scrub').value)")
+    assert frame > 1
+    firefox.type(ARROW_RIGHT)
+    firefox.until(f"{SHOWN_FRAME}.startsWith('Frame {frame + 2} of ')")
+    firefox.click("#play")
+    firefox.until(f"!{SHOWN_FRAME}.startsWith('Frame {frame + 2} of ')")
+    firefox.click("#play")
+    firefox.click("#details")
+    firefox.click("#tab-module")
+    firefox.click("#module-number")
+    firefox.type("7" + ENTER)
+    firefox.until("document.querySelector('#panel-module h2').textContent.startsWith('Module 7 ')")
+    firefox.click("#tab-plots")
+    firefox.until("document.querySelectorAll('.plot').length >= 4")
+    firefox.click("#details")
+    firefox.click("#share")
+    link = firefox.until("document.querySelector('#share-link')?.value")
+    shared = re.search(rf"/folds/{wrench}[?#].*frame=(\d+)", link)
+    assert shared is not None, link
+    firefox.open("about:blank")
+    firefox.open(link)
+    firefox.until(COMPLETE)
+    firefox.until(f"{SHOWN_FRAME}.startsWith('Frame {shared[1]} of ')")
+    assert firefox.errors == []
