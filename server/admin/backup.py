@@ -167,9 +167,8 @@ def _stage_rows(
     """Replace the tables within a transaction; return the ids of the folds that are left out."""
     drop_tables(connection)
     upgrade(connection, manifest.schema)
-    with_files = {file.name.split("/")[1] for file in manifest.files}
     with open_inside(directory, ROWS) as source:
-        left_out = load_rows(connection, source, with_files)
+        left_out = load_rows(connection, source, (file.name for file in manifest.files))
     connection.execute(sa.insert(CounterRow).values(name=RESTORED_COUNTER, value=number))
     return left_out
 

@@ -103,7 +103,7 @@ class Manifest(
             version = msgspec.json.decode(text, type=_Version)
             if version.format == BACKUP_FORMAT:
                 found = msgspec.json.decode(text, type=cls)
-                _check_names([file.name for file in (found.rows, *found.files)])
+                _check_names(found)
                 return found
         except (msgspec.DecodeError, RecursionError) as error:
             raise AdminError(
@@ -122,9 +122,11 @@ class _Version(Struct, frozen=True):
     format: int
 
 
-def _check_names(names: list[str]) -> None:
-    strange = [] if names[0] == ROWS else names[:1]
-    strange += [name for name in names[1:] if not is_file_name(name)]
+def _check_names(manifest: Manifest) -> None:
+    keys = ("folds/",) if manifest.storage == "directory" else ("folds/", "movies/")
+    names = [file.name for file in manifest.files]
+    strange = [] if manifest.rows.name == ROWS else [manifest.rows.name]
+    strange += [name for name in names if not (is_file_name(name) and name.startswith(keys))]
     strange += [name for name, count in Counter(names).items() if count > 1]
     if strange:
         raise AdminError(

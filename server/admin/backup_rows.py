@@ -6,7 +6,7 @@ types of these tables. Anything else in the file is refused.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from dataclasses import dataclass
 from io import BufferedReader
 from typing import Annotated, Any, BinaryIO, Final
@@ -65,7 +65,7 @@ def write_rows(connection: sa.Connection, file: BinaryIO) -> frozenset[str]:
 
 
 def load_rows(
-    connection: sa.Connection, file: BufferedReader, with_files: Collection[str]
+    connection: sa.Connection, file: BufferedReader, names: Iterable[str]
 ) -> Collection[str]:
     """Insert the rows of a backup into tables that have just been created.
 
@@ -75,7 +75,7 @@ def load_rows(
     Args:
         connection: Connection to the database, in a transaction.
         file: The rows.
-        with_files: Ids of the folds that have files in the backup.
+        names: Names of the files in the backup.
 
     Returns:
         Ids of the folds that were left out.
@@ -86,8 +86,10 @@ def load_rows(
         OSError: If the file cannot be read.
     """
     tables = {table.name: _Table.of(table) for table in _tables(connection)}
-    missing, left_out = set(with_files), set[str]()
-    started: set[str] = set()
+    owners = {tuple(name.split("/", 2)[:2]) for name in names}
+    with_files = {fold_id for key, fold_id in owners if key == "folds"}
+    missing = {fold_id for _, fold_id in owners}
+    left_out, started = set[str](), set[str]()
     for name, lines in _batches(file, tables):
         table = tables[name]
         if name not in started:  # rows of the migrations

@@ -12,6 +12,7 @@ import logging
 import re
 import shutil
 from collections.abc import Iterator
+from contextlib import suppress
 from io import BytesIO
 from pathlib import Path
 from typing import BinaryIO, Final
@@ -223,4 +224,5 @@ def finish_restore(engine: sa.Engine, settings: Settings, storage: Storage | Non
             for path in copies.glob("*"):
                 shutil.rmtree(path, ignore_errors=True)
         connection.execute(sa.delete(CounterRow).where(CounterRow.name == RESTORED_COUNTER))
-    staged.discard()
+    with suppress(StorageError):  # a worker deletes the rest later
+        staged.discard()

@@ -119,7 +119,7 @@ class Site:
         counted = isinstance(moment, int)
         context = multiprocessing.get_context("forkserver")
         context.set_forkserver_preload([__name__])
-        count = context.Value("q", 0)
+        count = context.RawValue("q", 0)
         process = context.Process(
             target=_restore,
             args=(self, copy, dict(os.environ), moment if counted else sys.maxsize, fault, count),

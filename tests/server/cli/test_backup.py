@@ -188,6 +188,7 @@ HOSTILE: dict[str, Callable[[Path], object]] = {
     "line": _named("folds/first/a\nb"),
     "database": _named("../rows.jsonl"),
     "twice": _named("folds/first/input"),
+    "movie": _named("movies/first/a.mp4"),
     "huge file": _manifest(files=[_file_of(2**50)]),
     "impossible file": _manifest(files=[_file_of(2**70)]),
     "negative file": _manifest(files=[_file_of(-1)]),
@@ -237,6 +238,21 @@ def test_restore_of_a_changed_backup_touches_nothing(small: Site, tmp_path: Path
             assert small.state() == before
             assert not small.staged()
             assert not list(tmp_path.rglob("evil/*"))
+
+
+@pytest.mark.processes
+def test_restore_of_changed_rows_into_postgresql_touches_nothing(
+    large: Site, tmp_path: Path
+) -> None:
+    before = large.state()
+    for name in ("cut", "large number", "movie of no fold", "row twice", "NUL"):
+        with case(name):
+            copy = tmp_path / name
+            assert large.run("backup", copy).exit_code == 0
+            (HOSTILE | {"NUL": _value("name", r'"\u0000"')})[name](copy)
+            refused = large.run("restore", "--replace", copy)
+            assert refused.exit_code == 1 and "use another" in refused.stderr
+            assert large.state() == before and not large.staged()
 
 
 def test_backup_in_an_older_format_is_refused(small: Site, tmp_path: Path) -> None:
