@@ -20,6 +20,7 @@ from server.ops.readiness import check_folder
 from server.settings import Settings
 from server.store.object_store import open_storage
 from server.store.schema_version import Schema
+from server.store.staged_files import restored_number
 from server.store.tables import missing_database, reading_connection
 
 NETWORK_FILESYSTEMS: Final = frozenset(
@@ -114,6 +115,12 @@ def _tables(url: str, connection: sa.Connection) -> CheckResult:
         return warning(
             f"{found}, expected {schema.head}",
             "Back up the database before you start `foldback serve`, which updates the tables.",
+        )
+    if restored_number(connection) is not None:
+        return warning(
+            f"{found}, with an unfinished restore",
+            "Start the service or run `foldback admin list` to finish it. If the restored files "
+            "are lost, restore the backup again.",
         )
     if ahead_s > MAX_CLOCK_DIFFERENCE_S:
         return warning(

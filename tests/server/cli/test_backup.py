@@ -18,6 +18,7 @@ import pytest
 from server.admin.backup_manifest import MANIFEST, ROWS, BackupFile, Manifest
 from server.admin.backup_rows import SAVED_TABLES, UNSAVED_TABLES
 from server.admin.database import drop_tables, replacement
+from server.doctor.data import database
 from server.jobs.housekeeping import Housekeeping
 from server.store.folds import NoSuchFoldError, Store
 from server.store.staged_files import StagedFolders
@@ -331,6 +332,7 @@ def test_unfinished_restore_is_finished_by_the_next_command(
         assert halfway.exit_code == 1 and "not in place yet (disk: " in halfway.stderr
         assert "disk cannot be used" in small.run("list").stderr
     assert "unfinished restore" in small.run("backup", tmp_path / "other").stderr
+    assert "unfinished restore" in database(small.settings).found
     assert not (tmp_path / "other" / MANIFEST).exists()
     (number,) = small.staged()
     assert [row["id"] for row in json.loads(small.run("list", "--json").stdout)] == ["first"]
