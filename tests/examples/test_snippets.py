@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 from collections.abc import Generator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
@@ -21,10 +21,15 @@ from planner.motion.angle_encoding import quantised
 from planner.plan import plan as plan_module
 from planner.plan.plan import Plan
 from planner.readers.gallery import Gallery
+from server.admin.migration import run_migration
 from server.cli.command_line import COMMANDS, imported
+from server.settings import Settings
+from server.store.folds import Store
+from server.store.owner import Owner
 from tests.case import case
 from tests.planner.folds import run_fold
 from tests.run_python import ROOT
+from tests.server.rows import a_fold
 from tests.server.service_process import FinishedFold
 
 pytestmark = pytest.mark.slow
@@ -161,22 +166,40 @@ def test_python_page(folded: Path) -> None:
 
 
 @pytest.mark.long
-@pytest.mark.parametrize("page", [README, ROOT / "docs" / "robot.md"], ids=lambda p: p.stem)
-def test_commands_of_a_page(page: Path, tmp_path: Path) -> None:
-    if page != README:
-        assert shell("foldback fold wrench-24 --out wrench", tmp_path).returncode == 0
-    for line in commands(page):
+@pytest.mark.parametrize("page", ["README.md", "docs/robot.md", "docs/deploy.md"])
+def test_commands_of_a_page(page: str, tmp_path: Path) -> None:
+    if ROOT / page != README:
+        done = shell("foldback fold wrench-24 --out wrench && cp -r wrench out", tmp_path)
+        assert done.returncode == 0, done.stderr
+    lines = [line for line in commands(ROOT / page) if re.match(r"(\S*/)?(foldback|python) ", line)]
+    assert lines
+    for line in lines:
         with case(line):
             words = shlex.split(line, comments=True)
-            if words[0] == "make":
-                continue  # tests/deploy and continuous integration run both
             if words[1] == "play":
-                environment_words = [*words, "--port", "0"] if "--port" not in words else words
-                with until_interrupted(environment_words, tmp_path, "http://"):
+                with until_interrupted([*words, "--port", "0"], tmp_path, "http://"):
                     continue
             done = shell(line, tmp_path)
             expected = 3 if any(part in line for part in NOT_ACHIEVED) else 0
             assert done.returncode == expected, done.stderr[-2000:]
+
+
+@pytest.mark.long
+def test_commands_of_the_operations_page(tmp_path: Path) -> None:
+    settings = Settings(data_dir=tmp_path / "data")
+    settings.make_directories()
+    run_migration(settings)
+    with closing(Store(settings)) as store:
+        store.add(a_fold("failed", status="failed"), Owner.from_token("a" * 24))
+    (settings.folds_dir / "failed").mkdir()
+    for name in ("input", "request.json"):
+        (settings.folds_dir / "failed" / name).write_text("{}")
+    variables = {"FOLDBACK_DATA_DIR": str(settings.root), "ID": "failed", "DIR": "backup"}
+    for line in commands(ROOT / "docs" / "operations.md"):
+        if line.startswith("foldback "):
+            with case(line):
+                done = shell(line.replace("/backup/", f"{tmp_path}/"), tmp_path, **variables)
+                assert done.returncode == 0, done.stderr[-2000:]
 
 
 def test_commands_that_pages_name_exist() -> None:
