@@ -14,8 +14,9 @@ from server.api.folds import Here, file_or_problems, problems
 from server.api.owner_tokens import AnyClaim, OptionalOwner, not_owner
 from server.api.schemas import Body, Fault
 from server.api.tours import tour_of
-from server.errors import Conflict
+from server.errors import Conflict, Unusable
 from server.http.downloads import download
+from server.processes.movie_task import movie_formats
 from server.store.tables import MovieRow
 from web.movies.movie import Movie
 
@@ -124,6 +125,7 @@ def post_movie(
     found = context.store.find(fold_id) if options.tour else None
     tour = None if found is None else tour_of(context.store, found)
     movie = Movie.of(options.model_dump(exclude={"tour"}), tour)
+    _check_format(movie.format)
     of_owner = context.store.owns(fold_id, claim.owner)
     visitor = context.visitor(request)
     row, new = context.movies.ask(fold_id, movie, visitor, owner=claim.owner, of_owner=of_owner)
@@ -183,6 +185,20 @@ def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwne
         )
     context.movies.delete(fold_id, movie_id)
     return Response(status_code=204)
+
+
+def _check_format(wanted: str) -> None:
+    """Check that this service can make movies of a format."""
+    possible = movie_formats()
+    if wanted in possible:
+        return
+    if not possible:
+        raise Unusable("no-gl", "This service cannot draw movies, because it has no OpenGL.")
+    raise Unusable(
+        "no-encoder",
+        "got mp4, but this service has no ffmpeg to encode it; expected gif.",
+        where="format",
+    )
 
 
 def _again(response: Response, body: MovieBody) -> None:

@@ -25,7 +25,7 @@ from planner.pipeline.fold_layout import is_on_table, result_path
 from server.ops.startup_errors import settings_of
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
-from server.processes.movie_task import ask_for_movie, run_movie
+from server.processes.movie_task import ask_for_movie, check_movie, run_movie
 from web.movies.movie import FORMATS, Movie
 
 MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
@@ -42,11 +42,15 @@ MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
     "elevation_deg": ("--elevation", float, "Camera angle above the ground, degrees."),
     "turn_deg": ("--turn", float, "Angle through which the camera circles, degrees."),
     "theme": ("--theme", str, "Colours: light or dark."),
-    "first_frame": ("--from", int, "First frame. Default: the first frame of the playback."),
+    "first_frame": (
+        "--from",
+        int,
+        "First frame, from 0. Default: the first frame of the playback.",
+    ),
     "last_frame": (
         "--to",
         int,
-        "Last frame. If it is before the first frame, the movie plays backwards.",
+        "Last frame, from 0. If it is before the first frame, the movie plays backwards.",
     ),
 }
 """Options of a movie on the command line: flag, type and help, by the field of ``Movie``."""
@@ -92,6 +96,7 @@ def movie(
     try:
         told = _tour_of(directory) if tour else None
         movie = Movie.of({"format": _format_of(out), **options}, told)
+        check_movie(movie.format)
         _make(movie, _timeline_of(directory), out, on_table=is_on_table(directory))
     except InputError as error:
         refuse(error, as_json)

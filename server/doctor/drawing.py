@@ -25,14 +25,12 @@ model = mujoco.MjModel.from_xml_string("<mujoco/>")
 mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
 """
 _ENCODE: Final = """
-import subprocess, sys
-from web.movies.encoding import NoEncoderError, find_ffmpeg
+import sys
+from web.movies.encoding import NoEncoderError, find_ffmpeg, formats
 try:
-    path = find_ffmpeg()
+    print(find_ffmpeg(), "with" if "mp4" in formats() else "without", "x264")
 except NoEncoderError as error:
     sys.exit(error)
-answer = subprocess.run([path, "-hide_banner", "-encoders"], capture_output=True, text=True)
-print(path, "with" if " libx264 " in answer.stdout else "without", "x264")
 """
 _COMPILE: Final = """
 from planner.kernels.trails import one_circuit

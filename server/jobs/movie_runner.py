@@ -26,7 +26,7 @@ from server.jobs.queue import MAX_LOSSES, MovieClaim
 from server.jobs.retry import retry_until_available
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
-from server.processes.movie_task import ask_for_movie, run_movie
+from server.processes.movie_task import ask_for_movie, check_movie, run_movie
 from server.processes.scratch import Scratch
 from server.settings import Settings
 from server.store.folds import NoSuchFoldError, Store
@@ -73,6 +73,7 @@ class MovieJobs:
         if row is None or row.status not in UNFINISHED_MOVIE_STATUSES:
             return  # it is no longer wanted, or already exists
         movie = Movie.of(row.wishes)
+        check_movie(movie.format)
         with self._scratch.directory() as place:
             progress = JobProgress(lambda fields: self._report(job, fields), {"steps": 0})
             if not retry_until_available(progress.last):

@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
+import ctypes.util
 import json
 import os
 from collections.abc import Callable, Mapping
+from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
 from server.processes.children import Child, ChildError
 from server.processes.limits import ChildLimits
+from web.movies.encoding import formats
 
-GL_BACKENDS: Final = ("egl", "osmesa")
+GL_LIBRARIES: Final = {"egl": "EGL", "osmesa": "OSMesa"}
+"""Names of the libraries that MuJoCo loads, by the OpenGL backend."""
+GL_BACKENDS: Final = tuple(GL_LIBRARIES)
 GL_SETTING: Final = "MUJOCO_GL"
 OFF_WORDS: Final = ("disable", "disabled", "off", "false", "0")
 NO_GL: Final = (
@@ -20,9 +25,38 @@ NO_GL: Final = (
     "'libosmesa6')"
 )
 NO_FFMPEG: Final = (
-    "MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or run pip install "
-    "'foldback[movies]'; otherwise, request a .gif"
+    "MP4 needs ffmpeg with x264: install it (Debian: apt install ffmpeg) or run pip install "
+    "'foldback[movies]'. GIF needs no other program: name a file that ends in .gif"
 )
+
+
+def movie_formats() -> tuple[str, ...]:
+    """Return the formats in which this machine can make movies; empty if it cannot draw."""
+    return formats() if _drawing_problem() is None else ()
+
+
+def check_movie(format_: str) -> None:
+    """Check that this machine has the programs for a movie, before a process is started.
+
+    Raises:
+        ChildError: If OpenGL (``no-gl``) or the encoder (``no-encoder``) is missing.
+    """
+    if (problem := _drawing_problem()) is not None:
+        raise ChildError("no-gl", f"{problem}.")
+    if format_ not in formats():
+        raise ChildError("no-encoder", f"{NO_FFMPEG}.")
+
+
+def _drawing_problem() -> str | None:
+    """Return why this machine cannot draw, without a full stop; None if it may be able to."""
+    if not (allowed := backends()):
+        return f"Drawing is switched off by {GL_SETTING}; unset {GL_SETTING}"
+    return None if any(_is_installed(GL_LIBRARIES[name]) for name in allowed) else NO_GL
+
+
+@cache
+def _is_installed(library: str) -> bool:
+    return ctypes.util.find_library(library) is not None
 
 
 def ask_for_movie(
@@ -51,7 +85,8 @@ def run_movie(
 ) -> bool:
     """Create the movie that ``request.json`` describes; return False if cancelled.
 
-    Each OpenGL backend gets its own process, because a process cannot change its backend.
+    Call ``check_movie`` first. Each OpenGL backend gets its own process, because a process cannot
+    change its backend.
 
     Raises:
         InputError: If the timeline cannot be used.
@@ -78,8 +113,6 @@ def run_movie(
                 raise ChildError("no-encoder", f"{NO_FFMPEG}.")
             case code:
                 raise ChildError(code, f"the movie could not be created: {result['reason']}")
-    if not said:
-        raise ChildError("no-gl", f"Drawing is switched off by {GL_SETTING}; unset {GL_SETTING}.")
     raise ChildError("no-gl", f"{NO_GL}. Reason: {'; '.join(said)[:300]}.")
 
 

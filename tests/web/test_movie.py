@@ -14,7 +14,13 @@ from PIL import Image
 
 from planner.chain.chain import Chain
 from tests.refusal import refused
-from web.movies.encoding import EncodingError, NoEncoderError, find_ffmpeg, open_encoder
+from web.movies.encoding import (
+    EncodingError,
+    NoEncoderError,
+    find_ffmpeg,
+    formats,
+    open_encoder,
+)
 from web.movies.make_movie import make_movie, schedule
 from web.movies.movie import Movie
 from web.movies.renderer import MovieRenderer, NoGLError
@@ -227,12 +233,15 @@ def test_ffmpeg_of_the_setting_comes_before_path_and_extra(
     without_ffmpeg: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     assert "imageio_ffmpeg" in find_ffmpeg()
+    assert formats() == ("mp4", "gif")
     on_path = tmp_path / "ffmpeg"
     on_path.write_text("#!/bin/sh\n")
     on_path.chmod(0o755)
     assert find_ffmpeg() == str(on_path)
+    assert formats() == ("gif",)  # that program has no encoder
     without_ffmpeg.setenv("IMAGEIO_FFMPEG_EXE", "/opt/other")
     assert find_ffmpeg() == "/opt/other"
+    assert formats() == ("gif",)
     with pytest.raises(EncodingError, match="/opt/other cannot be started: No such file"):
         open_encoder(Movie.of(SMALL), tmp_path / "fold.mp4").__enter__()
     assert list(tmp_path.iterdir()) == [on_path]

@@ -8,6 +8,7 @@ import subprocess
 import tempfile
 from collections.abc import Callable, Generator
 from contextlib import AbstractContextManager, contextmanager, suppress
+from functools import cache
 from itertools import pairwise
 from pathlib import Path
 from typing import Final
@@ -16,7 +17,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from web.movies.movie import Movie
+from web.movies.movie import FORMATS, Movie
 
 AddPicture = Callable[[NDArray[np.uint8]], object]
 """Function that adds a picture to a movie: (H, W, 3) sRGB bytes, from the top."""
@@ -39,6 +40,8 @@ DITHER_AMPLITUDE: Final = 8.0
 """Amplitude of the ordered dither that is added before the colours of a GIF are rounded to its
 palette, in levels of 256. A larger value hides borders between colours better and makes the
 dither's pattern more visible. Chosen."""
+ENCODERS_TIMEOUT_S: Final = 20.0
+"""Maximum time for ffmpeg to list its encoders, in s; a program that takes longer is not used."""
 _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 """Thresholds of the ordered dither for GIFs, in sixteenths: the 4×4 Bayer matrix."""
 
@@ -81,6 +84,29 @@ def find_ffmpeg() -> str:
         return get_ffmpeg_exe()
     except (ImportError, RuntimeError):
         raise NoEncoderError("no ffmpeg is on PATH, and imageio-ffmpeg is not installed") from None
+
+
+def formats() -> tuple[str, ...]:
+    """Return the movie formats that this machine can encode; GIF needs no program."""
+    try:
+        return FORMATS if _has_x264(find_ffmpeg()) else ("gif",)
+    except NoEncoderError:
+        return ("gif",)
+
+
+@cache
+def _has_x264(ffmpeg: str) -> bool:
+    """Return True if an ffmpeg program starts and contains the encoder of MP4 movies."""
+    try:
+        answer = subprocess.run(
+            [ffmpeg, "-hide_banner", "-encoders"],
+            capture_output=True,
+            timeout=ENCODERS_TIMEOUT_S,
+            check=False,
+        )
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    return b" libx264 " in answer.stdout
 
 
 @contextmanager

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -10,10 +11,15 @@ import psutil
 import pytest
 
 from planner.pipeline.fold_layout import is_on_table
+from server.pages.facts import fold_facts
+from server.processes.children import Child
+from server.store.fold_source import Found
 from tests.server.cli.test_command_line import foldback
 from tests.server.service_process import FinishedFold, Service, bearer, check_problem, wait_until
+from tests.server.service_thread import ServiceThread
 from tests.tools import OPENGL
 from web.movies.encoding import find_ffmpeg
+from words.fold import ShownFold
 
 SMALL = {"width": 128, "height": 72, "fps": 10, "seconds": 0.4}
 LONG = {"width": 128, "height": 72, "fps": 60, "seconds": 30}
@@ -112,11 +118,36 @@ def test_movie_deleted_while_it_is_made_stops(finished: FinishedFold) -> None:
     wait_until(lambda: not list(scratch.iterdir()))
 
 
-def test_movie_without_drawing_names_the_setting(finished: FinishedFold, tmp_path: Path) -> None:
-    failed = foldback("movie", finished.directory, "--out", tmp_path / "fold.mp4", MUJOCO_GL="off")
-    assert failed.returncode == 1
-    assert failed.stderr.count("no-gl: Drawing is switched off by MUJOCO_GL; unset MUJOCO_GL.") == 1
-    assert not list(tmp_path.iterdir())
+def test_movie_that_cannot_be_made_here_is_refused_before_any_process_starts(
+    finished: FinishedFold,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    without_ffmpeg: dict[str, str],
+    idle: ServiceThread,
+) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    monkeypatch.setattr(Child, "call", lambda *_, **__: pytest.fail("a process has started"))
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    for environment, words in (
+        ({"MUJOCO_GL": "off"}, "no-gl: Drawing is switched off by MUJOCO_GL; unset MUJOCO_GL."),
+        (without_ffmpeg, "no-encoder: MP4 needs ffmpeg with x264: install it"),
+    ):
+        failed = foldback("movie", finished.directory, "--out", out / "fold.mp4", **environment)
+        assert (failed.returncode, failed.stderr.count(words)) == (1, 1)
+        assert not list(out.iterdir())
+    for name, value in without_ffmpeg.items():
+        monkeypatch.setenv(name, value)
+    fold = ShownFold(id="one", name="One", status="verified", modules=16, preset="default", seed=0)
+    found = Found(fold, finished.directory)
+    assert fold_facts(found)["movies"] == ["gif"]
+    refused = idle.http.post("/api/folds/one/movies", json={})
+    check_problem(refused, 422, "no-encoder")
+    assert refused.json()["where"] == "format"
+    monkeypatch.setenv("MUJOCO_GL", "off")
+    assert fold_facts(found)["movies"] == []
+    gif = idle.http.post("/api/folds/one/movies", json={"format": "gif"})
+    check_problem(gif, 422, "no-gl")
 
 
 @pytest.mark.long
@@ -125,13 +156,6 @@ def test_movie_command_films_with_any_ffmpeg_and_gif_without(
 ) -> None:
     directory, out = finished.directory, tmp_path / "out"
     out.mkdir()
-    failed = foldback("movie", directory, "--out", out / "fold.mp4", **without_ffmpeg)
-    assert failed.returncode == 1
-    assert "no-encoder: MP4 needs ffmpeg: install it (Debian: apt install ffmpeg) or run" in (
-        failed.stderr
-    )
-    assert "pip install 'foldback[movies]', or request a .gif." in failed.stderr
-    assert not list(out.iterdir())
     size = ["--width", "128", "--height", "72", "--fps", "10", "--seconds", "0.3"]
     foldback("movie", directory, "--out", out / "fold.gif", *size, **without_ffmpeg)
     assert (out / "fold.gif").read_bytes().startswith(b"GIF89a")

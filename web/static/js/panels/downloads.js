@@ -5,6 +5,9 @@ import { at, element, get, toast, wordsOf } from "../lib/text.js";
 
 const LOOK_MS = 1000;
 const FORBIDDEN = 403;
+// Size and maximum length of a GIF, as in web/movies/movie.py.
+const GIF_SIZE = "640x360";
+const MAX_GIF_S = 20;
 
 // Return the values of a form by field name, without empty ones.
 /**
@@ -13,15 +16,28 @@ const FORBIDDEN = 403;
  */
 const fieldsOf = (form) => Object.fromEntries(Array.from(new FormData(form), ([name, value]) => [name, String(value)]).filter(([, value]) => value !== ""));
 
-// Apply the choices of a form: GIFs have one size, and the
+// Disable some options of a menu; if the chosen option is one of them, choose another one.
+/**
+ * @param {HTMLFormElement} form
+ * @param {string} name
+ * @param {(option: HTMLOptionElement) => boolean} excluded
+ * @param {string} instead
+ */
+function restrict(form, name, excluded, instead) {
+  const menu = /** @type {HTMLSelectElement} */ (form.elements.namedItem(name));
+  for (const option of menu.options) option.disabled = excluded(option);
+  if (menu.selectedOptions[0]?.disabled) menu.value = instead;
+}
+
+// Apply the choices of a form: GIFs have one size and a shorter length, and the
 // links to trajectories contain the limits of the robot.
 /** @param {HTMLFormElement} form */
 export function choose(form) {
   const { format, max_speed: speed, max_acceleration: acceleration } = fieldsOf(form);
   if (format) {
-    const sizes = /** @type {HTMLSelectElement} */ (form.elements.namedItem("size"));
-    for (const option of sizes.options) option.disabled = format === "gif" && option.value !== "640x360";
-    if (format === "gif") sizes.value = "640x360";
+    const gif = format === "gif";
+    restrict(form, "size", ({ value }) => gif && value !== GIF_SIZE, GIF_SIZE);
+    restrict(form, "seconds", ({ value }) => gif && Number(value) > MAX_GIF_S, "");
     return;
   }
   for (const link of /** @type {NodeListOf<HTMLAnchorElement>} */ (get("robot-files").querySelectorAll("a"))) {
