@@ -16,6 +16,7 @@ from planner.readers.angle_strings import HEADING
 from planner.readers.gallery import Gallery
 from planner.readers.limits import megabytes
 from planner.readers.text import READ_AS_VOXELS
+from words.messages import count_from_one
 
 if TYPE_CHECKING:
     from planner.plan.plan import Plan
@@ -99,5 +100,6 @@ def refuse(error: InputError, as_json: bool) -> NoReturn:
         problem = {"code": error.code, "detail": error.detail, "where": error.where}
         print(json.dumps({"status": "invalid", "error": problem}), flush=True)
     else:
-        Console(stderr=True, soft_wrap=True, highlight=False).print(str(error), markup=False)
+        shown = InputError(error.code, count_from_one(error.detail), where=error.where)
+        Console(stderr=True, soft_wrap=True, highlight=False).print(str(shown), markup=False)
     raise typer.Exit(INVALID_INPUT)

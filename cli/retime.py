@@ -33,7 +33,7 @@ from planner.robot.motors import Build, MotorTable, motor_table
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.trajectory import Trajectory
 from words import certificate as certificate_words
-from words.quantities import module_widths
+from words.quantities import spacings
 
 MAX_LISTED_JOINTS = 10
 """Maximum number of joints in the printed table of motor torques: those with the largest peak
@@ -220,10 +220,10 @@ def _clearance_words(clear: Sweep, sufficient_hz: float | None) -> str:
         }
         return certificate_words.clearance(figures) or ""
     words = (
-        f"modules overlap by {module_widths(-clear.clearance, 2)}"
+        f"modules overlap by {spacings(-clear.clearance, 2)}"
         if clear.clearance < -MAX_TOUCH_DEPTH_PITCH
         else "clearance not proved; the smallest measured gap between modules is "
-        f"{module_widths(max(0.0, clear.clearance), 2)}"
+        f"{spacings(max(0.0, clear.clearance), 2)}"
     )
     return words if sufficient_hz is None else f"{words}; use --rate {sufficient_hz:g}"
 

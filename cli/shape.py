@@ -22,6 +22,7 @@ from planner.pathfinding.path_options import table_warning
 from planner.pipeline.prepare import Preparation, prepare_in_any_order
 from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.plan.shape_writers import write_chain, write_path
+from words.messages import count_from_one
 
 if TYPE_CHECKING:
     from planner.table_paths.offers import Offer
@@ -150,7 +151,7 @@ def show(report: dict[str, Any], out: Path) -> None:
     if report["knot"] is not None:
         table.add_row("Knot in the path", KNOT_WORDS[report["knot"]["verdict"]])
     for note in report["notes"]:
-        table.add_row("Note", note)
+        table.add_row("Note", count_from_one(note))
     if report["has_path"]:
         table.add_row("Written to", str(out))
     Console().print(table)

@@ -5,15 +5,17 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from cli.exit_statuses import NOT_ACHIEVED
+from planner.certificate.figures import FoldSummary
 from planner.chain.module import module_named
 from words import certificate as certificate_words
+from words.failures import reason_for_people
 from words.messages import verdict_for_people
 from words.plan_choice import PLAN_COLUMNS, Choice
 from words.quantities import sentence
@@ -63,7 +65,12 @@ def show(summary: dict[str, Any], out: Path) -> None:
         if value is not None:
             table.add_row(name, f"{value} {unit}".rstrip())
 
-    console.print(certificate_words.headline(certificate), markup=False, soft_wrap=True)
+    verdict = (
+        certificate_words.headline(certificate)
+        if summary["status"] == "verified"
+        else reason_for_people(certificate["verdict"], cast("FoldSummary", summary))
+    )
+    console.print(verdict, markup=False, soft_wrap=True)
     if stuck := summary["stuck"]:
         told = sentence(verdict_for_people(stuck["words"]).rstrip("."))
         console.print(f"{told}.", markup=False, soft_wrap=True)

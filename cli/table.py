@@ -132,7 +132,8 @@ def _show(found: TableCertificate, written: Path) -> None:
     verdict = "stays on the table" if found.rests else verdict_for_people(found.verdict)
     facts.add_row("Verdict", verdict)
     if found.torque is not None and found.torque_nm is not None:
-        facts.add_row("Largest torque", f"{found.torque:.3g} w·p, {told}, in frame {found.frame}")
+        at = "" if found.frame is None else f", in frame {found.frame + 1}"
+        facts.add_row("Largest torque", f"{found.torque:.3g} w·p, {told}{at}")
         facts.add_row("", f"{found.torque_nm:.3g} N·m, {told}")
     facts.add_row(
         "1 w·p",
@@ -150,7 +151,7 @@ def _show(found: TableCertificate, written: Path) -> None:
     if found.on_table:
         facts.add_row(
             "Lowest corner",
-            f"{found.clearance:+.3f} pitch above the table, in frame {found.clearance_frame}",
+            f"{found.clearance:+.3f} pitch above the table, in frame {found.clearance_frame + 1}",
         )
     tips = len(found.unbalanced)
     facts.add_row("Frames", f"{len(found.torques)}; the chain would tip over in {tips} of them")

@@ -24,7 +24,7 @@ from planner.verification.verify import Verification
 from planner.verification.verify import verify as verify_files
 from words import certificate as certificate_words
 from words.messages import verdict_for_people
-from words.quantities import module_widths
+from words.quantities import spacings
 
 MODULE_SIZE_HELP = (
     "Module size in the clearance check, as a fraction of the pitch. "
@@ -98,17 +98,17 @@ def _show(result: Verification, largest: tuple[float, str] | None) -> None:
     console = Console(soft_wrap=True, highlight=False)
     headline = certificate_words.headline(result.certificate.as_dict())
     for line in result.problems or (headline,):
-        console.print(line, markup=False)
+        console.print(verdict_for_people(line), markup=False)
     if result.reason is not None:
         holds = "confirmed" if result.reason.confirmed else "refuted"
         reason = verdict_for_people(result.reason.words)
         console.print(f"The reason why the explosion stalled is {holds}: {reason}.", markup=False)
     if result.replay is not None:
         depth = result.replay.overlap
-        overlap = f"modules overlap by up to {module_widths(depth, 2)}" if depth else "no overlap"
+        overlap = f"modules overlap by up to {spacings(depth, 2)}" if depth else "no overlap"
         console.print(
             f"replay of {result.replay.frames} frames in MuJoCo: module positions differ from the "
-            f"plan's by at most {module_widths(result.replay.pose_difference, 1)}; {overlap}"
+            f"plan's by at most {spacings(result.replay.pose_difference, 1)}; {overlap}"
         )
     for line in result.checked:
         console.print(f"checked: {line}", markup=False)

@@ -16,8 +16,15 @@ from planner.parameters.parameters import BASELINE
 from planner.robot.module_materials import CASINGS
 from planner.robot.servos import Servo, servos
 from planner.robot.sizing import find_suitable_servos, suitable_pitches
-from words.messages import assumption_for_people, verdict_for_people
-from words.quantities import SIGNIFICANT_DIGITS, STRATEGY_LABELS, length_m, quantity, sentence
+from words.messages import assumption_for_people, nearest_frame, verdict_for_people
+from words.quantities import (
+    SIGNIFICANT_DIGITS,
+    STRATEGY_LABELS,
+    length_m,
+    quantity,
+    sentence,
+    spacings,
+)
 
 CERTIFICATE_DIGITS: Final = 2
 """Number of significant digits to which pages round a certificate's figures, such as joint errors.
@@ -91,14 +98,14 @@ def headline(certificate: CertificateFigures) -> str:
 
 
 def clearance(certificate: CertificateFigures) -> str | None:
-    """Return the proved clearance in % of a module's width; None if nothing is proved."""
+    """Return the proved clearance in % of the spacing; None if nothing is proved."""
     bound = certificate.get("clearance_bound")
     if bound is None or _seen(certificate) is None:
         return None
     percent = rounded_down(100.0 * bound, 1)
     if bound < 0.0:
-        return f"modules overlap by at most {percent.removeprefix('-')} % of a module width"
-    return f"modules stay at least {percent} % of a module width apart"
+        return f"modules overlap by at most {percent.removeprefix('-')} % of the spacing"
+    return f"modules stay at least {percent} % of the spacing apart"
 
 
 def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
@@ -148,8 +155,8 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
     return [
         (
             "Margin for the module size",
-            f"each module may fill up to {rounded_down(size['value'])} of its cell's width; "
-            f"{_limit(size)}",
+            f"each module may fill up to {rounded_down(100.0 * size['value'], 1)} % of the "
+            f"spacing; {_limit(size)}",
         ),
         (
             "Margin for an error in one hinge",
@@ -170,7 +177,7 @@ def _limit(margin: MarginFigures) -> str:
     modules = place["modules"]
     assert modules is not None
     first, second = (module + 1 for module in modules)
-    frame = round(place["frame"]) + 1
+    frame = nearest_frame(place["frame"]) + 1
     return f"modules {first} and {second} set this limit near frame {frame} of the plan"
 
 
@@ -222,7 +229,7 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     text = sentence(rests if table.rests else fails)
     rows: list[tuple[str, str | None]] = [
         ("Frame with the highest torque", None if table.frame is None else str(table.frame + 1)),
-        ("1 w·p (module weight × module width)", quantity(table.unit_nm, "N·m")),
+        ("1 w·p (module weight × spacing)", quantity(table.unit_nm, "N·m")),
         ("Torque limit", None if table.bound is None else f"{table.bound:g} w·p"),
         ("Friction", "none" if table.friction == 0.0 else f"μ = {table.friction:g}"),
         ("Base", _base(table)),
@@ -388,10 +395,10 @@ def linked(certificate: CertificateFigures) -> str | None:
         return f"{told}."
     if (bound := exempt["worst_overlap_bound"]) is not None:
         overlap = math.ceil(bound * 100) / 100
-        told += f", because full cubes would overlap by up to {overlap:.2f} module widths"
+        told += f", because full cubes would overlap by up to {spacings(overlap, 2)}"
     return (
         f"{told}. Round the edges of real modules near each joint: no material may be more than "
-        f"{radius:g} module widths from the joint. This removes "
+        f"{spacings(radius)} from the joint. This removes "
         f"{100 * exempt['relief_share']:.0f} % of a module's volume."
     )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import re
 from pathlib import Path
 from typing import Final, TypedDict, cast
@@ -24,7 +23,7 @@ from planner.verification.integrity import check
 from web.pictures.knot_drawing import KnotDrawing, drawing_of
 from words.fold import ShownFold
 from words.messages import verdict_for_people
-from words.quantities import STRATEGY_LABELS, module_widths, quantity, sentence
+from words.quantities import STRATEGY_LABELS, quantity, sentence, spacings
 
 FAILURE_HEADINGS: Final = {
     "knot": "The chain is knotted",
@@ -57,13 +56,6 @@ STAGES_WITH_MOTION: Final = ("explode", "play_back")
 MAX_BLOCKING_LINES: Final = 24
 """Maximum number of blocked hinge rotations and part movements that the page of a failed fold lists
 one by one; further ones are only counted. A larger value makes the page longer. Chosen."""
-NUMBERED_PARTS: Final = re.compile(
-    r"\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?",
-    re.IGNORECASE,
-)
-"""Matches mentions of numbered parts of an input in an error text ("module 3", "cells 1, 2 and 14
-more"), with the count that shortens a long list. Their numbers, counted from 0, are increased by 1
-for display."""
 WRONG_END_VERDICT: Final = re.compile(r"ends .* from the folded shape|does not end folded")
 """Matches verdicts which say that a simulated chain does not end in its target shape."""
 EXPLOSION_ENDS: Final = {
@@ -113,7 +105,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     evidence: EvidenceFigures | None = None
     if told := summary.get("stuck"):
         kind, modules = told["kind"], told["modules"]
-        text = count_from_one(verdict_for_people(told["words"]))
+        text = verdict_for_people(told["words"])
         if kind == "stopped":
             text = _stopped(row, text)
         if evidence := told.get("evidence"):
@@ -145,15 +137,15 @@ def _blocks(told: BlockFigures) -> list[str]:
         degrees, (a, b) = abs(np.rad2deg(turn["turned_rad"])), turn["modules"]
         lines.append(
             f"If hinge {turn['hinge']} at module {turn['module'] + 1} turns by {degrees:.0f}°, "
-            f"modules {a + 1} and {b + 1} overlap by {module_widths(turn['overlap'], 2)}"
+            f"modules {a + 1} and {b + 1} overlap by {spacings(turn['overlap'], 2)}"
         )
     for move in told["moves"]:
         axis = next(k for k, step in enumerate(move["direction"]) if step)
         way = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}"
         a, b = move["modules"]
         lines.append(
-            f"If the part that unfolds next moves by {module_widths(move['moved'])} along {way}, "
-            f"modules {a + 1} and {b + 1} overlap by {module_widths(move['overlap'], 2)}"
+            f"If the part that unfolds next moves by {spacings(move['moved'])} along {way}, "
+            f"modules {a + 1} and {b + 1} overlap by {spacings(move['overlap'], 2)}"
         )
     more = len(lines) - MAX_BLOCKING_LINES
     return (
@@ -175,31 +167,16 @@ def exploding(summary: FoldSummary) -> int | None:
 
 
 def reason_for_people(reason: str, summary: FoldSummary) -> str:
-    """Return a verdict, or its reason, in words for people; modules and frames count from 1.
-
-    Frames count along the whole timeline.
-    """
+    """Return ``verdict_for_people`` with frames counted along the whole timeline."""
     explosion = exploding(summary)
 
     def on_the_timeline(found: re.Match[str]) -> str:
         if explosion is None:
             return ""  # the percentage before it states the position
-        # Halves are rounded up, as for the frame that the page shows.
-        return f" (frame {math.floor(explosion + float(found[1]) + 0.5) + 1})"
+        return f" (frame {explosion + float(found[1]):g})"
 
     frame = r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)"
-    return count_from_one(verdict_for_people(re.sub(frame, on_the_timeline, reason)))
-
-
-def count_from_one(text: str) -> str:
-    """Return a text of the planner with modules and cells counted from 1 instead of 0.
-
-    ``countFromOne`` in ``lib/api.js`` does the same.
-    """
-    return NUMBERED_PARTS.sub(
-        lambda named: re.sub(r"\d+(?! more)\b", lambda index: str(int(index[0]) + 1), named[0]),
-        text,
-    )
+    return verdict_for_people(re.sub(frame, on_the_timeline, reason))
 
 
 def _stopped(row: ShownFold, words: str) -> str:
@@ -219,22 +196,37 @@ def _plain(detail: str) -> str:
 def _overlap(summary: FoldSummary) -> _Overlap | None:
     """Return the overlap for which a plan was refused."""
     certificate = summary.get("certificate") or CertificateFigures()
-    for clearance, place in (
-        (certificate.get("min_clearance"), certificate.get("min_clearance_at")),
-        (certificate.get("min_clearance_playback"), certificate.get("min_clearance_playback_at")),
+    for motion, clearance, place in (
+        ("the plan", certificate.get("min_clearance"), certificate.get("min_clearance_at")),
+        (
+            "the simulated playback",
+            certificate.get("min_clearance_playback"),
+            certificate.get("min_clearance_playback_at"),
+        ),
     ):
         if clearance is None or clearance >= 0.0 or not place:
             continue
         modules = place["modules"]
         which = "modules" if not modules else f"modules {modules[0] + 1} and {modules[1] + 1}"
-        size = quantity(certificate.get("module_size"))
+        size = quantity(100.0 * (certificate.get("module_size") or 0.0), "%")
         return {
             "modules": modules,
             "frame": place["frame"],
-            "words": f"at a module size of {size} × the cell width, {which} overlap by "
-            f"{module_widths(-clearance)}",
+            "words": f"in {motion}, {which} overlap by {spacings(-clearance)} "
+            f"(each module fills {size} of the spacing)",
         }
     return None
+
+
+def tightest_frame(summary: FoldSummary) -> float | None:
+    """Return the frame of the timeline with the plan's smallest clearance; None if unknown.
+
+    For a plan that was refused because of an overlap, return the frame of this overlap.
+    """
+    place = (summary.get("certificate") or CertificateFigures()).get("min_clearance_at")
+    frame = overlap["frame"] if (overlap := _overlap(summary)) else place and place["frame"]
+    before = exploding(summary)
+    return None if frame is None or before is None else before + frame
 
 
 def attempts(directory: Path) -> list[AttemptWords]:
@@ -266,13 +258,13 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     elif status != "straight":
         steps = f"{EXPLOSION_ENDS.get(status, status)} after {quantity(attempt['steps'])} steps"
         told = attempt.get("diagnosis")
-        words = count_from_one(verdict_for_people(told["words"].rstrip("."))) if told else ""
+        words = verdict_for_people(told["words"].rstrip(".")) if told else ""
         end, tone = f"{steps}: {words}" if words else steps, "bad"
     elif verdict.startswith("verified"):
         end, tone = verdict, "good"
     elif verdict:
         reason = verdict.removeprefix("failed: ").partition(" (frame ")[0]
-        end, tone = count_from_one(verdict_for_people(reason)), "bad"
+        end, tone = verdict_for_people(reason), "bad"
     else:
         end = "unfolded, not checked"
     return {

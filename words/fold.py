@@ -37,6 +37,7 @@ class ShownFold:
     world: str = FLOATING
     refold: str | None = None
     smooths: str | None = None
+    shape: str | None = None
     summary: FoldSummary = field(default_factory=FoldSummary)
     error: Fault | None = None
     renamed: bool = False

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import math
 import re
 from typing import Final
 
-from words.quantities import module_widths
+from words.quantities import spacings
 
 GOT_EXPECTED: Final = re.compile(
     r"\bgot (?P<got>.+?), expected (?P<expected>(?:[^;.]|\.(?=\d))+)", re.DOTALL
@@ -38,6 +39,15 @@ MESSAGES: Final = (
 )
 """Messages for people for the most frequent input errors: a pattern that matches the whole error
 text, and the message that replaces it."""
+NUMBERED_PARTS: Final = re.compile(
+    r"\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?",
+    re.IGNORECASE,
+)
+"""Matches mentions of numbered parts of an input in a text ("module 3", "cells 1, 2 and 14 more"),
+with the count that shortens a long list. Their numbers, counted from 0, are increased by 1 for
+display."""
+FRAME: Final = re.compile(r"\b(?P<word>[Ff]rame) (?P<frame>\d+(?:\.\d+)?)\b")
+"""Matches a frame in a verdict, counted from 0; a fraction is a moment between two frames."""
 PITCHES: Final = re.compile(r"(?<![\w.])(?P<pitches>-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) pitch(?:es)?\b")
 """Matches a length in a verdict."""
 VERDICT_PHRASES: Final = (
@@ -101,7 +111,7 @@ VERDICT_PHRASES: Final = (
             r"(\d+ % into the fold)"
         ),
         r"the motor of \1 is too weak: it supplies at most \3 (module weight × "
-        r"module width), and \4, the joint is \2",
+        r"spacing), and \4, the joint is \2",
     ),
     (re.compile(r"(?<=\d %) into the fold\b"), " through the motion"),
     (
@@ -172,7 +182,7 @@ VERDICT_PHRASES: Final = (
         re.compile(r"(?<= \()friction ([\d.]+), clamped base(?=\))"),
         r"with friction μ = \1 and a clamped first module",
     ),
-    (re.compile(r"\(module weight × pitch\)"), "(module weight × module width)"),
+    (re.compile(r"\(module weight × pitch\)"), "(module weight × spacing)"),
     (
         re.compile(r"\bthe chain ended (\S+ pitches) \(RMS\) from its target\b"),
         r"the modules ended \1 from their targets on average (root mean square)",
@@ -220,11 +230,34 @@ ASSUMPTION_PHRASES: Final = (
 store the assumptions, so these keep their text."""
 
 
+def count_from_one(text: str) -> str:
+    """Return a text of the planner with modules and cells counted from 1 instead of 0.
+
+    ``countFromOne`` in ``lib/api.js`` does the same.
+    """
+    return NUMBERED_PARTS.sub(
+        lambda named: re.sub(r"\d+(?! more)\b", lambda index: str(int(index[0]) + 1), named[0]),
+        text,
+    )
+
+
+def nearest_frame(frame: float) -> int:
+    """Return the frame that pages show for a moment between frames: halves are rounded up."""
+    return math.floor(frame + 0.5)
+
+
 def verdict_for_people(verdict: str) -> str:
-    """Return a stored verdict, or its reason, in the words that people read."""
+    """Return a stored verdict, or its reason, in words for people.
+
+    Modules, cells and frames count from 0 in a stored verdict, and from 1 in the result.
+    """
+    verdict = FRAME.sub(
+        lambda found: f"{found['word']} {nearest_frame(float(found['frame'])) + 1}",
+        count_from_one(verdict),
+    )
     for pattern, words in VERDICT_PHRASES:
         verdict = pattern.sub(words, verdict)
-    return PITCHES.sub(lambda length: module_widths(float(length["pitches"])), verdict)
+    return PITCHES.sub(lambda length: spacings(float(length["pitches"])), verdict)
 
 
 def assumption_for_people(assumption: str) -> str:

@@ -21,7 +21,7 @@ PLAN_COLUMNS: Final = (
     "Folding time, s",
     "Torque",
     "Torque at the same folding time",
-    "Clearance, module widths",
+    "Clearance, pitch",
     "Computing time, s",
 )
 """Column headings of the table that compares several plans of one fold: folding time, largest
@@ -212,7 +212,7 @@ def _gained(
         what, unit = "allowed error in one hinge", ""
     else:
         after, before = (_room(each.clearance_bound) for each in both)
-        before = f"{before} module widths"
+        before = f"{before} pitch"
         what, unit = "proved clearance", ""
     return f"The {what} is {after}{unit} instead of {before}{unit}. Finding this plan took {cost}."
 

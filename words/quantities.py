@@ -177,12 +177,15 @@ def quantity(value: object, unit: str = "", digits: int = SIGNIFICANT_DIGITS) ->
     return f"{value} {unit}".rstrip()
 
 
-def module_widths(pitches: float, digits: int = SIGNIFICANT_DIGITS) -> str:
-    """Return a length in module widths: ``1.03 module widths``, ``1.2 % of a module width``."""
-    if abs(pitches) < 0.1:
-        return f"{number(100.0 * pitches, digits)} % of a module width"
+def spacings(pitches: float, digits: int = SIGNIFICANT_DIGITS) -> str:
+    """Return a length in words: ``4.3 % of the spacing``, ``1.16 times the spacing``.
+
+    The spacing is the distance between the centres of neighbouring modules: one pitch.
+    """
+    if abs(pitches) < 1.0:
+        return f"{number(100.0 * pitches, digits)} % of the spacing"
     many = number(pitches, digits)
-    return f"{many} module width{'' if many == '1' else 's'}"
+    return "one spacing" if many == "1" else f"{many} times the spacing"
 
 
 def length_m(value: object) -> str | None:

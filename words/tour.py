@@ -11,8 +11,9 @@ from planner.plan.moments import CONTACT_LINKS, Meeting, Moments
 from planner.plan.tour import MAX_CAPTION, MAX_STOP_MODULES, MAX_TITLE, Stop, Tour
 from words.certificate import clearance, headline, main_rows, torque
 from words.failures import failure
-from words.fold import ShownFold
-from words.quantities import number, sentence
+from words.fold import ShownFold, shown_name
+from words.messages import nearest_frame
+from words.quantities import sentence, spacings
 
 LINKS: Final = ("none", "one", "two", "three", "four")
 """Small numbers as words."""
@@ -63,7 +64,8 @@ def _start(row: ShownFold, moments: Moments) -> list[Stop]:
     if not (refold := row.summary.get("refold")):
         return [_stop(straight, moments.straight)]
     first = _stop(
-        f"The chain starts in another shape, {refold['start']}, and unfolds.", moments.plan
+        f"First, the chain has another shape: {shown_name(refold['start'])}. It unfolds.",
+        moments.plan,
     )
     if moments.straight == moments.plan:  # the frame at which it is straight is unknown
         return [first]
@@ -76,9 +78,8 @@ def _contact(moments: Moments) -> Stop | None:
         return None
     near = LINKS[CONTACT_LINKS - 1]
     text = (
-        f"{sentence(_modules(met.modules))} are the first to come within a tenth of a module "
-        f"width of each other. Modules at most {near} places apart in the chain are not "
-        "counted."
+        f"{sentence(_modules(met.modules))} are the first whose distance is less than a tenth "
+        f"of the spacing. Modules at most {near} places apart in the chain are not counted."
     )
     return _meeting(text, met)
 
@@ -88,14 +89,14 @@ def _tightest(certificate: CertificateFigures, plan: int) -> Stop | None:
     if least is None or place is None or place["modules"] is None:
         return None
     one, other = place["modules"]
-    percent = f"{number(abs(100.0 * least))} % of a module width"
+    percent = spacings(abs(least))
     how = f"overlap by {percent}" if least < 0.0 else f"are {percent} apart"
     extreme = "largest overlap" if least < 0.0 else "smallest distance"
     text = f"The {extreme} in the plan: {_modules((one, other))} {how}."
     proved = clearance(certificate)
     if proved and str(certificate.get("verdict")).startswith("verified"):
         text += f" The clearance check proved that {proved} during the whole motion."
-    met = Meeting(frame=plan + int(place["frame"]), modules=(one, other))
+    met = Meeting(frame=nearest_frame(plan + place["frame"]), modules=(one, other))
     return _meeting(text, met, colour="clearance")
 
 
@@ -149,11 +150,12 @@ def _done(certificate: CertificateFigures, title: str, frames: int) -> Stop:
 
 def _failed(row: ShownFold, frames: int) -> tuple[Stop, ...]:
     """Return the stops of a fold without a verified plan: the first, and that of the failure."""
-    first = _stop("This is the first frame that was computed.", 0)
+    first = _stop("The motion begins here. The next stop shows where it fails.", 0)
     found = failure(row, row.summary)
     if found is None:
         return (first, _stop("This is the last frame that was computed.", frames - 1))
-    frame = frames - 1 if found["frame"] is None else min(frames - 1, int(found["frame"]))
+    at = found["frame"]
+    frame = frames - 1 if at is None else min(frames - 1, nearest_frame(at))
     modules = tuple(module + 1 for module in found["modules"][:MAX_STOP_MODULES])
     return first, _stop(f"{found['heading']}. {found['text']}", frame, modules=modules)
 

@@ -10,9 +10,9 @@ from planner.certificate.figures import CertificateFigures, Fault, FoldSummary
 from planner.parameters.parameters import FLOATING
 from planner.progress import STAGES
 from words import certificate as certificate_words
-from words.failures import count_from_one, reason_for_people
+from words.failures import reason_for_people
 from words.fold import ShownFold
-from words.messages import message_for_people
+from words.messages import count_from_one, message_for_people
 from words.plan_choice import Choice, superlative
 from words.quantities import PRESET_LABELS, sentence
 from words.settings import in_a_line
@@ -21,6 +21,7 @@ COVER_LOADING: Final = "Loading the view"
 COVER_WAITING: Final = "Waiting for the first frame"
 NO_DOWNLOADS: Final = "There is nothing to download."
 NO_DOWNLOADS_YET: Final = "You can download the plan when the fold is finished."
+WRITING: Final = "Writing the files …"
 CANCELLED: Final = "Cancelled before it finished"
 UNIT_AFTER_NUMBER: Final = re.compile(r"(?<=\d) (?=%|modules?\b)")
 """Matches spaces in a verdict at which browsers must not break the line."""
@@ -70,10 +71,8 @@ def verdict_of(
         return _verdict("bad", "Not verified", reason, modules)
     if row.status == "cancelled":
         return _verdict("off", CANCELLED)
-    if row.status == "running" and row.stage == STAGES[-1]:  # its plan is checked
-        told = certificate_words.headline(certificate)
-        if told.startswith("verified"):
-            return _verdict("good", sentence(told), modules)
+    if row.status == "running" and row.stage == STAGES[-1]:
+        return _verdict("busy", WRITING, modules)
     return _verdict("busy", "In the queue" if row.status == "queued" else "Computing", modules)
 
 

@@ -16,7 +16,7 @@ from bench.reproduction.experiments import (
 from bench.reproduction.runs import Phase, Run
 from planner.parameters.parameters import preset
 from planner.parameters.settings_text import SETTINGS, value_of
-from words.failures import count_from_one
+from words.messages import count_from_one
 
 FORMAT: Final = "foldback-reproduction/1"
 """Format of the page's data."""

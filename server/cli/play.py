@@ -108,6 +108,8 @@ def row_of(directory: Path) -> ShownFold:
         settings=_settings(request.get("preset"), request.get("settings")),
         seed=int(request.get("seed", plan.get("seed")) or 0),
         world=str(request.get("world") or FLOATING),
+        refold=start["name"] if (start := plan.get("start")) else None,
+        smooths=PLAYED_FOLD_ID if plan.get("smoothing") else None,
         summary=cast(FoldSummary, told),
     )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import re
 import tempfile
+from collections import Counter
 from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
@@ -129,4 +130,20 @@ def _named_apart(folds: list[Found]) -> list[Found]:
         ids = (fold.row.id if k == 1 else f"{fold.row.id}-{k}" for k in count(1))
         fold_id = next(each for each in ids if each not in apart)
         apart[fold_id] = replace(fold, row=replace(fold.row, id=fold_id))
-    return list(apart.values())
+    return _titled_apart(list(apart.values()))
+
+
+def _titled_apart(folds: list[Found]) -> list[Found]:
+    """Return the folds with different titles: equal ones get their size or, if equal, their id."""
+    for more in ("{title}, {row.modules} modules", "{row.id}"):
+        titles = Counter(fold.row.title for fold in folds)
+        folds = [
+            replace(
+                fold,
+                row=replace(row, renamed=True, name=more.format(title=row.title, row=row)),
+            )
+            if titles[(row := fold.row).title] > 1
+            else fold
+            for fold in folds
+        ]
+    return folds

@@ -43,7 +43,7 @@ from web.timeline.window_columns import (
     window_columns,
 )
 from web.viser.scene_bundle import bundle_of
-from words.failures import count_from_one
+from words.messages import count_from_one
 from words.quantities import number, si
 
 ROOT = Path(__file__).parents[2]

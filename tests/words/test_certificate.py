@@ -37,10 +37,10 @@ FOLLOWED: dict[str, Any] = SIMULATED | {
 
 def test_headline_has_the_proved_clearance_rounded_down() -> None:
     assert headline(SIMULATED) == (
-        "verified (simulated): modules stay at least 3.1 % of a module width apart"
+        "verified (simulated): modules stay at least 3.1 % of the spacing apart"
     )
     tight = SIMULATED | {"clearance_bound": 0.000019, "min_clearance_playback": 0.00029}
-    assert headline(tight).endswith("stay at least 0.0019 % of a module width apart")
+    assert headline(tight).endswith("stay at least 0.0019 % of the spacing apart")
     failed = SIMULATED | {"verdict": "failed: the check was cancelled"}
     assert headline(failed) == "failed: the check was cancelled"
 
@@ -52,7 +52,7 @@ def test_negative_clearance_is_called_an_overlap() -> None:
         (-0.000019, "overlap by at most 0.0019 %"),
         (-2.0, "overlap by at most 200.0 %"),
     ):
-        assert f"modules {words} of a" in str(clearance(SIMULATED | {"clearance_bound": value}))
+        assert f"modules {words} of the" in str(clearance(SIMULATED | {"clearance_bound": value}))
 
 
 def test_margins_are_rounded_down_and_name_their_limit() -> None:
@@ -66,7 +66,7 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
     limit = "modules 1 and 159 set this limit near frame 43 of the plan"
     shown = dict(rows(SIMULATED | {"margins": margins}))
     assert shown["Margin for the module size"] == (
-        f"each module may fill up to 0.995 of its cell's width; {limit}"
+        f"each module may fill up to 99.5 % of the spacing; {limit}"
     )
     assert (
         shown["Margin for an error in one hinge"]

@@ -46,7 +46,7 @@ def test_text_has_gain_and_cost_of_the_chosen_plan(tmp_path: Path) -> None:
             2,
             "The torque at the same folding time of 100 s is 40 µN·m instead of 100 µN·m",
         ),
-        ("clearance", 2, "The proved clearance is 0.0312 instead of 0.0400 module widths"),
+        ("clearance", 2, "The proved clearance is 0.0312 instead of 0.0400 pitch"),
         ("margin", 3, "The allowed error in one hinge is 0.57° instead of 0.11°"),
     )
     for prefer, chosen, text in cases:

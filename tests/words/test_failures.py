@@ -75,9 +75,9 @@ def test_failure_lists_blocks_and_budgets() -> None:
     shown = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
     assert shown is not None and shown["heading"] == "Stalled: modules blocked each other"
     assert shown["blocks"] == [
-        "If hinge 7 at module 5 turns by 2°, modules 5 and 10 overlap by 1.2 % of a module width",
-        "If the part that unfolds next moves by 0.5 module widths along −y, modules 6 and 3 "
-        "overlap by 0.45 module widths",
+        "If hinge 7 at module 5 turns by 2°, modules 5 and 10 overlap by 1.2 % of the spacing",
+        "If the part that unfolds next moves by 50 % of the spacing along −y, modules 6 and 3 "
+        "overlap by 45 % of the spacing",
     ]
     many = {**evidence, "turns": 30 * [turn]}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
@@ -107,8 +107,10 @@ def test_failure_by_an_overlap_has_its_frame() -> None:
     summary = {"certificate": certificate, "explosion": {"frames": 200}, "refold": None}
     shown = failure(row(), summary)
     assert shown is not None and shown["heading"] == "Modules overlap"
-    text = "At a module size of 1 × the cell width, modules 4 and 8 overlap by 1.19 % of a"
-    assert shown["text"].startswith(text)
+    assert shown["text"] == (
+        "In the plan, modules 4 and 8 overlap by 1.19 % of the spacing "
+        "(each module fills 100 % of the spacing)."
+    )
     assert (shown["modules"], shown["frame"]) == ([3, 7], 212.5)
     # Their timelines contain only their own plans.
     for alone in ({"refold": {"start": "a"}}, {"smoothing": {"way": "smoothed"}}):
@@ -125,7 +127,7 @@ def test_failure_of_a_playback_that_ends_elsewhere() -> None:
     assert shown["heading"] == "The chain does not end in its target shape"
     assert shown["modules"] == []
     assert shown["text"] == (
-        "The playback ends 1 module width on average (root mean square) from the folded shape."
+        "The playback ends one spacing on average (root mean square) from the folded shape."
     )
     beyond = failure(row(), {**summary, "reason": "the plan bends a joint beyond its range"})
     assert beyond is not None and beyond["heading"] == "Not verified"

@@ -30,17 +30,17 @@ MESSAGES = {
 }
 VERDICTS = {
     "rests on a table within 3.2 w·p in frame 4 (friction 0.2, free base)": (
-        "stays on the table; its hinges need at most 3.2 w·p in frame 4 (with friction μ = 0.2 and "
+        "stays on the table; its hinges need at most 3.2 w·p in frame 5 (with friction μ = 0.2 and "
         "no clamped module)"
     ),
     "rests on a table within 3.2 w·p in frame 4 (without friction)": (
-        "stays on the table; its hinges need at most 3.2 w·p in frame 4 (without friction)"
+        "stays on the table; its hinges need at most 3.2 w·p in frame 5 (without friction)"
     ),
     "failed: the playback missed: the chain ended 1 pitches (RMS) from its target.": (
-        "failed: the modules ended 1 module width from their targets on average (root mean square)."
+        "failed: the modules ended one spacing from their targets on average (root mean square)."
     ),
     "failed: the explosion stalled: modules 1 and 2 block each other": (
-        "failed: modules 1 and 2 block each other"
+        "failed: modules 2 and 3 block each other"
     ),
     "failed: the chain floats and does not rest on a table; laid down in each frame, it needs "
     "2 w·p": (
@@ -48,7 +48,7 @@ VERDICTS = {
         "If the chain rested on a table in each frame, the largest torque of a hinge would be 2 w·p"
     ),
     "failed: the chain needs 3.2 w·p in frame 4 (without friction), expected at most 2 w·p": (
-        "failed: a hinge needs a torque of 3.2 w·p in frame 4 (without friction), but the limit is "
+        "failed: a hinge needs a torque of 3.2 w·p in frame 5 (without friction), but the limit is "
         "2 w·p"
     ),
     "the chain is knotted (determinant 3): drawn as it stalled, with its ends extended outwards, "
@@ -69,25 +69,28 @@ VERDICTS = {
         "the torque limit was exceeded 41 times, but only 40 times are allowed"
     ),
     "failed: modules sink 0.1 pitch into the table in frame 3, expected at most 0.02": (
-        "failed: modules sink 0.1 module widths into the table in frame 3, but at most 2 % of "
-        "a module width is allowed"
+        "failed: modules sink 10 % of the spacing into the table in frame 4, but at most 2 % of "
+        "the spacing is allowed"
     ),
     "the 4 hinges bent by more than 6° at modules 1, 2 and 3 more cannot straighten, each by "
     "itself: module 1 against 9, module 2 against 8, and 1 pairs more; modules 5 to 7, which come "
     "next, cannot move in any of the six directions: module 5 against 2": (
-        "none of the 4 hinges bent by more than 6° (at modules 1, 2 and 3 more) can straighten by "
-        "itself, because modules would overlap: modules 1 and 9, modules 2 and 8, and 1 more pair; "
-        "the part that would unfold next (modules 5 to 7) cannot move in any of the six "
-        "directions, because modules would overlap: modules 5 and 2"
+        "none of the 4 hinges bent by more than 6° (at modules 2, 3 and 3 more) can straighten by "
+        "itself, because modules would overlap: modules 2 and 10, modules 3 and 9, and 1 more "
+        "pair; the part that would unfold next (modules 6 to 8) cannot move in any of the six "
+        "directions, because modules would overlap: modules 6 and 3"
     ),
     "the hinge at module 4 cannot straighten: module 4 against 9": (
-        "the hinge at module 4 cannot straighten, because modules would overlap: modules 4 and 9"
+        "the hinge at module 5 cannot straighten, because modules would overlap: modules 5 and 10"
+    ),
+    "failed: in the plan, modules 82 and 112 touch (frame 1413.5 of the plan)": (
+        "failed: in the plan, modules 83 and 113 touch (frame 1415 of the plan)"
     ),
     "failed: the plan does not start folded as hairpin": (
         "failed: the plan does not start in the folded shape of hairpin"
     ),
     "failed: the playback passes 0.2 pitch (RMS) from straight": (
-        "failed: at the straight shape, the modules are 0.2 module widths on average (root mean "
+        "failed: at the straight shape, the modules are 20 % of the spacing on average (root mean "
         "square) from their places"
     ),
     "failed: the plan has numbers that are not finite": (
@@ -99,10 +102,10 @@ VERDICTS = {
     ),
     "failed: the frames have no plan": "failed: there is no plan for these frames",
     "failed: modules 2 and 9 overlap by 1.03 pitch at module size 0.95": (
-        "failed: modules 2 and 9 overlap by 1.03 module widths at module size 0.95"
+        "failed: modules 3 and 10 overlap by 1.03 times the spacing at module size 0.95"
     ),
     "failed: modules 2 and 9 overlap by 1 pitch, 5e-05 pitch before that": (
-        "failed: modules 2 and 9 overlap by 1 module width, 0.005 % of a module width before that"
+        "failed: modules 3 and 10 overlap by one spacing, 0.005 % of the spacing before that"
     ),
     "failed: the playback missed: a robot lost its target: joint_4 is off by 0.3 rad, more than "
     "its motor can correct, 40 % into the fold.": (
@@ -112,7 +115,7 @@ VERDICTS = {
     "failed: the playback missed: joint_4 yielded: it is off by 0.3 rad with motors of 8 w·p, "
     "40 % into the fold.": (
         "failed: the motor of joint_4 is too weak: it supplies at most 8 w·p (module weight × "
-        "module width). After 40 % of the motion, the angle of this joint was off by 0.3 rad."
+        "spacing). After 40 % of the motion, the angle of this joint was off by 0.3 rad."
     ),
     "failed: the explosion stalled: ": "failed: the explosion stalled: ",
     "verified (simulated)": "verified (simulated)",

@@ -113,11 +113,11 @@ def test_draft_has_each_moment_in_order_with_the_figures_of_the_certificate() ->
     assert drafted.title == "Wrench"
     certificate = cast(CertificateFigures, CERTIFICATE)
     found = [(stop.frame, stop.modules) for stop in drafted.stops]
-    pairs = {1472: (21, 32), 1501: (80, 81), 2001: (4, 59), 2501: (6, 91)}
+    pairs = {1473: (21, 32), 1501: (80, 81), 2001: (4, 59), 2501: (6, 91)}
     assert found == [(965, ()), *pairs.items(), (3001, ()), (5000, ())]
     texts = [stop.caption for stop in drafted.stops]
     assert "160 cubes in a row, with 158 joints" in texts[0]
-    assert "modules 21 and 32 are 4.89 % of a module width apart" in texts[1]
+    assert "modules 21 and 32 are 4.89 % of the spacing apart" in texts[1]
     assert str(clearance(certificate)) in texts[1]
     assert texts[2].endswith("{}: {}.".format(*torque(certificate)))
     assert "modules 6 and 91 would overlap after 42 %" in texts[4]
@@ -128,7 +128,7 @@ def test_draft_has_each_moment_in_order_with_the_figures_of_the_certificate() ->
 def test_draft_claims_nothing_that_is_unknown() -> None:
     bare = draft_tour(FOLD, 5000)
     assert bare is not None
-    assert [stop.frame for stop in bare.stops] == [965, 1472, 5000]
+    assert [stop.frame for stop in bare.stops] == [965, 1473, 5000]
     assert draft_tour(FOLD, 0) is None
 
     certificate = {**CERTIFICATE, "verdict": "failed: it", "min_clearance": -0.02}

@@ -13,6 +13,7 @@ from numba import njit
 from typer.testing import CliRunner
 
 from cli.progress_bars import compute
+from cli.summary import show
 from planner.pipeline import stages
 from planner.readers.gallery import Gallery
 from server.cli.command_line import COMMANDS, application
@@ -55,7 +56,31 @@ def test_unordered_cells_are_read_as_voxels_on_request(tmp_path: Path) -> None:
         assert (note in report["notes"]) == (not options)
     refused = foldback("fold", str(file), "--out", str(tmp_path / "fold"))
     assert refused.returncode == 2
-    assert "cells 0 and 1" in refused.stderr and "--as-voxels" in refused.stderr
+    assert "cells 1 and 2" in refused.stderr and "--as-voxels" in refused.stderr
+
+
+def test_terminal_counts_modules_and_frames_from_one(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    stored = (
+        "failed: in the plan, modules 82 and 112 overlap by 1.16 pitch at module size 0.95, "
+        "66 % into the fold (frame 13.5 of the plan)"
+    )
+    summary = {
+        "status": "failed",
+        "certificate": {"verdict": stored},
+        "explosion": {"frames": 100, "steps": 0},
+        "stuck": {"words": "modules 4 and 9 block each other."},
+        **{"playback": None, "refold": None, "smoothing": None},
+        **{"modules": 160, "module": "cube"},
+    }
+    show(summary, tmp_path)
+    verdict, stuck, *_ = capsys.readouterr().out.splitlines()
+    assert verdict == (
+        "failed: in the plan, modules 83 and 113 overlap by 1.16 times the spacing at module size "
+        "0.95, 66 % through the motion (frame 115)"
+    )
+    assert stuck == "Modules 5 and 10 block each other."
 
 
 def test_compiling_is_reported_while_it_lasts(

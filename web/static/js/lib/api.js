@@ -15,7 +15,7 @@ const BUSY = 429;
 const NUMBERED_PARTS = /\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?/gi;
 
 // Renumber modules and cells in a text of the planner to start
-// at 1, as `count_from_one` of server/pages/failures.py.
+// at 1, as `count_from_one` of words/messages.py.
 /** @param {string} text */
 export const countFromOne = (text) => text.replace(NUMBERED_PARTS, (named) => named.replace(/\d+(?! more)\b/g, (index) => String(Number(index) + 1)));
 

@@ -8,10 +8,10 @@ import { at as hrefOf, get, number, whole } from "../lib/text.js";
 /** @typedef {import("../check/worker.js").Refused} Refused */
 /** @typedef {import("../check/plan.js").Place} Place */
 
-const TOUCHING = 1e-3; // cell widths; smaller gaps are not displayed
-const FULL = 1 - 1e-4; // cell widths; larger modules count as filling their cells
+const TOUCHING = 1e-3; // pitches; smaller gaps are not displayed
+const FULL = 1 - 1e-4; // pitches; larger modules count as filling their cells
 
-// Return a fraction of the cell width as a percentage, rounded down.
+// Return a fraction of the spacing as a percentage, rounded down.
 /** @param {number} share */
 const percent = (share) => `${(Math.floor(1000 * share) / 10).toFixed(1)} %`;
 /** @param {Place} place */
@@ -28,11 +28,11 @@ export function outcome(way, said) {
   if (said.is === "refused") return refusal(way, said);
   const { plan: { modules, size, claim }, touch, joint, seconds } = said;
   if (way === "claim") {
-    return `This browser checked ${whole(modules)} modules without our server. Modules that share no joint stay at least ${percent(claim)} of a module width apart during the whole motion. The check took ${took(seconds)}.`;
+    return `This browser checked ${whole(modules)} modules without our server. Modules that share no joint stay at least ${percent(claim)} of the spacing apart during the whole motion. The check took ${took(seconds)}.`;
   }
   if (way === "size") {
-    if (!touch || touch.size > FULL) return `In this plan, each module fills ${percent(size)} of its cell’s width. Even if the modules filled their cells completely, they would not overlap during the motion.`;
-    return `In this plan, each module fills ${percent(size)} of its cell’s width. If each module filled ${percentUp(touch.size)}, ${pair(touch)} would touch. If the modules were slightly narrower, they would not touch.`;
+    if (!touch || touch.size > FULL) return `In this plan, each module fills ${percent(size)} of the spacing. Even modules that fill their cells completely would not overlap during the motion.`;
+    return `The modules may grow from ${percent(size)} to almost ${percentUp(touch.size)} of the spacing; then ${pair(touch)} touch.`;
   }
   return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, no modules touch.`;
 }
@@ -50,7 +50,7 @@ function refusal(way, { text, place, claim, joint }) {
   if (place && place.gap >= claim) return `Not proved: ${pair(place)} may be far enough apart, but the check cannot prove it.`;
   if (way === "hinge" && place) return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, ${pair(place)} touch.`;
   if (!place) return `Not proved: ${text}`;
-  return `Not proved: ${pair(place)} are only ${percent(Math.max(place.gap, 0))} of a module width apart.`;
+  return `Not proved: ${pair(place)} are only ${percent(Math.max(place.gap, 0))} of the spacing apart.`;
 }
 
 /** @param {string} id of a fold */

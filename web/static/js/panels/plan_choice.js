@@ -16,7 +16,7 @@ const NEAR = { x: 26, y: 12 }; // closer dots share a label, because their label
 /** @type {Record<Axis, { name: string, label: (seconds: number) => string, text: (value: number) => string, log: boolean }>} */
 const AXES = {
   torque_mnm: { name: "Torque", label: (seconds) => `Torque at a folding time of ${round(seconds)} s`, text: (value) => newtonMetres(value / 1000), log: true },
-  room: { name: "Clearance", label: () => "Clearance, module widths", text: String, log: false },
+  room: { name: "Clearance", label: () => "Clearance, pitch", text: String, log: false },
 };
 
 // Return the scale from values to positions, and its ticks.
