@@ -322,10 +322,12 @@ interface Facts {
   choice: Choice | null;
   again: Again | null;
   frames: number;
+  tightest: number | null;
+  options: "all" | "owner" | null;
   compare: Way[];
   refold: Form;
   embed: string | null;
-  movies: boolean;
+  editable: boolean;
 }
 
 // Answers of the API: api.d.ts. A refusal says more where a file could not be read.
@@ -407,6 +409,7 @@ interface Elements {
   prefer: HTMLSelectElement;
   preset: HTMLSelectElement;
   preview: HTMLButtonElement;
+  through: HTMLButtonElement;
   "own-file": HTMLInputElement;
   redo: HTMLButtonElement;
   "refold-dialog": HTMLDialogElement;

@@ -51,7 +51,7 @@ class Stop:
         last: Last frame of that loop.
         camera: Camera as in an address; None for the default one.
         follow: False if the camera stays where it is while the chain moves.
-        colour: Quantity that colours show; None for joint errors.
+        colour: Quantity that colours show; None for the position in the chain.
         path: True if modules are transparent and show the path of the chain.
     """
 

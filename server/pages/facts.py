@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Final, NotRequired, TypedDict, cast
+from typing import Final, Literal, NotRequired, TypedDict, cast
 
 import numpy as np
 
@@ -30,13 +30,14 @@ from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
 from server.errors import MOTION_FILES, damage_words
 from server.pages.table_check import ruled_out_on_table
+from server.processes.movie_task import movie_formats
 from server.store.estimates import expected_of_cost, plain_fold
 from server.store.fold_files import frames_promised
 from server.store.fold_source import Found
 from server.store.tables import FoldRow, request_of
 from words import certificate as certificate_words
 from words.certificate import TableWords
-from words.failures import AttemptWords, Failure, attempts, failure
+from words.failures import AttemptWords, Failure, attempts, failure, tightest_frame
 from words.fold import RUNNING_STATUSES, ShownFold, has_motion
 from words.plan_choice import Choice, choice_of
 from words.properties import Properties, properties
@@ -74,7 +75,7 @@ SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
 
 SCRIPT_FACTS: Final = (
     *("id", "name", "running", "verdict", "failure", "choice", "again", "frames"),
-    *("compare", "refold", "embed", "movies"),
+    *("tightest", "compare", "refold", "embed", "editable", "options"),
 )
 """Facts that the scripts of pages use."""
 
@@ -125,17 +126,20 @@ class FoldFacts(TypedDict):
     table: TableWords | None
     again: Suggestion | None
     frames: int
+    tightest: float | None
     refoldable: bool
     refold: Form
     smoothable: bool
     smoothing: Smoothing | None
     comparable: bool
     compare: list[Suggestion]
+    options: Literal["all", "owner"] | None
     alternative_to: str | None
     embed: str | None
     kept: str | None
     made: str | None
-    movies: bool
+    editable: bool
+    movies: list[str]
     robot: bool
     files: list[Download]
     properties: list[Properties]
@@ -177,7 +181,7 @@ def fold_facts(
     running = row.status in RUNNING_STATUSES
     damaged = [] if running else damaged_among(directory, SHOWN_FILES)
     done = row.status in ("verified", "failed")
-    certificate = _certificate(directory, summary, damaged)
+    certificate = CertificateFigures() if running else _certificate(directory, summary, damaged)
     choice = choice_of(directory, preference_named(row.prefer), playable=api) if done else None
     there = api and done and (directory / PLAN).is_file()
     facts: FoldFacts = {
@@ -195,17 +199,20 @@ def fold_facts(
         "table": certificate_words.on_table(certificate, _on_table(row, directory)),
         "again": _again(row) if api else None,
         "frames": frames_promised(directory),
+        "tightest": None if running else tightest_frame(summary),
         "refoldable": api and row.status == "verified" and row.world == FLOATING,
         "refold": _published(row),
         "smoothable": api and _smoothable(row, summary),
         "smoothing": _smoothing(found if api else None, summary),
         "comparable": api and not running,
+        "options": _options(row) if api and not running else None,
         "alternative_to": found.alternative_to,
         "compare": _compare(found, takes) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
         "kept": kept,
         "made": origin_of(summary),
-        "movies": api and not running and frames_promised(directory) > 0,
+        "editable": (editable := api and not running and frames_promised(directory) > 0),
+        "movies": list(movie_formats()) if editable else [],
         "robot": api and row.status == "verified",
         "files": [] if running else _files(found),
         "properties": properties(row, summary, certificate, directory),
@@ -217,7 +224,7 @@ def fold_facts(
 
 
 def _certificate(directory: Path, summary: FoldSummary, damaged: list[str]) -> CertificateFigures:
-    """Return the certificate of a fold from its summary, or from its directory while it runs."""
+    """Return the certificate of a fold from its summary, or from its directory."""
     if known := summary.get("certificate"):
         return known
     stored = {} if CERTIFICATE in damaged else json_of(result_path(directory, CERTIFICATE))
@@ -251,10 +258,11 @@ def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
         "problem": damage_of(heading, damaged),
     }
     if any(name in MOTION_FILES for name in damaged):
-        changed["frames"] = 0
-        changed["movies"] = changed["robot"] = False
+        changed["frames"], changed["tightest"] = 0, None
+        changed["editable"] = changed["robot"] = False
         changed["refoldable"] = changed["smoothable"] = changed["comparable"] = False
         changed["files"], changed["downloads"], changed["compare"] = [], [], []
+        changed["movies"] = []
         changed["checkable"] = False
     return changed
 
@@ -291,6 +299,13 @@ def _again(row: ShownFold) -> Suggestion | None:
 def _next_seed(row: ShownFold) -> int:
     """Return the seed after that of a fold."""
     return (row.seed + 1) % (MAX_SEED + 1)
+
+
+def _options(row: ShownFold) -> Literal["all", "owner"] | None:
+    """Return who may fold the same input with other options; None for plans made of others."""
+    if row.refold or row.smooths:
+        return None
+    return "all" if row.shape else "owner"
 
 
 def _compare(found: Found, takes: Callable[[FoldRow], str]) -> list[Suggestion]:

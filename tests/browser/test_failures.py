@@ -6,7 +6,14 @@ import pytest
 from playwright.sync_api import Page, expect
 
 import foldback_check_refusals
-from tests.browser.conftest import Visit, picture, shown_frame, wait_for_fold, wait_for_view
+from tests.browser.conftest import (
+    Visit,
+    at_frame,
+    picture,
+    shown_frame,
+    wait_for_fold,
+    wait_for_view,
+)
 from tests.planner.pathfinding.test_knots import OVERHAND, walk
 from tests.server.service_process import Service
 
@@ -42,10 +49,19 @@ def test_impossible_module_size_fails_with_overlap(visit: Visit, service: Servic
     place = state["summary"]["certificate"]["min_clearance_at"]
     page = wait_for_view(visit(f"/folds/{fold}", **LAPTOP))
     expect(page.locator("#stuck-heading")).to_have_text("Modules overlap")
-    expect(page.locator("#stuck-text")).to_contain_text("At a module size of 1 × the cell width")
+    expect(page.locator("#stuck-text")).to_contain_text("In the plan, modules")
     assert show_stuck_modules(page) == sorted(place["modules"])
     explosion = state["summary"]["explosion"]["frames"]
-    assert shown_frame(page) == pytest.approx(explosion + place["frame"], abs=1)
+    there = shown_frame(page)
+    assert there == pytest.approx(explosion + place["frame"], abs=1)
+    # The verdict and the menu lead to the same place.
+    for lead in (
+        lambda: page.locator("#verdict-go").click(),
+        lambda: page.locator("#jump").select_option("min_clearance"),
+    ):
+        page.locator("#folded").fill("0")
+        lead()
+        at_frame(page, there)
     page.locator("#stuck-attempts").click()
     expect(page.locator(".attempts li")).to_have_count(4)
     expect(page.locator(".attempts li").first).to_contain_text("All at once")

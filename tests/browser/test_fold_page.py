@@ -69,7 +69,10 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     timeline = Timeline.open(directory / "timeline.zarr")
     frames, chain = timeline.frames(), timeline.chain
 
-    # Scrub: the picture is red where an error is recorded.
+    # Scrub: the picture is red where an error is recorded, if colours show errors.
+    colours = page.locator("#colour-by")
+    expect(colours).to_have_value("chain")
+    colours.select_option("error")
     largest = np.nan_to_num(Figures.load(directory / "figures.zarr").max_error_rad)
     explosion = int(np.flatnonzero(frames.phase == 0)[len(frames) // 8])
     high = int(np.argmax(largest))
@@ -102,7 +105,7 @@ def test_fold_is_inspected(visit: Visit, service: Service, wrench: str, view: bo
     assert (seen[..., 2] - seen[..., 0]).max() > 60  # the clicked module is blue
     page.keyboard.press("ArrowRight")  # the view has the focus now
     at_frame(page, explosion + 1)
-    page.wait_for_url(f"**/folds/*#frame={explosion + 2}&module={index + 1}")
+    page.wait_for_url(f"**/folds/*#frame={explosion + 2}&module={index + 1}&colour=error")
     page.reload()
     at_frame(page, explosion + 1)
     expect(heading).to_contain_text(f"Module {index + 1} ")

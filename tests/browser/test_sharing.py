@@ -76,7 +76,10 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     page = visit(f"/folds/{folded['id']}", view=False)
     keep_as_mine(page, folded)
     stops = page.locator(".tour-list li")
+    page.locator("#loop").click()
+    page.locator("#colour-by").select_option("speed")
     page.locator("#tour").click()
+    expect(page.locator("#colour-by")).to_have_value("chain")
     expect(page.locator("#tour-caption")).to_contain_text("The chain is straight")
     page.keyboard.press("PageDown")
     expect(page).to_have_url(re.compile("stop=2"))
@@ -95,8 +98,12 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     other = visit(f"/embed/{folded['id']}#stop=2", view=False)
     expect(other.locator("#tour-caption")).to_have_text("<b>Here</b> it begins.")
 
-    # Only the owner can set numbers for the colours, too.
+    # The tour gives back the colours and the loop that it changed.
     page.get_by_role("button", name="Close", exact=True).click()
+    expect(page.locator("#colour-by")).to_have_value("speed")
+    expect(page.locator("#loop")).to_have_attribute("aria-pressed", "true")
+
+    # Only the owner can set numbers for the colours, too.
     page.locator("#colour-by").select_option("own-file")
     box, numbers = page.locator(".own-values"), page.locator(".own-values input")
     heat = "Heat (K)\n" + "".join(f"{k}\n" for k in range(len(STAIRS)))
@@ -152,6 +159,8 @@ def test_compare_plays_and_turns_two_folds_together(
 def test_fold_is_refolded_or_smoothed(visit: Visit, wrench: str, way: str) -> None:
     page = visit(f"/folds/{wrench}", view=False)
     page.locator(f"#{way}").click()
+    if way == "smooth":
+        page.locator("#confirm-yes").click()
     if way == "refold":
         page.locator("#refold-shapes").get_by_role("button", name="Mallet").click()
     page.wait_for_url(lambda url: "/folds/" in url and wrench not in url)
@@ -241,6 +250,7 @@ def test_view_is_saved_as_a_picture_and_embedded(visit: Visit, blog: Blog, wrenc
     # The frame for other sites, of the finished fold.
     blog.html = f"<!doctype html><title>A blog</title>{page.locator('#share-embed').input_value()}"
     inside = visit(blog.origin, width=640, height=400, view=False).frame_locator("iframe")
+    inside.locator("#more").click()
     inside.locator("#forward").click()
     expect(inside.locator("#r-frame")).to_have_text(re.compile("Frame 2 of"))
     expect(inside.locator("a.whole")).to_have_attribute("href", f"/folds/{wrench}")

@@ -1,5 +1,6 @@
 """`foldback site`: relative links, and pages that work from a folder."""
 
+import re
 from html.parser import HTMLParser
 from pathlib import Path
 from urllib.parse import unquote, urldefrag
@@ -18,9 +19,9 @@ MOVING = "([selector, before]) => document.querySelector(selector).value !== bef
 
 @pytest.fixture(scope="module")
 def site_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Site of two folds, in a directory below a path."""
+    """Site of three folds, two of them equal, in a directory below a path."""
     place = tmp_path_factory.mktemp("host")
-    for name in ("a wrench & a mallet", "cube"):
+    for name in ("a wrench & a mallet", "cube", "cube again"):
         (place / "folds" / name).mkdir(parents=True)
         packed = "wrench-80-to-mallet-80" if "wrench" in name else "tetra-cube-2"
         unpack((SHIPPED_FOLDS_DIR / f"{packed}.fold").read_bytes(), place / "folds" / name)
@@ -61,6 +62,10 @@ def test_every_link_of_a_site_leads_to_something_in_it(site_dir: Path) -> None:
             assert target.is_file() and target.is_relative_to(site_dir), (path, link)
             assert not place or place in pages[target].places or "icons" in place, (path, link)
             reached.add(target)
+    first = (site_dir / "index.html").read_text(encoding="utf-8")
+    titles = re.findall(r'class="card-title">([^<]*)<', first)
+    assert len(set(titles)) == 3 and "Wrench → Mallet" in titles
+    assert "A long chain of robot cubes folds itself" in first
     # Only the pages' data name viser's client, and only third-party pages use the element.
     unused = {path for path in site_dir.rglob("*") if path.is_file()} - reached
     assert unused == {site_dir / "view.html", site_dir / "foldback-fold.js"}

@@ -103,6 +103,7 @@ def standalone_html(
         "plan": None if plan is None else _text(claimed_part(plan)),
         "curves": None if curves is None or stride > 1 else _text(curves),
         "forces": None if forces is None or stride > 1 else _text(forces),
+        "tightest": facts.get("tightest") if stride == 1 else None,
         **kept,
     }
     styles = "".join(text_of(name) for name in STYLES)

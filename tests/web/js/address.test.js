@@ -33,7 +33,7 @@ test("a view is read from a hash as it was written", () => {
 });
 
 test("a hash leaves out default values", () => {
-  assert.equal(hashOf({ ...NOTHING, frame: 11, camera: { azimuth: null, elevation: null, zoom: 1, aside: null }, colour: "error" }), "#frame=12");
+  assert.equal(hashOf({ ...NOTHING, frame: 11, camera: { azimuth: null, elevation: null, zoom: 1, aside: null }, colour: "chain" }), "#frame=12");
   assert.equal(hashOf({ ...NOTHING, camera: { azimuth: null, elevation: null, zoom: 1.5, aside: null } }), "#camera=,,1.5");
   assert.equal(hashOf(NOTHING), "");
   assert.equal(shortOf(FULL), "12,-57.3,28.65,1.25,0.1,-0.2");

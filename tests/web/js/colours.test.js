@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { radians } from "../../../web/static/js/lib/text.js";
-import { colouring, colouringsOf, ramped, roundUp } from "../../../web/static/js/player/colours.js";
+import { colouring, colouringsOf, isOffered, ramped, roundUp } from "../../../web/static/js/player/colours.js";
 import { keptRows, packed, readValues, unpacked, valuesAt } from "../../../web/static/js/module_values/reading.js";
 import { close, recorded, unpack, vectors } from "./vectors.js";
 
@@ -12,7 +12,6 @@ const figuresOf = (modules, joints) => ({
     torque: new Float32Array(joints).fill(-0.3),
     clearance: Float32Array.from({ length: modules }, (_, i) => (i === 3 ? -0.01 : 0.2)),
   }),
-  lacking: null,
   largest: (name) => ({ position_error: 0.034, torque: 1.7 })[name],
 });
 
@@ -43,7 +42,7 @@ test("every colouring has a scale in numbers", async () => {
   }
   const { speed, error, ...others } = scales;
   assert.deepEqual(others, {
-    "error-even": error, position: "0.05 pitch", torque: "2 N·m", clearance: "0.5 pitch", chain: "Module 16",
+    "error-even": error, position: "0.034 pitch", torque: "1.7 N·m", clearance: "0.5 pitch", chain: "Module 16",
   });
   assert.match(speed, /^[\d.]+ m?rad\/s$/);
   const scale = timeline.errorScale;
@@ -57,17 +56,24 @@ test("every colouring has a scale in numbers", async () => {
 
 test("what is not measured yet is grey", async () => {
   const { timeline } = await recorded();
-  const nothing = { row: () => null, largest: () => 0, lacking: null };
+  const nothing = { row: () => null, largest: () => 0 };
   const { unknown } = timeline.bundle.header.colours;
   for (const key of ["position", "torque", "clearance"]) {
     const colours = colouring(key, timeline, nothing).of(timeline.snapshot(0));
     assert.deepEqual([...colours.subarray(0, 3)], unknown, key);
   }
-  assert.equal(colouring("clearance", timeline, nothing).legend().none, "no data yet");
-  assert.equal(colouring("clearance", timeline, { ...nothing, lacking: "not here" }).legend().none, "not here");
+  assert.equal(colouring("clearance", timeline, nothing).legend().none, "no data for this frame");
+  assert.equal(colouring("position", timeline, nothing).legend().none, "only known while folding");
+});
+
+test("only colourings with values of single modules are offered", async () => {
+  const { timeline } = await recorded();
   const { timeline: peeled } = await recorded(vectors.peeled);
-  for (const key of ["torque", "clearance"]) assert.equal(colouring(key, peeled, nothing).legend().none, "only the whole chain’s value is known");
-  assert.equal(colouring("position", peeled, nothing).legend().none, "no data for this frame");
+  const offered = (of, ...names) => colouringsOf(false).map(([key]) => key).filter((key) => isOffered(key, of, { offers: (name) => names.includes(name) }));
+  const own = ["error", "error-even", "speed", "chain"];
+  assert.deepEqual(offered(timeline), own); // a downloaded page has no values of single modules
+  assert.deepEqual(offered(timeline, "clearance"), ["error", "error-even", "speed", "clearance", "chain"]);
+  assert.deepEqual(offered(peeled, "clearance", "torque", "position_error"), ["error", "error-even", "position", "speed", "chain"]);
 });
 
 // Numbers of a visitor.
@@ -103,6 +109,8 @@ const REFUSED = [
   ["1\n2\n3", /This file has 3 rows with 1 number each. This fold needs 4 numbers, one for each module, or 3 rows of 4 numbers,/],
   ["1,2,3,4\n5,6,7", /Line 2: this line has 3 values, but the lines before it have 4/],
   ["1\n2\nthree\n4", /Line 3: "three" is not a number/],
+  ["1,2,3\nfoo", /^Error: Line 2: "foo" is not a number/],
+  ["heat\nhot\ncold", /^Error: Line 1: "heat" is not a number/],
   ["1,1\n9,2", /Line 2: there is no module 9. Module numbers go from 1 to 4/],
   ["1,1\n1,2", /Line 2: module 1 appears twice/],
   ["\n\n", /This fold needs 4 numbers/],

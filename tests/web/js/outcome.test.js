@@ -7,14 +7,17 @@ import { announcementOf, awaitOutcome, headingOf, titleOf } from "../../../web/s
 const facts = (tone) => ({ name: "torus", verdict: { tone, text: "" } });
 
 test("the title of a running fold shows its progress", () => {
-  assert.equal(titleOf({ status: "running", stage: "explode", fraction: 0.429 }, "torus", "Exploding"), "Exploding 42 % · torus · foldback");
-  assert.equal(titleOf({ status: "running", stage: "read" }, "torus", "Reading"), "Reading 0 % · torus · foldback");
-  assert.equal(titleOf({ status: "queued", stage: "read", fraction: 0.4 }, "torus", "Reading"), "Waiting · torus · foldback");
+  const advance = new OverallProgress();
+  const title = (now) => { advance.note(now); return titleOf(now, "torus", advance); };
+  assert.equal(title({ status: "running", stage: "read" }), "Reading the input 0 % · torus · foldback");
+  assert.equal(title({ status: "running", stage: "explode", fraction: 0.429 }), "Exploding 42 % · torus · foldback");
+  assert.equal(title({ status: "running", stage: "export", fraction: 0 }), "Writing the files … · torus · foldback");
+  assert.equal(title({ status: "queued", stage: "read", fraction: 0.4 }), "Waiting · torus · foldback");
 });
 
 test("the title shows the progress while solvers are prepared", () => {
   for (const status of ["queued", "running"]) {
-    assert.equal(titleOf({ status, fraction: 0, preparing: { fraction: 0.478, remaining_s: 90 } }, "torus", "Reading"), "Preparing 47 % · torus · foldback");
+    assert.equal(titleOf({ status, fraction: 0, preparing: { fraction: 0.478, remaining_s: 90 } }, "torus", new OverallProgress()), "Preparing 47 % · torus · foldback");
   }
 });
 
@@ -104,26 +107,23 @@ test("permission to notify is asked on a click only, and a hidden tab notifies o
   assert.equal(sent.length, 1);
 });
 
-test("a fold with a verdict is not to be cancelled or awaited while its files are written", async (t) => {
-  const { document: page, window: browser, EventSource, fetch } = globalThis;
-  t.after(() => Object.assign(globalThis, { document: page, window: browser, Notification: undefined, EventSource, fetch }));
+test("a fold has no verdict, and can be cancelled, while its files are written", (t) => {
+  const { document: page, window: browser, EventSource } = globalThis;
+  t.after(() => Object.assign(globalThis, { document: page, window: browser, Notification: undefined, EventSource }));
   const parts = {};
-  const part = () => ({ classList: { contains: () => true }, dataset: {}, style: {}, firstElementChild: { style: {} } });
+  const part = () => ({ classList: { contains: () => true, toggle(name, on) { this[name] = on; } }, dataset: {}, style: {}, firstElementChild: { style: {} } });
   Object.assign(globalThis, {
     window: { Notification: {} }, Notification: {}, document: { getElementById: (id) => (parts[id] ??= part()) },
     EventSource: class { addEventListener() {} },
-    fetch: () => Promise.resolve(Response.json({ running: true, ...facts("good") })),
   });
   const progress = new Progress({ id: "abc" }, () => null);
   progress.token = "key";
   parts.name = { textContent: "torus" };
-  const shown = async (stage) => {
-    progress.show({ status: "running", stage, fraction: 0.5 });
-    await new Promise((resolve) => setTimeout(resolve));
-    return [parts.verdict.dataset.tone, parts.cancel.hidden, Boolean(parts.notify?.hidden)];
+  const shown = (stage) => {
+    progress.show({ status: "running", stage, fraction: 0.5, remaining_s: 0 });
+    return [parts.verdict.dataset.tone, parts.verdict.textContent, parts.cancel.hidden, parts.progress.classList.unmeasured];
   };
-  assert.deepEqual(await shown("certify"), ["busy", false, false]);
-  assert.deepEqual(await shown("export"), ["good", true, true]);
-  assert.equal(document.title, "✓ torus");
-  assert.deepEqual(await shown("certify"), ["busy", false, true]); // it was interrupted, and is computed again
+  assert.deepEqual(shown("certify"), ["busy", "Checking clearance 50 % · takes longer than usual", false, false]);
+  assert.deepEqual(shown("export"), ["busy", "Writing the files …", false, true]);
+  assert.equal(document.title, "Writing the files … · torus · foldback");
 });

@@ -128,7 +128,7 @@ test("with reduced motion the camera jumps to a requested frame, and moves smoot
 
 for (const kind of ["timeline", "peeled"]) {
   test(`modules are as red as Python says: ${kind}`, async () => {
-    const { player, events } = await shown({}, vectors[kind]);
+    const { player, events } = await shown({ usual: "error" }, vectors[kind]);
     for (const { frame, colours, errors } of vectors[kind].frames) {
       player.send({ do: "seek", frame });
       close(player.colours(), colours, { atol: 2 }); // errors travel with a precision of 1 in 256
@@ -140,7 +140,7 @@ for (const kind of ["timeline", "peeled"]) {
 }
 
 test("selected modules are blue, and marked ones stand out", async () => {
-  const { player, timeline } = await shown();
+  const { player, timeline } = await shown({ usual: "error" });
   player.send({ do: "seek", frame: AT_END.frame });
   const { selected: blue, stuck } = timeline.bundle.header.colours;
   player.send({ do: "select", module: 5 });

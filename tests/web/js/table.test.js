@@ -49,8 +49,8 @@ test("a fold on a table has other torques than one that floats", async () => {
     row: () => ({ joint_torque: new Float32Array(timeline.joints).fill(2), pressed: new Float32Array(timeline.chain.modules).fill(1) }),
   };
   const shown = timeline.snapshot(0);
-  assert.equal(colouring("joint_torque", timeline, figures).legend().high, "5 w·p, 5 mN·m");
-  assert.equal(colouring("pressed", timeline, figures).legend().high, "5 × the module’s weight");
+  assert.equal(colouring("joint_torque", timeline, figures).legend().high, "3.2 w·p, 3.2 mN·m");
+  assert.equal(colouring("pressed", timeline, figures).legend().high, "3.2 × the module’s weight");
   const { unknown } = timeline.bundle.header.colours;
   for (const key of ["joint_torque", "pressed"]) {
     assert.equal(colouring(key, timeline, figures).of(shown).length, 3 * timeline.chain.modules);

@@ -1,5 +1,6 @@
-// Theme of every page: light, dark or system. A classic script, because modules run after the first
-// paint; it applies the stored theme before that and handles the theme buttons.
+// Theme of every page: light, dark or system; and whether the page is a small frame. A classic
+// script, because modules run after the first paint; it applies both before that and handles the
+// theme buttons.
 (() => {
   const KEPT = "foldback:theme";
   /** @type {Record<string, string>} */
@@ -43,6 +44,11 @@
     apply();
   }
 
+  // In a low window, or a narrow frame in another page, a fold has compact controls.
+  const small = matchMedia(window.parent === window ? "(max-height: 420px)" : "(max-height: 420px), (max-width: 900px)");
+  const compact = () => root.toggleAttribute("data-compact", small.matches);
+  small.addEventListener("change", compact);
+  compact();
   apply();
   document.addEventListener("DOMContentLoaded", apply);
   document.addEventListener("click", (event) => {

@@ -5,7 +5,7 @@ export const STAGES = {
   explode: "Exploding",
   play_back: "Playing back",
   certify: "Checking clearance",
-  export: "Writing the plan",
+  export: "Writing the files",
 };
 
 /** @param {number} value */

@@ -2,7 +2,7 @@
 import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { get, number, wordsOf } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
-import { Colouring } from "../player/colours.js";
+import { Colouring, USUAL_COLOURING } from "../player/colours.js";
 import { MAX_FILE_BYTES, keptRows, packed, readValues, unpacked, valuesAt } from "./reading.js";
 
 const STYLE = "/static/css/tour.css";
@@ -97,7 +97,7 @@ export class OwnPanel {
     try {
       if (own && token && (!remove || this.kept)) await ask(`/api/folds/${this.id}/values`, { method, token, body: remove ? null : packed(own) });
       this.kept = !remove;
-      if (remove) { this.own = null; this.legend.offer(null); this.legend.choose("error"); }
+      if (remove) { this.own = null; this.legend.offer(null); this.legend.choose(USUAL_COLOURING); }
     } catch (error) {
       this.error.textContent = error instanceof Refusal && error.gone ? "Only the owner of this fold can save numbers with it." : wordsOf(error);
     }

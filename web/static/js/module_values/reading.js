@@ -32,27 +32,38 @@ const NAMED = /^(.*?)\s*[([]([^()[\]]{1,20})[)\]]$/; // Temperature (°C)
 function cellsOf(text) {
   const lines = text.trimEnd().split(/\r\n|\n|\r/);
   // If only some lines have a comma, it is a decimal comma.
-  const [, ...below] = lines.filter((line) => line.trim());
-  const decimal = below.every((line) => /^[^,]*(,\d+)?$/.test(line.trim())) && below.some((line) => !line.includes(","));
+  const [first = "", ...below] = lines.filter((line) => line.trim());
+  const mayBeDecimal = (/** @type {string} */ line) => /^[^,]*(,\d+)?$/.test(line.trim());
+  const decimal = below.every(mayBeDecimal) && below.some((line) => !line.includes(",")) && (mayBeDecimal(first) || below.some((line) => line.includes(",")));
   const separator = [";", "\t", ...(decimal ? [] : [","])].find((one) => text.includes(one)) ?? / +/;
-  const several = below.some((line) => line.trim().split(separator).length > 1);
   const read = (/** @type {string} */ cell) => {
     if (NOTHING.test(cell)) return NaN;
     const number = Number(separator === "," ? cell : cell.replace(",", "."));
     return Number.isNaN(number) ? null : number;
   };
+  const numbers = (/** @type {string} */ line) => line.trim().split(separator).map((cell) => read(cell.trim()));
+  const several = below.some((line) => numbers(line).length > 1) || (numbers(first).length > 1 && !numbers(first).includes(null));
   /** @type {Cells} */
   const found = { rows: [], header: [], places: [] };
+  /** @type {Error | null} */
+  let unread = null; // about the first line that is no numbers
   lines.forEach((line, k) => {
     if (several && !line.trim()) return;
     const cells = (!several ? [line] : (typeof separator === "string" ? line : line.trim()).split(separator)).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1").trim());
     const row = cells.map(read);
     const wrong = row.indexOf(null);
-    if (line.startsWith("#") || (wrong >= 0 && !found.rows.length)) { found.header = line.startsWith("#") ? [line.replace(/^#\s*/, "")] : cells; return; }
-    if (wrong >= 0) throw new Error(`Line ${k + 1}: "${cells[wrong].slice(0, 40)}" is not a number. Leave the field empty if a value is missing.`);
+    if (line.startsWith("#")) { found.header = [line.replace(/^#\s*/, "")]; return; }
+    if (wrong >= 0) {
+      const error = new Error(`Line ${k + 1}: "${cells[wrong].slice(0, 40)}" is not a number. Leave the field empty if a value is missing.`);
+      if (found.rows.length) throw error;
+      unread ??= error;
+      found.header = cells;
+      return;
+    }
     found.rows.push(/** @type {number[]} */ (row));
     found.places.push(k + 1);
   });
+  if (unread && !found.rows.length) throw unread;
   return found;
 }
 

@@ -58,11 +58,10 @@ new Keys(pair, new Bar(pair));
 facts.forEach(({ running, frames }, k) => { if (!running && !frames) pair.leave(sides[k].player); });
 pair.on("begun", () => { if (!place.go() && !calm) pair.send({ do: "play" }); });
 const colours = get("colour-by");
-colours.append(...COLOURINGS.filter(([key]) => !MEASURED.has(key)).map(([key, label]) => element("option", { value: key }, label)));
+colours.append(...COLOURINGS.filter(([key]) => !(key in MEASURED)).map(([key, label]) => element("option", { value: key }, label)));
 /** @param {string} key */
 function colourBy(key) {
   if (![...colours.options].some(({ value }) => value === key)) return;
-  colours.value = key;
   for (const { player } of sides) player.colourBy(colouring(key, player.timeline, null));
   scale();
   place.note();
@@ -70,7 +69,9 @@ function colourBy(key) {
 colours.onchange = () => colourBy(colours.value);
 const scale = () => {
   const { colouring: chosen, timeline } = sides[0].player;
-  if (chosen) showScale(chosen, timeline);
+  if (!chosen) return;
+  colours.value = chosen.key;
+  showScale(chosen, timeline);
 };
 pair.on("outline", scale);
 const through = pathButton(sides.map(({ stage }) => stage));

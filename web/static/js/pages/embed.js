@@ -11,7 +11,7 @@ const facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
 const { hand, player } = view({
-  over: !facts.running, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => load(frame, at("/embed/view")),
+  over: !facts.running, tightest: () => facts.tightest, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => load(frame, at("/embed/view")),
   kept: {
     tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), id: null,
   },

@@ -4,7 +4,7 @@ import { Figures } from "../player/figures.js";
 import { ModulePanel } from "../panels/module_panel.js";
 import { Plots } from "../panels/plots.js";
 import { Source } from "../player/timeline.js";
-import { ask, tokenOf } from "../lib/api.js";
+import { ask, remove, tokenOf } from "../lib/api.js";
 import { view } from "../viewer/fold_view.js";
 import { load } from "../viewer/scene.js";
 import { at, get, later, toast, wordsOf } from "../lib/text.js";
@@ -16,10 +16,10 @@ const figures = new Figures(facts.id);
 const drawer = new Drawer();
 const code = new URLSearchParams(location.search).get("class"); // code of the class to follow
 const { timeline, player, place, bar } = view({
-  over: !facts.running, play: code ? false : undefined,
+  over: !facts.running, tightest: () => facts.tightest, play: code ? false : undefined,
   source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => load(frame, at("/view")),
   kept: {
-    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), get id() { return facts.movies ? facts.id : null; },
+    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), get id() { return facts.editable ? facts.id : null; },
   },
 });
 
@@ -37,6 +37,15 @@ const progress = later(() => import("../panels/progress.js"), toast);
 const token = tokenOf(facts.id);
 const rename = document.getElementById("rename"); // only with a service
 if (rename) {
+  get("delete").hidden = !token;
+  get("delete").onclick = () => {
+    get("ways-list").hidePopover();
+    dialogs(async ({ confirmed }) => {
+      if (!await confirmed(`Delete “${facts.name}”?`, "This permanently deletes the fold, its plan and its movies. The link will stop working for everyone.", "Delete")) return;
+      await remove(`/api/folds/${facts.id}`, token);
+      location.href = at("/my-folds");
+    });
+  };
   rename.hidden = !token;
   rename.onclick = () => {
     get("ways-list").hidePopover(); // first, so that the dialog gives the focus back to the menu's button
@@ -52,7 +61,10 @@ if (rename) {
 get("share").onclick = () => share((open) => open());
 get("compare").onclick = () => companions(({ compare }) => compare(facts));
 get("refold").onclick = () => companions(({ refold }) => refold(facts));
-get("smooth").onclick = () => asking(({ openFold }) => openFold({ smooth: facts.id }, toast, get("smooth")));
+get("smooth").onclick = () => dialogs(async ({ confirmed }) => {
+  if (!await confirmed("Smooth this fold?", "foldback computes a shorter and quieter motion for the same shape. It becomes a fold of its own, beside this one, and you can compare both.", "Smooth")) return;
+  asking(({ openFold }) => openFold({ smooth: facts.id }, toast, get("smooth")));
+});
 get("again").onclick = tryAgain;
 get("properties").onclick = ({ target }) => { if (target === get("check-plan")) checking((it) => it.begin("claim")); };
 get("rests").onclick = () => {
@@ -72,6 +84,7 @@ function show(now) {
   facts = now;
   const { choice } = now;
   if (now.failure) failing((it) => it.facts(now));
+  if (now.options && token && rename) for (const name of /** @type {const} */ (["change-options", "change-options-too", "more-modules"])) get(name).hidden = false;
   if (choice) choosing(({ showChoice }) => showChoice(choice, drawer, player));
   if (!now.running) { timeline.finish(); figures.begin(); }
   get("cover-button").onclick = tryAgain;

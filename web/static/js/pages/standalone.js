@@ -24,6 +24,7 @@ import { get } from "../lib/text.js";
  * @property {string | null} view address of the client, if pages share it
  * @property {Tour | null} tour
  * @property {KeptValues | null} values
+ * @property {number | null} tightest frame with the plan's smallest clearance
  */
 
 /** @type {Parts} */
@@ -54,7 +55,8 @@ const source = {
 // Figures of a standalone page: the curves and, for a fold on a table, the forces. Other values of
 // single modules would multiply the size of the file.
 class StoredFigures extends Figures {
-  lacking = "not available in a downloaded page";
+  /** @param {FigureName} name */
+  offers(name) { return name in (this.parts.get(0)?.header.widths ?? {}); }
 
   /**
    * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]
@@ -85,7 +87,7 @@ function loadView(frame) {
 }
 const figures = new StoredFigures("");
 const drawer = new Drawer();
-const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: loadView, kept: { tour: async () => parts.tour, values: async () => parts.values, id: null } });
+const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: loadView, tightest: () => parts.tightest, kept: { tour: async () => parts.tour, values: async () => parts.values, id: null } });
 figures.begin();
 if (parts.plan) {
   const checker = await (await fetch(import.meta.resolve("foldback/checker"))).text();

@@ -12,6 +12,11 @@ export class Failure {
     this.found = null;
     this.bar = bar;
     bar.onStuck = () => this.go();
+    get("verdict").onclick = (event) => {
+      if (/** @type {HTMLElement} */ (event.target).id !== "verdict-go") return;
+      event.preventDefault(); // the link alone would not turn the view to the modules
+      this.go();
+    };
     get("stuck").onclick = ({ target }) => {
       const { id } = /** @type {HTMLElement} */ (target);
       if (id === "stuck-go") this.go();

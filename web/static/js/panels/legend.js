@@ -1,5 +1,5 @@
 // The colour legend: a menu of colourings, and the scale with its values.
-import { MEASURED, colouring, colouringsOf } from "../player/colours.js";
+import { colouring, colouringsOf, isOffered } from "../player/colours.js";
 import { element, get, store, stored } from "../lib/text.js";
 import { showScale } from "../viewer/controls.js";
 
@@ -21,27 +21,33 @@ export class Legend {
     this.ownName = null;
     this.menu = get("colour-by");
     /** @type {string | null} */
-    this.asked = null; // colouring in the address
+    this.asked = null; // colouring in the address or of a tour whose data are not loaded yet
+    this.decided = false; // true once a colouring was asked for or chosen, so that the stored one no longer counts
     this.fill();
     this.menu.onchange = () => {
       const { value } = this.menu;
       this.show();
       if (value === OWN) own("show");
       else if (value === OTHER) own("open");
-      else { store(KEPT, value); this.choose(value); }
+      else { store(KEPT, value); this.decided = true; this.choose(value); }
     };
     player.on("begun", () => {
-      const kept = this.asked ?? stored(KEPT);
-      if (kept && !(MEASURED.has(kept) && !figures.plots)) this.choose(kept);
+      this.fill();
+      this.resume();
     });
     player.on("outline", () => this.show());
     player.on("colouring", () => this.show());
     figures.on("begun", () => {
       this.fill();
-      const kept = this.asked ?? stored(KEPT);
-      if (kept && MEASURED.has(kept) && player.timeline.chain) this.choose(kept);
+      if (player.timeline.chain) this.resume();
     });
     figures.on("loaded", () => { if (player.shown) player.show(true); });
+  }
+
+  // Apply the colouring that was asked for or stored, if its data are loaded now.
+  resume() {
+    const key = this.asked ?? (this.decided ? null : stored(KEPT));
+    if (key) this.choose(key);
   }
 
   // Fill the menu with the colourings of this fold, which differ between zero gravity and a table.
@@ -49,7 +55,7 @@ export class Legend {
     const { plots } = this.figures;
     const before = this.menu.value;
     const known = colouringsOf(Boolean(plots?.table));
-    this.menu.replaceChildren(...known.map(([key, label]) => element("option", { value: key, disabled: MEASURED.has(key) && !plots }, label)),
+    this.menu.replaceChildren(...known.map(([key, label]) => element("option", { value: key, disabled: !isOffered(key, this.player.timeline, this.figures) }, label)),
       ...(this.ownName === null ? [] : [element("option", { value: OWN }, this.ownName)]), element("option", { value: OTHER }, "Your own numbers…"));
     if ([...this.menu.options].some(({ value }) => value === before)) this.menu.value = before;
   }
@@ -61,18 +67,19 @@ export class Legend {
     this.fill();
   }
 
-  // Apply the colouring that the address names, as soon as its
+  // Apply the colouring that the address or a tour names, as soon as its
   // data are loaded. The visitor's stored choice does not change.
   /** @param {string} key */
   ask(key) {
     this.asked = key;
+    this.decided = true;
     if (key === OWN) this.own("show");
-    if (!MEASURED.has(key) || this.figures.plots) this.choose(key);
+    this.choose(key);
   }
 
   /** @param {string} key */
   choose(key) {
-    if (key === OWN || ![...this.menu.options].some(({ value }) => value === key)) return;
+    if (key === OWN || ![...this.menu.options].some(({ value, disabled }) => value === key && !disabled)) return;
     this.asked = null;
     const { stage } = this.player;
     if (stage) stage.pressed = key === "pressed" ? (shown) => this.figures.row(shown.low)?.pressed ?? null : null;

@@ -178,7 +178,7 @@ export class ModulePanel {
    * @param {number} clearance
    */
   showNearest(nearest, clearance) {
-    const value = this.write("nearest", "none within a module width");
+    const value = this.write("nearest", "none within one spacing");
     if (nearest < 0) return;
     value.replaceChildren(element("button", { class: "inline", type: "button", "data-module": nearest }, `Module ${nearest + 1}`),
       clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`);

@@ -8,14 +8,13 @@ const ICON = at("/static/icon.svg");
 
 // Return the title of the tab while a fold runs. The percentage of each stage starts at 0.
 /**
- * @param {Pick<Api.Progress, "status" | "fraction" | "preparing">} now
+ * @param {Pick<Api.Progress, "status" | "preparing">} now
  * @param {string} name
- * @param {string} stage
+ * @param {Pick<import("./overall_progress.js").OverallProgress, "label">} advance
  */
-export function titleOf({ status, fraction, preparing }, name, stage) {
-  const percent = (/** @type {number | undefined} */ share) => `${Math.floor(100 * (share ?? 0))} %`;
-  const waiting = status === "queued" ? "Waiting" : `${stage} ${percent(fraction)}`;
-  const share = preparing ? `Preparing ${percent(preparing.fraction)}` : waiting;
+export function titleOf({ status, preparing }, name, advance) {
+  const waiting = status === "queued" ? "Waiting" : advance.label();
+  const share = preparing ? `Preparing ${Math.floor(100 * preparing.fraction)} %` : waiting;
   return `${share} · ${name} · foldback`;
 }
 

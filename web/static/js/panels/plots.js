@@ -6,8 +6,8 @@ import { shareAt } from "../player/bar.js";
 const COLUMNS = 360;
 const WIDE = 1000;
 const HIGH = 100;
-const TICKS = { up: 3, across: 4 }; // approximate numbers
-const HEADROOM = 1.06; // height of a plot, as a multiple of its highest bound
+const TICKS = { up: 5, across: 4 }; // approximate numbers
+const HEADROOM = 1.06; // height of a plot, as a multiple of its highest value or bound
 const FAR = 10; // frames
 /**
  * @typedef {object} Plot
@@ -22,7 +22,7 @@ const FAR = 10; // frames
 /** @type {Plot[]} */
 const PLOTS = [
   { name: "max_error_rad", label: "Largest joint error", text: radians, worst: Math.max },
-  { name: "min_clearance", label: "Smallest clearance", text: pitches, worst: Math.min },
+  { name: "min_clearance", label: "Smallest clearance", text: pitches, worst: Math.min, said: "of the motion that you see; the verdict is about the planned motion" },
   { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
   { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
 ];
@@ -140,8 +140,8 @@ export class Plots {
     const drawn = columns(values, worst);
     const known = drawn.filter(Number.isFinite);
     if (!known.length) return null;
-    const high = Math.max(...known, ...bounds.map(({ at }) => at * HEADROOM), 0);
-    const low = Math.min(...known, 0);
+    const high = HEADROOM * Math.max(...known, ...bounds.map(({ at }) => at), 0);
+    const low = HEADROOM * Math.min(...known, 0);
     const y = scaleOf([low, high], [HIGH, 0]);
     const [line, hair] = [rule("plot-head", { x: 0 }, [0, HIGH]), rule("plot-hair", { x: 0 }, [0, HIGH])];
     hair.setAttribute("visibility", "hidden");
@@ -156,6 +156,7 @@ export class Plots {
     const sheet = button("inline", "CSV", () => save(new Blob([csv(plot.name, values)], { type: "text/csv" }), `${plot.name}.csv`), { "aria-label": `${label} as CSV`, title: "Every frame and its value" });
     const box = element("figure", { class: "plot" }, element("figcaption", {}, element("span", {}, label), now, where), framed(picture, marks),
       element("div", { class: "plot-foot" }, element("small", {}, this.scaleWords(plot, known)), larger, sheet),
+      button("icon-button dialog-close plot-close", "×", () => box.hidePopover(), { "aria-label": "Close", title: "Close" }),
       bounds.length ? element("small", { class: "plot-bounds" }, element("i", { "aria-hidden": "true" }), bounds.map(({ what }) => what).join("; ")) : null);
     const made = { box, values, text, now, where, line, hair, label, picture };
     this.listen(made);
@@ -253,14 +254,17 @@ export class Plots {
     this.player.send({ do: "step", by });
   }
 
-  // Return the frame at which a figure is worst; null if there is none.
+  // Return the frame of the fold at which a figure is worst; null if there is none. No robot follows
+  // the explosion, so that its frames do not count.
   /** @param {string} name */
   worst(name) {
     const { plots } = this.figures;
     const wanted = TORQUES.includes(name) ? TORQUES.find((one) => plots?.[/** @type {PlotName} */ (one)]) : name;
     const plot = [...onTable(plots?.table), ...PLOTS].find((p) => p.name === wanted);
     const values = plot && plots?.[plot.name];
-    const known = Array.from(values ?? []).filter(Number.isFinite);
-    return plot && values && known.length ? values.indexOf(known.reduce((a, b) => plot.worst(a, b))) : null;
+    if (!plot || !values) return null;
+    const begin = this.player.timeline.outline?.phases.find(({ name: phase }) => phase !== "explosion")?.from ?? 0;
+    const known = Array.from(values.subarray(begin)).filter(Number.isFinite);
+    return known.length ? values.indexOf(known.reduce((a, b) => plot.worst(a, b)), begin) : null;
   }
 }

@@ -1,6 +1,6 @@
 // Progress of a running fold: stage, percentage, steps per second, position in the queue.
 import { Refusal, ask, askUntil, tokenOf } from "../lib/api.js";
-import { awaitOutcome, headingOf, titleOf } from "./outcome.js";
+import { awaitOutcome, titleOf } from "./outcome.js";
 import { OverallProgress, queueWords } from "./overall_progress.js";
 import { preparingWords, remaining, showPreparing } from "./preparing.js";
 import { at, get, toast, whole } from "../lib/text.js";
@@ -10,7 +10,6 @@ const FORBIDDEN = 403;
 const CANCEL_MS = 10000;
 const READY = "getting ready";
 const NARROW = "(max-width: 640px)"; // on narrower screens the full text would need a second line
-const WRITING = "export"; // the stage after the check of a plan
 const OVER = ["verified", "failed", "cancelled"];
 
 export class Progress {
@@ -31,16 +30,13 @@ export class Progress {
     this.polling = null;
     /** @type {Api.Progress | null} */
     this.now = null;
-    /** @type {Facts["verdict"] | null} */
-    this.verdict = null; // known before the files of the plan are written
-    this.asking = false;
     this.listen();
     get("cancel").onclick = () => this.cancel();
   }
 
   listen() {
     get("progress").hidden = false;
-    this.offer();
+    get("cancel").hidden = !this.token;
     const events = new EventSource(at(`/api/folds/${this.facts.id}/events`));
     this.events = events;
     events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
@@ -72,15 +68,13 @@ export class Progress {
     if (OVER.includes(now.status)) return; // the verdict follows
     const { advance } = this;
     if (now.status === "running") advance.note(now);
-    if (now.status === "running" && now.stage === WRITING) this.checked();
-    else this.verdict = null;
-    this.offer();
+    get("cancel").hidden = !this.token;
     const { preparing } = now;
     const name = get("name").textContent; // the owner may rename the fold meanwhile
     const shown = { ...now, ...(now.status === "running" && { fraction: advance.fraction }) };
-    document.title = this.verdict ? headingOf({ name, verdict: this.verdict }) : titleOf(shown, name, advance.name());
+    document.title = titleOf(shown, name, advance);
     const queue = now.queue_position ?? 0;
-    let text = advance.name();
+    let text;
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;
     if (this.cancelling) text = "Cancelling…";
     else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then this fold waits in the queue behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
@@ -89,9 +83,10 @@ export class Progress {
       else text = queueWords(queue, now.running_before);
       if (now.wait_s != null) text += left;
       else if (queue > 0) text += " · the server computes no folds right now, so this fold waits";
-    } else if (now.message === READY) text = "Getting ready";
+    } else if (now.message === READY || (now.stage === "read" && advance.fraction >= 1)) text = `Getting ready${left}`;
+    else if (advance.writing) text = advance.label();
     else {
-      const parts = [`${text} ${Math.floor(100 * advance.fraction)} %${advance.words()}${left}`];
+      const parts = [`${advance.label()}${advance.words()}${left}`];
       if (now.steps) parts.push(`${whole(now.steps)} steps`);
       const room = !left || !matchMedia(NARROW).matches;
       if (room && now.simulated_s) parts.push(`${whole(advance.simulatedS)} s simulated`);
@@ -102,32 +97,14 @@ export class Progress {
     const bar = /** @type {HTMLElement} */ (get("progress").firstElementChild);
     const done = now.status === "queued" ? 0 : advance.fraction;
     bar.style.transform = `scaleX(${preparing ? preparing.fraction : done})`;
+    get("progress").classList.toggle("unmeasured", now.status === "running" && advance.writing);
     showPreparing(preparing);
-  }
-
-  // Hide the buttons to cancel and to be notified once there is a verdict.
-  offer() {
-    get("cancel").hidden = !this.token || Boolean(this.verdict);
-    if (this.verdict) get("notify").hidden = true;
-  }
-
-  // Show the verdict of the checked plan while its files are written.
-  async checked() {
-    if (this.verdict || this.asking) return;
-    this.asking = true;
-    /** @type {Facts | null} */
-    const facts = await ask(`/folds/${this.facts.id}/facts`).catch(() => null);
-    this.asking = false;
-    if (!facts?.running || facts.verdict.tone !== "good" || get("progress").hidden) return;
-    this.verdict = facts.verdict;
-    if (this.now) this.show(this.now);
   }
 
   /** @param {string} text */
   say(text) {
-    const { tone, text: words } = this.verdict ?? { tone: "busy", text };
-    get("verdict").dataset.tone = tone;
-    get("verdict").textContent = words;
+    get("verdict").dataset.tone = "busy";
+    get("verdict").textContent = text;
     if (!get("cover").classList.contains("gone")) get("cover-text").textContent = text;
   }
 

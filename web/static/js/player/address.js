@@ -1,6 +1,7 @@
 // Address of a view: the hash describes everything that is
 // visible (docs/links.md). It counts frames and modules from 1.
 import { USUAL } from "./camera_rig.js";
+import { USUAL_COLOURING } from "./colours.js";
 
 const WAIT_MS = 250; // from a change until the address is updated
 const PLAYING_MS = 1000; // the same during playback
@@ -67,7 +68,7 @@ export function hashOf({ frame, module, from, to, loop, camera, colour, path, fo
   if (to !== null) parts.push(`to=${Math.round(to) + 1}`);
   if (loop && from === null && to === null) parts.push("loop=1");
   if (camera && !(follow && cameraText(camera) === cameraText(USUAL))) parts.push(`camera=${cameraText(camera)}`);
-  if (colour && colour !== "error") parts.push(`colour=${colour}`);
+  if (colour && colour !== USUAL_COLOURING) parts.push(`colour=${colour}`);
   if (path) parts.push("path=1");
   if (!follow) parts.push("follow=0");
   if (speed !== 1) parts.push(`speed=${rounded(speed, 2)}`);
@@ -118,7 +119,7 @@ export class Place {
     const view = viewIn(location.hash);
     const play = view.play ?? viewIn(location.search.replace(/^\?/, "")).play;
     const { player } = this.page;
-    if (view.named || this.acted) this.page.colour(view.colour ?? "error");
+    if (view.named || this.acted) this.page.colour(view.colour ?? USUAL_COLOURING);
     this.page.path(view.path);
     player.send({ do: "select", module: view.module });
     player.send({ do: "set", from: view.from, to: view.to, loop: view.loop || view.from !== null || view.to !== null, speed: view.speed, follow: view.follow });

@@ -139,6 +139,7 @@ export class Bar {
     const slider = get("folded");
     if (state.folded !== null) {
       if (document.activeElement !== slider || !slider.matches(":active")) slider.value = String(100 * state.folded);
+      slider.style.setProperty("--share", `${slider.value}%`);
       get("r-folded").textContent = `${Math.round(100 * state.folded)} %`;
     }
     get("play-icon").setAttribute("href", state.playing ? "#i-pause" : "#i-play");

@@ -3,6 +3,7 @@
 import { newtonMetres, number, pitches, radians, si } from "../lib/text.js";
 
 const SAMPLES = 48; // frames that determine the end of a scale
+const WHILE_FOLDING = "only known while folding";
 const NEAR = 0.5; // pitches; larger clearances all have the same colour
 
 // Available colourings, in menu order.
@@ -19,11 +20,18 @@ export const COLOURINGS = [
   ["chain", "Position in the chain"],
 ];
 
-// Colourings whose values come from figures.js.
-export const MEASURED = new Set(["position", "torque", "joint_torque", "pressed", "clearance"]);
+// The colouring of a page whose visitor has not chosen one. It says something in every phase.
+export const USUAL_COLOURING = "chain";
+
+/**
+ * Colourings whose values come from figures.js, and the names of these values.
+ * @type {Record<string, FigureName>}
+ */
+export const MEASURED = { position: "position_error", torque: "torque", joint_torque: "joint_torque", pressed: "pressed", clearance: "clearance" };
 const ON_TABLE = new Set(["joint_torque", "pressed"]);
 const OF_HINGES = new Set(["torque", "joint_torque"]);
 const FLOATING = new Set(["torque"]); // only in zero gravity
+const WHOLE_CHAIN = new Set(["torque", "clearance"]); // long folds have only the values of the whole chain; the plots show them
 
 // Return the colourings of a fold in zero gravity or on a table.
 /** @param {boolean} table */
@@ -69,7 +77,15 @@ const largest = (/** @type {Floats} */ values) => Array.from(values).reduce((mos
  * @property {(value: number) => boolean} [bad] true for values in the colour of errors
  */
 
-/** @typedef {Pick<import("./figures.js").Figures, "row" | "largest" | "lacking" | "plots">} Measured */
+/** @typedef {Pick<import("./figures.js").Figures, "row" | "largest" | "plots">} Measured */
+
+// Return true if the values of a colouring are available.
+/**
+ * @param {string} key
+ * @param {Pick<import("./timeline.js").Timeline, "windowed">} timeline
+ * @param {Pick<import("./figures.js").Figures, "offers">} figures
+ */
+export const isOffered = (key, timeline, figures) => !(key in MEASURED) || (figures.offers(MEASURED[key]) && !(timeline.windowed && WHOLE_CHAIN.has(key)));
 
 export class Colouring {
   // `scale.values` returns one value of each module at
@@ -149,33 +165,30 @@ export function colouring(key, timeline, figures) {
     if (version !== timeline.version) [known, version] = [scaled(timeline, made.scale.values), timeline.version];
     return known;
   };
-  const lacking = figures?.lacking ?? null;
-  // Long folds have clearances and torques only of the whole chain; the plots show them.
-  const none = lacking ?? (timeline.windowed ? "only the whole chain’s value is known" : "no data yet");
   const errors = (/** @type {Snapshot} */ shown) => timeline.perModule(shown.errors);
   /**
    * @param {FigureName} name
    * @param {Scale["text"]} said
    * @param {Partial<Scale>} more
    */
-  const measured = (name, said, more) => per((shown) => {
+  const measured = (name, said, more = {}) => per((shown) => {
     const values = figures?.row(shown.low)?.[name];
     if (!values) return new Float32Array(chain.modules).fill(NaN);
     return OF_HINGES.has(name) ? timeline.perModule(values) : values;
-  }, said, { high: () => roundUp(figures?.largest(name) ?? 0), ...more });
+  }, said, { high: () => figures?.largest(name) || 1, ...more });
   /** @type {Record<string, () => Colouring>} */
   const makers = {
-    error: () => per(errors, radians, { high: () => timeline.errorScale, ramp: "ramp_error" }),
-    "error-even": () => per(errors, radians, { high: () => timeline.errorScale }),
-    position: () => measured("position_error", pitches, { none: lacking ?? "no data for this frame" }),
+    error: () => per(errors, radians, { high: () => timeline.errorScale, ramp: "ramp_error", none: WHILE_FOLDING }),
+    "error-even": () => per(errors, radians, { high: () => timeline.errorScale, none: WHILE_FOLDING }),
+    position: () => measured("position_error", pitches, { none: WHILE_FOLDING }),
     speed: () => per((shown) => timeline.perModule(timeline.speeds(shown.frame)), (v) => si(v, "rad/s")),
-    torque: () => measured("torque", newtonMetres, { none }),
+    torque: () => measured("torque", newtonMetres),
     joint_torque: () => measured("joint_torque", (v) => withUnit(v, figures?.plots?.table?.unit_nm ?? 0), { none: "not computed for this frame" }),
     pressed: () => measured("pressed", (v) => (v ? `${number(v)} × the module’s weight` : "0"), { none: "not computed for this frame" }),
-    clearance: () => measured("clearance", pitches, { high: NEAR, bad: (v) => v < 0, none }),
+    clearance: () => measured("clearance", pitches, { high: NEAR, bad: (v) => v < 0 }),
     chain: () => per(() => Float32Array.from({ length: chain.modules }, (_, i) => i), (v) => `Module ${Math.round(v) + 1}`, { high: chain.modules - 1, none: null }),
   };
-  const made = (makers[key] ?? makers.error)();
+  const made = (makers[key] ?? makers[USUAL_COLOURING])();
   made.figures = figures ?? null;
   return made;
 }

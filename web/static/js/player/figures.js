@@ -11,8 +11,6 @@ export class Figures extends Emitter {
   constructor(id) {
     super();
     this.source = new Source(at(`/folds/${id}`));
-    /** @type {string | null} why there are no values of single modules; null if there are */
-    this.lacking = null;
     /** @type {Curves | null} */
     this.plots = null;
     /** @type {Map<number, FigurePart>} */
@@ -36,6 +34,10 @@ export class Figures extends Emitter {
     this.plots = { ...found.header, ...found.arrays };
     this.tell("begun");
   }
+
+  // True if there are values of single modules.
+  /** @param {FigureName} name */
+  offers(name) { return Boolean(this.plots && name); }
 
   /** @param {FigureName} name */
   largest(name) { return this.plots?.largest[name] ?? 0; }

@@ -7,7 +7,7 @@
 import { picked } from "../viewer/camera.js";
 import { Sketch } from "../viewer/sketch.js";
 import { CameraRig, USUAL } from "./camera_rig.js";
-import { colouring } from "./colours.js";
+import { USUAL_COLOURING, colouring } from "./colours.js";
 import { PlayerState } from "./player_state.js";
 import { Recording, Timeline } from "./timeline.js";
 
@@ -67,11 +67,12 @@ export class Player extends PlayerState {
   // reduced motion (`calm`), the camera jumps to the goal of a frame that was sought.
   /**
    * @param {Timeline} timeline
-   * @param {{ stage?: Stage | null, standIn?: import("../viewer/stage.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean, pauseMs?: () => number }} shownOn
-   *   `pauseMs` returns the minimum time between two pictures of an automatic motion
+   * @param {{ usual?: string, stage?: Stage | null, standIn?: import("../viewer/stage.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean, pauseMs?: () => number }} shownOn
+   *   `usual` is the first colouring; `pauseMs` returns the minimum time between two pictures of an automatic motion
    */
-  constructor(timeline, { stage = null, standIn = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false, pauseMs }) {
+  constructor(timeline, { usual = USUAL_COLOURING, stage = null, standIn = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false, pauseMs }) {
     super(timeline, calm);
+    this.usual = usual;
     this.stage = stage;
     this.sketch = sketch;
     this.standIn = standIn;
@@ -196,7 +197,7 @@ export class Player extends PlayerState {
   begin() {
     const { timeline } = this;
     this.shown = this.search = null;
-    this.colourBy(colouring(this.colouring?.key ?? "error", timeline, this.colouring?.figures));
+    this.colourBy(colouring(this.colouring?.key ?? this.usual, timeline, this.colouring?.figures));
     this.rig.begin();
     this.stage?.set(timeline.bundle);
     this.sketch?.set(timeline.bundle);
@@ -293,6 +294,7 @@ export class Player extends PlayerState {
  */
 export function playerIn(part, canvas) {
   const player = new Player(new Timeline(new Recording(part.dataset.timeline ?? "")), {
+    usual: "error", // as in the picture that it replaces
     sketch: new Sketch(canvas, () => part.classList.add("moving")), aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(canvas);

@@ -1,5 +1,6 @@
 // Plays the stops of a tour: moves to a stop, waits until its caption is read, and continues.
 import { cameraIn } from "../player/address.js";
+import { USUAL_COLOURING } from "../player/colours.js";
 import { clearestSight } from "../viewer/viewpoint.js";
 import { frameBetween, movingSeconds, readingSeconds } from "./state.js";
 
@@ -40,7 +41,7 @@ export class Flight {
     this.playing = playing;
     player.mark((stop.modules ?? []).map((module) => module - 1), "selected");
     if (!view) return;
-    this.page.colour(stop.colour ?? "error");
+    this.page.colour(stop.colour ?? USUAL_COLOURING);
     this.page.path(stop.path ?? false);
     player.send({ do: "set", from: null, to: null, loop: false, reverse: false, follow: stop.follow ?? true });
     const camera = cameraIn(stop.camera ?? null);

@@ -1,6 +1,7 @@
 // A follower of a class: mirrors the leader's view until the visitor takes over.
 import { get } from "../lib/text.js";
 import { viewIn } from "../player/address.js";
+import { USUAL_COLOURING } from "../player/colours.js";
 import { frameBetween } from "./state.js";
 import { MAX_TRIES, RETRY_MS, openPanel, socketAt } from "./leader.js";
 
@@ -82,7 +83,7 @@ export class Follower {
   show() {
     if (!this.follows || !this.ready || this.latest === null) return;
     const { frame, module, camera, colour, path, follow } = viewIn(this.latest);
-    this.page.colour(colour ?? "error");
+    this.page.colour(colour ?? USUAL_COLOURING);
     this.page.path(path);
     if (this.player.is.playing) this.send({ do: "pause" });
     if (module !== this.player.selected) this.send({ do: "select", module });

@@ -3,6 +3,7 @@ import { Refusal, ask, tokenOf } from "../lib/api.js";
 import { button, element, get, save, toast, wordsOf } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
 import { cameraText } from "../player/address.js";
+import { USUAL_COLOURING } from "../player/colours.js";
 import { Flight } from "./flight.js";
 import { MAX_CAPTION, TourState } from "./state.js";
 
@@ -29,6 +30,9 @@ export class TourPanel {
     this.flight = new Flight(player, { calm, page: place.page, over: () => this.next(), taken: () => this.pause() });
     this.playing = false;
     this.onEnd = () => {}; // called after the last caption
+    /** @type {{ view: AddressedView, reverse: boolean } | null} */
+    this.before = null; // the view before the tour; null once the visitor has moved the camera
+    player.on("camera", (/** @type {Command} */ { do: what }) => { if (what === "orbit") this.before = null; });
     this.box = get("tour-panel");
     get("tour-edit").hidden = !id;
     /** @type {Record<string, () => void>} */
@@ -44,6 +48,7 @@ export class TourPanel {
   // Open the tour at a stop, counted from 1. With `view` false, keep the view of the address.
   /** @param {{ stop?: number, view?: boolean, playing?: boolean }} how */
   open({ stop = 1, view = true, playing = false } = {}) {
+    if (this.box.hidden) this.remember();
     this.box.hidden = false;
     get("tour").setAttribute("aria-expanded", "true");
     this.state.go(stop - 1);
@@ -56,11 +61,27 @@ export class TourPanel {
   close() {
     this.playing = false;
     this.flight.close();
+    this.restore();
     this.box.hidden = true;
     this.place.stop = null;
     this.place.note();
     get("tour").setAttribute("aria-expanded", "false");
     get("tour").focus();
+  }
+
+  remember() {
+    const view = this.place.page.view();
+    this.before = view && { view, reverse: this.player.is.reverse };
+  }
+
+  // Restore what the stops of the tour have changed, except the frame.
+  restore() {
+    if (!this.before) return;
+    const { reverse, view: { colour, path, from, to, loop, follow, camera } } = this.before;
+    this.place.page.colour(colour ?? USUAL_COLOURING);
+    this.place.page.path(path);
+    this.player.send({ do: "set", from, to, loop, reverse, follow });
+    this.player.send({ do: "camera", camera, gently: !this.flight.calm });
   }
 
   toggle() {
@@ -160,7 +181,7 @@ export class TourPanel {
     if (from !== null && to !== null) Object.assign(stop, { from: Math.round(from) + 1, to: Math.round(to) + 1 });
     if (camera) stop.camera = cameraText(camera);
     if (!follow) stop.follow = false;
-    if (colour && colour !== "error") stop.colour = colour;
+    if (colour && colour !== USUAL_COLOURING) stop.colour = colour;
     if (path) stop.path = true;
     if (!this.state.add(stop)) { toast("A tour has at most 50 stops."); return; }
     this.show();

@@ -6,7 +6,7 @@ export const MAX_STOPS = 50;
 export const MAX_CAPTION = 300;
 const MAX_UNDONE = 100;
 // Reading time of a caption: a constant, and a time for each character. Chosen.
-const READING_S = 2;
+const READING_S = 1;
 const READING_CHARACTER_S = 0.055;
 // Minimum and maximum duration of the motion between two
 // stops, and its frames per second in between. Chosen.

@@ -8,9 +8,10 @@ import { Legend } from "../panels/legend.js";
 import { Place, viewIn, viewOf } from "../player/address.js";
 import { offerSides, pathButton, playerOn } from "./controls.js";
 import { hasWebGL } from "./scene.js";
-import { get, later, toast } from "../lib/text.js";
+import { get, later, store, stored, toast } from "../lib/text.js";
 
 const DRAW_MS = 250;
+const FLAT = "foldback:flat"; // stored once the visitor has read that WebGL is missing
 const START_DELAY_MS = 1500;
 /**
  * Number of processor cores up to which the 3D view waits while a fold is computed, because
@@ -44,6 +45,7 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {import("../player/figures.js").Figures} figures
  * @property {(frame: HTMLIFrameElement) => void} load
  * @property {boolean} [over]
+ * @property {() => number | null} tightest returns the frame with the plan's smallest clearance
  * @property {Details | null} [details]
  * @property {boolean} [play]
  * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>, id: string | null }} kept
@@ -54,7 +56,7 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 // Set up the view. `load` starts loading viser's client
 // into the frame; selecting a module opens the drawer.
 /** @param {Viewed} viewed */
-export function view({ source, figures, load, over = true, details = null, play = !calm, kept, onScroll }) {
+export function view({ source, figures, load, tightest, over = true, details = null, play = !calm, kept, onScroll }) {
   // Embeds can hide the controls.
   const kiosk = /[?&]kiosk=/.test(location.search);
   if (kiosk || /[?#&]controls=0\b/.test(location.search + location.hash)) document.body.classList.add("bare");
@@ -69,11 +71,16 @@ export function view({ source, figures, load, over = true, details = null, play 
     calm, pauseMs, onScroll, onFirst: () => {
       get("cover").classList.add("gone");
       setTimeout(start3d, DRAW_MS);
+      drawn();
     },
   });
-  standIn.onOpen = () => get("cover").classList.add("gone");
+  /** @type {() => void} */
+  let drawn = () => {};
+  /** @type {Promise<void>} */
+  const visible = new Promise((/** @type {(nothing: void) => void} */ resolve) => { drawn = () => resolve(); }).then(shownPage);
+  standIn.onOpen = () => { get("cover").classList.add("gone"); drawn(); };
   const plots = details && new details.Plots(get("panel-plots"), player, figures);
-  const bar = new Bar(player, (name) => plots?.worst(name) ?? null);
+  const bar = new Bar(player, (name) => (name === "min_clearance" ? tightest() : null) ?? plots?.worst(name) ?? null);
   const own = later(async () => {
     const [{ OwnPanel }, values] = await Promise.all([import("../module_values/panel.js"), kept.values()]);
     return new OwnPanel({ player, legend, values, id: kept.id });
@@ -96,7 +103,7 @@ export function view({ source, figures, load, over = true, details = null, play 
     if (computing && shares && !through.on) return;
     started = true;
     // The check starts the browser's 3D graphics, which takes a second with software rendering.
-    if (hasWebGL()) load(frame); else get("flat").hidden = false;
+    if (hasWebGL()) load(frame); else sayFlat();
   }
   setTimeout(start3d, START_DELAY_MS);
   setTimeout(start3d, MAX_WAIT_3D_MS);
@@ -122,11 +129,24 @@ export function view({ source, figures, load, over = true, details = null, play 
       return;
     }
     const shown = place.go();
-    if (!open() && !shown && !player.story.telling && play) player.send({ do: "play" });
+    if (open() || shown || player.story.telling || !play) return;
+    visible.then(() => { if (!place.acted) player.send({ do: "play" }); }); // from the first frame that can be seen
   });
   window.foldback = { timeline, player }; // for the console
   if (window.name === "foldback-fold" && window.parent !== window) import("./embed_messages.js").then(({ answer }) => answer({ player, timeline, open }));
   return { timeline, player, stage, sketch, hand, bar, place, plots };
+}
+
+// Wait until the tab of the page is in front.
+async function shownPage() {
+  while (document.hidden) await new Promise((resolve) => { document.addEventListener("visibilitychange", resolve, { once: true }); });
+}
+
+// Say once that the browser shows a drawing, in which the chain's path is not visible.
+function sayFlat() {
+  get("through").disabled = true;
+  get("flat").hidden = stored(FLAT) !== null;
+  get("flat-close").onclick = () => { get("flat").hidden = true; store(FLAT, "read"); };
 }
 
 // Offer the tour of the fold. Return a function that opens it at a stop, or at the stop in the
