@@ -116,6 +116,17 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     expect(other.locator("#legend-low")).to_have_text("0 K")
     expect(other.locator("#colour-by option:checked")).to_have_text("Heat")
 
+    # A way back to the options of the fold; only the owner can delete it.
+    page.locator("#ways").click()
+    options = f"/folds/{folded['id']}/options"
+    for name, address in (("Change options", options), ("More modules", f"{options}#modules")):
+        link = page.locator("#ways-list").get_by_role("link", name=name)
+        expect(link).to_have_attribute("href", address)
+    page.get_by_role("button", name="Delete this fold").click()
+    page.locator("#confirm-yes").click()
+    page.wait_for_url("**/my-folds")
+    assert service.http.get(f"/api/folds/{folded['id']}").status_code == 404
+
 
 @pytest.mark.long
 def test_compare_plays_and_turns_two_folds_together(

@@ -43,8 +43,7 @@ const sides = facts.map((fold, k) => {
   const now = /** @type {HTMLElement} */ (side.querySelector(".side-now"));
   const { player, stage } = playerOn(new Timeline(new Source(hrefOf(`/folds/${id}`)), { over: !running }), frame, canvas, { calm });
   player.on("state", (/** @type {State} */ { error_rad: error }) => {
-    now.toggleAttribute("data-error", error !== null);
-    now.textContent = error === null ? "This frame has no recorded joint error" : `Joint error ${radians(error)}`;
+    now.textContent = error === null ? "" : `Joint error ${radians(error)}`;
   });
   if (running) follow(id, /** @type {HTMLElement} */ (side.querySelector(".verdict")), player);
   const check = /** @type {HTMLButtonElement} */ (side.querySelector(".check-here"));
