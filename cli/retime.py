@@ -33,6 +33,7 @@ from planner.robot.motors import Build, MotorTable, motor_table
 from planner.robot.retiming import retime as retime_plan
 from planner.robot.trajectory import Trajectory
 from words import certificate as certificate_words
+from words.messages import nearest_frame, verdict_for_people
 from words.quantities import spacings
 
 MAX_LISTED_JOINTS = 10
@@ -234,7 +235,7 @@ def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) ->
     for fact in facts:
         table.add_row(*fact)
     if motors is not None:
-        table.add_row("Motors", motors.verdict)
+        table.add_row("Motors", verdict_for_people(motors.verdict))
     table.add_row("Written to", str(out))
     console.print(table)
     if motors is None:
@@ -246,7 +247,7 @@ def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) ->
         columns.add_row(
             motors.joint_names[k],
             f"{motors.peak_torque_nm[k]:.3g}",
-            f"{motors.peak_frame[k]:.0f}",
+            str(nearest_frame(float(motors.peak_frame[k])) + 1),
             f"{motors.rms_torque_nm[k]:.3g}",
         )
     console.print(columns)

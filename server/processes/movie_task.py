@@ -56,7 +56,11 @@ def _drawing_problem() -> str | None:
 
 @cache
 def _is_installed(library: str) -> bool:
-    return ctypes.util.find_library(library) is not None
+    """Return False if a library is missing; True if that is unknown, too."""
+    try:
+        return ctypes.util.find_library(library) is not None
+    except OSError:  # the search needs a directory for temporary files
+        return True
 
 
 def ask_for_movie(
