@@ -117,6 +117,7 @@ def test_tour_is_played_edited_and_stored(visit: Visit, service: Service) -> Non
     expect(other.locator("#colour-by option:checked")).to_have_text("Heat")
 
     # A way back to the options of the fold; only the owner can delete it.
+    page.reload()
     page.locator("#ways").click()
     options = f"/folds/{folded['id']}/options"
     for name, address in (("Change options", options), ("More modules", f"{options}#modules")):

@@ -52,7 +52,7 @@ test("a plot as text lists every frame from 1, and nothing where nothing is know
 
 test("axes have round values with their unit, and frames from 1", () => {
   const { up, across } = axes({ low: 0, high: 3.4e-5, frames: 1026, text: (v) => `${Math.round(v * 1e6)} µN·m` });
-  assert.deepEqual(up.map(({ text }) => text), ["0 µN·m", "20 µN·m"]);
+  assert.deepEqual(up.map(({ text }) => text), ["0 µN·m", "10 µN·m", "20 µN·m", "30 µN·m"]);
   assert.deepEqual(across.map(({ text }) => text), ["1", "500", "1\u2009000"]);
   assert.ok([...up, ...across].every(({ at }) => at >= 0 && at <= 1));
   assert.equal(axes({ low: 0, high: 0, frames: 1, text: String }).across.length, 1);
