@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from hashlib import sha256
 from pathlib import Path
 from typing import Annotated
 
@@ -10,13 +11,15 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cli.inputs import make_directory, refuse
+from cli.inputs import read_plan, refuse
 from cli.options import AsJson, FoldDirectory
 from planner.errors import InputError
 from planner.exports.export import Export
 from planner.exports.formats import EXPORTS, export_named, exports_of
 from planner.file_names import PLAN
 from planner.files import write_whole
+from planner.output_directory import replacing_listed
+from planner.pipeline.fold_layout import holds_fold
 from planner.plan.plan import Plan
 
 
@@ -37,10 +40,11 @@ def export(
     """Export a finished fold as URDF, MCAP, an animated scene and more."""
     try:
         chosen = None if formats is None else _chosen(formats)
-        plan = Plan.load(directory / PLAN)
+        plan = read_plan(directory)
         exports = chosen or exports_of(moving=len(plan.time_s) > 0)
-        make_directory(out)
-        sizes = {one.filename: _written(one, plan, out) for one in exports}
+        _check_directory(out, directory)
+        with replacing_listed(out, sha256((directory / PLAN).read_bytes()).hexdigest()) as place:
+            sizes = {one.filename: _written(one, plan, place, out) for one in exports}
     except InputError as error:
         refuse(error, as_json)
     if as_json:
@@ -57,18 +61,33 @@ def _chosen(formats: str) -> tuple[Export, ...]:
     return tuple(export_named(name) for name in names)
 
 
-def _written(one: Export, plan: Plan, out: Path) -> int:
-    """Return the size of the file that was written.
+def _check_directory(out: Path, directory: Path) -> None:
+    """Refuse to write files of one fold into the directory of another one.
+
+    Raises:
+        InputError: ``another-fold``.
+    """
+    if holds_fold(out) and not out.samefile(directory):
+        raise InputError(
+            "another-fold",
+            "got a folder with another fold for the exported files. Choose another folder.",
+            where=str(out),
+        )
+
+
+def _written(one: Export, plan: Plan, place: Path, out: Path) -> int:
+    """Return the size of a file that was written in a place, for the directory ``out``.
 
     Raises:
         InputError: If the file cannot be made or written.
     """
-    path = out / one.filename
     data = one.write(plan)
     try:
-        write_whole(path, data)
+        write_whole(place / one.filename, data)
     except OSError as error:
         raise InputError(
-            "no-file", f"the file cannot be written ({error.strerror}).", where=str(path)
+            "no-file",
+            f"the file cannot be written ({error.strerror}).",
+            where=str(out / one.filename),
         ) from error
     return len(data)

@@ -8,12 +8,13 @@ from typing import Annotated
 
 import typer
 
-from cli.inputs import make_directory, read_input, refuse
+from cli.inputs import read_input, refuse
 from cli.options import AsJson, PlanDirectory, Workers, takes
 from cli.progress_bars import compute
 from cli.summary import finish, show_choice
 from planner.errors import InputError
 from planner.pathfinding.path_options import table_warning
+from planner.pipeline.fold_layout import replacing_fold
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
@@ -49,13 +50,13 @@ def fold(
     """
     try:
         data, filename = read_input(shape, angles)
-        make_directory(out)
-        Workspace(out).write_request(replace(request, filename=filename), data)
-        read = run_stage(STAGES[0], out)
+        with replacing_fold(out) as place:
+            Workspace(place).write_request(replace(request, filename=filename), data)
+            read = run_stage(STAGES[0], place)
+            if warning := table_warning(read["modules"], request.world):
+                print(warning, file=sys.stderr)
+            summary = compute(place, workers)
+            choice = choice_of(place, request.prefer)
     except InputError as error:
         refuse(error, as_json)
-    if warning := table_warning(read["modules"], request.world):
-        print(warning, file=sys.stderr)
-    finish(
-        compute(out, workers), out, as_json, lambda _: show_choice(choice_of(out, request.prefer))
-    )
+    finish(summary, out, as_json, lambda _: show_choice(choice))

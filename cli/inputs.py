@@ -1,4 +1,4 @@
-"""Inputs of commands: files, examples and plans, directories for results, and refusals."""
+"""Inputs of commands: files, examples and plans, and refusals."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ from rich.console import Console
 
 from cli.exit_statuses import INVALID_INPUT
 from planner.errors import InputError
-from planner.file_names import PLAN
 from planner.readers.angle_strings import HEADING
 from planner.readers.gallery import Gallery
 from planner.readers.limits import megabytes
@@ -63,32 +62,11 @@ def read_plan(directory: Path) -> Plan:
     """Return the plan in a fold's directory.
 
     Raises:
-        InputError: If there is none, or it cannot be read.
+        InputError: If there is none, it cannot be read, or other files are of another fold.
     """
-    from planner.plan.plan import Plan  # imports the whole planner
+    from planner.verification.stored_fold import read_fold  # imports the whole planner
 
-    path = directory / PLAN
-    if not path.is_file():
-        raise InputError(
-            "no-plan",
-            "got a folder without plan.npz, expected a folder that `foldback fold` wrote.",
-            where=str(directory),
-        )
-    return Plan.load(path)
-
-
-def make_directory(out: Path) -> None:
-    """Make a directory for results.
-
-    Raises:
-        InputError: If the directory cannot be made.
-    """
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(
-            "no-directory", f"the directory cannot be created ({error.strerror}).", where=str(out)
-        ) from error
+    return read_fold(directory)
 
 
 def refuse(error: InputError, as_json: bool) -> NoReturn:

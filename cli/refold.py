@@ -5,18 +5,19 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from cli.inputs import make_directory, read_input, refuse
+from cli.inputs import read_input, read_plan, refuse
 from cli.options import AsJson, PlanDirectory, Workers, takes
 from cli.progress_bars import compute
 from cli.summary import finish
 from planner.chain.chain import Chain
 from planner.errors import InputError
-from planner.file_names import CHAIN, PLAN
+from planner.file_names import CHAIN, FIRST_FOLD_DIR, PLAN
 from planner.motion.timeline import chain_from_attributes
+from planner.pipeline.fold_layout import replacing_fold
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
@@ -24,10 +25,6 @@ from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_chain
 from planner.progress import STAGES
 from planner.readers.gallery import Gallery
-
-FIRST_FOLD_DIR = "start"
-"""Subdirectory of the output directory in which the start shape is folded, if the user gives a
-shape rather than a folded chain."""
 
 
 @takes("preset", "settings", "seed", "module_size")
@@ -54,39 +51,57 @@ def refold(
 ) -> None:
     """Unfold a folded chain and fold it into another shape; exits like `fold`."""
     begins: Chain | None = None
-    first = out / FIRST_FOLD_DIR
+    summary: dict[str, Any] = {}
     try:
         folded = _plan(start)
-        if folded is None:
-            data, filename = read_input(start)
-            make_directory(first)
-            Workspace(first).write_request(replace(request, filename=filename), data)
-            run_stage(STAGES[0], first)
-            begins = chain_from_attributes(json.loads((first / CHAIN).read_bytes()))
-        else:
-            begins = folded.unfolding().chain
-        make_directory(out)
-        Workspace(out).write_start_chain(begins)
-        Workspace(out).write_request(*_second(shape, request, begins))
-        run_stage(STAGES[0], out)
+        with replacing_fold(out) as place:
+            workspace, first = Workspace(place), place / FIRST_FOLD_DIR
+            if folded is None:
+                begins = _read_first(start, request, first)
+            else:
+                begins = folded.unfolding().chain
+            workspace.write_start_chain(begins)
+            workspace.write_request(*_second(shape, request, begins))
+            run_stage(STAGES[0], place)
+            if folded is None:
+                summary = compute(first, workers)
+                folded = _straight_first(first)
+            if folded is not None:
+                workspace.write_start(folded)
+                summary = compute(place, workers)
     except InputError as error:
         if begins is not None:
             error = Gallery().advised(error, begins.module.name, len(begins))
         refuse(error, as_json)
-    if folded is None:
-        summary = compute(first, workers)
-        folded = Plan.load(first / PLAN)
-        try:
-            folded.unfolding()
-        except InputError:
-            finish(summary, first, as_json)
-    Workspace(out).write_start(folded)
-    finish(compute(out, workers), out, as_json)
+    finish(summary, out / FIRST_FOLD_DIR if folded is None else out, as_json)
+
+
+def _read_first(start: str, request: FoldRequest, first: Path) -> Chain:
+    """Write the request for a fold of the start shape, and return the shape's chain.
+
+    Raises:
+        InputError: The shape cannot be used.
+    """
+    data, filename = read_input(start)
+    first.mkdir()
+    Workspace(first).write_request(replace(request, filename=filename), data)
+    run_stage(STAGES[0], first)
+    return chain_from_attributes(json.loads((first / CHAIN).read_bytes()))
+
+
+def _straight_first(first: Path) -> Plan | None:
+    """Return the plan of the start shape; None if it does not lead from straight to folded."""
+    plan = Plan.load(first / PLAN)
+    try:
+        plan.unfolding()
+    except InputError:
+        return None
+    return plan
 
 
 def _plan(name: str) -> Plan | None:
     """Return the plan in a directory; None if the path is not a directory."""
-    return Plan.load(Path(name) / PLAN) if Path(name).is_dir() else None
+    return read_plan(Path(name)) if Path(name).is_dir() else None
 
 
 def _second(name: str, request: FoldRequest, begins: Chain) -> tuple[FoldRequest, bytes]:

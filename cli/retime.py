@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -27,7 +28,7 @@ from planner.exports.trajectory import (
     export,
     sufficient_rate,
 )
-from planner.files import write_whole
+from planner.files import written_aside
 from planner.plan.plan import Plan
 from planner.robot.motors import Build, MotorTable, motor_table
 from planner.robot.retiming import retime as retime_plan
@@ -93,9 +94,10 @@ def retime(
             motors = motor_table(
                 plan.chain, retimed.trajectory, build, motor_torque_nm=motor_torque
             )
-        _write(out, parts)
+        files = {out: b"".join(parts)}
         if table is not None and motors is not None:
-            _write(table, [motors.as_csv().encode()])
+            files[table] = motors.as_csv().encode()
+        _write(files)
     except InputError as error:
         refuse(error, as_json)
     if as_json:
@@ -203,9 +205,20 @@ def _form(out: Path) -> Any:
     return form
 
 
-def _write(path: Path, parts: Iterable[bytes]) -> None:
+def _write(files: Mapping[Path, bytes]) -> None:
+    """Write files that belong together: if this is interrupted, the first one is missing.
+
+    Raises:
+        InputError: ``no-file``.
+    """
+    first, *_ = files
+    path = first
     try:
-        write_whole(path, b"".join(parts))
+        with ExitStack() as written:
+            for path, data in files.items():
+                written.enter_context(written_aside(path)).write_bytes(data)
+            if len(files) > 1:
+                first.unlink(missing_ok=True)
     except OSError as error:
         raise InputError(
             "no-file", f"cannot be written ({error.strerror}).", where=str(path)

@@ -7,16 +7,15 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from cli.inputs import make_directory, refuse
+from cli.inputs import read_plan, refuse
 from cli.options import AsJson, FoldDirectory, PlanDirectory, takes
 from cli.progress_bars import compute
 from cli.summary import finish
 from planner.errors import InputError
-from planner.file_names import PLAN
+from planner.pipeline.fold_layout import replacing_fold
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_chain
 from planner.progress import STAGES
 from words.smoothing import smoothing_note, smoothing_rows
@@ -39,20 +38,21 @@ def smooth(
 ) -> None:
     """Make a motion shorter and smoother without reducing its clearance; exits like `fold`."""
     try:
-        plan = Plan.load(fold / PLAN)
-        make_directory(out)
-        if out.samefile(fold):
+        plan = read_plan(fold)
+        if out.exists() and out.samefile(fold):
             raise InputError(
                 "smooth-in-place",
                 f"got {out} for the smoothed plan, expected another directory; this directory "
                 "holds the original plan.",
             )
         request = FoldRequest.smoothing(plan, seed=request.seed, module_size=request.module_size)
-        Workspace(out).write_request(request, write_chain(plan.chain), recorded=plan)
-        run_stage(STAGES[0], out)
+        with replacing_fold(out) as place:
+            Workspace(place).write_request(request, write_chain(plan.chain), recorded=plan)
+            run_stage(STAGES[0], place)
+            summary = compute(place, 1, explode="Smoothing")
     except InputError as error:
         refuse(error, as_json)
-    finish(compute(out, 1, explode="Smoothing"), out, as_json, more=compare)
+    finish(summary, out, as_json, more=compare)
 
 
 def compare(summary: dict[str, Any]) -> None:

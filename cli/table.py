@@ -11,18 +11,17 @@ from rich.console import Console
 from rich.table import Table
 
 from cli.exit_statuses import NOT_ACHIEVED
-from cli.inputs import refuse
+from cli.inputs import read_plan, refuse
 from cli.options import AsJson
 from planner.certificate.table_certificate import table_certificate
 from planner.certificate.table_figures import TableCertificate
 from planner.errors import InputError
-from planner.file_names import PLAN
+from planner.file_names import PLAN, TABLE_FILE
 from planner.files import write_whole
 from planner.parameters.explosion import Base
 from planner.plan.plan import Plan
 from words.messages import assumption_for_people, verdict_for_people
 
-TABLE_FILE = "table.json"
 MM_PER_M = 1000.0
 """Millimetres in a metre: the command line takes and prints lengths in millimetres, and computes
 with metres."""
@@ -68,7 +67,7 @@ def table(
     """
     try:
         path = _file(plan)
-        loaded = Plan.load(path)
+        loaded = read_plan(plan) if plan.is_dir() else Plan.load(path)
         on_table = loaded.parameters.get("world") == "table"
         found = table_certificate(
             loaded.chain,

@@ -52,6 +52,11 @@ PICTURE: Final = "picture.png"
 MANIFEST: Final = "manifest.json"
 ATTEMPTS_DIR: Final = "attempts"
 PLANS_DIR: Final = "plans"
+FIRST_FOLD_DIR: Final = "start"
+"""Name of the subdirectory of a refold's directory in which ``foldback refold`` folds the start
+shape, if it is given a shape rather than a folded chain."""
+TABLE_FILE: Final = "table.json"
+"""Name of the file that ``foldback table`` writes beside a plan."""
 TRIALS_DIR: Final = ".foldback-tries"
 """Name of the directory, in a fold's own, with a subdirectory for each attempt that another process
 computes in advance."""
@@ -70,3 +75,8 @@ DESCRIBED: Final = (
 )
 """Files of a fold that determine or describe its plan. The fold's manifest lists their SHA-256
 digests in this order, so that later changes are noticed."""
+FOLD_FILES: Final = (
+    *DESCRIBED,
+    *(PREPARED, CLEARANCES_FILE, PICTURE, MANIFEST, ATTEMPTS_DIR, PLANS_DIR, TRIALS_DIR),
+)
+"""All files and folders that a fold writes into its directory."""

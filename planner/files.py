@@ -13,7 +13,7 @@ from contextlib import contextmanager, suppress
 from importlib import import_module
 from pathlib import Path as FilePath
 from shutil import rmtree
-from tempfile import TemporaryDirectory, TemporaryFile
+from tempfile import TemporaryFile
 from threading import Lock
 from typing import TYPE_CHECKING, Any, Final
 
@@ -150,18 +150,6 @@ def load_zarr() -> Any:
     with _LOADING:
         import_module("zarr.codecs")
     return import_module("zarr")
-
-
-@contextmanager
-def directory_or_aside(directory: str | FilePath | None) -> Generator[FilePath]:
-    """Yield a directory, created if it is missing; for None a temporary one."""
-    if directory is None:
-        with TemporaryDirectory(prefix="foldback-") as aside:
-            yield FilePath(aside)
-        return
-    folder = FilePath(directory)
-    folder.mkdir(parents=True, exist_ok=True)
-    yield folder
 
 
 def settle(directory: FilePath) -> None:

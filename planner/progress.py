@@ -32,8 +32,9 @@ class Progress:
         pushes: Consecutive pulses without progress; several mean that the explosion may be stalled.
         plan: Number of the plan that is computed, from 1; 0 where it is not counted.
         plans: About how many plans are computed in all; 0 where that is not known.
-        directory: Directory of the fold, with its timeline; None if it is not reported. A temporary
-            one of ``fold`` is removed after the last stage, ``export``, has reported its end.
+        directory: Directory in which the fold is computed, with its timeline; None if it is not
+            reported. That of ``planner.fold`` is temporary: after the last stage, ``export``, has
+            reported its end, the files move to the fold's directory, or are removed.
     """
 
     stage: str

@@ -46,7 +46,7 @@ class TableForces:
             InputError: ``no-forces`` if there is none, or it is damaged.
         """
         try:
-            with np.load(path, allow_pickle=False) as file:
+            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 found = {f.name: np.asarray(file[f.name], dtype=np.float32) for f in fields(cls)}
         except UNREADABLE as error:
             raise InputError(

@@ -155,7 +155,7 @@ class Record:
     @classmethod
     def load(cls, path: FilePath) -> Record:
         """Read a file that ``save`` wrote."""
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = dict(file)
             packed = any(name.startswith("snapshots_rad") for name in arrays)
             return cls(

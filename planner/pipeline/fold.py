@@ -13,13 +13,13 @@ from tempfile import TemporaryDirectory
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
-from planner.files import directory_or_aside
 from planner.parameters.parameters import AUTO, FLOATING, World
 from planner.pipeline.attempt import Candidates
 from planner.pipeline.attempt_pool import AttemptPool
 from planner.pipeline.certifying import with_certificate
 from planner.pipeline.exploding import with_explosion
 from planner.pipeline.exporting import finish
+from planner.pipeline.fold_layout import replacing_fold
 from planner.pipeline.job import Job, Search, Watch
 from planner.pipeline.next_step import Certify, Explode, PlayBack, Step, next_step, with_choice
 from planner.pipeline.playing_back import with_playback
@@ -61,10 +61,11 @@ def fold(
         strategy: Explosion strategy: ``auto``, or one of ``planner.explosion.strategies``.
         prefer: Preference among several verified plans; ``computing`` takes the first one.
         world: ``floating``, or on a ``table`` under gravity.
-        directory: Gets the plan, the timeline and the model. None for nowhere; then files are
-            written only for ``progress``, and removed in the end.
-        progress: Called with the progress, and with the directory of a growing timeline:
-            ``Progress.directory``.
+        directory: Gets the plan, the timeline and the model, when all are written; they replace
+            those of an earlier fold. None for nowhere; then files are written only for
+            ``progress``, and removed in the end.
+        progress: Called with the progress, and with the temporary directory of the growing
+            timeline: ``Progress.directory``.
         cancelled: Asked periodically whether to stop; the plan then is not verified.
         workers: Explosions that are made at once at most, when one sticks; the plan is the same.
 
@@ -173,12 +174,23 @@ def _plan_of(
         return _plan_in_memory(
             request, data, watch, start=start, recorded=recorded, workers=workers
         )
-    with directory_or_aside(directory) as place:
+    with _place_for(directory) as place:
         workspace = Workspace(place)
         workspace.write_request(request, data, start=start, recorded=recorded)
         progress = naming(place, watch.progress)
         run_stages(place, progress=progress, cancelled=watch.cancelled, workers=workers)
         return workspace.read_plan()
+
+
+@contextmanager
+def _place_for(directory: str | FilePath | None) -> Generator[FilePath]:
+    """Yield the folder in which a fold for a directory is computed; for None a temporary one."""
+    if directory is not None:
+        with replacing_fold(FilePath(directory)) as place:
+            yield place
+        return
+    with TemporaryDirectory(prefix="foldback-") as aside:
+        yield FilePath(aside)
 
 
 def _plan_in_memory(

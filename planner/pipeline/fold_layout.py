@@ -12,6 +12,8 @@ the files as typed values.
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path as FilePath
 
 from planner import file_names as names
@@ -21,6 +23,7 @@ from planner.errors import UNREADABLE, InputError, TimelineError
 from planner.files import json_of
 from planner.motion.motion import Motion
 from planner.motion.timeline import Timeline
+from planner.output_directory import foreign_file, listed_files, replacing
 from planner.parameters.parameters import FLOATING
 from planner.pipeline.preference import judgement
 from planner.plan.moments import Moments
@@ -88,3 +91,52 @@ def any_verified(directory: FilePath) -> bool:
         judgement(certificate_values(attempt_dir(directory, number) / names.CERTIFICATE))[0]
         for number in attempt_numbers(directory)
     )
+
+
+def replacing_fold(directory: FilePath) -> AbstractContextManager[FilePath]:
+    """Return the context of a new fold: it yields the folder in which the fold is computed.
+
+    When the context ends without an error, the new fold's files replace those of the fold that is
+    in the directory; see ``planner.output_directory.replacing``.
+
+    Raises:
+        InputError: Also ``foreign-file`` if files of these names are not those of a fold, or if the
+            directory has a tour or values for the fold that is there.
+    """
+    return replacing(directory, lambda place: [*_earlier_files(place)])
+
+
+def holds_fold(directory: FilePath) -> bool:
+    """Return True if ``foldback fold`` has written into a directory, whether it ended or not."""
+    manifest = json_of(directory / names.MANIFEST)
+    request = json_of(directory / names.REQUEST)
+    return "sha256" in manifest or {"preset", "seed"} <= request.keys()
+
+
+def _earlier_files(directory: FilePath) -> Iterator[str]:
+    """Yield the files of the fold in a directory, and those that were made of its plan.
+
+    Raises:
+        InputError: ``foreign-file``.
+    """
+    made = listed_files(directory)
+    yield from made
+    if holds_fold(directory / names.FIRST_FOLD_DIR):
+        for name in names.FOLD_FILES:
+            yield f"{names.FIRST_FOLD_DIR}/{name}"
+    if not holds_fold(directory):
+        for name in names.FOLD_FILES:
+            if name not in made and (directory / name).exists():
+                raise foreign_file(directory / name)
+        return
+    for name in (names.TOUR, names.OWN_VALUES):
+        if (directory / name).exists():
+            raise InputError(
+                "foreign-file",
+                f"got a folder with {name}, which belongs to the fold in it. Choose another "
+                "folder, or move the file away.",
+                where=str(directory),
+            )
+    yield from names.FOLD_FILES
+    if "standing" in json_of(directory / names.TABLE_FILE):
+        yield names.TABLE_FILE

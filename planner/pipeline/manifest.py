@@ -34,7 +34,9 @@ take more memory; the digest stays the same. Chosen."""
 Digests = dict[str, dict[str, str]]
 
 
-def digests_of(directory: FilePath, names: Sequence[str] = DESCRIBED) -> Digests:
+def digests_of(
+    directory: FilePath, names: Sequence[str] = DESCRIBED, *, arrays: bool = True
+) -> Digests:
     """Return digests of each file's fields; of an unreadable file, the digest of its bytes.
 
     Fields of JSON files are their keys, of ``.npz`` and zarr files their arrays; ``plan.…`` are the
@@ -43,12 +45,13 @@ def digests_of(directory: FilePath, names: Sequence[str] = DESCRIBED) -> Digests
     Args:
         directory: Directory of the fold.
         names: Names of the files.
+        arrays: False to leave out arrays.
     """
 
     def digests(name: str) -> dict[str, str]:
         path = directory / name
         try:
-            return dict(_fields(path))
+            return dict(_fields(path, arrays=arrays))
         except UNREADABLE:
             return {FILE_CONTENT: _of_bytes(path)}
 
@@ -79,8 +82,16 @@ def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
     write_json(directory / FILE, {"format": MANIFEST_FORMAT, "sha256": in_order})
 
 
-def changed_fields(directory: FilePath) -> list[str] | None:
-    """Return what differs from the manifest, ``file: field``; None when there is no manifest."""
+def changed_fields(
+    directory: FilePath, names: Sequence[str] = DESCRIBED, *, arrays: bool = True
+) -> list[str] | None:
+    """Return what differs from the manifest, ``file: field``; None when there is no manifest.
+
+    Args:
+        directory: Directory of the fold.
+        names: Names of the files that are compared.
+        arrays: False to leave out arrays, which take time.
+    """
     path = directory / FILE
     if not path.exists():
         return None
@@ -91,13 +102,15 @@ def changed_fields(directory: FilePath) -> list[str] | None:
         told: Digests = {str(k): dict(v) for k, v in values["sha256"].items()}
     except UNREADABLE:
         return [f"{FILE}: {FILE_CONTENT}"]
-    here = digests_of(directory)
+    here = digests_of(directory, names, arrays=arrays)
     found: list[str] = []
-    for name in dict.fromkeys((*told, *here)):
+    for name in dict.fromkeys((*(name for name in told if name in names), *here)):
         if name not in here:
             found.append(f"{name}: {MISSING}")
             continue
         mine, theirs = here[name], told.get(name, {})
+        if not arrays:
+            theirs = {field: theirs.get(field, "") for field in mine}
         found += [
             f"{name}: {field}"
             for field in dict.fromkeys((*theirs, *mine))
@@ -119,23 +132,22 @@ def _seal_broken(path: FilePath) -> bool:
     return False
 
 
-def _fields(path: FilePath) -> Iterator[tuple[str, str]]:
+def _fields(path: FilePath, *, arrays: bool) -> Iterator[tuple[str, str]]:
     if path.suffix == ".json":
         yield from _of_values(json.loads(path.read_bytes()))
     elif path.suffix == ".npz":
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             for name in file.files:
-                array = file[name]
                 if name == "plan":
-                    for key, digest in _of_values(json.loads(str(array))):
+                    for key, digest in _of_values(json.loads(str(file[name]))):
                         yield f"plan.{key}", digest
-                else:
-                    yield name, _of_array(array)
+                elif arrays:
+                    yield name, _of_array(file[name])
     elif path.suffix == ".zarr":
         group = zarr_group(path)
         for key, digest in _of_values(unsealed(group.attrs.asdict())):
             yield f"attributes.{key}", digest
-        for name, array in sorted(group.arrays()):
+        for name, array in sorted(group.arrays()) if arrays else ():
             try:
                 yield name, _of_array(array)
             except UNREADABLE:

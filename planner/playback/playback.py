@@ -115,7 +115,7 @@ class Playback:
     @classmethod
     def load(cls, path: FilePath) -> Playback:
         """Read a file that ``save`` wrote."""
-        with np.load(path, allow_pickle=False) as file:
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             arrays = dict(file)
             if "offsets" in arrays:
                 reference = arrays.get("window_reference_rad")

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
 from typing import Any, Final
 
@@ -27,6 +27,8 @@ from planner.plan.value_differences import (
 )
 from planner.playback.playback import Playback
 
+Check = Callable[[], Differences]
+
 
 def stage_files_differ(
     directory: FilePath,
@@ -37,8 +39,39 @@ def stage_files_differ(
     notes: list[str],
 ) -> Differences:
     """Yield the differences of the stages' files from the plan."""
+    checks = _text_checks(directory, plan, npz) | {
+        names.PLAYBACK: lambda: _same_playback(directory, plan, playback),
+        names.RECORD: lambda: _same_record(directory, plan, record),
+    }
+    for name in checks:
+        if not (directory / name).exists() and not (
+            name in _RESULT_FILES and getattr(plan, _RESULT_FILES[name]) is None
+        ):
+            notes.append(f"There is no {name}, so it was not compared with the plan.")
+    yield from _found_differences(directory, checks)
 
-    def states(name: str, field: str, expected: Any) -> Callable[[], Differences]:
+
+def stage_texts_differ(directory: FilePath, plan: Plan, npz: dict[str, Any]) -> Differences:
+    """Yield the differences of the stages' files from the plan, as far as no motion is compared.
+
+    The wall times in the records tell apart two runs of the same fold.
+    """
+
+    def same_time(name: str, figures: dict[str, Any]) -> Check:
+        where = versus_plan(name, "seconds")
+        return lambda: value_differences(_seconds(directory / name), figures.get("seconds"), where)
+
+    checks = _text_checks(directory, plan, npz) | {
+        names.PLAYBACK: same_time(names.PLAYBACK, plan.playback or {}),
+        names.RECORD: same_time(names.RECORD, plan.explosion or {}),
+    }
+    yield from _found_differences(directory, checks)
+
+
+def _text_checks(directory: FilePath, plan: Plan, npz: dict[str, Any]) -> dict[str, Check]:
+    """Return the comparisons of files without motions, by the file's name."""
+
+    def states(name: str, field: str, expected: Any) -> Check:
         where = versus_plan(name, field)
         return lambda: value_differences(_stated(directory / name), expected, where)
 
@@ -48,23 +81,29 @@ def stage_files_differ(
         names.CANDIDATES: lambda: _among(directory, plan),
         names.ATTEMPTS: states(names.ATTEMPTS, "attempts", list(plan.attempts)),
         names.CERTIFICATE: states(names.CERTIFICATE, "certificate", npz["certificate"]),
-        names.PLAYBACK: lambda: _same_playback(directory, plan, playback),
-        names.RECORD: lambda: _same_record(directory, plan, record),
     }
     if plan.start is not None:
         for name in (names.START_CHAIN, names.START_PLAN):
             checks[name] = states(name, "start", chain_attributes(plan.start))
     if plan.smoothing is not None:
         checks[names.RECORDED_PLAN] = states(names.RECORDED_PLAN, "chain", chain)
+    return checks
+
+
+def _found_differences(directory: FilePath, checks: Mapping[str, Check]) -> Differences:
+    """Yield the differences of those files that are there."""
     for name, differences in checks.items():
-        if not (directory / name).exists():
-            if not (name in _RESULT_FILES and getattr(plan, _RESULT_FILES[name]) is None):
-                notes.append(f"There is no {name}, so it was not compared with the plan.")
-            continue
         try:
-            yield from differences()
+            if (directory / name).exists():
+                yield from differences()
         except (*UNREADABLE, PlannerError) as error:
             yield f"{name} cannot be read ({error})"
+
+
+def _seconds(path: FilePath) -> float:
+    """Return the wall time of a stage, s, without its frames."""
+    with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+        return float(file["seconds"].item())
 
 
 _RESULT_FILES: Final = {names.PLAYBACK: "playback", names.RECORD: "explosion"}

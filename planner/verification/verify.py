@@ -21,6 +21,7 @@ from planner.exports import mjcf
 from planner.file_names import MODEL, PLAN, PLAN_TEXT, TIMELINE
 from planner.motion.motion import Motion
 from planner.motion.record import Record
+from planner.output_directory import finish_replacement
 from planner.pipeline import manifest
 from planner.plan.model_differences import model_differences
 from planner.plan.plan import EARLIER_FORMATS, Plan, read_values
@@ -118,6 +119,7 @@ def verify(
     """
     if third_opinion:
         toolkit()
+    finish_replacement(directory)
     try:
         try:
             # What damaged numbers come out as, infinite or none, is told as any other difference.

@@ -21,7 +21,9 @@ from cli.options import AsJson, FoldDirectory, with_parameters
 from cli.tour import drafted, stored_tour
 from planner.errors import InputError
 from planner.file_names import TIMELINE
+from planner.files import written_aside
 from planner.pipeline.fold_layout import is_on_table, result_path
+from planner.verification.stored_fold import check_fold
 from server.ops.startup_errors import settings_of
 from server.processes.children import ChildError
 from server.processes.limits import ChildLimits
@@ -94,6 +96,7 @@ def movie(
 ) -> None:
     """Make a movie of a fold: the straight chain folds into its shape."""
     try:
+        check_fold(directory)
         told = _tour_of(directory) if tour else None
         movie = Movie.of({"format": _format_of(out), **options}, told)
         check_movie(movie.format)
@@ -169,4 +172,5 @@ def _make(movie: Movie, timeline: Path, out: Path, *, on_table: bool) -> None:
             on_progress=report,
             cancelled=lambda: False,
         )
-        shutil.move(place / "movie", out)
+        with written_aside(out) as aside:  # on another disk, it is copied
+            shutil.move(place / "movie", aside)

@@ -30,6 +30,7 @@ from planner.pipeline.fold_layout import result_path
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.workspace import Workspace
 from planner.plan.module_values import values_in
+from planner.verification.stored_fold import check_fold
 from server.api import player_data as timelines
 from server.api.fold_lookup import Viewing
 from server.api.frame_waits import FrameWaits
@@ -167,6 +168,7 @@ def play(
 ) -> None:
     """Show a fold in the browser."""
     try:
+        check_fold(directory)
         name = row_of(directory).name
         if viser:
             _play_in_viser(directory, name, host, port, browser)

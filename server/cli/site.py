@@ -17,12 +17,14 @@ from urllib.parse import urlsplit
 import typer
 from rich.console import Console
 
-from cli.inputs import make_directory, refuse
+from cli.inputs import refuse
 from cli.options import AsJson
 from planner.errors import InputError, PlannerError
 from planner.file_names import TIMELINE
+from planner.output_directory import replacing_listed
 from planner.pipeline.fold_layout import result_path
 from planner.plan.packed_fold import unpack
+from planner.verification.stored_fold import check_fold
 from server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from server.cli.play import row_of
 from server.pages.site import write_site
@@ -56,14 +58,15 @@ def site(
     try:
         if service is not None:
             _check_address(service)
-        make_directory(out)
-        with _shipped(finished) as shown:
+        with replacing_listed(out, None) as place, _shipped(finished) as shown:
             for directory in folds or ():
-                shown += [_found(each, each.name) for each in _folds_in(directory)]
+                for each in _folds_in(directory):
+                    check_fold(each)
+                    shown.append(_found(each, each.name))
             shown = _named_apart(shown)
             if not shown:
                 raise InputError("no-folds", "got no folds, expected --folds or --finished.")
-            write_site(out, shown, service)
+            write_site(place, shown, service)
     except InputError as error:
         refuse(error, as_json)
     except PlannerError as error:

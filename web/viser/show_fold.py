@@ -13,6 +13,7 @@ from planner.pipeline.fold_layout import is_on_table, result_path
 from planner.plan.plan import Plan
 from planner.progress import STAGES, Progress
 from planner.verification.plan_parameters import is_on_table as plan_on_table
+from planner.verification.stored_fold import check_fold
 from web.timeline.shared_views import TimelineViews
 from web.timeline.view import MotionMoments, MotionSource, TimelineView
 from web.viser.viewer import Shown
@@ -106,7 +107,8 @@ class Show:
 
         Raises:
             TimelineError: If there is no timeline.
-            InputError: ``no-frames`` for a plan without frames, ``no-such-address``.
+            InputError: ``no-frames`` for a plan without frames, ``no-such-address``; see
+                ``planner.verification.stored_fold.check_fold`` for a directory.
         """
         if isinstance(fold, Plan):
             if not len(fold.motion):
@@ -124,6 +126,8 @@ class Show:
         views = TimelineViews()
 
         whole = (place / "zarr.json").exists()
+        if not whole:
+            check_fold(place)
 
         def now() -> TimelineView | None:
             return views.get(place if whole else result_path(place, TIMELINE))

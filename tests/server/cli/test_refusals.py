@@ -4,7 +4,6 @@
 """
 
 import shlex
-import shutil
 from pathlib import Path
 
 import pytest
@@ -35,10 +34,10 @@ REFUSALS = {
     "table plan --pitch-mm 0": "pitch_m: got 0",
     "table empty": "got no plan",
     "export empty --as urdf,dae --out out": "'dae', expected one of: json, npz",
-    "export empty --out out": "plan.npz contains no readable plan",
-    "smooth empty --out out": "plan.npz contains no readable plan",
+    "export empty --out out": "got a folder without plan.npz",
+    "smooth empty --out out": "got a folder without plan.npz",
     "smooth plan --out plan": "expected another directory",
-    "refold empty hammer --out out": "plan.npz contains no readable plan",
+    "refold empty hammer --out out": "got a folder without plan.npz",
     "refold wrench-160 hammer --out out": "these examples fit: axe, mallet-160",
     "movie plan --out fold.avi": ".mp4 or .gif",
     "movie plan --out fold.gif --width 65": "expected an even number",
@@ -67,7 +66,4 @@ def test_command_line_refuses_wrong_input_and_writes_no_results(
             answer = foldback(*shlex.split(command))
             assert answer.returncode == 2
             assert words in " ".join(answer.stderr.split())
-            # Only folds store their input first.
-            assert "fold " in command or not list(tmp_path.glob("out/*"))
-            shutil.rmtree("out", ignore_errors=True)
             assert sorted(tmp_path.rglob("*")) == before

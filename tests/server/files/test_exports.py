@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 
 from planner.exports.formats import EXPORTS, export_named
+from planner.output_directory import FILE_LIST
 from server.errors import NoRoom, NotFound, TooLarge, Unavailable
 from server.files import exports as exports_module
 from server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Artifacts
@@ -157,11 +158,11 @@ def test_downloads_of_a_plan_without_frames_leave_out_motion(store: Store, fold:
 def test_export_command_writes_the_requested_files(finished: FinishedFold, tmp_path: Path) -> None:
     directory, out = finished.directory, tmp_path / "a" / "b"
     sizes = foldback_json("export", directory, "--as", "urdf, stl", "--out", out)["bytes"]
-    assert sizes == {path.name: path.stat().st_size for path in out.iterdir()}
-    assert set(sizes) == {"model.urdf", "module.stl"}
+    assert sizes == {name: (out / name).stat().st_size for name in ("model.urdf", "module.stl")}
+    assert {path.name for path in out.iterdir()} == {*sizes, FILE_LIST}
     foldback_json("export", directory, "--out", tmp_path / "all")
     files = {path.name for path in (tmp_path / "all").iterdir()}
-    assert files == {export.filename for export in EXPORTS}
+    assert files == {FILE_LIST, *(export.filename for export in EXPORTS)}
 
 
 @pytest.fixture
