@@ -1,12 +1,17 @@
 """Prove from a plan's file alone that a chain of modules folds without touching itself.
 
-    python foldback_check.py plan.npz [--end shape.json] [--size S] [--claim C] [--json]
+    python foldback_check.py plan.npz [--start shape.json] [--end shape.json] [--size S] [--claim C]
+                                      [--json]
 
 Needs NumPy, and nothing of foldback. docs/certificate.md states what is claimed: hinges turn evenly
 from frame to frame, and every pair of modules keeps a clearance *all the time*, apart from pairs
-that share a joint. Lengths are in pitches. Exits with 0: proved, 1: not proved, 2: no plan.
-foldback_check_refusals.py, another file, checks why a fold failed.
+that share a joint. Lengths are in pitches. Exits with 0: proved, 1: not proved, 2: no plan; with
+3 to 5: proved, but within limits that the answer names (LIMITS). foldback_check_refusals.py,
+another file, checks why a fold failed.
 
+FILES come from strangers. Readers of zip, NumPy and JSON differ in what they make of doubled names,
+gaps, odd types and the like, so a file with any of these is refused. Sizes are compared with
+bounds before memory is used, and texts are printed as quoted ASCII.
 POSES have four rows: the centre and three axes. A link is a matrix by which a pose is multiplied
 from the left to get the next one; a hinge turns the first two axes about the third.
 MOTION. Seen from module i, a point v of module j is y(t) = sum_m P_m(t) e_m + P(t) v, with products
@@ -39,8 +44,11 @@ import argparse
 import hashlib
 import json
 import math
+import re
+import struct
 import sys
 import time
+import zlib
 
 import numpy as np
 
@@ -69,16 +77,170 @@ TETRAHEDRON = {
     "hinges": [""], "rigid_links": 0, "apart": 1, "limit_rad": math.radians(90.85),
 }
 MODULES = {"cube": CUBE, "tetrahedron": TETRAHEDRON}
+FORMAT = "foldback-claim/1"
+VERDICTS = ("verified", *(f"verified ({how})" for how in (
+    "simulated", "kinematics only", "it is not known whether the playback was simulated")))
+RULES = {1: "none", 2: "consecutive modules (i, i+1)"}  # of exempt pairs, by `apart`
+SLIP = 1e-6  # rad by which a hinge may miss what is said of it; by more, it is bent
+STEP = math.pi / 2 * 2.0**-23  # rad, unit of angles in planes
+KINDS = {
+    "plan": "U", "joint_names": "U", "time_s": "f8", "first": "i8", "offsets": "i8",
+    "joint_angles_rad": "f8", "angles_rad": "f4", "angle_planes": "u1", "root_position": "f8",
+    "root_wxyz": "f8", "base_position": "f8", "base_wxyz": "f8",
+}
+MAX_FILE, MAX_ARRAY, MAX_TEXT = 2**30, 2**28, 2**26  # bytes: of a file, an array, a text in it
+NAME = re.compile(rb"\w{1,64}\.npy")
+MAX_MODULES, MAX_FRAMES, MAX_PARTS, MAX_HINGES, MAX_DEPTH = 2**18, 2**21, 64, 4, 64
+HEADER = re.compile(rb"\{'descr': '[<|](f8|f4|i8|u1|U\d{1,9})', 'fortran_order': (False|True), "
+                    rb"'shape': \((|\d{1,9},|\d{1,9}, \d{1,9})\), \} *\n")
+NOTHING = "nothing folds"
+OTHER_MODULE = "only for modules as the plan describes them, not foldback's"
+OTHER_START = "only from another shape, without being straight"
+LIMITS = {NOTHING: 5, OTHER_MODULE: 3, OTHER_START: 4}  # of a proof, with exit statuses
 
 
 class NotProved(Exception):
     """Something that could not be proved, with the place."""
 
 
-def require(condition, message):
-    """Raise NotProved unless the condition holds."""
+class Unreadable(ValueError):
+    """Something that is no plan."""
+
+
+def require(condition, message, error=NotProved):
+    """Raise an error unless the condition holds."""
     if not condition:
-        raise NotProved(message)
+        raise error(message)
+
+
+def readable(condition, message):
+    """Raise Unreadable unless the condition holds."""
+    require(condition, message, Unreadable)
+
+
+def quoted(text, most=60):
+    """Return a stranger's text in quotes: printable ASCII, everything else escaped, shortened."""
+    text = str(text)
+    return json.dumps(text if len(text) <= most else text[: most - 3] + "...")
+
+
+def fields(value):
+    """Return a JSON object."""
+    if type(value) is not dict:
+        raise Unreadable(f"got {quoted(value)}, expected a JSON object")
+    return value
+
+
+def numbers(value, *shape):
+    """Return a finite number, or an array of them; -n stands for a length from 1 to n."""
+    if not shape:
+        if type(value) not in (int, float) or not math.isfinite(value):
+            raise Unreadable(f"got {quoted(value)}, expected a number")
+        return float(value)
+    length = len(value) if type(value) is list else math.nan
+    if length != shape[0] and not 0 < length <= -shape[0]:
+        raise Unreadable(f"got {quoted(value)}, expected a list of {abs(shape[0])} parts" +
+                         " at most" * (shape[0] < 0))
+    return np.array([numbers(part, *shape[1:]) for part in value], float)
+
+
+def whole(value, least, most):
+    """Return a whole number of a range."""
+    readable(numbers(value) in range(least, most + 1),
+             f"got {quoted(value)}, expected a whole number from {least} to {most}")
+    return int(value)
+
+
+def parsed(text, integers=float):
+    """Return a JSON text's object. Integers become what JavaScript reads, unless told otherwise."""
+
+    def once(pairs):
+        readable(len(dict(pairs)) == len(pairs), "a name occurs twice in the text of the plan")
+        return dict(pairs)
+
+    told = json.loads(text, object_pairs_hook=once, parse_int=integers, parse_constant=numbers)
+    level, depth = [told], 0
+    while level:
+        depth += 1
+        readable(depth <= MAX_DEPTH, "the text of the plan is nested too deeply")
+        level = [part for value in level if type(value) in (dict, list)
+                 for part in (value.values() if type(value) is dict else value)]
+    return fields(told)
+
+
+class File:
+    """The arrays of an .npz file: a zip archive of .npy files, read when they are asked for."""
+
+    def __init__(self, path):
+        with open(path, "rb") as file:
+            readable(22 <= file.seek(0, 2) <= MAX_FILE, "this is no zip archive, or a huge one")
+            file.seek(0)
+            data = memoryview(file.read())
+        mark, *disks, here, count, _, at, note = struct.unpack("<4s4H2IH", data[-22:])
+        readable(mark == b"PK\5\6" and not any(disks) and here == count and not note,
+                 "this is no zip archive, or something follows it")
+        self.members, place, end = {}, 0, at
+        for _ in range(count):
+            mark, _, *same, packed, size, letters, extra, note, _, _, _, begin = struct.unpack_from(
+                "<4sH3HI3I5H2I", data, at)
+            name, at = bytes(data[at + 46 : at + 46 + letters]), at + 46 + letters + extra + note
+            other, *also, less, more, long, extra = struct.unpack_from("<4s3HI3I2H", data, begin)
+            start = begin + 30 + long
+            _, flags, method, _, crc = same
+            in_extra = data[start : start + 20] == struct.pack("<2H2Q", 1, 16, size, packed)
+            sizes = (less, more) == (packed, size) or (less == more == 2**32 - 1 and in_extra)
+            agree = sizes and same == also and name == data[begin + 30 : start] and begin == place
+            usual = NAME.fullmatch(name) and not flags & ~0x806 and method in (0, 8)
+            readable(mark == b"PK\1\2" and other == b"PK\3\4" and agree and usual and
+                     name not in self.members, f"the member {quoted(name.decode('latin-1'))} of "
+                     "the archive is not as usual, or its headers differ")
+            place = start + extra + packed
+            self.members[name] = method, crc, size, data[start + extra : place]
+        readable(place == end and at == len(data) - 22, "the archive has gaps")
+
+    def __contains__(self, name):
+        """Return True if there is an array of this name."""
+        return b"%s.npy" % name.encode() in self.members
+
+    def _unpacked(self, name, most):
+        """Return a member's first bytes, and whether they are all of it."""
+        readable(name in self, f"the array {name} is missing")
+        method, crc, size, packed = self.members[b"%s.npy" % name.encode()]
+        unpack = zlib.decompressobj(-15)
+        data = unpack.decompress(packed, most) if method else packed[:most]
+        ends = unpack.eof and not unpack.unused_data if method else len(packed) <= most
+        return data, size, ends and len(data) == size and zlib.crc32(data) == crc
+
+    def header(self, name):
+        """Return type, width, memory order, shape and place of an array, which has a fair size."""
+        head, size, _ = self._unpacked(name, 4096)
+        start = 10 + int.from_bytes(head[8:10], "little")
+        match = head[:8] == b"\x93NUMPY\1\0" and HEADER.fullmatch(head[10:start])
+        readable(match and match[1].decode().startswith(KINDS[name]),
+                 f"the array {name} has an unexpected type or header")
+        kind, shape = match[1].decode(), tuple(map(int, re.findall(rb"\d+", match[3])))
+        width = int(kind[1:]) * (4 if KINDS[name] == "U" else 1)
+        readable(size == start + math.prod(shape) * width and
+                 size <= (MAX_TEXT if KINDS[name] == "U" else MAX_ARRAY),
+                 f"the array {name} does not have the size that its header states, or a huge one")
+        return kind, "F" if match[2] == b"True" else "C", shape, start
+
+    def shape(self, name, dimensions):
+        """Return the shape of an array."""
+        found = self.header(name)[2]
+        readable(len(found) == dimensions, f"the array {name} has the shape {found}")
+        return found
+
+    def read(self, name, *shape):
+        """Return an array of this shape; of texts as a list."""
+        kind, order, found, start = self.header(name)
+        readable(found == shape, f"the array {name} has the shape {found}, expected {shape}")
+        data, _, intact = self._unpacked(name, self.members[b"%s.npy" % name.encode()][2] + 1)
+        readable(intact, f"the array {name} is damaged")
+        if KINDS[name] != "U":
+            return np.frombuffer(data, f"<{kind}", offset=start).reshape(shape, order=order)
+        text, width = str(data[start:], "utf-32-le"), int(kind[1:])
+        return [text[k * width : (k + 1) * width].rstrip("\0") for k in range(math.prod(shape))]
 
 
 def seen(one, other):
@@ -88,13 +250,31 @@ def seen(one, other):
     return apart @ one[..., 1:, :].swapaxes(-1, -2)
 
 
+def geometry(told):
+    """Return a module's description with arrays; lists and texts have a bounded length."""
+    names = told["hinges"]
+    readable(type(names) is list and 0 < len(names) <= MAX_HINGES and
+             all(type(name) is str and len(name) <= 16 for name in names),
+             "names of hinges that cannot be")
+    return {part: numbers(told[part], *shape) for part, shape in {
+        "corners": (-MAX_PARTS, 3), "faces": (-MAX_PARTS, 3), "edges": (-MAX_PARTS, 3),
+        "anchor": (3,), "offset": (3,), "turns": (len(names) + 1, 3, 3), "limit_rad": (),
+    }.items()} | {"hinges": names, "rigid_links": whole(told["rigid_links"], 0, 1),
+                  "apart": whole(told["apart"], 1, 2)}
+
+
+def alike(one, other):
+    """Return True if two descriptions of a module hold the same."""
+    return all(np.array_equal(one[part], other[part]) for part in other)
+
+
 class Module:
     """A convex module at its size: corners, directions of its parts, links from hinge to hinge."""
 
     def __init__(self, told, size):
+        self.told = told = geometry(told)
         corners, anchor, offset, turns, self.faces, self.edges = (
-            np.array(told[part], float)
-            for part in ("corners", "anchor", "offset", "turns", "faces", "edges"))
+            told[part] for part in ("corners", "anchor", "offset", "turns", "faces", "edges"))
         self.names, self.rigid, self.apart = told["hinges"], told["rigid_links"], told["apart"]
         self.corners, self.limit = corners * size, told["limit_rad"]
         self.solid = np.insert(self.corners, 0, 1.0, axis=1)  # for products with whole poses
@@ -104,11 +284,11 @@ class Module:
         self.links = np.tile(np.eye(4), (len(self.names) + 1, 1, 1))
         self.links[:, 1:, 1:] = turns.swapaxes(1, 2)
         self.links[0, 0, 1:], self.links[-1, 0, 1:] = anchor, turns[-1] @ offset
-        require(np.abs(turns @ turns.swapaxes(1, 2) - ONE).max() < 1e-15 and self.names and
-                (np.linalg.det(turns) > 0).all() and len(turns) == len(self.links) and
-                np.abs((self.faces**2).sum(1) - 1).max() < 1e-15 and self.apart in (1, 2) and
-                np.isfinite(self.edges).all() and self.radius + self.length < 1e6 and
-                self.rigid in (0, 1), "a module that cannot be")
+        parts = np.concatenate([corners, self.edges, [anchor, offset]])
+        require(np.abs(turns @ turns.swapaxes(1, 2) - ONE).max() < 1e-15 and
+                (np.linalg.det(turns) > 0).all() and np.abs(parts).max() < 1e6 and
+                np.abs((self.faces**2).sum(1) - 1).max() < 1e-15 and self.length > 1e-6 and
+                0.0 < self.limit <= 2 * math.pi, "a module that cannot be")
 
     def poses(self, q, pose):
         """Return poses (m+1, M, 4, 3) of a module and m after it, from (m, K, M) and (4, 3, M)."""
@@ -142,32 +322,6 @@ class Module:
         return axes, np.where(size[..., 0] > 1e-6, gaps, -math.inf)
 
 
-def load(path):
-    """Return the arrays of a file by name."""
-    with open(path, "rb") as opened, np.load(opened, allow_pickle=False) as file:
-        return dict(file)
-
-
-def decoded(arrays, told, first, last, offsets):
-    """Return a plan's angles: (F, J), or those of its windows one after another."""
-    if "angle_planes" not in arrays:
-        return arrays.get("joint_angles_rad", arrays.get("angles_rad"))
-    codes = np.ascontiguousarray(arrays["angle_planes"].T).view("<u4").astype("i8").ravel()
-    codes, step = (codes >> 1) ^ -(codes & 1), told["angles"]["step_rad"]
-    if "first" not in arrays:
-        codes = codes.reshape(told["angles"]["shape"])
-        for _ in range(told["angles"]["differences"]):
-            codes = codes.cumsum(axis=0)
-        return codes * step
-    rest, found = np.rint(np.array(told["chain"]["folded_rad"]) / step).astype("i8"), []
-    now = np.zeros(len(rest), "i8")
-    for a, b, changes in zip(first, last, np.split(codes, offsets[1:-1]), strict=True):
-        now[a:b] += changes
-        found.append((now[a:b] * step).astype("f4"))
-        now[:a], now[b:] = rest[:a], 0  # a hinge enters as folded in front, as straight behind
-    return np.concatenate(found)
-
-
 class Plan:
     """A plan's file, checked against what it says of itself.
 
@@ -179,65 +333,143 @@ class Plan:
     """
 
     def __init__(self, path, size=None, claim=None):
-        arrays = load(path)
-        told = json.loads(str(arrays["plan"]))
-        verdict = str(told["certificate"]["verdict"])
-        require(verdict.startswith("verified"), f"the plan says of itself: {verdict} "
+        file = File(path)
+        told = parsed(*file.read("plan"))
+        verdict = fields(told["certificate"]).get("verdict")
+        require(verdict in VERDICTS, f"the plan says of itself: {quoted(verdict)} "
                 "(foldback_check_refusals.py can check some reasons)")
-        self.read(arrays, told, size, claim)
+        self.read(file, told, size, claim)
 
-    def read(self, arrays, told, size, claim, whole=True):
-        """Take up what a plan says; if it is not whole, it neither ends folded nor has a digest."""
-        said, self.kind, self.count = (
-            told["certificate"], str(told["chain"]["module"]), told["chain"]["modules"])
-        known = MODULES.get(self.kind)
-        geometry = told.get("claim", {}).get("module", known)
-        require(known in (None, geometry), f"{self.kind}s of another kind")
-        self.kind += ", as the plan describes it" * (known is None)
-        self.size = float(said["module_size"] if size is None else size)
-        self.claim = float(said["clearance_bound"] or 0.0) if claim is None else claim
-        self.step = float(said.get("max_joint_step_rad") or math.inf)
-        self.module = Module(geometry, self.size)
-        for fact, holds in self._facts(arrays, told, whole):
+    def read(self, file, told, size, claim, ends=True):
+        """Take up what a plan says; without `ends`, it neither ends folded nor has a digest."""
+        chain, said = fields(told["chain"]), fields(told["certificate"])
+        stated = {"format": FORMAT} if told.get("claim") is None else fields(told["claim"])
+        form, step = stated.get("format"), said.get("max_joint_step_rad")
+        require(form == FORMAT, f"its claim has the format {quoted(form)}, expected {FORMAT}; "
+                "another version of this checker may know it")
+        self.kind, self.count = chain["module"], whole(chain["modules"], 2, MAX_MODULES)
+        readable(type(self.kind) is str, f"got {quoted(self.kind)}, expected a kind of module")
+        own, told_module = MODULES.get(self.kind), stated.get("module")
+        readable(own or told_module, f"the module {quoted(self.kind)} is not described")
+        self.size = numbers(said["module_size"] if size is None else size)
+        bound = said.get("clearance_bound") if claim is None else claim
+        self.claim = 0.0 if bound is None else numbers(bound)
+        self.step = math.inf if step is None else numbers(step) or math.inf
+        self.module = Module(own if told_module is None else fields(told_module), self.size)
+        self.known = own is not None
+        require(not own or alike(self.module.told, own), f"{self.kind}s of another kind")
+        hinges = (self.count - 1 - self.module.rigid) * len(self.module.names)
+        self.pad = self.module.rigid * len(self.module.names)
+        self.folded = np.append(np.zeros(self.pad), numbers(chain["folded_rad"], hinges))
+        start = told.get("start")
+        self.start = np.zeros(hinges) if start is None else numbers(
+            fields(start)["folded_rad"], hinges)
+        self._arrays(file, told, hinges)
+        for fact, holds in self._facts(said, ends):
             require(holds, f"the plan contradicts itself or claims nothing: {fact}")
+        digest = stated.get("angles_sha256")
+        require(digest in (None, self.digest) or not ends,
+                "the plan contradicts itself: the checksum of the angles")
 
-    def _facts(self, arrays, told, whole):
-        """Yield what holds of a plan that does not contradict itself; reads its angles as well."""
-        module, n, times = self.module, self.count, arrays["time_s"]
-        said, folded, windowed = told["certificate"], told["chain"]["folded_rad"], "first" in arrays
-        names = [f"joint_{k}{end}" for k in range(module.rigid, n - 1) for end in module.names]
-        stored = {"joint_angles_rad", "angles_rad", "angle_planes"} & arrays.keys()
-        J, pad = len(names), [0.0] * (module.rigid * len(module.names))
-        yield "hinges", n > 1 and arrays["joint_names"].tolist() == names and len(folded) == J
-        first = arrays["first"].astype("i8") if windowed else np.zeros(len(times), "i8")
-        offsets = arrays["offsets"].astype("i8") if windowed else np.arange(len(times) + 1) * J
-        yield "windows", len(first) + 1 == len(offsets) and offsets[0] == 0 <= first.min()
+    def _arrays(self, file, told, hinges):
+        """Read names, times and angles of a file, sizes first."""
+        module, self.windowed = self.module, "first" in file
+        frames, = file.shape("first" if self.windowed else "time_s", 1)
+        readable(0 < frames <= MAX_FRAMES, f"got {frames} frames, expected 1 to {MAX_FRAMES}")
+        self.frames, plain = frames, "angles_rad" if self.windowed else "joint_angles_rad"
+        stored = [name for name in KINDS if "angle" in name and name in file]
+        readable(stored in ([plain], ["angle_planes"]),
+                 "the angles are missing, or stored more than once")
+        planes, dense = stored != [plain], (frames, hinges)
+        count = file.shape(*stored, 2)[1] if planes else math.prod(
+            file.shape(plain, 1 if self.windowed else 2))
+        readable(count <= frames * hinges and (self.windowed or count == frames * hinges),
+                 "the number of angles does not match the hinges and frames")
+        names = [f"joint_{k}{name}" for k in range(module.rigid, self.count - 1)
+                 for name in module.names]
+        require(file.read("joint_names", hinges) == names,
+                "the names of the hinges do not match the chain")
+        self.times, last = file.read("time_s", frames), None
+        first, offsets = np.zeros(frames, "i8"), np.arange(frames + 1) * hinges
+        if self.windowed:
+            first, offsets = file.read("first", frames), file.read("offsets", frames + 1)
+            require(offsets[0] == 0 and offsets[-1] == count and offsets.min() == 0 and
+                    offsets.max() == count and first.min() >= 0 and first.max() <= hinges,
+                    "the windows do not match the angles")
         last = first + np.diff(offsets)
-        yield "windows in the chain", (first <= last).all() and last.max() <= J
-        values = decoded(arrays, told, first, last, offsets)
-        shape = (offsets[-1],) if windowed else (len(times), J)
-        yield "angles of all hinges, once", values.shape == shape and len(stored) == 1
+        require((first <= last).all() and last.max() <= hinges,
+                "the windows do not match the chain")
+        if planes:
+            coded = fields(told["angles"])
+            readable(coded["encoding"] == "zigzag-planes" and coded["step_rad"] == STEP and
+                     coded["differences"] == ("window" if self.windowed else 3) and
+                     tuple(numbers(coded["shape"], -2)) == ((count,) if self.windowed else dense),
+                     "angles in planes of another kind")
+            values = self._decoded(file.read("angle_planes", 4, count), first, last, offsets)
+        else:
+            values = file.read(plain, *((count,) if self.windowed else dense))
         hashed = hashlib.sha256()
-        for array in (first, offsets, values) if windowed else (values,):
-            hashed.update(np.ascontiguousarray(array, array.dtype.newbyteorder("<")))
-        self.digest, self.frames, self.pad = hashed.hexdigest(), len(first), len(pad)
-        self.values, self.folded = values.ravel().astype(float), np.array(pad + folded)
+        for array in (first, offsets, values) if self.windowed else (values,):
+            hashed.update(np.ascontiguousarray(array))
+        self.digest, self.values = hashed.hexdigest(), values.ravel().astype(float)
         self.first, self.last, self.offsets = first + self.pad, last + self.pad, offsets
         self.largest = np.abs(np.append(self.values, self.folded)).max()
-        yield "angles within the limit", self.largest <= module.limit + 1e-6
+
+    def _decoded(self, planes, first, last, offsets):
+        """Return angles in planes: (F, J), or those of windows one after another."""
+        codes = np.ascontiguousarray(planes.T).view("<u4").astype("i8").ravel()
+        codes = (codes >> 1) ^ -(codes & 1)
+        if not self.windowed:
+            codes = codes.reshape(self.frames, -1)
+            for _ in range(3):
+                codes = codes.cumsum(axis=0)
+                readable(np.abs(codes).max(initial=0) < 2**40, "angles in planes are too large")
+            return codes * STEP
+        rest, found = np.rint(self.folded[self.pad :] / STEP).astype("i8"), []
+        now = np.zeros(len(rest), "i8")
+        for a, b, changes in zip(first, last, np.split(codes, offsets[1:-1]), strict=True):
+            now[a:b] += changes
+            found.append((now[a:b] * STEP).astype("f4"))
+            now[:a], now[b:] = rest[:a], 0  # a hinge enters as folded in front, straight behind
+        return np.concatenate(found)
+
+    def _facts(self, said, ends):
+        """Yield what holds of a plan that does not contradict itself."""
+        apart, times = self.module.apart, self.times
+        yield "angles within the limit", self.largest <= self.module.limit + SLIP
         yield "module size and clearance", 0.0 < self.size <= 1.0 and 0.0 < self.claim < math.inf
-        self.windowed, self.exempt = windowed, (module.apart - 1) * (n - 1)
-        exempt = {"apart": module.apart, "count": self.exempt}
-        yield "exempt pairs", exempt.items() <= (said.get("exempt_pairs") or exempt).items()
-        yield "frames", said.get("frames") in (None, self.frames) and len(times) == self.frames
+        self.exempt, pairs = (apart - 1) * (self.count - 1), said.get("exempt_pairs")
+        yield "exempt pairs", pairs is None or (
+            numbers(fields(pairs).get("apart")) == apart and numbers(pairs.get("count")) ==
+            self.exempt and pairs.get("rule") in (None, RULES[apart]))
+        frames = said.get("frames")
+        yield "frames", frames is None or numbers(frames) == self.frames
         yield "increasing times", np.isfinite(times).all() and (np.diff(times) >= 0.0).all()
-        start = (told.get("start") or {"folded_rad": [0.0] * J})["folded_rad"]
-        for words, frame, angles in ("start", 0, start), ("end", self.frames - 1, folded):
-            off = np.abs(self.angles(frame, 0, len(self.folded)) - (pad + angles)).max()
-            near = off <= 1e-6 or (words == "end" and not whole)
+        for words, frame, angles in ("start", 0, self.start), (
+                "end", self.frames - 1, self.folded[self.pad :]):
+            q = self.angles(frame, self.pad, len(self.folded))
+            off = np.abs(q - angles).max(initial=0.0)
+            near = off <= SLIP or (words == "end" and not ends)
             yield f"{words} of the motion; a hinge is off by {off:.7f} rad", near
-        stated = told.get("claim", {}).get("angles_sha256", self.digest)
-        yield "the checksum of the angles", stated == self.digest or not whole
+
+    @property
+    def module_words(self):
+        """What the modules are."""
+        reach = f"its corners are up to {self.module.radius:.3f} pitches from its centre"
+        return self.kind if self.known else (
+            f"{quoted(self.kind)} as the plan describes it, not one of foldback's: {reach}")
+
+    def bent(self):
+        """Return how many hinges are bent in each frame."""
+        within, before = (np.insert(np.cumsum(np.abs(angles) > SLIP), 0, 0)
+                          for angles in (self.values, self.folded))
+        return np.diff(within[self.offsets]) + before[self.first]
+
+    def shape_words(self, frame, bent):
+        """Say how the chain is folded in a frame."""
+        most = math.degrees(np.abs(self.angles(frame, 0, len(self.folded))).max())
+        return (f"{bent} of {len(self.folded) - self.pad} hinges are bent, by up to "
+                f"{most:.1f} degrees")
 
     def angles(self, frame, low, high):
         """Return the angles of slots low to high in a frame."""
@@ -385,31 +617,47 @@ class Proof:
         return rows[~(bound >= claim)]
 
 
-def check_end(plan, path):
-    """Require that the plan ends on the cells, or with the angles, of a path's or chain's file."""
+def check_shape(plan, frame, path):
+    """Require that in a frame, the chain has the cells or angles of a path's or chain's file."""
     with open(path, encoding="utf-8") as file:
-        told = json.load(file)
-    x, off, folded = plan.module.chain(plan.folded)[:, 0], math.inf, plan.folded[plan.pad :]
-    cells, angles = np.array(told.get("cells", ()), float), told.get("joint_angles_deg", ())
-    for y in (cells, cells[::-1]) if cells.shape == x.shape else ():  # up to a rigid motion
-        u, _, v = np.linalg.svd((x - x.mean(0)).T @ (y - y.mean(0)))
-        turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
-        off = min(off, np.abs((x - x.mean(0)) @ turn - (y - y.mean(0))).max())
-    if len(angles) == len(folded):
-        off = np.abs(folded - np.radians(angles)).max()
-    require(off <= 1e-6, f"it does not end as {path} says: off by {off:.7f}")
+        told = parsed(file.read(MAX_TEXT))
+    q, off = plan.angles(frame, 0, len(plan.folded)), math.inf
+    x, cells = plan.module.chain(q)[:, 0], told.get("cells")
+    if type(cells) is list and len(cells) == len(x):
+        cells = numbers(cells, len(x), 3)
+        for y in cells, cells[::-1]:  # up to a rigid motion
+            u, _, v = np.linalg.svd((x - x.mean(0)).T @ (y - y.mean(0)))
+            turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
+            off = min(off, np.abs((x - x.mean(0)) @ turn - (y - y.mean(0))).max())
+    for name, unit in ("joint_angles_deg", math.pi / 180), ("folded_rad", 1.0):
+        angles = told.get(name)
+        if type(angles) is list and len(angles) == len(q) - plan.pad:
+            off = np.abs(q[plan.pad :] - unit * numbers(angles, len(angles))).max(initial=0.0)
+    require(off <= SLIP, f"in frame {frame}, the chain is not as {quoted(path, 999)} says: "
+            f"off by {off:.7f}")
 
 
-def prove(plan, found, end=None):
+def prove(plan, found, start=None, end=None):
     """Return the proof of what a plan claims; tell what it is about, and what came out."""
-    found |= {"modules": plan.count, "module": plan.kind, "size": plan.size,
+    bent, last = plan.bent(), plan.frames - 1
+    straight = np.flatnonzero(bent == 0)
+    found |= {"modules": plan.count, "module": plan.module_words, "size": plan.size,
               "exempt": plan.exempt, "frames": plan.frames, "clearance": plan.claim,
               "angles_sha256": plan.digest}
-    if end:
-        check_end(plan, end)
+    found["start"] = "straight" if not bent[0] else (
+        f"in another shape: {plan.shape_words(0, bent[0])}; the chain is " +
+        (f"straight at frame {straight[0]}" if straight.size else "never straight"))
+    found["end"] = f"folded: {plan.shape_words(last, bent[-1])}" if bent[-1] else "straight"
+    for frame, path in (0, start), (last, end):
+        if path:
+            check_shape(plan, frame, path)
     proof = Proof(plan)
     gap, frame, *pair = proof.tightest
-    found |= {"verdict": "proved", "rounding": proof.rounding, "looks": proof.looks,
+    holds = proof.step == 0.0 or not bent[-1], not plan.known, not straight.size
+    found["limits"] = [limit for limit, true in zip(LIMITS, holds, strict=True) if true]
+    found["reason"] = " and ".join(found["limits"])
+    found |= {"verdict": "proved" + f", but {found['reason']}" * any(holds),
+              "rounding": proof.rounding, "looks": proof.looks,
               "tightest": {"gap": gap, "frame": frame, "modules": pair} if any(pair) else None}
     return proof
 
@@ -424,43 +672,74 @@ def answer(path, work):
     try:
         work(found)
     except NotProved as error:
-        found |= {"verdict": "not proved", "reason": str(error)}
+        found |= {"verdict": "not proved", "reason": str(error), "limits": []}
+    except Unreadable as error:
+        raise ValueError(f"{quoted(path, 999)}: {error}") from error
     except Exception as error:  # the file holds something else than was expected
-        raise ValueError(f"{path}: {type(error).__name__}: {error}") from error
+        raise ValueError(f"{quoted(path, 999)}: {type(error).__name__}: {quoted(error)}") from error
     return found | {"seconds": round(time.perf_counter() - began, 3)}
 
 
-def check(path, size=None, claim=None, end=None):
-    """Return what was proved of a plan, or why it was not (`answer`)."""
-    return answer(path, lambda found: prove(Plan(path, size, claim), found, end))
+def check(path, size=None, claim=None, end=None, start=None):
+    """Return what was proved of a plan, or why it was not, as plain values (`answer`).
+
+    Args:
+        path: plan.npz.
+        size: Module size instead of the plan's, in pitches.
+        claim: Clearance instead of the plan's, in pitches.
+        end: File of the path or chain that the plan must end as.
+        start: File of the path or chain that the plan must begin as.
+
+    Returns:
+        `verdict`: "proved"; "proved, but " and one or more of LIMITS; or "not proved". `limits`:
+        those of LIMITS that hold. `reason`: the same as a text, or what is not proved. If proved,
+        also what was proved: `modules`, `module`, `size`, `frames`, `start`, `end`, `clearance`,
+        `exempt`.
+
+    Raises:
+        ValueError: The file cannot be read.
+    """
+    return answer(path, lambda found: prove(Plan(path, size, claim), found, start, end))
 
 
-SAYS = """proved: {modules} modules ({module}) of size {size:g}, {frames} frames.
-They begin as the plan says and end folded. All the way, each pair stays at least {clearance:.6f}
-pitches apart, apart from {exempt} pairs that share a joint.
+SAYS = """{verdict}: {modules} modules of size {size:g} ({module}), {frames} frames.
+The motion begins {start}.
+It ends {end}.
+All the way, each pair stays at least {clearance:.6f} pitches apart, except for {exempt} pairs of
+neighbours that share a joint.
 Rounding {rounding:.1e} pitches, {seconds:.1f} s.
 SHA-256 of the angles: {angles_sha256}"""
 
 
-def show(found, as_json, says=SAYS, good="proved"):
-    """Print an answer; return True if it is the good one."""
-    says = says if found["verdict"] == good else "{verdict}: {reason}"
+def show(found, as_json, says=SAYS):
+    """Print an answer."""
+    says = "{verdict}: {reason}" if found["verdict"].startswith("not ") else says
     print(json.dumps(found) if as_json else says.format(**found))
-    return found["verdict"] == good
+
+
+def status(found):
+    """Return the exit status of an answer."""
+    limits = [LIMITS[limit] for limit in found["limits"]]
+    return 1 if found["verdict"].startswith("not ") else (limits or [0])[0]
 
 
 def main(arguments=None):
     """Check a plan and print the result."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n")[0])
     parser.add_argument("plan", help="plan.npz of a fold")
+    parser.add_argument("--start", help="file of the path or chain that the plan must begin as")
     parser.add_argument("--end", help="file of the path or chain that the plan must end as")
     parser.add_argument("--size", type=float, help="module size instead of the plan's")
     parser.add_argument("--claim", type=float, help="clearance instead of the plan's, in pitches")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
     told = parser.parse_args(arguments)
     try:
-        return 1 - show(check(told.plan, told.size, told.claim, told.end), told.json)
+        found = check(told.plan, told.size, told.claim, told.end, told.start)
+        show(found, told.json)
+        return status(found)
     except ValueError as error:
+        if told.json:
+            print(json.dumps({"verdict": "no plan", "reason": str(error)}))
         print(f"no plan: {error}", file=sys.stderr)
         return 2
 

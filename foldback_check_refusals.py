@@ -3,8 +3,9 @@
     python foldback_check_refusals.py plan.npz record.npz [--json]
 
 Needs NumPy and foldback_check.py beside it, whose proof and bound of rounding it uses, and nothing
-of foldback. docs/certificate.md states what is claimed. Exits with 3: refusal confirmed, 1: not
-proved or not checked, 2: no plan.
+of foldback. docs/certificate.md states what is claimed. Exits with 3: refusal confirmed, 4:
+confirmed for modules as the plan describes them, not foldback's, 1: not proved or not checked, 2:
+no plan.
 
 The record of a search that failed is proved like a plan: folded at first, no contact. Its
 last frame then shows one of two things. BLOCKS: cubes or tetrahedra overlap if no face and no two
@@ -20,16 +21,27 @@ sides p, q then changes by less than 4 b (p + q), a volume of sides p, q, r by 4
 
 import argparse
 import itertools
-import json
 import math
 import sys
 
 import numpy as np
 
-from foldback_check import MODULES, NotProved, Plan, answer, load, prove, require, seen, show
+from foldback_check import (
+    OTHER_MODULE,
+    File,
+    NotProved,
+    Plan,
+    answer,
+    parsed,
+    prove,
+    require,
+    seen,
+    show,
+)
 
 TOUCH, DEEP = 1e-9, 1e-4  # clearance of a record; least overlap that blocks
 PRIME, CROSSINGS, VIEWS = 2**31 - 1, 1500, 8  # modulus; most crossings of a view; views of a knot
+CLOSINGS = 64  # most ways to join the ends
 
 
 class NotChecked(NotProved):
@@ -40,8 +52,8 @@ class Refused(Plan):
     """The motion of a search that failed, and the evidence of its reason."""
 
     def __init__(self, path, record):
-        arrays, found = load(path), load(record)
-        told = json.loads(str(arrays["plan"]))
+        plan, found = File(path), File(record)
+        told = parsed(*plan.read("plan"), int)
         said, ran = told["certificate"], told["explosion"]
         require(not str(said["verdict"]).startswith("verified"), "the plan does not fail")
         tried = [a.get("diagnosis") for a in told["attempts"] if ran and ran.items() <= a.items()]
@@ -51,10 +63,13 @@ class Refused(Plan):
             raise NotChecked("this is a limit of foldback's search, not a property of the shape")
         require(kind in REASONS, "the plan gives no reason that can be checked")
         root, of = (0, "base_") if "first" in found else (told["root_module"], "root_")
-        self.root = root, found[of + "position"][-1], found[of + "wxyz"][-1]
+        frames, _ = found.shape(of + "position", 2)
+        place, turn = found.read(of + "position", frames, 3), found.read(of + "wxyz", frames, 4)
+        self.root = root, place[-1], turn[-1]
+        found.members[b"joint_names.npy"] = plan.members[b"joint_names.npy"]
         told["start"] = {"folded_rad": told["chain"]["folded_rad"]}
         size = self.evidence.get("module_size", said["module_size"])
-        self.read(found | {"joint_names": arrays["joint_names"]}, told, size, TOUCH, whole=False)
+        self.read(found, told, size, TOUCH, ends=False)
 
 
 def stopped(module, told, middle, end, poses):
@@ -73,7 +88,7 @@ def blocks(plan, told, _):
     q = plan.angles(plan.frames - 1, 0, len(plan.folded))
     bend, first, hinges = told["bent_above_rad"], told["first_hinge"] + pad, len(module.names)
     bent = first + np.flatnonzero(np.abs(q[first:]) > bend)
-    require(plan.kind in MODULES, "modules whose separating axes are not known")
+    require(plan.known, "modules whose separating axes are not known")
     require(turns + moves and 0.0 < bend <= math.pi / 3 and first >= pad and
             np.abs(q - plan.folded)[:first].max(initial=0.0) <= 1e-5 and
             [turn["hinge"] + pad for turn in turns] == bent.tolist(), "other bent hinges")
@@ -160,6 +175,7 @@ def knot(plan, told, b):
     x = seen(poses[root], poses)[:, 0] @ turn + place
     middle, ends = x.mean(0), np.linalg.norm(x[-1] - x[0])
     radius = np.linalg.norm(x - middle, axis=1).max()
+    require(0 < len(told["closings"]) <= CLOSINGS, "no ways to join the ends, or too many")
     for corners in told["closings"]:
         c = np.array(corners, float).reshape(-1, 3)
         line = np.concatenate([x, c])
@@ -173,9 +189,12 @@ def knot(plan, told, b):
         require(free and straight, "an end without a free way out")
         found.add(determinant(line, b))
     require(len(found) == 1 and 1 not in found, f"no knot: determinant {found}")
-    value = told["determinant"]
-    require(value is None or min(value % PRIME, -value % PRIME) in found, f"determinant {found}")
-    return (f"the line through all centres is knotted (determinant {value or found.pop()}), its "
+    value, rest = told["determinant"], found.pop()
+    require(value is None or type(value) is int and rest in (value % PRIME, -value % PRIME),
+            f"determinant {rest}")
+    small = type(value) is int and abs(value) < PRIME
+    return (f"the line through all centres is knotted (determinant {abs(value) if small else rest}"
+            f"{'' if small else f' modulo {PRIME}'}), its "
             "ends being led out along free straight lines and joined outside")
 
 
@@ -190,14 +209,16 @@ def check(path, record):
             plan = Refused(path, record)
             proof = prove(plan, found)
             because = REASONS[plan.evidence["kind"]](plan, plan.evidence, proof.rounding + 1e-9)
-            found |= {"verdict": "refusal confirmed", "because": because}
+            limit = OTHER_MODULE * (not plan.known)
+            found |= {"verdict": "refusal confirmed" + f", but {limit}" * bool(limit),
+                      "because": because, "reason": limit, "limits": [limit] * bool(limit)}
         except NotChecked as error:
             found |= {"verdict": "not checked", "reason": str(error)}
 
     return answer(path, work)
 
 
-SAYS = """refusal confirmed: {modules} modules ({module}) of size {size:g}, {frames} frames.
+SAYS = """{verdict}: {modules} modules of size {size:g} ({module}), {frames} frames.
 They begin folded and never touch. At last, {because}.
 That no other motion unfolds them is not claimed. {seconds:.1f} s."""
 
@@ -214,7 +235,8 @@ def main(arguments=None):
     except ValueError as error:
         print(f"no plan: {error}", file=sys.stderr)
         return 2
-    return 3 if show(found, told.json, SAYS, "refusal confirmed") else 1
+    show(found, told.json, SAYS)
+    return 1 if found["verdict"].startswith("not ") else 4 if found["limits"] else 3
 
 
 if __name__ == "__main__":

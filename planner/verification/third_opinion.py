@@ -32,7 +32,7 @@ from scipy.spatial import ConvexHull
 
 import foldback_check
 from planner.arrays import Array
-from planner.errors import InputError
+from planner.errors import UNREADABLE, InputError
 from planner.plan.value_differences import Differences
 
 STEPS_PER_PART: Final = 4
@@ -312,6 +312,6 @@ def opinion_of(path: Path, size: float, claim: float) -> Opinion:
     """
     try:
         plan = foldback_check.Plan(path, size, claim)
-    except (foldback_check.NotProved, LookupError, OSError, TypeError, ValueError) as error:
+    except (foldback_check.NotProved, *UNREADABLE) as error:
         raise InputError("not-a-plan", f"{path.name}: {error}") from error
     return ask_ipctk(plan)

@@ -50,7 +50,7 @@ def save(
     count = angles.shape[1] // len(hinges) + 1 + rigid
     meta = {
         "chain": {"module": kind, "modules": count, "folded_rad": angles[-1].tolist()},
-        "claim": {"module": geometry},
+        "claim": {"format": foldback_check.FORMAT, "module": geometry},
         "certificate": {
             "verdict": "verified (kinematics only)",
             "module_size": SIZE,
@@ -83,7 +83,8 @@ def rewrite(source: FilePath, path: FilePath, change: Callable[[Arrays, Meta], o
         arrays = dict(file)
     meta = json.loads(str(arrays.pop("plan")))
     geometry = foldback_check.MODULES.get(meta["chain"]["module"])
-    meta.setdefault("claim", {"module": copy.deepcopy(geometry)})
+    implied = {"format": foldback_check.FORMAT, "module": copy.deepcopy(geometry)}
+    meta.setdefault("claim", implied)
     change(arrays, meta)
     return write(path, arrays, meta)
 

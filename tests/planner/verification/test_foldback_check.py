@@ -3,6 +3,7 @@
 import ast
 import json
 import sys
+import tracemalloc
 from contextlib import suppress
 from pathlib import Path as FilePath
 from typing import Any, Final
@@ -25,6 +26,7 @@ from tests.planner.chains import Array, unvalidated
 from tests.planner.conftest import SHAPES, Folded
 from tests.planner.peels import peel, snake, windows_of
 from tests.planner.plans import unverified
+from tests.planner.verification import strange_plans
 from tests.planner.verification.forged_plans import FALSE, SIZE, forge, rewrite, save
 
 FINISHED: Final = FilePath(__file__).parents[3] / "server" / "shipped_folds"
@@ -87,12 +89,12 @@ def test_end_is_compared_with_a_path_or_the_angles_of_a_chain(
     unpack((FINISHED / "tetra-cube-2.fold").read_bytes(), tmp_path)
     chain = foldback_check.Plan(tmp_path / "plan.npz")
     shape = SHAPES / "tetra-cube-2.json"
-    foldback_check.check_end(chain, shape)
+    foldback_check.check_shape(chain, chain.frames - 1, shape)
     angles, other = json.loads(shape.read_text())["joint_angles_deg"], tmp_path / "other.json"
     for wrong in ([*angles[:-1], angles[-1] + 1e-3], angles[:-1], []):
         other.write_text(json.dumps({"joint_angles_deg": wrong}), encoding="utf-8")
-        with pytest.raises(foldback_check.NotProved, match="does not end as"):
-            foldback_check.check_end(chain, other)
+        with pytest.raises(foldback_check.NotProved, match="the chain is not as"):
+            foldback_check.check_shape(chain, chain.frames - 1, other)
 
 
 def test_new_plan_states_its_checksum(folded: Folded, tmp_path: FilePath) -> None:
@@ -178,7 +180,7 @@ def test_windows_are_proved_as_all_their_frames(width: int, tmp_path: FilePath) 
 
 def test_any_convex_module_of_the_plan(tmp_path: FilePath) -> None:
     path = tmp_path / "plan.npz"
-    for turns, found in (((0.5, 0.9), "proved"), ((1.5,), "not proved")):
+    for turns, found in (((0.5, 0.9), strange_plans.MODULE), ((1.5,), "not proved")):
         q = np.outer([0.0, *turns], np.ones(5))
         assert verdict(save(path, q, kind="prism", geometry=PRISM, claim=0.01)) == found
 
@@ -189,6 +191,69 @@ def test_forged_plan_is_not_proved(kind: str, folded: Folded, tmp_path: FilePath
     forge(plan, path := tmp_path / "plan.npz", np.random.default_rng(5), kind)
     with suppress(ValueError):
         assert verdict(path) == "not proved"
+
+
+@pytest.mark.parametrize(
+    ("name", "status"),
+    [
+        ("a refold", 0),
+        ("small modules", 0),
+        ("a hostile verdict", 1),
+        ("a hostile claim", 1),
+        ("deep lists", 2),
+        ("a hostile name", 3),
+        ("the last frames", 4),
+        ("one frame, folded", 5),
+        ("own module and start", 3),
+    ],
+)
+def test_exit_status_and_words_state_the_limits_of_a_proof(
+    name: str, status: int, tmp_path: FilePath, capsys: pytest.CaptureFixture[str]
+) -> None:
+    ways = {name: way for name, (way, _) in strange_plans.STRANGE.items()} | strange_plans.TRUE
+    path = str(strange_plans.write(ways[name], tmp_path / "plan.npz"))
+    assert foldback_check.main([path]) == status
+    shown = "".join(capsys.readouterr())
+    assert shown.replace("\n", "").isprintable()
+    assert shown.isascii()
+    assert len(shown) < 900
+    assert foldback_check.main([path, "--json"]) == status
+    answer = json.loads(capsys.readouterr().out)
+    assert shown.startswith("proved:") == (answer["verdict"] == "proved") == (status == 0)
+    if status in (0, 3, 4, 5):
+        assert f"of size {answer['size']:g} ({answer['module']})" in shown
+        assert f"begins {answer['start']}.\nIt ends {answer['end']}." in shown
+    else:
+        assert answer["verdict"] == {1: "not proved", 2: "no plan"}[status]
+        assert answer["reason"] in shown
+
+
+def test_start_is_compared_with_a_file(tmp_path: FilePath) -> None:
+    plan = strange_plans.write(strange_plans.TRUE["a refold"], tmp_path / "plan.npz")
+    start, other = tmp_path / "start.json", tmp_path / "other.json"
+    start.write_text(json.dumps({"joint_angles_deg": np.degrees(strange_plans.OTHER).tolist()}))
+    other.write_text(json.dumps({"joint_angles_deg": np.degrees(strange_plans.FOLDED).tolist()}))
+    assert verdict(plan, start=start, end=other) == "proved"
+    assert "in frame 0" in str(foldback_check.check(plan, start=other)["reason"])
+    straight = tmp_path / "straight.json"
+    straight.write_text(json.dumps({"cells": [[k, 0, 0] for k in range(8)]}))
+    true = strange_plans.write(strange_plans.TRUE["windows"], tmp_path / "true.npz")
+    assert verdict(true, start=straight) == "proved"
+    assert verdict(plan, start=straight) == "not proved"
+
+
+@pytest.mark.parametrize(
+    "name", ["an array nobody asked for", "more zeros than stated", "as many zeros as stated"]
+)
+def test_array_that_is_not_needed_takes_no_memory(name: str, tmp_path: FilePath) -> None:
+    ways = {name: way for name, (way, _) in strange_plans.STRANGE.items()} | strange_plans.TRUE
+    path = strange_plans.write(ways[name], tmp_path / "plan.npz")
+    tracemalloc.start()
+    with suppress(ValueError):
+        foldback_check.check(path)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    assert peak < 2**22
 
 
 def test_module_that_is_no_solid_proves_nothing(tmp_path: FilePath) -> None:

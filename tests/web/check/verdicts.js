@@ -34,10 +34,11 @@ async function verdict(path) {
   try {
     const proof = new Watched(await Plan.read(new Uint8Array(readFileSync(path))));
     const frames = [...proof.run()];
-    return { proved: true, claim: proof.plan.claim, least: proof.least, tightest: proof.tightest, pairs: proof.pairs, bounds: proof.bounds, above: proof.above, frames: frames.length };
+    const said = proof.plan.words(proof.largest);
+    return { proved: said.verdict === "proved", ...said, claim: proof.plan.claim, least: proof.least, tightest: proof.tightest, pairs: proof.pairs, bounds: proof.bounds, above: proof.above, frames: frames.length };
   } catch (error) {
     if (!(error instanceof NotProved)) throw error;
-    return { proved: false, text: error.message, place: error.place };
+    return { proved: false, verdict: error.verdict, text: error.message, place: error.place };
   }
 }
 

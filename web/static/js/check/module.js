@@ -53,11 +53,11 @@ export class Module {
    * length 1, and all other numbers are in their ranges.
    */
   get sound() {
-    const { turns, faces, edges, corners, anchor, offset, apart, rigid_links: rigid } = this.told;
-    return turns.every((rows) => dot(rows[0], cross(rows[1], rows[2])) > 0 && rows.length === 3
+    const { turns, faces, edges, corners, anchor, offset, limit_rad: limit } = this.told;
+    return turns.every((rows) => dot(rows[0], cross(rows[1], rows[2])) > 0
       && rows.every((a, i) => rows.every((b, j) => Math.abs(dot(a, b) - Number(i === j)) < 1e-15)))
-      && turns.length === this.hinges + 1 && faces.every((f) => Math.abs(dot(f, f) - 1) < 1e-15) && [1, 2].includes(apart)
-      && [...corners, ...edges, anchor, offset].every((v) => v.length === 3 && v.every((x) => Math.abs(x) < 1e6)) && [0, 1].includes(rigid);
+      && faces.every((f) => Math.abs(dot(f, f) - 1) < 1e-15) && this.length > 1e-6 && limit > 0 && limit <= 2 * Math.PI
+      && [...corners, ...edges, anchor, offset].every((v) => v.every((x) => Math.abs(x) < 1e6));
   }
 
   /**

@@ -5,13 +5,14 @@ import { Proof } from "./proof.js";
 import { Largest, turnMore } from "./spoil.js";
 
 /** @typedef {import("./plan.js").Place} Place */
+/** @typedef {import("./plan.js").Said} Said */
 /**
  * `way` is the check: the plan's claim, the largest size
  * of its modules, or the effect of a hinge that is off.
  * @typedef {{ href: string, way: "claim" | "size" | "hinge", module: number | null }} Asked
  * @typedef {{ frames: number, modules: number, size: number, claim: number }} Claimed
  * @typedef {{ is: "progress", frame: number, frames: number, tightest: Place | null }} Progress
- * @typedef {{ is: "proved", plan: Claimed, size: number, tightest: Place | null, touch: (Place & { size: number }) | null, joint: number, seconds: number }} Proved
+ * @typedef {{ is: "proved", plan: Claimed, said: Said, size: number, tightest: Place | null, touch: (Place & { size: number }) | null, joint: number, seconds: number }} Proved
  * @typedef {{ is: "refused", text: string, place: Place | null, frames: number, claim: number, joint: number }} Refused
  */
 
@@ -36,7 +37,7 @@ async function check({ href, way, module }) {
       postMessage({ is: "progress", frame, frames, tightest: proof.tightest });
     }
     const { tightest, size: found } = proof, touch = largest?.touch ?? null, seconds = (performance.now() - began) / 1000;
-    postMessage({ is: "proved", plan: { frames, modules, size, claim }, size: found, tightest, touch, joint, seconds });
+    postMessage({ is: "proved", plan: { frames, modules, size, claim }, said: plan.words(proof.largest), size: found, tightest, touch, joint, seconds });
   } catch (error) {
     const { message: text, place = null } = /** @type {Error & { place?: Place | null }} */ (error);
     postMessage({ is: "refused", text, place, frames, claim, joint });

@@ -26,9 +26,10 @@ const took = (seconds) => `${seconds < 9.95 ? number(seconds) : whole(seconds)} 
  */
 export function outcome(way, said) {
   if (said.is === "refused") return refusal(way, said);
-  const { plan: { modules, size, claim }, touch, joint, seconds } = said;
+  const { plan: { modules, size, claim }, said: { limits, known, module, start, end }, touch, joint, seconds } = said;
   if (way === "claim") {
-    return `This browser checked ${whole(modules)} modules without our server. Modules that share no joint stay at least ${percent(claim)} of the spacing apart during the whole motion. The check took ${took(seconds)}.`;
+    const shape = known ? `Each module (${module}) fills ${percent(size)} of the spacing.` : `Each module, at ${percent(size)} of its full size, is ${module}.`;
+    return `${limits ? `Proved, but ${limits}. ` : ""}This browser checked ${whole(modules)} modules without our server. ${shape} The motion begins ${start}. It ends ${end}. Modules that share no joint stay at least ${percent(claim)} of the spacing apart during the whole motion. The check took ${took(seconds)}.`;
   }
   if (way === "size") {
     if (!touch || touch.size > FULL) return `In this plan, each module fills ${percent(size)} of the spacing. Even modules that fill their cells completely would not overlap during the motion.`;
@@ -116,7 +117,7 @@ export class Checking {
     }
     this.end();
     get("check-said").textContent = outcome(way, said);
-    get("check-said").className = said.is === "proved" ? "" : "bad";
+    get("check-said").className = said.is === "proved" && !said.said.limits ? "" : "bad";
     const at = said.is === "refused" ? said.place : said.touch ?? said.tightest;
     get("check-where").hidden = !at;
     if (at) this.show(at, said.is === "refused" ? said.frames : said.plan.frames, said.is === "refused" || said.touch ? "Show where" : "Tightest place");
