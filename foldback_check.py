@@ -90,7 +90,7 @@ KINDS = {
 }
 MAX_FILE, MAX_ARRAY, MAX_TEXT = 2**30, 2**28, 2**26  # bytes: of a file, an array, a text in it
 NAME = re.compile(rb"\w{1,64}\.npy")
-MAX_MODULES, MAX_FRAMES, MAX_PARTS, MAX_HINGES, MAX_DEPTH = 2**18, 2**21, 64, 4, 64
+MAX_MODULES, MAX_FRAMES, MAX_PARTS, MAX_HINGES, MAX_DEPTH = 2**18, 2**20, 64, 4, 64
 HEADER = re.compile(rb"\{'descr': '[<|](f8|f4|i8|u1|U\d{1,9})', 'fortran_order': (False|True), "
                     rb"'shape': \((|\d{1,9},|\d{1,9}, \d{1,9})\), \} *\n")
 NOTHING = "nothing folds"
@@ -275,7 +275,7 @@ class Module:
         self.told = told = geometry(told)
         corners, anchor, offset, turns, self.faces, self.edges = (
             told[part] for part in ("corners", "anchor", "offset", "turns", "faces", "edges"))
-        self.names, self.rigid, self.apart = told["hinges"], told["rigid_links"], told["apart"]
+        self.names, self.rigid, self.apart = [*told["hinges"]], told["rigid_links"], told["apart"]
         self.corners, self.limit = corners * size, told["limit_rad"]
         self.solid = np.insert(self.corners, 0, 1.0, axis=1)  # for products with whole poses
         self.radius = np.linalg.norm(self.corners, axis=1).max() * (1 + 1e-12)
@@ -336,7 +336,7 @@ class Plan:
         file = File(path)
         told = parsed(*file.read("plan"))
         verdict = fields(told["certificate"]).get("verdict")
-        require(verdict in VERDICTS, f"the plan says of itself: {quoted(verdict)} "
+        require(verdict in VERDICTS, f"the plan says of itself: {quoted(verdict, 200)} "
                 "(foldback_check_refusals.py can check some reasons)")
         self.read(file, told, size, claim)
 
@@ -351,9 +351,9 @@ class Plan:
         readable(type(self.kind) is str, f"got {quoted(self.kind)}, expected a kind of module")
         own, told_module = MODULES.get(self.kind), stated.get("module")
         readable(own or told_module, f"the module {quoted(self.kind)} is not described")
-        self.size = numbers(said["module_size"] if size is None else size)
+        self.size = float(numbers(said["module_size"] if size is None else size))
         bound = said.get("clearance_bound") if claim is None else claim
-        self.claim = 0.0 if bound is None else numbers(bound)
+        self.claim = 0.0 if bound is None else float(numbers(bound))
         self.step = math.inf if step is None else numbers(step) or math.inf
         self.module = Module(own if told_module is None else fields(told_module), self.size)
         self.known = own is not None
@@ -435,15 +435,16 @@ class Plan:
 
     def _facts(self, said, ends):
         """Yield what holds of a plan that does not contradict itself."""
-        apart, times = self.module.apart, self.times
-        yield "angles within the limit", self.largest <= self.module.limit + SLIP
-        yield "module size and clearance", 0.0 < self.size <= 1.0 and 0.0 < self.claim < math.inf
+        apart, times, frames = self.module.apart, self.times, said.get("frames")
         self.exempt, pairs = (apart - 1) * (self.count - 1), said.get("exempt_pairs")
-        yield "exempt pairs", pairs is None or (
+        same_pairs = pairs is None or (
             numbers(fields(pairs).get("apart")) == apart and numbers(pairs.get("count")) ==
             self.exempt and pairs.get("rule") in (None, RULES[apart]))
-        frames = said.get("frames")
-        yield "frames", frames is None or numbers(frames) == self.frames
+        same_frames = frames is None or numbers(frames) == self.frames
+        yield "angles within the limit", self.largest <= self.module.limit + SLIP
+        yield "module size and clearance", 0.0 < self.size <= 1.0 and 0.0 < self.claim < math.inf
+        yield "exempt pairs", same_pairs
+        yield "frames", same_frames
         yield "increasing times", np.isfinite(times).all() and (np.diff(times) >= 0.0).all()
         for words, frame, angles in ("start", 0, self.start), (
                 "end", self.frames - 1, self.folded[self.pad :]):

@@ -107,6 +107,18 @@ def test_knot_of_failed_fold_is_confirmed_from_two_files(knot: FilePath, capsys:
     assert (found["verdict"], found["reason"]) == ("not proved", "the plan does not fail")
 
 
+def test_knot_of_unknown_modules_is_confirmed_with_that_limit(
+    knot: FilePath, capsys: pytest.CaptureFixture[str]
+) -> None:
+    found = check(knot, lambda _, meta: meta["chain"].update(module="cube\x1b[8m"))
+    assert found["verdict"] == f"refusal confirmed, but {foldback_check.OTHER_MODULE}"
+    files = [str(knot / "forged.npz"), str(knot / "record.npz")]
+    assert foldback_check_refusals.main(files) == 4
+    shown = capsys.readouterr().out
+    assert shown.startswith(f"{found['verdict']}: ")
+    assert "\x1b" not in shown
+
+
 def test_blocked_hinges_and_group_are_confirmed(jam: FilePath) -> None:
     found = check(jam)
     assert found["verdict"] == "refusal confirmed", found

@@ -11,7 +11,7 @@ const VERDICTS = ["verified", "verified (simulated)", "verified (kinematics only
 const RULES = ["", "none", "consecutive modules (i, i+1)"]; // of exempt pairs, by `apart`
 const SLIP = 1e-6; // rad by which a hinge may miss what is said of it; by more, it is bent
 const STEP = Math.PI / 2 * 2 ** -23; // rad, unit of angles in planes
-const MAX_MODULES = 2 ** 18, MAX_FRAMES = 2 ** 21, MAX_PARTS = 64, MAX_HINGES = 4, MAX_LETTERS = 16, MAX_DEPTH = 64;
+const MAX_MODULES = 2 ** 18, MAX_FRAMES = 2 ** 20, MAX_PARTS = 64, MAX_HINGES = 4, MAX_LETTERS = 16, MAX_DEPTH = 64;
 
 /** A claim that could not be proved, and its place. */
 export class NotProved extends Error {
@@ -153,12 +153,12 @@ export class Plan {
     this.known = Object.hasOwn(KNOWN, this.kind) ? geometry(KNOWN[this.kind]) : null;
     readable(this.known || claim.module != null, `the module ${quoted(this.kind)} is not described`);
     const described = this.known && claim.module == null ? this.known : geometry(fields(claim.module));
-    require(!this.known || JSON.stringify(described) === JSON.stringify(this.known), `${this.kind}s of another kind`);
     this.size = numbers(said.module_size);
     this.claim = numbers(said.clearance_bound ?? 0);
     this.step = (numbers(said.max_joint_step_rad ?? 0) || Infinity) + 1e-9;
     this.module = new Module(described, this.size);
     require(this.module.sound, "a module that cannot be");
+    require(!this.known || JSON.stringify(described) === JSON.stringify(this.known), `${this.kind}s of another kind`);
     this.pad = described.rigid_links * this.module.hinges;
     const hinges = (this.n - 1) * this.module.hinges - this.pad;
     this.folded = Float64Array.from(numbers(chain.folded_rad, hinges));
