@@ -203,7 +203,7 @@ class File:
         return b"%s.npy" % name.encode() in self.members
 
     def _unpacked(self, name, most):
-        """Return a member's first bytes, and whether they are all of it."""
+        """Return a member's first bytes, its size, and whether they are all of it."""
         readable(name in self, f"the array {name} is missing")
         method, crc, size, packed = self.members[b"%s.npy" % name.encode()]
         unpack = zlib.decompressobj(-15)
@@ -212,7 +212,7 @@ class File:
         return data, size, ends and len(data) == size and zlib.crc32(data) == crc
 
     def header(self, name):
-        """Return type, width, memory order, shape and place of an array, which has a fair size."""
+        """Return type, memory order and shape of an array, and where its values begin."""
         head, size, _ = self._unpacked(name, 4096)
         start = 10 + int.from_bytes(head[8:10], "little")
         match = head[:8] == b"\x93NUMPY\1\0" and HEADER.fullmatch(head[10:start])
@@ -264,7 +264,7 @@ def geometry(told):
 
 
 def alike(one, other):
-    """Return True if two descriptions of a module hold the same."""
+    """Return True if two descriptions of a module (`geometry`) are equal."""
     return all(np.array_equal(one[part], other[part]) for part in other)
 
 
@@ -389,7 +389,7 @@ class Plan:
                  for name in module.names]
         require(file.read("joint_names", hinges) == names,
                 "the names of the hinges do not match the chain")
-        self.times, last = file.read("time_s", frames), None
+        self.times = file.read("time_s", frames)
         first, offsets = np.zeros(frames, "i8"), np.arange(frames + 1) * hinges
         if self.windowed:
             first, offsets = file.read("first", frames), file.read("offsets", frames + 1)
