@@ -274,9 +274,11 @@ class Module:
     def __init__(self, told, size):
         self.told = told = geometry(told)
         corners, anchor, offset, turns, self.faces, self.edges = (
-            told[part] for part in ("corners", "anchor", "offset", "turns", "faces", "edges"))
-        self.names, self.rigid, self.apart = [*told["hinges"]], told["rigid_links"], told["apart"]
-        self.corners, self.limit = corners * size, told["limit_rad"]
+            np.array(told[part])
+            for part in ("corners", "anchor", "offset", "turns", "faces", "edges"))
+        self.names, self.limit = [*told["hinges"]], told["limit_rad"]
+        self.rigid, self.apart = int(told["rigid_links"]), int(told["apart"])
+        self.corners = corners * size
         self.solid = np.insert(self.corners, 0, 1.0, axis=1)  # for products with whole poses
         self.radius = np.linalg.norm(self.corners, axis=1).max() * (1 + 1e-12)
         self.length = (np.linalg.norm(anchor) + np.linalg.norm(offset)) * (1 + 1e-12)
