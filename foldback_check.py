@@ -458,9 +458,9 @@ class Plan:
     @property
     def module_words(self):
         """What the modules are."""
-        reach = f"its corners are up to {self.module.radius:.3f} pitches from its centre"
         return self.kind if self.known else (
-            f"{quoted(self.kind)} as the plan describes it, not one of foldback's: {reach}")
+            f"{quoted(self.kind)} as the plan describes it, not one of foldback's: its corners are "
+            f"up to {100 * self.module.radius:.1f} % of the spacing from its centre")
 
     def bent(self):
         """Return how many hinges are bent in each frame."""
@@ -649,7 +649,7 @@ def prove(plan, found, start=None, end=None):
               "angles_sha256": plan.digest}
     found["start"] = "straight" if not bent[0] else (
         f"in another shape: {plan.shape_words(0, bent[0])}; the chain is " +
-        (f"straight at frame {straight[0]}" if straight.size else "never straight"))
+        (f"straight after {straight[0]} of {last} steps" if straight.size else "never straight"))
     found["end"] = f"folded: {plan.shape_words(last, bent[-1])}" if bent[-1] else "straight"
     for frame, path in (0, start), (last, end):
         if path:

@@ -11,10 +11,10 @@ const proved = { is: "proved", plan: { frames: 9, modules: 8, size: .95, claim: 
 test("a checked plan is described by its modules, their size, the start and the end", () => {
   assert.equal(
     outcome("claim", { ...proved, said }),
-    "This browser checked 8 modules without our server. Each module (cube) fills 95.0 % of its cell’s width. The motion begins straight. It ends folded: 3 of 12 hinges are bent, by up to 90.0 degrees. Modules that share no joint stay at least 3.1 % of a module width apart during the whole motion. The check took 1 s.",
+    "This browser checked 8 modules without our server. Each module (cube) fills 95.0 % of the spacing. The motion begins straight. It ends folded: 3 of 12 hinges are bent, by up to 90.0 degrees. Modules that share no joint stay at least 3.1 % of the spacing apart during the whole motion. The check took 1 s.",
   );
   assert.match(outcome("claim", { ...proved, said: { ...said, limits: "nothing folds" } }), /^Proved, but nothing folds\. This browser/);
-  assert.match(outcome("claim", { ...proved, said: { ...said, known: false, module: '"brick" as the plan describes it' } }), /Each module, at 95\.0 % of its full size, is "brick" as the plan describes it\..*at least 0\.0312 pitches apart/);
+  assert.match(outcome("claim", { ...proved, said: { ...said, known: false, module: '"brick" as the plan describes it' } }), /Each module, at 95\.0 % of its full size, is "brick" as the plan describes it\..*at least 3\.1 % of the spacing apart/);
 });
 
 const facts = (tone) => ({ name: "torus", verdict: { tone, text: "" } });

@@ -250,8 +250,8 @@ export class Plan {
       verdict: limits ? `proved, but ${limits}` : "proved",
       limits,
       known: Boolean(known),
-      module: known ? kind : `${quoted(kind)} as the plan describes it, not one of foldback's: its corners are up to ${radius.toFixed(3)} pitches from its centre`,
-      start: bent[0] ? `in another shape: ${shape(0)}; the chain is ${straight < 0 ? "never straight" : `straight at frame ${straight}`}` : "straight",
+      module: known ? kind : `${quoted(kind)} as the plan describes it, not one of foldback's: its corners are up to ${(100 * radius).toFixed(1)} % of the spacing from its centre`,
+      start: bent[0] ? `in another shape: ${shape(0)}; the chain is ${straight < 0 ? "never straight" : `straight after ${straight} of ${frames - 1} steps`}` : "straight",
       end: bent[frames - 1] ? `folded: ${shape(frames - 1)}` : "straight",
     };
   }
