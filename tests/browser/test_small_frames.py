@@ -81,14 +81,10 @@ def test_embed_zooms_after_a_click_and_accepts_dropped_files(
     address = f"{service.http.base_url}/embed/{wrench}#frame=9"
     blog.html = (
         "<!doctype html><title>A blog</title><body style='height:3000px'>"
-        f"<iframe src='{address}' width=700 height=467></iframe>"
+        f"<iframe src='{address}' width=400 height=300></iframe>"
     )
-    reader = visit(blog.origin, width=800, height=600)
+    reader = visit(blog.origin, width=640, height=480)
     frame = reader.frames[1]
-    # The controls of a frame in another page are one row over the picture.
-    expect(frame.locator("#legend")).to_be_hidden()
-    frame.locator("#cover.gone").wait_for(state="attached")
-    assert frame.evaluate(PICTURE_SHARE) > MIN_PICTURE_SHARE
     frame.wait_for_function("() => window.foldback?.player.standIn?.opened")
     frame.evaluate(WAIT_FOR_REST)
     distance = (
