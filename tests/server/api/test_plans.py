@@ -41,7 +41,7 @@ def test_stored_alternative_has_a_page_and_a_comparison(service: Service, stored
     facts = service.http.get(f"/folds/{shown}/facts").json()
     assert facts["name"].endswith(", plan 1")
     assert facts["verdict"]["tone"] == "good"
-    assert (facts["alternative_to"], facts["files"], facts["movies"]) == (stored, [], False)
+    assert (facts["alternative_to"], facts["files"], facts["movies"]) == (stored, [], [])
     assert f'href="/folds/{stored}"' in service.http.get(f"/folds/{shown}").text
     assert len(service.http.get(f"/folds/{shown}/batch?from=0&to=4").content) > 100
     for path, status in {
