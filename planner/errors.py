@@ -31,7 +31,10 @@ class InputError(PlannerError):
 
 def unexpected(code: str, where: str, got: object, expected: str) -> InputError:
     """The error for a value that is not what is expected; a long one is shortened."""
-    shown = "nothing" if got is None else got if isinstance(got, str) else repr(got)
+    try:
+        shown = "nothing" if got is None else got if isinstance(got, str) else repr(got)
+    except RecursionError:
+        shown = "deeply nested values"
     short = shown if len(shown) <= 40 else f"{shown[:39]}…"
     return InputError(code, f"got {short}, expected {expected}.", where=where)
 

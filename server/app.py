@@ -28,6 +28,7 @@ from server.api.shipped_folds import import_shipped_folds
 from server.http import problems
 from server.http.access_log import Access
 from server.http.base_path import BelowPath
+from server.http.forwarded_address import ForwardedAddress
 from server.http.head import HeadAsGet
 from server.http.read_only import ReadOnly
 from server.http.request_rate import RequestRate
@@ -175,6 +176,7 @@ def _add_middleware(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
     app.add_middleware(SecurityHeaders)
     app.add_middleware(Access, metrics=metrics)
     app.add_middleware(BelowPath, base_path=settings.base_path)
+    app.add_middleware(ForwardedAddress, proxies=settings.trusted_proxies)
 
 
 async def _warm_up(context: Context) -> None:

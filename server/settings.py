@@ -28,6 +28,8 @@ from planner.files import MAX_FILE_BYTES, refuses_writing
 MIB_BYTES = 1024 * 1024
 """Number of bytes in a MiB."""
 VARIABLE_PREFIX: Final = "FOLDBACK_"
+LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
+"""Names of this machine for itself, besides the other addresses 127.…."""
 MIN_TOKEN_LENGTH: Final = 16
 """Minimum length of an operator's access token, in characters; the service does not start with a
 shorter one. With a smaller value tokens could be guessed. Chosen."""
@@ -93,7 +95,8 @@ class Settings(BaseSettings):
     log_level: Literal["debug", "info", "warning", "error"] = "info"
     """Lowest level of logged messages."""
     metrics_public: bool = False
-    """Let anyone read `/metrics`, without `FOLDBACK_METRICS_TOKEN`."""
+    """Let anyone who reaches the service directly read `/metrics`, without
+    `FOLDBACK_METRICS_TOKEN`. Requests through a proxy are always refused."""
     metrics_token: SecretStr | None = None
     """Token (at least 16 characters) for `/metrics`, sent as `Authorization: Bearer …`. Without a
     token, `/metrics` is closed, even to this machine."""
@@ -214,8 +217,10 @@ class Settings(BaseSettings):
     """Maximum memory of one computing process. Each fold has one such process;
     other processes read uploads, prepare previews, compute trajectories, and draw pictures and
     movies."""
-    niceness: int = Field(default=19, ge=0, le=19)
-    """`nice` value of computing processes; higher values leave more time for pages."""
+    niceness: int | None = Field(default=None, ge=0, le=19)
+    """`nice` value of computing processes; higher values leave more time for pages and for other
+    programs. Default: 0 if the service listens on a loopback address, as on your own computer, 19
+    otherwise. Set 19 for a public service behind a proxy."""
 
     movies_waiting: Count = 6
     """Maximum number of waiting movies."""
@@ -339,6 +344,13 @@ class Settings(BaseSettings):
         return any(refuses_writing(place) for place in places)
 
     @property
+    def child_niceness(self) -> int:
+        """Niceness (POSIX) of computing processes."""
+        if self.niceness is not None:
+            return self.niceness
+        return 0 if is_loopback(self.host) else 19
+
+    @property
     def folds_dir(self) -> Path:
         """Directory with a subdirectory for each fold."""
         return self.root / "folds"
@@ -390,6 +402,11 @@ class Settings(BaseSettings):
             directory.mkdir(mode=0o700, parents=True, exist_ok=True)
         with suppress(OSError):  # it belongs to another user
             self.root.chmod(0o700)
+
+
+def is_loopback(host: str) -> bool:
+    """Return True if only programs of this machine can reach an address to listen on."""
+    return host in LOOPBACK or host.startswith("127.")
 
 
 def unknown_names(names: Iterable[str]) -> dict[str, str | None]:

@@ -217,6 +217,7 @@ declare namespace Api {
     running_before: number;
     paused: boolean;
     frames: number;
+    busy: boolean;
     wait_s: number | null;
     remaining_s: number | null;
     preparing: PreparingBody | null;

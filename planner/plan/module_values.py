@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import base64
-import math
+import sys
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -52,7 +52,7 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
         if not isinstance(told[name], str) or len(told[name]) > most:
             raise _bad(name, told[name], f"text of at most {most} characters")
     low, high, rows, data = (told[key] for key in ("low", "high", "rows", "data"))
-    numbers = all(isinstance(x, int | float) and math.isfinite(x) for x in (low, high))
+    numbers = all(type(x) in (int, float) and abs(x) <= sys.float_info.max for x in (low, high))
     if not numbers or low > high:
         raise _bad("low", f"{low} to {high}", "two finite numbers, where 'low' is at most 'high'")
     most_rows = max(1, MAX_OWN_VALUES // modules)

@@ -6,21 +6,29 @@ from collections.abc import AsyncIterator
 from dataclasses import replace
 from typing import Annotated, Any, Final
 
+import msgspec
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import Response
 from fastapi.sse import EventSourceResponse, ServerSentEvent
+from msgspec import Meta
 
 from planner.display_names import clean_name
 from planner.pipeline.request import FoldRequest
 from server.api.context import Context, context_of, in_list_rate
 from server.api.fold_inputs import Origin
 from server.api.forms import form_of
-from server.api.owner_tokens import AnyClaim, OptionalOwner, RequiredOwner, not_owner
+from server.api.json_bodies import described, json_body
+from server.api.owner_tokens import (
+    AnyClaim,
+    NewToken,
+    OptionalOwner,
+    RequiredOwner,
+    not_owner,
+)
 from server.api.schemas import (
     MAX_FOLD_NAME,
     Accepted,
     Fold,
-    FoldChanges,
     Folds,
     Links,
     ProblemBody,
@@ -45,12 +53,33 @@ NOT_FOLD_OWNER: Final = (
 Here = Annotated[Context, Depends(context_of)]
 
 
+class FoldChanges(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
+    """Changes to a fold; omitted fields stay as they are."""
+
+    name: Annotated[
+        Annotated[str, Meta(max_length=MAX_FOLD_NAME)] | None,
+        Meta(description="New name. Characters that cannot be printed are removed."),
+    ] = None
+    owner_token: Annotated[NewToken | None, Meta(description="New owner token.")] = None
+
+
 def existing_fold(fold_id: str, context: Here) -> FoldRow:
     """Return the row of the fold in the address."""
     return context.store.fold(fold_id)
 
 
 ExistingFold = Annotated[FoldRow, Depends(existing_fold)]
+
+
+def owned_fold(fold: ExistingFold, context: Here, owner: RequiredOwner) -> FoldRow:
+    """Return the row of the fold in the address; refuse others than its owner."""
+    check_private(fold, "it cannot be changed")
+    if not context.store.owns(fold.id, owner):
+        raise not_owner(NOT_FOLD_OWNER)
+    return fold
+
+
+OwnedFold = Annotated[FoldRow, Depends(owned_fold)]
 
 
 def check_private(fold: FoldRow, denied: str) -> None:
@@ -184,9 +213,13 @@ def post_cancel(before: ExistingFold, context: Here, owner: RequiredOwner) -> Fo
     "/{fold_id}",
     summary=("Rename a fold or change its owner token"),
     responses=problems(401, 403, 404, 422),
+    openapi_extra=described(FoldChanges),
 )
 def patch_fold(
-    row: ExistingFold, changes: FoldChanges, context: Here, owner: RequiredOwner
+    row: OwnedFold,
+    changes: Annotated[FoldChanges, json_body(FoldChanges)],
+    context: Here,
+    owner: RequiredOwner,
 ) -> Fold:
     """Change the name or the owner token of a fold.
 
@@ -196,7 +229,6 @@ def patch_fold(
     Gallery folds cannot be renamed.
     """
     store = context.store
-    check_private(row, "it cannot be renamed")
     name = None if changes.name is None else clean_name(changes.name, max_length=MAX_FOLD_NAME)
     if name == "":
         raise Unusable(

@@ -5,8 +5,9 @@ from __future__ import annotations
 import asyncio
 from dataclasses import asdict
 from secrets import compare_digest
+from typing import Final
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Depends, Request
 from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from fastapi.security import HTTPAuthorizationCredentials
 from sqlalchemy.exc import SQLAlchemyError
@@ -15,12 +16,23 @@ from server.api.context import Context
 from server.api.folds import Here, problems
 from server.api.owner_tokens import Bearer
 from server.api.schemas import Body, PreparingBody
-from server.errors import Forbidden
+from server.errors import Forbidden, NotFound
+from server.http.base_path import BELOW
 from server.ops.metrics import METRICS_MEDIA_TYPE
 from server.ops.readiness import Readiness
 from server.store.stats import Stats
 
 router = APIRouter(tags=["operation"])
+PROXY_HEADERS: Final = (
+    *("x-forwarded-for", "x-forwarded-host", "x-forwarded-proto", "x-real-ip", "forwarded", "via"),
+)
+"""Header fields that proxies add to the requests that they pass on."""
+
+
+def inside(request: Request) -> None:
+    """Answer 404 to requests that a proxy passed on, or whose address has the base path."""
+    if BELOW in request.scope or any(name in request.headers for name in PROXY_HEADERS):
+        raise NotFound("not-found", "Not found.")
 
 
 @router.get("/health", summary="Liveness check")
@@ -29,11 +41,17 @@ async def get_health() -> dict[str, str]:
     return {"status": "ok"}
 
 
-@router.get("/ready", summary="Readiness check")
+@router.get(
+    "/ready",
+    summary="Readiness check",
+    dependencies=[Depends(inside)],
+    responses=problems(404),
+)
 def get_ready(request: Request) -> JSONResponse:
     """Answer 503, with the reasons, if the service is not ready.
 
-    It is not ready if a part of it fails, no worker runs, or it is stopping.
+    It is not ready if a part of it fails, no worker runs, or it is stopping. Requests through a
+    proxy are answered with 404.
     """
     readiness: Readiness = request.app.state.readiness
     found = readiness.state()
@@ -62,10 +80,14 @@ def get_preparing(context: Here, response: Response) -> PreparingState:
     "/metrics",
     summary="Prometheus metrics",
     response_class=PlainTextResponse,
-    responses=problems(403),
+    dependencies=[Depends(inside)],
+    responses=problems(403, 404),
 )
 async def get_metrics(request: Request, context: Here, credentials: Bearer) -> Response:
-    """Return figures in Prometheus' text format to clients that send the operator's token."""
+    """Return figures in Prometheus' text format to clients that send the operator's token.
+
+    Requests through a proxy are answered with 404.
+    """
     if not _may_read(context, credentials):
         raise Forbidden(
             "not-public",

@@ -6,18 +6,20 @@ from datetime import datetime
 from typing import Annotated, Final
 from urllib.parse import urlencode
 
+import msgspec
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import Response
+from msgspec import Meta
 
 from server.api.folds import Here, problems
+from server.api.json_bodies import described, json_body
 from server.api.movies import MovieBody
-from server.api.owner_tokens import RequiredOwner, not_owner
+from server.api.owner_tokens import NewToken, RequiredOwner, not_owner
 from server.api.schemas import (
     Body,
     Fold,
     FoldsMade,
     KeyReplaced,
-    KeyWanted,
     PreviewMade,
     PreviewsMade,
     moment,
@@ -32,6 +34,18 @@ MAX_FOLDS_PER_PAGE: Final = 100
 """Maximum number of folds in one page of the list of an owner's folds. A larger value makes single
 answers larger and slower. Chosen."""
 CURSOR_PATTERN: Final = r"^[0-9]{1,12}(\.[0-9]{1,12})?,[A-Za-z0-9_-]{1,32}$"
+
+
+class KeyWanted(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The token that replaces another one."""
+
+    owner_token: Annotated[
+        NewToken | None,
+        Meta(
+            description="New token, at least 24 characters. If you choose the token yourself, you "
+            "have it even if the response is lost. Default: a random token."
+        ),
+    ] = None
 
 
 class MovieMade(Body):
@@ -139,10 +153,13 @@ def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
     "/key",
     summary="Replace a token that other people may know",
     responses=problems(400, 401, 422, 429),
+    openapi_extra=described(KeyWanted),
 )
-def post_my_key(context: Here, owner: ListingOwner, wanted: KeyWanted | None = None) -> KeyReplaced:
+def post_my_key(
+    context: Here, owner: ListingOwner, wanted: Annotated[KeyWanted, json_body(KeyWanted)]
+) -> KeyReplaced:
     """Move everything that belongs to this token to another token. This token stops working."""
-    token = None if wanted is None else wanted.owner_token
+    token = wanted.owner_token
     claim = Claim.new() if token is None else Claim(token)
     if claim.owner == owner:
         raise Malformed(

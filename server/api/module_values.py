@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Annotated, Any
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Depends
 from fastapi.responses import JSONResponse, Response
 from pydantic import ConfigDict
 
 from planner.plan.module_values import checked_values
 from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
+from server.api.json_bodies import described, json_body
 from server.api.owner_tokens import RequiredOwner, not_owner
 from server.api.schemas import Body
 from server.api.tours import NOTHING_STORED, frames_of_own
@@ -25,7 +26,7 @@ router = APIRouter(prefix="/api/folds/{fold_id}/values", tags=["values"])
 class ValuesBody(Body):
     """Numbers for modules in the format `foldback-values/1`."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
+    model_config = ConfigDict(extra="forbid")
 
     format: str
     """`foldback-values/1`"""
@@ -63,16 +64,20 @@ def get_values(fold_id: str, context: Here) -> JSONResponse:
     "",
     summary="Store numbers with a fold",
     responses=problems(401, 403, 404, 409, 413, 422),
+    dependencies=[Depends(frames_of_own)],
+    openapi_extra=described(ValuesBody),
 )
 def put_values(
-    fold: ExistingFold, context: Here, owner: RequiredOwner, body: ValuesBody
+    fold: ExistingFold,
+    context: Here,
+    owner: RequiredOwner,
+    body: Annotated[dict[str, Any], json_body(dict)],
 ) -> ValuesBody:
     """Store numbers that colour the modules.
 
     Send one number per module for the whole fold, or one per module for each of several frames.
     """
-    frames_of_own(fold, context, owner)
-    told = checked_values(body.model_dump(), fold.modules)
+    told = checked_values(body, fold.modules)
     if not write_beside(context.store, fold.id, owner, ValuesRow, told):
         raise not_owner(NOT_FOLD_OWNER)
     return ValuesBody.model_validate(told)

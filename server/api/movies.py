@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Final, Literal, cast
+from typing import Annotated, Final, Literal, cast
 
-from fastapi import APIRouter, Request
+import msgspec
+from fastapi import APIRouter, Depends, Request
 from fastapi.responses import FileResponse, Response
-from pydantic import ConfigDict
+from msgspec import Meta
 
 from planner.file_names import TIMELINE
 from planner.verification.integrity import check
-from server.api.folds import Here, file_or_problems, problems
+from server.api.folds import Here, existing_fold, file_or_problems, problems
+from server.api.json_bodies import described, json_body
 from server.api.owner_tokens import AnyClaim, OptionalOwner, not_owner
 from server.api.schemas import Body, Fault
 from server.api.tours import tour_of
@@ -29,35 +31,49 @@ SHOWN_OPTIONS: Final = ("format", "width", "height", "fps", "seconds")
 """Options of a movie that its answer states."""
 
 
-class MovieOptions(Body):
+class MovieOptions(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
     """Options of a movie; each format has defaults."""
 
-    model_config = ConfigDict(extra="forbid")
-
     format: Literal["mp4", "gif"] = "mp4"
-    width: int | None = None
-    """Width in pixels; must be an even number, at most 1920 (GIF: 960)."""
-    height: int | None = None
-    """Height in pixels; must be an even number."""
-    fps: int | None = None
-    """Frames per second, at most 60 (GIF: 25)."""
-    seconds: float | None = None
-    """Length in seconds, at most 60 (GIF: 20)."""
-    azimuth_deg: float | None = None
-    """Direction of the camera at the end: -90 is the front, 0 the right. Default: chosen from the
-    shape."""
-    elevation_deg: float | None = None
-    """Angle of the camera above the ground."""
-    turn_deg: float | None = None
-    """Angle through which the camera circles."""
+    width: Annotated[
+        int | None,
+        Meta(description="Width in pixels; must be an even number, at most 1920 (GIF: 960)."),
+    ] = None
+    height: Annotated[int | None, Meta(description="Height in pixels; must be an even number.")] = (
+        None
+    )
+    fps: Annotated[int | None, Meta(description="Frames per second, at most 60 (GIF: 25).")] = None
+    seconds: Annotated[
+        float | None, Meta(description="Length in seconds, at most 60 (GIF: 20).")
+    ] = None
+    azimuth_deg: Annotated[
+        float | None,
+        Meta(
+            description="Direction of the camera at the end: -90 is the front, 0 the right. "
+            "Default: chosen from the shape."
+        ),
+    ] = None
+    elevation_deg: Annotated[
+        float | None, Meta(description="Angle of the camera above the ground.")
+    ] = None
+    turn_deg: Annotated[
+        float | None, Meta(description="Angle through which the camera circles.")
+    ] = None
     theme: Literal["light", "dark"] | None = None
-    first_frame: int | None = None
-    """First frame. Default: the first frame of the playback."""
-    last_frame: int | None = None
-    """Last frame. Default: the last frame of the fold. If it is before `first_frame`, the movie
-    plays backwards."""
-    tour: bool = False
-    """True: rest at the stops of the fold's tour and show their captions."""
+    first_frame: Annotated[
+        int | None, Meta(description="First frame. Default: the first frame of the playback.")
+    ] = None
+    last_frame: Annotated[
+        int | None,
+        Meta(
+            description="Last frame. Default: the last frame of the fold. If it is before "
+            "`first_frame`, the movie plays backwards."
+        ),
+    ] = None
+    tour: Annotated[
+        bool,
+        Meta(description="True: rest at the stops of the fold's tour and show their captions."),
+    ] = False
 
 
 class MovieLinks(Body):
@@ -108,6 +124,8 @@ class MovieBody(Body):
     status_code=202,
     summary="Create a movie",
     responses=problems(404, 409, 422, 429, 503, 507),
+    dependencies=[Depends(existing_fold)],
+    openapi_extra=described(MovieOptions),
 )
 def post_movie(
     request: Request,
@@ -115,7 +133,7 @@ def post_movie(
     fold_id: str,
     context: Here,
     claim: AnyClaim,
-    options: MovieOptions,
+    options: Annotated[MovieOptions, json_body(MovieOptions)],
 ) -> MovieBody:
     """Add a movie to the queue. The same options return the same movie.
 
@@ -124,7 +142,9 @@ def post_movie(
     """
     found = context.store.find(fold_id) if options.tour else None
     tour = None if found is None else tour_of(context.store, found)
-    movie = Movie.of(options.model_dump(exclude={"tour"}), tour)
+    given = msgspec.structs.asdict(options)
+    del given["tour"]
+    movie = Movie.of(given, tour)
     _check_format(movie.format)
     of_owner = context.store.owns(fold_id, claim.owner)
     visitor = context.visitor(request)

@@ -6,6 +6,7 @@ from typing import Annotated
 
 from fastapi import Depends
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
+from msgspec import Meta
 
 from server.errors import Forbidden, Unidentified
 from server.store.owner import MAX_TOKEN_CHARS, MIN_TOKEN_CHARS, Claim, Owner
@@ -13,6 +14,12 @@ from server.store.owner import MAX_TOKEN_CHARS, MIN_TOKEN_CHARS, Claim, Owner
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]
 """Token of a request; an owner's, or the operator's for metrics."""
+NewToken = Annotated[
+    str,
+    Meta(pattern=r"^[!-~]*(?!\n)$", min_length=MIN_TOKEN_CHARS, max_length=MAX_TOKEN_CHARS),
+]
+"""Owner token (the secret with which a client proves that folds are its own) that the client
+chooses itself: printable ASCII characters without spaces."""
 
 
 async def _optional_claim(credentials: Bearer) -> Claim | None:

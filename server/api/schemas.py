@@ -23,7 +23,6 @@ from server.jobs.eta import EtaEstimator
 from server.store.estimates import Expected, plain_fold
 from server.store.folds import FoldRow, Store
 from server.store.leases import Preparing
-from server.store.owner import MAX_TOKEN_CHARS, MIN_TOKEN_CHARS
 from server.store.tables import REQUESTED_COLUMNS
 from words.fold import ShownFold
 
@@ -33,12 +32,7 @@ the stage by this text."""
 PAUSED_MESSAGE: Final = "Paused to let other folds run. It continues automatically."
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 MAX_FOLD_NAME: Final = 200
-"""Maximum length of the name that an owner gives a fold, in characters; a longer one is refused. A
-larger value makes lists and pages harder to read. Chosen."""
-
-TOKEN_PATTERN: Final = rf"^[!-~]{{{MIN_TOKEN_CHARS},{MAX_TOKEN_CHARS}}}$"
-"""Pattern of an owner token (the secret with which a client proves that folds are its own) that the
-client chooses itself: printable ASCII characters without spaces."""
+"""Maximum length of the name that an owner gives a fold, in characters; a longer one is refused."""
 SHOWN_COLUMNS: Final = (
     *("id", "name", "status", "stage", "public", "modules", "module", "shape", "refold", "smooths"),
     *REQUESTED_COLUMNS,
@@ -196,6 +190,9 @@ class Progress(Body):
     """Paused to let other folds run; it continues automatically."""
     frames: int
     """Number of frames available so far."""
+    busy: bool
+    """True while the fold waits for a processor much of the time, because the computer has other
+    work."""
     wait_s: float | None
     """Estimated waiting time, s, including the remaining time of `preparing`; null if the fold is
     not waiting, no worker runs, or the time is not known yet."""
@@ -278,27 +275,6 @@ class Folds(Body):
     """A list of folds, newest first."""
 
     folds: list[Fold]
-
-
-class FoldChanges(Body):
-    """Changes to a fold; omitted fields stay as they are."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    name: str | None = Field(default=None, max_length=MAX_FOLD_NAME)
-    """New name. Characters that cannot be printed are removed."""
-    owner_token: str | None = Field(default=None, pattern=TOKEN_PATTERN)
-    """New owner token."""
-
-
-class KeyWanted(Body):
-    """The token that replaces another one."""
-
-    model_config = ConfigDict(extra="forbid")
-
-    owner_token: str | None = Field(default=None, pattern=TOKEN_PATTERN)
-    """New token, at least 24 characters. If you choose the token yourself, you have it even if the
-    response is lost. Default: a random token."""
 
 
 class KeyReplaced(Body):
@@ -629,6 +605,7 @@ def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
         "running_before": outlook.running,
         "paused": paused,
         "frames": int(row.progress.get("frames", 0)),
+        "busy": row.status == "running" and bool(row.progress.get("busy", False)),
         "wait_s": outlook.wait_s,
         "remaining_s": outlook.remaining_s,
         "preparing": None if preparing is None else preparing.model_dump(),

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Final
 
-from fastapi import APIRouter, Query
+from fastapi import APIRouter, Depends, Query
 from fastapi.responses import JSONResponse, Response
 from pydantic import ConfigDict, Field
 
 from planner.pipeline.fold_layout import stored_moments
 from planner.plan.tour import Tour
 from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
+from server.api.json_bodies import described, json_body
 from server.api.owner_tokens import RequiredOwner, not_owner
 from server.api.results import not_there
 from server.api.schemas import Body
@@ -19,7 +20,7 @@ from server.store.fold_files import frames_promised
 from server.store.fold_source import FoldSource, Found
 from server.store.folds import NoSuchFoldError
 from server.store.owned_items import write_beside
-from server.store.tables import FoldRow, TourRow
+from server.store.tables import TourRow
 from words.fold import RUNNING_STATUSES
 from words.tour import draft_tour
 
@@ -30,7 +31,7 @@ NOTHING_STORED: Final = "no tour and no numbers can be stored with it"
 class TourStop(Body):
     """One stop of a tour; frames and modules count from 1, as in the address of a page."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
+    model_config = ConfigDict(extra="forbid")
 
     caption: str
     """Plain text of 1 to 300 characters."""
@@ -55,7 +56,7 @@ class TourStop(Body):
 class TourBody(Body):
     """A tour in the format `foldback-tour/1`."""
 
-    model_config = ConfigDict(extra="forbid", strict=True)
+    model_config = ConfigDict(extra="forbid")
 
     format: str
     """`foldback-tour/1`"""
@@ -88,14 +89,46 @@ def get_tour(
     return JSONResponse(tour, headers={"Cache-Control": "private, no-cache"})
 
 
+def frames_of_own(fold: ExistingFold, context: Here, owner: RequiredOwner) -> int:
+    """Return the number of frames of a fold with which its owner stores something.
+
+    Raises:
+        ServiceError: If the fold is public, has another owner, runs, or has no frames.
+    """
+    check_private(fold, NOTHING_STORED)
+    if not context.store.owns(fold.id, owner):
+        raise not_owner(NOT_FOLD_OWNER)
+    if not fold.over:
+        raise Conflict(
+            "not-ready",
+            f"The fold is {fold.status}. A tour, or numbers for the modules, can be stored when "
+            "the fold has ended.",
+            retry_after_s=1,
+        )
+    frames = frames_promised(context.store.directory(fold.id))
+    if not frames:
+        raise not_there(fold, "frames")
+    return frames
+
+
+OwnFrames = Annotated[int, Depends(frames_of_own)]
+
+
 @router.put(
-    "", summary="Store the tour of a fold", responses=problems(401, 403, 404, 409, 413, 422)
+    "",
+    summary="Store the tour of a fold",
+    responses=problems(401, 403, 404, 409, 413, 422),
+    openapi_extra=described(TourBody),
 )
-def put_tour(fold: ExistingFold, context: Here, owner: RequiredOwner, body: TourBody) -> TourBody:
+def put_tour(
+    fold: ExistingFold,
+    context: Here,
+    owner: RequiredOwner,
+    frames: OwnFrames,
+    body: Annotated[dict[str, Any], json_body(dict)],
+) -> TourBody:
     """Store a tour with the fold, in place of an earlier one. Gallery folds have drafts only."""
-    frames = frames_of_own(fold, context, owner)
-    told = body.model_dump(by_alias=True, exclude_none=True)
-    tour = Tour.from_dict(told, frames=frames, modules=fold.modules).as_dict()
+    tour = Tour.from_dict(body, frames=frames, modules=fold.modules).as_dict()
     if not write_beside(context.store, fold.id, owner, TourRow, tour):
         raise not_owner(NOT_FOLD_OWNER)
     return TourBody.model_validate(tour)
@@ -131,25 +164,3 @@ def draft_of(found: Found) -> dict[str, Any] | None:
     moments = stored_moments(found.directory)
     drafted = draft_tour(found.row, frames_promised(found.directory), moments)
     return None if drafted is None else drafted.as_dict()
-
-
-def frames_of_own(fold: FoldRow, context: Here, owner: RequiredOwner) -> int:
-    """Return the number of frames of a fold with which its owner stores something.
-
-    Raises:
-        ServiceError: If the fold is public, has another owner, runs, or has no frames.
-    """
-    check_private(fold, NOTHING_STORED)
-    if not context.store.owns(fold.id, owner):
-        raise not_owner(NOT_FOLD_OWNER)
-    if not fold.over:
-        raise Conflict(
-            "not-ready",
-            f"The fold is {fold.status}. A tour, or numbers for the modules, can be stored when "
-            "the fold has ended.",
-            retry_after_s=1,
-        )
-    frames = frames_promised(context.store.directory(fold.id))
-    if not frames:
-        raise not_there(fold, "frames")
-    return frames

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import resource
 import sys
 from collections.abc import Generator
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ import typer
 
 from planner.may_compile import forbid_compiling
 from server.errors import READ_ONLY_WORDS
+from server.limits.open_files import BACKLOG, OpenFiles
 from server.ops.logs import set_up_logs
 from server.ops.startup_errors import settings_of, starting, warn_of_unknown_names
 from server.ops.stop_signals import on_stop_signals
@@ -63,8 +63,8 @@ def serve(
 
 
 def _run(settings: Settings, first_shape: str | None) -> None:
-    server = server_of(settings, first_shape)
-    _allow_files(2 * settings.max_connections)
+    settings, files = _within_open_files(settings)
+    server = server_of(settings, first_shape, backlog=files.backlog)
     # Threads that compute a response yield to the event loop after this time instead of 5 ms. With
     # a hundred visitors this halves the waiting times of others.
     sys.setswitchinterval(0.0005)
@@ -74,12 +74,15 @@ def _run(settings: Settings, first_shape: str | None) -> None:
         raise typer.Exit(1) from None
 
 
-def server_of(settings: Settings, first_shape: str | None = None) -> uvicorn.Server:
+def server_of(
+    settings: Settings, first_shape: str | None = None, *, backlog: int = BACKLOG
+) -> uvicorn.Server:
     """Migrate the database and return an HTTP server that is not running yet.
 
     Args:
         settings: The settings.
         first_shape: Gallery shape to fold unless it has been folded already.
+        backlog: Number of connections that may wait to be accepted.
     """
     import asyncio
 
@@ -135,12 +138,13 @@ def server_of(settings: Settings, first_shape: str | None = None) -> uvicorn.Ser
             app,
             host=settings.host,
             port=settings.port,
+            backlog=backlog,
             log_level="warning",
             log_config=None,
             access_log=False,
             http=protocol_of(settings),
             h11_max_incomplete_event_size=MAX_HEAD_BYTES,
-            forwarded_allow_ips=list(settings.trusted_proxies),
+            proxy_headers=False,  # see server.http.forwarded_address
             ws_max_size=2**20,
             # Websockets carry arrays many times per second, which compress poorly.
             ws_per_message_deflate=False,
@@ -153,12 +157,18 @@ def server_of(settings: Settings, first_shape: str | None = None) -> uvicorn.Ser
     )
 
 
-def _allow_files(count: int) -> None:
-    """Raise the limit of open files and connections as far as permitted."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    most = count if hard == resource.RLIM_INFINITY else min(count, hard)
-    if soft != resource.RLIM_INFINITY and soft < most:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (most, hard))
+def _within_open_files(settings: Settings) -> tuple[Settings, OpenFiles]:
+    """Return the settings with as many connections as the limit of open files carries."""
+    files = OpenFiles.take(settings)
+    if files.connections < settings.max_connections:
+        log.warning(
+            "only %d connections instead of %d, because this process may open %d files at most; "
+            "raise the limit (`ulimit -n`, LimitNOFILE= in a systemd unit)",
+            files.connections,
+            settings.max_connections,
+            files.files,
+        )
+    return settings.model_copy(update={"max_connections": files.connections}), files
 
 
 def _fold_first(context: Context, name: str) -> str:

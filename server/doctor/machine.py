@@ -20,9 +20,15 @@ import psutil
 from packaging.requirements import Requirement
 
 from server.doctor.check_result import CheckResult, ok, problem, warning
-from server.http.security import LOOPBACK
+from server.limits.open_files import (
+    BACKLOG,
+    MIN_BACKLOG,
+    MIN_CONNECTIONS,
+    OTHER_FILES,
+    OpenFiles,
+)
 from server.processes.limits import INTERACTIVE_CHILDREN
-from server.settings import Settings, unknown_names, unknown_words
+from server.settings import Settings, is_loopback, unknown_names, unknown_words
 
 MIN_PYTHON: Final = (3, 11)
 WEB_PROCESS_BYTES: Final = 384 * 2**20
@@ -32,10 +38,6 @@ WEB_CHILD_BYTES: Final = 272 * 2**20
 """Memory that each computing process of the web process takes without a task, in bytes. ``foldback
 doctor`` uses it to estimate if the service fits into the machine's memory; with a larger value it
 warns on more machines. Measured."""
-OTHER_OPEN_FILES: Final = 256
-"""Number of file descriptors that the web process needs in addition to one for each event stream
-and each robot. ``foldback doctor`` compares the sum with the limit of open files; with a larger
-value it warns on more machines. Chosen."""
 PROBE_TIMEOUT_S: Final = 5.0
 """Maximum time that ``foldback doctor`` waits for the answer of the program that occupies the
 service's port, to find out if it is this service, in s. With a smaller value it does not recognise
@@ -126,22 +128,20 @@ def _foldback_answers(settings: Settings) -> bool:
 
 
 def files(settings: Settings) -> CheckResult:
-    """Check that the limit of open files suffices for all visitors."""
-    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    needed = settings.max_streams + settings.max_robots + OTHER_OPEN_FILES
-    if soft == resource.RLIM_INFINITY or soft >= needed:
-        unlimited = soft == resource.RLIM_INFINITY
-        return ok("there is no limit" if unlimited else f"the limit is {soft}")
-    judged = problem if soft < OTHER_OPEN_FILES else warning
+    """Check that the limit of open files suffices for all connections."""
+    _, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard == resource.RLIM_INFINITY:
+        return ok("there is no limit")
+    connections = OpenFiles.of(settings, hard).connections
+    if connections >= settings.max_connections:
+        return ok(f"the limit is {hard}")
+    judged = warning if hard > OTHER_FILES + MIN_BACKLOG + MIN_CONNECTIONS else problem
     return judged(
-        f"the limit is {soft} and can be raised to {_count(hard)}, but up to {needed} "
-        "files are needed",
-        f"Raise the limit: `ulimit -n {max(needed, 4096)}`, or LimitNOFILE= in a systemd unit.",
+        f"the limit is {hard}, enough for {connections} connections instead of "
+        f"{settings.max_connections}",
+        f"Raise the limit: `ulimit -n {settings.max_connections + OTHER_FILES + BACKLOG}`, or "
+        "LimitNOFILE= in a systemd unit; or lower FOLDBACK_MAX_CONNECTIONS.",
     )
-
-
-def _count(limit: int) -> str:
-    return "any number" if limit == resource.RLIM_INFINITY else str(limit)
 
 
 def memory(settings: Settings) -> CheckResult:
@@ -188,7 +188,7 @@ def names(settings: Settings) -> CheckResult:
                 "Set FOLDBACK_ALLOWED_HOSTS to the service's host names.",
             )
         return ok(", ".join(settings.allowed_hosts))
-    if host in LOOPBACK or host.startswith("127."):
+    if is_loopback(host):
         return ok(f"the service is at {host} and accepts only this machine's own host names")
     return warning(
         f"other machines can reach the service at {host}, and it accepts any host name",

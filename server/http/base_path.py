@@ -12,6 +12,9 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 BASE_PATH: Final[ContextVar[str]] = ContextVar("base_path", default="")
 """Path prefix of the service for the current request; empty if it runs at the root."""
 
+BELOW: Final = "foldback.below"
+"""Entry of the scope of a request whose address had the base path."""
+
 
 def at(path: str) -> str:
     """Return the address of a path of the service, for its pages."""
@@ -50,7 +53,7 @@ class BelowPath:
         path = scope["path"]
         if path == self._base_path or path.startswith(f"{self._base_path}/"):
             inner = path.removeprefix(self._base_path) or "/"
-            scope = {**scope, "path": inner, "raw_path": inner.encode()}
+            scope = {**scope, "path": inner, "raw_path": inner.encode(), BELOW: True}
         token = BASE_PATH.set(self._base_path)
         try:
             await self._app(scope, receive, send_redirected)

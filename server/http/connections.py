@@ -15,6 +15,7 @@ from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from server.errors import TooMany
 from server.http.event_rate import (
+    BYTES_PER_EVENT,
     HEADER_FIELDS_PER_EVENT,
     REQUEST_EVENTS,
     EventBudget,
@@ -95,7 +96,7 @@ def protocol_of(settings: Settings) -> type[H11Protocol]:
     return BoundedProtocol
 
 
-class _CountingConnection(h11.Connection):
+class CountingConnection(h11.Connection):
     """Parser that counts events, and parses none while its protocol is held."""
 
     def __init__(self, protocol: _BoundedProtocol, most_bytes: int) -> None:
@@ -103,6 +104,7 @@ class _CountingConnection(h11.Connection):
         self._protocol = protocol
 
     def next_event(self) -> Any:
+        """Parse and charge one event; none while the protocol is held."""
         if self._protocol.pace.held:
             return h11.NEED_DATA
         event = super().next_event()
@@ -116,7 +118,7 @@ class _CountingConnection(h11.Connection):
         elif isinstance(event, h11.EndOfMessage):
             self._protocol.charge(1 + len(event.headers) / HEADER_FIELDS_PER_EVENT)  # of a trailer
         elif isinstance(event, h11.Data):
-            self._protocol.charge(1)
+            self._protocol.charge(1 + len(event.data) / BYTES_PER_EVENT)
         return event
 
 
@@ -134,7 +136,7 @@ class _BoundedProtocol(H11Protocol):
         self._visitor = self.bounds.visitor(host)
         self.pace = Pace(gate, self.loop, self.bounds.budget, self.handle_events)
         most_bytes = cast("int", self.config.h11_max_incomplete_event_size)
-        self.conn = _CountingConnection(self, most_bytes)
+        self.conn = CountingConnection(self, most_bytes)
         self._looking: asyncio.TimerHandle | None = None
         self._permit, self._spare = self.bounds.opened(self._visitor, gate)
         if self._permit is None:

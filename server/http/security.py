@@ -12,6 +12,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from server.errors import Forbidden, Malformed, ServiceError
 from server.http.problems import Guard
+from server.settings import LOOPBACK, is_loopback
 
 PAGE_POLICY: Final = "; ".join(
     (
@@ -43,7 +44,6 @@ INDEXED_HEADERS: Final = {"X-Robots-Tag": "all"}
 them; all other responses forbid it."""
 CONTROL_CHARACTERS: Final = re.compile(r"[\x00-\x1f\x7f]")
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
-LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 
 
 class SecurityHeaders:
@@ -65,7 +65,10 @@ class SecurityHeaders:
                     headers.setdefault(name, value)
                 headers.setdefault("Content-Security-Policy", PAGE_POLICY)
                 # Links are secrets, so shared caches must not store their pages.
-                headers.setdefault("Cache-Control", "private, no-cache")
+                control = headers.setdefault("Cache-Control", "private, no-cache")
+                if "content-encoding" not in headers and not control.startswith("public"):
+                    # A proxy that compresses it would tell its secrets by its length (BREACH).
+                    headers["Cache-Control"] = f"{control}, no-transform"
             await send(message)
 
         await self._app(scope, receive, send_with_headers)
@@ -138,7 +141,7 @@ def hosts_of(host: str, allowed: Iterable[str] = ()) -> tuple[str, ...]:
         allowed: Names set by the operator. If there are none, a public address accepts all names.
     """
     allowed = tuple(host_name(name) for name in allowed)
-    if not allowed and host not in LOOPBACK and not host.startswith("127."):
+    if not allowed and not is_loopback(host):
         return ("*",)
     return (*LOOPBACK, host, *allowed)
 

@@ -10,7 +10,7 @@ from websockets.frames import Frame
 from websockets.http11 import Request
 from websockets.server import ServerProtocol
 
-from server.http.event_rate import GatedTransport, Pace
+from server.http.event_rate import BYTES_PER_EVENT, GatedTransport, Pace
 from server.limits.concurrency_quota import Permit
 from server.limits.networks import visitor_at
 
@@ -24,10 +24,6 @@ before it is slowed down. Chosen."""
 MAX_FRAGMENTS: Final = 256
 """Maximum number of frames in which a client may send one websocket message; with more the
 connection is closed. A larger value lets one message take more memory. Chosen."""
-BYTES_PER_EVENT: Final = 8192
-"""Number of received websocket bytes that count as one frame in the rate limit, in addition to the
-frames themselves, so that long messages are limited, too. A larger value lets them take more
-processor time. Chosen."""
 
 
 class _CountingServer(ServerProtocol):

@@ -20,7 +20,9 @@ from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline.fold_layout import any_verified, result_path
 from planner.progress import STAGES
 from planner.readers.gallery import Gallery
+from server.errors import UNEXPECTED_WORDS
 from server.jobs.housekeeping import limit_cancelled
+from server.jobs.processor_wait import ProcessorWait
 from server.jobs.progress import REPEATED_STAGES, JobProgress
 from server.jobs.queue import MAX_LOSSES, FoldClaim, Queue
 from server.jobs.retry import RETRY_INTERVAL_S, Answer, retry_until_available
@@ -84,12 +86,11 @@ class CancelledError(Exception):
     """The fold was cancelled during a wait."""
 
 
-def internal_failure(error: Exception, stage: str | None) -> Outcome:
+def internal_failure(stage: str | None) -> Outcome:
     """Return the outcome of an internal error of the service."""
-    detail = f"an error occurred inside the service ({type(error).__name__}); try again."
     return Outcome(
         status="failed",
-        error={"code": "internal", "detail": detail, "where": stage},
+        error={"code": "internal", "detail": UNEXPECTED_WORDS, "where": stage},
         repeatable=False,
     )
 
@@ -123,6 +124,7 @@ class Execution:
         self._stopping = stopping
         self._child: Child | None = None
         self._slice: Slice | None = None
+        self._processor_wait = ProcessorWait()
         self._epoch = 0
 
     @property
@@ -226,7 +228,7 @@ class Execution:
     def _attempt(self, stage: str, files: int) -> Outcome:
         """Compute a stage; return any failure as an outcome."""
         if self._claim.losses >= MAX_LOSSES:
-            return internal_failure(RuntimeError("worker lost"), stage)
+            return internal_failure(stage)
         try:
             return self._run(stage, files)
         except (NotFinishedError, CancelledError):
@@ -242,10 +244,10 @@ class Execution:
                 return Outcome(status="running", following=STAGES[-1])
             told = {"code": error.code, "detail": error.detail, "where": stage}
             return Outcome(status="failed", error=told, repeatable=False)
-        except Exception as error:
+        except Exception:
             self._check_stopping()
             log.exception("fold %s failed in stage %s", self._fold_id, stage)
-            return internal_failure(error, stage)
+            return internal_failure(stage)
 
     def _concluded(self, outcome: Outcome, stage: str, files: int) -> Outcome:
         """Close the child and timeline of a fold that ends; add its last state if it failed."""
@@ -310,7 +312,9 @@ class Execution:
     def _report(self, fields: dict[str, Any] | None = None) -> bool:
         """Store the progress of a stage; return False if the fold is no longer wanted."""
         if fields is not None:
-            fields = {**fields, "frames": frames_promised(self._place)}
+            child = self._child
+            busy = child is not None and self._processor_wait.busy(child.pid)
+            fields = {**fields, "frames": frames_promised(self._place), "busy": busy}
         return self._store.report(self._fold_id, self._epoch, fields)
 
     def _call(

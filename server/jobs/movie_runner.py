@@ -19,7 +19,7 @@ from planner.errors import DamagedError, InputError
 from planner.file_names import TIMELINE
 from planner.pipeline.fold_layout import is_on_table, result_path
 from planner.verification.integrity import check
-from server.errors import Damaged
+from server.errors import UNEXPECTED_WORDS, Damaged
 from server.jobs.movies import INTERRUPTED
 from server.jobs.progress import JobProgress
 from server.jobs.queue import MAX_LOSSES, MovieClaim
@@ -62,10 +62,9 @@ class MovieJobs:
             self._fail(job, damaged.code, damaged.detail, str(error.path))
         except NoSuchFoldError:
             log.info("a movie's fold was deleted")
-        except Exception as error:
+        except Exception:
             log.exception("movie %s of fold %s failed", movie_id, fold_id)
-            words = f"an error occurred inside the service ({type(error).__name__}); try again."
-            self._fail(job, "internal", words, None)
+            self._fail(job, "internal", UNEXPECTED_WORDS, None)
         self._clear_up(fold_id, job)
 
     def _make(self, fold_id: str, job: str) -> None:

@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import json
 import logging
+import math
+import time
 import traceback
 from collections.abc import Generator, Mapping
 from contextlib import contextmanager
@@ -19,6 +21,10 @@ from typing import Any, Final
 from server.settings import Settings
 
 QUIET_LOGGERS: Final = ("alembic", "httpx", "opentelemetry", "websockets")
+ACCEPT_ERROR: Final = "socket.accept() out of system resource"
+"""Message of asyncio about a connection for which no file descriptor is left."""
+ACCEPT_ERROR_INTERVAL_S: Final = 60.0
+"""Minimum time between two log lines about such connections, in s."""
 CONTEXT_FIELDS: Final = ("fold", "movie", "worker", "request")
 ACCESS_FIELDS: Final = ("method", "route", "path", "status", "duration_ms")
 """Fields of a record of the logger ``foldback.access`` that become fields of a JSON log line; text
@@ -107,6 +113,27 @@ class TextLines(_Formatter):
         return line + trace
 
 
+class AcceptErrors(logging.Filter):
+    """Filter that passes one line a minute about connections for which no open files are left.
+
+    asyncio would log a traceback for each.
+    """
+
+    _told_at = -math.inf
+
+    def filter(self, record: logging.LogRecord) -> bool:
+        """Return True if the record is logged."""
+        if ACCEPT_ERROR not in record.getMessage():
+            return True
+        now = time.monotonic()
+        if now - self._told_at < ACCEPT_ERROR_INTERVAL_S:
+            return False
+        self._told_at = now
+        record.msg = "connections wait, because the limit of open files is reached; raise it"
+        record.args, record.exc_info = (), None
+        return True
+
+
 def set_up_logs(settings: Settings, *, worker: str | None = None) -> None:
     """Log to standard error; from some libraries, only warnings and errors.
 
@@ -118,6 +145,10 @@ def set_up_logs(settings: Settings, *, worker: str | None = None) -> None:
     handler = logging.StreamHandler()
     handler.setFormatter(lines({"worker": worker} if worker else {}))
     logging.basicConfig(level=settings.log_level.upper(), handlers=[handler], force=True)
+    asyncio_log = logging.getLogger("asyncio")
+    for known in [each for each in asyncio_log.filters if isinstance(each, AcceptErrors)]:
+        asyncio_log.removeFilter(known)
+    asyncio_log.addFilter(AcceptErrors())
     for name in QUIET_LOGGERS:
         least = max(logging.WARNING, logging.getLogger().level)
         logging.getLogger(name).setLevel(least)

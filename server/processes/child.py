@@ -27,6 +27,7 @@ from setproctitle import setproctitle
 from planner.errors import InputError
 from planner.files import settle
 from planner.progress import Cancelled, Progress, Report
+from server.errors import UNEXPECTED_WORDS
 from server.processes.landlock import Allowed, no_new_rights
 from server.processes.limits import memory_words
 from server.processes.sandbox import confine, confine_thread
@@ -403,20 +404,18 @@ def serve(kind: str, limits: Mapping[str, Any], load: Callable[[Report], Task]) 
     try:
         task = load(parent.progress)
         _limit(limits["memory_bytes"], limits["cpu_s"])
-    except Exception as error:
+    except Exception:
         traceback.print_exc()
-        parent.tell("problem", code="no-start", detail=repr(error))
+        parent.tell("problem", code="no-start", detail=UNEXPECTED_WORDS)
         return
     parent.tell("ready")
     request = parent.first_request()
     work = _work(kind, request.directory, limits["folders"])
     try:
         confine(work, drawing=kind == "movies")
-    except Exception as error:
+    except Exception:
         traceback.print_exc()
-        parent.tell(
-            "problem", code="no-start", detail=(f"the sandbox could not be set up: {error!r}")
-        )
+        parent.tell("problem", code="no-start", detail="the sandbox could not be set up.")
         return
     _end_without_memory(parent, limits["memory_bytes"])
     parent.listen()
@@ -436,7 +435,7 @@ def _answer(parent: _Parent, task: Task, request: Request, memory_bytes: int) ->
             _tell_memory_limit(parent, memory_bytes)
             return
         traceback.print_exc()
-        code, detail = _problem(error, request.task)
+        code, detail = _problem(error)
         parent.tell("problem", code=code, detail=detail)
     else:
         parent.tell("done", result=result)
@@ -446,7 +445,7 @@ def _tell_memory_limit(parent: _Parent, memory_bytes: int) -> None:
     parent.tell("problem", code="memory-limit", detail=memory_words(memory_bytes))
 
 
-def _problem(error: Exception, task: str) -> tuple[str, str]:
+def _problem(error: Exception) -> tuple[str, str]:
     """Return the code and the detail of an unexpected error of a task."""
     if isinstance(error, OSError) and error.errno in FULL_DISK_ERRNOS:
         return "disk-full", (
@@ -458,7 +457,7 @@ def _problem(error: Exception, task: str) -> tuple[str, str]:
             f"the service cannot write to its disk ({error.strerror}), so this task failed; stored "
             "data is safe. Try again later."
         )
-    return "internal", f"the stage '{task}' failed: {type(error).__name__}: {error}"
+    return "internal", UNEXPECTED_WORDS
 
 
 def main() -> None:

@@ -28,6 +28,7 @@ from typing import Any, Final, NoReturn
 from planner.pipeline.compiling import Compiling, beside
 from planner.pipeline.compiling_lock import compiling_fraction
 from planner.progress import Progress, silent
+from server.errors import UNEXPECTED_WORDS
 from server.processes.child import Task, serve, task_of
 from server.processes.sandbox import end_threads, load_kernels
 
@@ -294,9 +295,9 @@ def main() -> None:
             tasks, late = _tasks(asked["kinds"], requests, warm=asked["warm"], directory=directory)
             load_kernels()
         _prepare_to_fork()
-    except Exception as error:
+    except Exception:
         traceback.print_exc()
-        requests.refuse(repr(error))
+        requests.refuse(UNEXPECTED_WORDS)
     requests.answer(ready=True)
     _Forks(requests, tasks, late).serve(control)
 

@@ -41,11 +41,12 @@ class ChildLimits:
             settings: The settings.
             awaited: True if a page waits for the result, which then has priority over folds.
         """
+        niceness = settings.child_niceness
         folders = (str(settings.uploads_dir), str(settings.previews_dir))
         return cls(
             memory_bytes=settings.child_memory_bytes,
             cpu_s=settings.stage_cpu_seconds,
-            niceness=min(settings.niceness, INTERACTIVE_NICENESS) if awaited else settings.niceness,
+            niceness=min(niceness, INTERACTIVE_NICENESS) if awaited else niceness,
             folders=folders if awaited else (),
             warm=settings.prewarm,
         )

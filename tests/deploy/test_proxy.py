@@ -42,11 +42,23 @@ def proxy(webs: list[Service], tmp_path_factory: pytest.TempPathFactory) -> Iter
 def test_pages_are_served_over_tls(proxy: Proxy) -> None:
     page = proxy.http.get("/")
     assert page.status_code == 200 and "foldback" in page.text
-    assert page.headers["content-encoding"] == "gzip"
+    assert proxy.http.get("/paper").headers["content-encoding"] == "gzip"  # by the service
     assert page.headers["strict-transport-security"].startswith("max-age=")
     assert "server" not in page.headers
     plain = httpx.get(f"http://localhost:{proxy.plain_port}/", follow_redirects=False)
     assert plain.status_code == 308 and plain.headers["location"].startswith("https://")
+
+
+def test_answers_with_secrets_are_not_compressed(proxy: Proxy) -> None:
+    own = {"Authorization": f"Bearer {'k' * 24}", "Accept-Encoding": "gzip"}
+    file = {"file": ("path.json", json.dumps(SNAKE))}
+    accepted = proxy.http.post("/api/folds", files=file, headers=own)
+    page = f"/folds/{accepted.json()['id']}"
+    answers = [accepted, *(proxy.http.get(p, headers=own) for p in (page, f"/api{page}"))]
+    answers += [proxy.http.get(path, headers=own) for path in ("/api/mine/folds", "/gallery?q=x")]
+    for answer in answers:
+        assert answer.is_success and "content-encoding" not in answer.headers, answer.url
+        assert "no-transform" in answer.headers["cache-control"], answer.url
 
 
 def test_events_are_streamed_unbuffered(proxy: Proxy) -> None:

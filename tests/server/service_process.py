@@ -43,12 +43,19 @@ class Service:
     Args:
         data_dir: Directory for its data.
         environment: Additional environment variables, besides its settings.
+        wrapper: Command that runs the service's.
         settings: Settings that differ from those of tests.
     """
 
     def __init__(
-        self, data_dir: Path, *, environment: Mapping[str, str] | None = None, **settings: object
+        self,
+        data_dir: Path,
+        *,
+        environment: Mapping[str, str] | None = None,
+        wrapper: tuple[str, ...] = (),
+        **settings: object,
     ) -> None:
+        self.wrapper = wrapper
         self.data_dir = data_dir
         self.log = data_dir.parent / f"{data_dir.name}.log"
         self.environment = {
@@ -76,7 +83,7 @@ class Service:
         """Start the process, without waiting for the service."""
         with open(self.log, "a") as log:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.cli", "serve", *arguments],
+                [*self.wrapper, sys.executable, "-P", "-m", "server.cli", "serve", *arguments],
                 env=self.environment,
                 stdout=subprocess.PIPE,
                 stderr=log,

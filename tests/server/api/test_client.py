@@ -122,8 +122,9 @@ def test_client_options_are_those_of_the_interface(idle: Service) -> None:
     def fields(path: str) -> set[str]:
         body = described["paths"][path]["post"]["requestBody"]["content"]
         (schema,) = (content["schema"] for content in body.values())
-        reference = schema.get("$ref") or schema["allOf"][0]["$ref"]
-        return set(described["components"]["schemas"][reference.rpartition("/")[2]]["properties"])
+        if (reference := schema.get("$ref")) is not None:
+            schema = described["components"]["schemas"][reference.rpartition("/")[2]]
+        return set(schema["properties"])
 
     assert set(FoldOptions.__annotations__) | {"file", "shape"} == fields(FOLDS)
     assert set(ShapeOptions.__annotations__) | {"file", "shape", "path", "full"} == fields(

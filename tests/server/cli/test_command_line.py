@@ -181,8 +181,7 @@ def test_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_taken_port_is_a_clear_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    for name in ("_allow_files", "sys"):
-        monkeypatch.setattr(f"server.cli.serve.{name}", MagicMock())
+    monkeypatch.setattr("server.cli.serve.sys", MagicMock())
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         place = ("--data-dir", str(tmp_path))

@@ -106,3 +106,11 @@ def test_unknown_setting_is_reported_with_a_suggestion(
     found = machine.variables(Settings())
     assert (found.verdict, found.found) == ("warning", words)
     assert found.remedy
+
+
+def test_computing_processes_step_back_on_public_services_only() -> None:
+    for host, niceness in (("127.0.0.1", 0), ("127.0.0.5", 0), ("::1", 0), ("0.0.0.0", 19)):
+        assert Settings(host=host).child_niceness == niceness
+    assert (
+        Settings(niceness=7).child_niceness == Settings(host="::", niceness=7).child_niceness == 7
+    )

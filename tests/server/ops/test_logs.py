@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from server.ops.logs import JsonLines, TextLines, about, escaped
+from server.ops.logs import ACCEPT_ERROR, AcceptErrors, JsonLines, TextLines, about, escaped
 from tests.server.service_process import FinishedFold, Service, wait_until
 
 FORGED = 'x\n{"level": "error", "message": "forged"}\r\x1b[2K\u2028\x85'
@@ -162,3 +162,15 @@ for level in ("info", "error"):
     )
     log_tail = [line.rpartition(" ")[2] for line in done.stderr.splitlines()]
     assert log_tail == ["small", "big", "alien", "big"]
+
+
+def test_errors_of_accepting_connections_are_logged_once_in_a_while() -> None:
+    only_few = AcceptErrors()
+    records: list[logging.LogRecord] = []
+    for message in (ACCEPT_ERROR, "another error", ACCEPT_ERROR):
+        error = (OSError, OSError(24, "Too many open files"), None)
+        record = logging.LogRecord("asyncio", logging.ERROR, "", 0, message, (), error)
+        if only_few.filter(record):
+            records.append(record)
+    assert [bool(record.exc_info) for record in records] == [False, True]
+    assert "limit of open files" in records[0].getMessage()

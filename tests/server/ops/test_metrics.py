@@ -10,6 +10,7 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 from pydantic import SecretStr
 
+from server.api.health import PROXY_HEADERS
 from server.ops.supervisor import environment_of_worker
 from server.settings import Settings
 from server.store.folds import Store
@@ -17,7 +18,7 @@ from server.store.leases import Leases
 from server.store.stats import Stats
 from server.store.tables import WorkerRow
 from tests.server.rows import a_fold, statements
-from tests.server.service_process import METRICS_TOKEN, SNAKE, FinishedFold, Service
+from tests.server.service_process import METRICS_TOKEN, SNAKE, FinishedFold, Service, bearer
 from tests.server.service_thread import ServiceWith
 
 
@@ -83,12 +84,10 @@ def test_open_streams_are_counted(idle: Service) -> None:
 
 
 def test_metrics_without_the_token_are_closed_from_any_address(
-    idle: Service, service: Service, service_with: ServiceWith
+    idle: Service, service_with: ServiceWith
 ) -> None:
     for headers in (
         {"Connection": "close"},
-        {"X-Forwarded-For": "127.0.0.1"},
-        {"Forwarded": "for=127.0.0.1"},
         {"Authorization": "Bearer"},
         {"Authorization": f"Bearer {METRICS_TOKEN}x"},
         {"Authorization": f"Basic {METRICS_TOKEN}"},
@@ -97,11 +96,35 @@ def test_metrics_without_the_token_are_closed_from_any_address(
         answer = idle.http.get("/metrics", headers=headers)
         assert (answer.status_code, answer.json()["code"]) == (403, "not-public"), headers
         assert METRICS_TOKEN not in answer.text
-    open_to_all = service.http.get("/metrics", headers={"X-Forwarded-For": "203.0.113.9"})
-    assert open_to_all.status_code == 200  # the operator has made them public
     without = service_with(metrics_token="").start()
     assert without.metrics().status_code == 403
     assert without.http.get("/metrics", headers={"Authorization": "Bearer"}).status_code == 403
+
+
+@pytest.mark.parametrize("path", ["/metrics", "/ready"])
+def test_routes_of_operators_are_closed_to_requests_through_a_proxy(
+    service_with: ServiceWith, path: str
+) -> None:
+    service = service_with(base_path="/fold", metrics_public=True).start()
+    assert service.http.get(path).status_code in (200, 503)
+    for name in PROXY_HEADERS:
+        for method in ("GET", "HEAD"):
+            answer = service.http.request(method, path, headers={name: "203.0.113.9"})
+            assert answer.status_code == 404, name
+    operator = bearer(METRICS_TOKEN)
+    for way in (
+        *(
+            f"/fold{path}",
+            f"/fold{path}?x",
+            f"/fold/%{ord(path[1]):02x}{path[2:]}",
+            f"/fold/{path}",
+        ),
+        *(f"/fold{path}/", f"/fold/.{path}", f"/fold/fold{path}", f"/fold{path.upper()}"),
+        *(f"/FOLD{path}", f"/%66old{path}", f"/fold%2f{path[1:]}", f"/fold/x/..{path}"),
+    ):
+        answer = service.http.get(way, headers=operator, follow_redirects=True)
+        assert answer.status_code == 404, way
+        assert "foldback_" not in answer.text and '"workers"' not in answer.text
 
 
 def test_metrics_token_that_is_short_is_refused_without_repeating_it() -> None:

@@ -1,10 +1,13 @@
-"""Supervision: processes of the service end with a signal, and hung workers are replaced."""
+"""Running a service: it ends with a signal, replaces hung workers, and lives with few files."""
 
 import os
 import signal
+import socket
 from collections.abc import Callable
+from contextlib import ExitStack, suppress
 from pathlib import Path
 
+import httpx
 import psutil
 import pytest
 
@@ -90,3 +93,25 @@ def test_worker_is_killed_for_its_own_silence_only(tmp_path: Path) -> None:
         process.kill()
         process.wait()
         worker.release()
+
+
+@pytest.mark.slow
+@pytest.mark.processes
+def test_health_is_answered_with_few_open_files(tmp_path: Path) -> None:
+    few = ("prlimit", "--nofile=256:256")
+    data, proxy = tmp_path / "data", "192.0.2.1"
+    service = Service(data, wrapper=few, workers=0, trusted_proxies=proxy).start()
+    host, port = service.http.base_url.host, service.http.base_url.port
+    assert port is not None
+    with service, ExitStack() as stack:
+        for k in range(400):
+            client = socket.create_connection((host, port), source_address=(f"127.0.1.{k % 8}", 0))
+            stack.enter_context(client)
+            with suppress(ConnectionError):  # beyond the limit
+                client.sendall(b"GET / HTTP/1.1\r\nHost: 127.0.0.1\r\nX-a")
+        for path in ("/health", "/gallery"):
+            transport = httpx.HTTPTransport(local_address="127.0.9.9")
+            with httpx.Client(base_url=service.http.base_url, transport=transport) as other:
+                assert other.get(path, timeout=60).status_code == 200
+    log = service.log.read_text()
+    assert "connections instead of 2000" in log and "Traceback" not in log

@@ -2,6 +2,7 @@
 
 import base64
 import hashlib
+import json
 import random
 import re
 from functools import cache
@@ -88,6 +89,9 @@ def test_pages_with_secrets_are_not_compressed(idle: Service) -> None:
         answer = idle.http.get(path, headers=own)
         assert answer.status_code == 200, path
         assert "content-encoding" not in answer.headers, path
+        assert "no-transform" in answer.headers["cache-control"], path
+    accepted = idle.upload("path.json", json.dumps(SNAKE), token="k" * 24)
+    assert "no-transform" in accepted.headers["cache-control"]  # it holds the token
 
 
 def test_my_folds_page_is_the_same_for_all_and_not_indexed(idle: Service) -> None:

@@ -13,13 +13,16 @@ from contextlib import closing, contextmanager
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import psutil
 import pytest
 
 from planner.pipeline import stages
 from planner.progress import COMPILING, STAGES
+from server.errors import UNEXPECTED_WORDS
 from server.limits.concurrency_quota import Quota
+from server.processes import child as child_process
 from server.processes import children
 from server.processes.children import EVENTS, Child, ChildError, Pool
 from server.processes.fork_server import ForkServer, Kind
@@ -316,3 +319,18 @@ def test_child_ends_with_its_parent(tmp_path: Path) -> None:
         assert json.loads(child.stdout.readline())["event"] == "ready"
         child.stdin.close()
         assert child.wait(60) == 1
+
+
+def test_unexpected_error_of_a_task_reaches_no_visitor(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Its text may name files and code, and quote the input."""
+
+    def fail(*_: object) -> dict[str, Any]:
+        raise ValueError("array is too big; see /data/secret")
+
+    told = MagicMock()
+    request = child_process.Request("preview", tmp_path)
+    child_process._answer(told, fail, request, 2**30)
+    told.tell.assert_called_once_with("problem", code="internal", detail=UNEXPECTED_WORDS)
+    assert "/data/secret" in capfd.readouterr().err

@@ -37,6 +37,7 @@ test("the remaining time is rounded to what can be known", () => {
   assert.deepEqual([0, 1, 4.4, 12, 23, 400].map(remaining), [
     "takes longer than usual", "a few seconds left", "a few seconds left", "about 12 s left", "about 25 s left", "about 7 min left",
   ]);
+  assert.deepEqual([0, 12].map((value) => remaining(value, true)), ["slow, because the computer is busy with other work", "about 12 s left"]);
 });
 
 test("a refusal says what is wrong and where", () => {

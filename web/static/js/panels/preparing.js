@@ -6,9 +6,12 @@ const FEW_S = 5;
 const ASK_MS = 1000;
 
 // Return the remaining time, as estimated by the service, as text.
-/** @param {number} value in seconds; 0 if it takes longer than usual */
-export function remaining(value) {
-  if (value <= 0) return "takes longer than usual";
+/**
+ * @param {number} value in seconds; 0 if it takes longer than usual
+ * @param {boolean} busy true if the computer has other work
+ */
+export function remaining(value, busy = false) {
+  if (value <= 0) return busy ? "slow, because the computer is busy with other work" : "takes longer than usual";
   return value < FEW_S ? "a few seconds left" : `${duration(value < 20 ? value : 5 * Math.round(value / 5))} left`;
 }
 

@@ -75,7 +75,7 @@ export class Progress {
     document.title = titleOf(shown, name, advance);
     const queue = now.queue_position ?? 0;
     let text;
-    const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s)}`;
+    const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s, now.busy)}`;
     if (this.cancelling) text = "Cancelling…";
     else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then this fold waits in the queue behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
     else if (now.status === "queued") {
