@@ -20,7 +20,7 @@ from tests.server.service_thread import ServiceThread
 def create(service: Service, token: str, what: str = "folds", **query: Any) -> dict[str, Any]:
     answer = service.http.get(f"/api/mine/{what}", params=query, headers=bearer(token))
     assert answer.status_code == 200, answer.text
-    assert answer.headers["cache-control"] == "no-store"
+    assert answer.headers["cache-control"] == "no-store, no-transform"
     return answer.json()
 
 

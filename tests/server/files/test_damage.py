@@ -85,7 +85,10 @@ def test_damaged_download_is_refused(fold: FinishedFold) -> None:
 def test_private_picture_and_data_directory_are_closed_to_others(whole: FinishedFold) -> None:
     """The database and the files of folds are closed as well, by their own modes."""
     answer = whole.http.get(f"{whole.page}/picture.png")
-    assert (answer.status_code, answer.headers["Cache-Control"]) == (200, "private, no-cache")
+    assert (answer.status_code, answer.headers["Cache-Control"]) == (
+        200,
+        "private, no-cache, no-transform",
+    )
     assert answer.content.startswith(b"\x89PNG")
     data_dir = whole.service.data_dir
     assert data_dir.stat().st_mode & 0o077 == 0

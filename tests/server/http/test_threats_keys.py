@@ -43,7 +43,7 @@ def test_replaced_key_opens_nothing(idle: Service) -> None:
     leaked = new_token()
     fold = idle.fold(SNAKE, seed="203", token=leaked)
     answer = idle.http.post("/api/mine/key", headers=bearer(leaked))
-    assert (answer.status_code, answer.headers["cache-control"]) == (200, "no-store")
+    assert (answer.status_code, answer.headers["cache-control"]) == (200, "no-store, no-transform")
     key, folds = answer.json()["owner_token"], answer.json()["folds"]
     assert key != leaked and folds == 1 and leaked not in answer.text
     path = f"/api/folds/{fold['id']}"

@@ -214,7 +214,7 @@ def test_forged_host_is_escaped(service_with: ServiceWith) -> None:
     service = service_with(allowed_hosts="*").start()
     answer = service.http.get("/", headers={"Host": 'evil"><script>alert(1)</script>'})
     assert "<script>alert" not in answer.text
-    assert answer.headers["cache-control"] == "no-store"
+    assert answer.headers["cache-control"] == "no-store, no-transform"
 
 
 def test_security_page_names_existing_tests_and_settings() -> None:

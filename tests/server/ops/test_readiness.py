@@ -29,7 +29,7 @@ def test_ready_service_reports_its_parts(idle: Service) -> None:
     assert answer.status_code == 200
     parts = dict.fromkeys(("database", "disk", "storage"), "ok")
     assert answer.json() == {"ready": True, **parts, "workers": 0, "reasons": []}
-    assert answer.headers["cache-control"] == "no-store"
+    assert answer.headers["cache-control"] == "no-store, no-transform"
 
 
 def test_missing_folders_workers_and_kernels_are_reasons(tmp_path: Path) -> None:
