@@ -16,8 +16,6 @@ from planner.display_names import clean_name
 from planner.pipeline.request import FoldRequest
 from server.api.context import Context, context_of, in_list_rate
 from server.api.fold_inputs import Origin
-from server.api.forms import form_of
-from server.api.json_bodies import described, json_body
 from server.api.owner_tokens import (
     AnyClaim,
     NewToken,
@@ -25,6 +23,7 @@ from server.api.owner_tokens import (
     RequiredOwner,
     not_owner,
 )
+from server.api.request_bodies import described, form_of, json_body
 from server.api.schemas import (
     MAX_FOLD_NAME,
     Accepted,

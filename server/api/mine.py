@@ -12,9 +12,9 @@ from fastapi.responses import Response
 from msgspec import Meta
 
 from server.api.folds import Here, problems
-from server.api.json_bodies import described, json_body
 from server.api.movies import MovieBody
 from server.api.owner_tokens import NewToken, RequiredOwner, not_owner
+from server.api.request_bodies import described, json_body
 from server.api.schemas import (
     Body,
     Fold,

@@ -10,8 +10,8 @@ from pydantic import ConfigDict
 
 from planner.plan.module_values import checked_values
 from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
-from server.api.json_bodies import described, json_body
 from server.api.owner_tokens import RequiredOwner, not_owner
+from server.api.request_bodies import described, json_body
 from server.api.schemas import Body
 from server.api.tours import NOTHING_STORED, frames_of_own
 from server.errors import NotFound

@@ -12,8 +12,8 @@ from msgspec import Meta
 from planner.file_names import TIMELINE
 from planner.verification.integrity import check
 from server.api.folds import Here, existing_fold, file_or_problems, problems
-from server.api.json_bodies import described, json_body
 from server.api.owner_tokens import AnyClaim, OptionalOwner, not_owner
+from server.api.request_bodies import described, json_body
 from server.api.schemas import Body, Fault
 from server.api.tours import tour_of
 from server.errors import Conflict, Unusable

@@ -26,8 +26,8 @@ from server.api.fold_inputs import (
     open_input,
 )
 from server.api.folds import Here, problems
-from server.api.forms import field, form_of
 from server.api.owner_tokens import OptionalOwner
+from server.api.request_bodies import field, form_of
 from server.api.schemas import MAX_FOLD_NAME, Preview, Shape, Shapes, TableOffers, expected_times
 from server.errors import NotFound, Unusable
 from server.files.preview_reports import Asker

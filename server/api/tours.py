@@ -11,8 +11,8 @@ from pydantic import ConfigDict, Field
 from planner.pipeline.fold_layout import stored_moments
 from planner.plan.tour import Tour
 from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
-from server.api.json_bodies import described, json_body
 from server.api.owner_tokens import RequiredOwner, not_owner
+from server.api.request_bodies import described, json_body
 from server.api.results import not_there
 from server.api.schemas import Body
 from server.errors import Conflict

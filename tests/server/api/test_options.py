@@ -11,7 +11,7 @@ from cli.options import AsJson, takes
 from docs import make_options
 from planner.parameters.option import Choice, option, options_of
 from planner.pipeline.request import FoldRequest
-from server.api.forms import form_of
+from server.api.request_bodies import form_of
 from server.pages.page import rendered
 from server.store.tables import REQUESTED_COLUMNS, FoldRow
 from tests.server.asgi import send_request

@@ -67,7 +67,10 @@ ROWS: Mapping[str, Mapping[str, Any]] = {
     },
     "unwritten": {
         "stage": "export",
-        "error": {"code": "internal", "detail": "the stage 'export' failed: KeyError: 'x'"},
+        "error": {
+            "code": "internal",
+            "detail": "an unexpected error occurred inside the service; its log has the reason.",
+        },
     },
     "cancelled": {"status": "cancelled", "cancel_requested": True, "strategy": "peel"},
     "smoothed": {

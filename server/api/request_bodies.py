@@ -1,25 +1,62 @@
-"""JSON bodies of requests: decoded in a thread, up to the first fault.
+"""Request bodies: dependencies that read forms, one field for each option, and JSON.
 
-A body is a dependency of its route. Dependencies are resolved in the order of the parameters, so a
-route that names its fold and owner first looks at no body of a stranger.
+JSON is decoded in a thread, up to the first fault. Dependencies are resolved in the order of the
+parameters, so a route that names its fold and owner first looks at no body of a stranger.
 """
 
 from __future__ import annotations
 
 import asyncio
 import re
-from typing import Any, Final
+from collections.abc import Awaitable, Callable
+from inspect import Parameter, Signature
+from typing import Annotated, Any, Final, TypeVar
 
 import msgspec
-from fastapi import Depends, Request
+from fastapi import Depends, Form, Request
 from pydantic import BaseModel
 
+from planner.parameters.option import Option, options_of
+from planner.pathfinding.path_options import PathOptions
 from server.errors import ServiceError, Unusable
 
+RequestT = TypeVar("RequestT", bound=PathOptions)
 JSON_MEDIA_TYPE: Final = "application/json"
 PLACE: Final = re.compile(r"(?: - at `\$(?P<place>[\w.]*)[^`]*`)?$")
 """Matches the place in the body at the end of a message of msgspec."""
 UNKNOWN_FIELD: Final = re.compile(r"unknown field `(\w{1,40})`")
+
+
+def form_of(request: type[RequestT]) -> Callable[..., Awaitable[RequestT]]:
+    """Return the dependency that reads a request from a form with a field for each option."""
+
+    async def read(**given: Any) -> RequestT:
+        return request.of(**given)
+
+    parameters = [
+        Parameter(
+            name,
+            Parameter.KEYWORD_ONLY,
+            default=each.default,
+            annotation=Annotated[each.annotation, field(each)],
+        )
+        for name, each in options_of(request).items()
+    ]
+    vars(read)["__signature__"] = Signature(parameters)
+    return read
+
+
+def field(option: Option) -> Any:
+    """Return an option as a field of a form, with its description for the API."""
+    low, high = option.range or (None, None)
+    return Form(
+        ge=low,
+        le=high,
+        pattern=option.pattern,
+        description=option.meaning or None,
+        # The planner refuses longer values with its own message.
+        json_schema_extra={"maxLength": option.max_chars} if option.max_chars else None,
+    )
 
 
 def json_body(kind: type) -> Any:
