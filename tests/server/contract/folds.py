@@ -8,6 +8,7 @@ from typing import Any
 from planner.files import settle
 from planner.plan.packed_fold import unpack
 from server.api.shipped_folds import SHIPPED_FOLDS_DIR
+from server.errors import UNEXPECTED_WORDS
 from server.store.folds import Store
 from tests.server.rows import a_fold
 from tests.server.service_process import SNAKE
@@ -69,7 +70,7 @@ ROWS: Mapping[str, Mapping[str, Any]] = {
         "stage": "export",
         "error": {
             "code": "internal",
-            "detail": "an unexpected error occurred inside the service; its log has the reason.",
+            "detail": UNEXPECTED_WORDS,
         },
     },
     "cancelled": {"status": "cancelled", "cancel_requested": True, "strategy": "peel"},
