@@ -15,7 +15,14 @@ from server.pages.facts import fold_facts
 from server.processes.children import Child
 from server.store.fold_source import Found
 from tests.server.cli.test_command_line import foldback
-from tests.server.service_process import FinishedFold, Service, bearer, check_problem, wait_until
+from tests.server.service_process import (
+    SNAKE,
+    FinishedFold,
+    Service,
+    bearer,
+    check_problem,
+    wait_until,
+)
 from tests.server.service_thread import ServiceThread
 from tests.tools import OPENGL
 from web.movies.encoding import find_ffmpeg
@@ -125,6 +132,7 @@ def test_movie_that_cannot_be_made_here_is_refused_before_any_process_starts(
     without_ffmpeg: dict[str, str],
     idle: ServiceThread,
 ) -> None:
+    movies = f"/api/folds/{idle.fold(SNAKE, seed='94')['id']}/movies"
     out = tmp_path / "out"
     out.mkdir()
     monkeypatch.setattr(Child, "call", lambda *_, **__: pytest.fail("a process has started"))
@@ -141,12 +149,12 @@ def test_movie_that_cannot_be_made_here_is_refused_before_any_process_starts(
     fold = ShownFold(id="one", name="One", status="verified", modules=16, preset="default", seed=0)
     found = Found(fold, finished.directory)
     assert fold_facts(found)["movies"] == ["gif"]
-    refused = idle.http.post("/api/folds/one/movies", json={})
+    refused = idle.http.post(movies, json={})
     check_problem(refused, 422, "no-encoder")
     assert refused.json()["where"] == "format"
     monkeypatch.setenv("MUJOCO_GL", "off")
     assert fold_facts(found)["movies"] == []
-    gif = idle.http.post("/api/folds/one/movies", json={"format": "gif"})
+    gif = idle.http.post(movies, json={"format": "gif"})
     check_problem(gif, 422, "no-gl")
 
 
