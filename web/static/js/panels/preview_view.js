@@ -123,7 +123,7 @@ export function showReport(preview, report, onChange) {
   });
   hide({
     what: chain, how: chain || kind === "path", "method-part": noCubes, "method-hint": noCubes, "modules-part": kind !== "mesh", "iou-part": !iou,
-    trouble: path, odd: !odd, "odd-cells": !odd, "to-add": true, repaired: !repaired, unordered: !unordered, "notes-part": !others.length,
+    trouble: path, odd: !odd, "odd-cells": !odd, "to-add": true, repaired: !repaired, unordered: !unordered,
     legend: !path, "were-added": !report.added?.length, layers: false,
   });
   get("nearest").replaceChildren(...counts.map((modules) => button("", whole(modules), () => onChange({ modules }), { title: "A nearby number of modules that may work" })));
