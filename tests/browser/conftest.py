@@ -184,6 +184,32 @@ def visit(service: Service) -> Iterator[Visit]:
 
 WIDTH = "document.documentElement.scrollWidth"
 """Width that the content of a page needs."""
+WIDTHS = (320, 390, 600, 683, 760, 820, 1024, 1366, 1920)
+"""Widths of windows, in CSS pixels: small phones to large screens; 683 is a laptop at 200 %."""
+OVERFLOWING = """() => {
+  const parts = "a, button, dd, dt, h1, h2, h3, input, label, legend, li, p, select, textarea";
+  const strips = ".letters, .chips, .figures, .strip, .tabs"; // made to be scrolled sideways
+  const scrolls = (box) => /auto|scroll/.test(getComputedStyle(box).overflowX);
+  const hidden = (part) => !part.getClientRects().length || part.closest(".visually-hidden, .skip");
+  const wide = document.documentElement.scrollWidth > innerWidth ? ["the page"] : [];
+  for (const box of document.querySelectorAll("body, body *")) {
+    if (box.matches(strips) || hidden(box) || (box !== document.body && !scrolls(box))) continue;
+    const { left, right } = box.getBoundingClientRect();
+    const { paddingLeft, paddingRight } = getComputedStyle(box);
+    const [from, to] = [left + parseFloat(paddingLeft) - 1, right - parseFloat(paddingRight) + 1];
+    for (const part of box.querySelectorAll(parts)) {
+      if (hidden(part) || getComputedStyle(part).position !== "static") continue;
+      let nearest = part.parentElement;
+      while (nearest !== box && !scrolls(nearest)) nearest = nearest.parentElement;
+      const rect = part.getBoundingClientRect();
+      if (nearest === box && rect.width && (rect.left < from || rect.right > to)) {
+        wide.push(`${part.localName}#${part.id} in ${box.localName}.${box.className}`);
+      }
+    }
+  }
+  return wide;
+}"""
+"""Returns the controls and texts that are wider than the panel that they stand in."""
 NO_WEBGL = "HTMLCanvasElement.prototype.getContext = () => null"
 NO_VIEW = """{
   const { prototype } = HTMLIFrameElement;
@@ -196,6 +222,18 @@ NO_VIEW = """{
 }"""
 """Script that keeps the 3D view from loading. A Playwright route would be slower, because it
 intercepts all requests."""
+
+
+def overflowing(page: Page) -> dict[int, list[str]]:
+    """Return what is wider than its panel at each of ``WIDTHS`` where something is."""
+    before, found = page.viewport_size, {}
+    assert before is not None
+    for width in WIDTHS:
+        page.set_viewport_size({"width": width, "height": before["height"]})
+        if wide := page.evaluate(OVERFLOWING):
+            found[width] = wide
+    page.set_viewport_size(before)
+    return found
 
 
 def choose(page: Page, name: str, data: bytes) -> None:

@@ -8,7 +8,15 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import WIDTH, Visit, cancel_fold, choose, drag, wait_for_fold
+from tests.browser.conftest import (
+    WIDTH,
+    Visit,
+    cancel_fold,
+    choose,
+    drag,
+    overflowing,
+    wait_for_fold,
+)
 from tests.server.files.test_preview import stl
 from tests.server.service_process import SPIRAL, Service
 
@@ -39,6 +47,9 @@ def test_paint_undo_and_preview_by_keyboard(visit: Visit) -> None:
     page.locator("#preview").click()
     page.wait_for_url(re.compile("/previews/"))
     expect(page.locator("#verdict")).to_have_text("32 modules")
+    page.go_back()
+    page.locator("#undo").click()
+    expect(page.locator("#count")).to_have_text("16 modules")
 
 
 def test_letter_is_cut_by_dragging_and_folded(visit: Visit, service: Service) -> None:
@@ -51,6 +62,11 @@ def test_letter_is_cut_by_dragging_and_folded(visit: Visit, service: Service) ->
     last = page.locator('[data-x="4"][data-y="2"]').bounding_box()
     drag(page, (first["x"] + 9, first["y"] + 9), (last["x"] + 9, last["y"] + 9), steps=8)
     expect(page.locator("#count")).to_have_text("48 modules")  # a stroke from a filled cell erases
+    assert overflowing(page) == {}
+    own, blocks = (page.locator(f"label:has([value={how}])") for how in ("path", "no"))
+    own.click()  # takes the tool that draws it
+    expect(page.locator("[data-tool=path]")).to_have_attribute("aria-pressed", "true")
+    blocks.click()
     page.locator("#fold").click()
     wait_for_fold(page)
     expect(page.locator("#name")).to_have_text("Letter L")

@@ -1,6 +1,8 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { keyOf } from "../../../web/static/js/editor/painting.js";
+import { letterCells } from "../../../web/static/js/editor/letters.js";
+import { bounds } from "../../../web/static/js/editor/shape_tools.js";
 import { Editor } from "../../../web/static/js/editor/state.js";
 
 const key = (x, y, z = 0) => keyOf(x, y, z, 10);
@@ -24,7 +26,7 @@ test("the editor says what would be folded, and what is wrong with it", () => {
 
 test("your own path is ready when it visits all cells", () => {
   const editor = painted(4, "path");
-  assert.deepEqual(summary(editor), ["No path yet.", "", "4 modules. Limit: 200 modules.", false, true]);
+  assert.deepEqual(summary(editor), ["No path yet. Choose the tool Path and drag from cell to cell.", "", "4 modules. Limit: 200 modules.", false, true]);
   editor.step(() => editor.follow({ path: [0, 1, 2, 3].map((y) => key(0, y)), atStart: false }));
   assert.deepEqual(summary(editor), ["The path visits all 4 cells.", "good", "4 modules. Limit: 200 modules.", true, false]);
   assert.ok(editor.standing.whole);
@@ -37,6 +39,38 @@ test("the path is shown when its tool or its option is chosen", () => {
   assert.deepEqual([editor.draft.how, editor.shownPath], ["path", { path: [], atStart: false }]);
   editor.take("paint");
   assert.ok(editor.shownPath);
+  editor.choose("yes");
+  assert.deepEqual([editor.tool, editor.shownPath], ["paint", null]);
+  editor.choose("path"); // takes the tool that draws it
+  assert.equal(editor.tool, "path");
+  editor.choose("no");
+  assert.equal(editor.tool, "paint");
+});
+
+test("letters are written beside each other as one connected word", () => {
+  const editor = painted(0, "no", 400);
+  const drawn = () => {
+    const { size, cells } = editor.painting;
+    return Array.from({ length: 5 }, (_, x) => Array.from({ length: size }, (_none, y) => (cells[keyOf(x + top, y, 0, size)] ? "#" : " ")).join(""));
+  };
+  let top = 2;
+  for (const letter of "LO") editor.write(letter, letterCells(letter));
+  assert.equal(editor.painting.size, 16);
+  top = bounds(editor.painting.state).low[0];
+  assert.deepEqual(drawn().map((row) => row.trim()), ["#     #####", "#     #   #", "#     #   #", "#     #   #", "###########"]);
+  assert.deepEqual([editor.name, editor.standing.ready], ["LO", true]);
+  for (const letter of "OP") editor.write(letter, letterCells(letter));
+  assert.deepEqual([editor.name, editor.painting.size, editor.standing.tone], ["LOOP", 24, "bad"], "more modules than the limit of this service");
+  editor.write("S", letterCells("S"));
+  const full = editor.painting.filled;
+  editor.write("Q", letterCells("Q"));
+  assert.match(editor.refused, /no room/);
+  assert.equal(editor.painting.filled, full);
+  editor.painting.undo();
+  assert.equal(bounds(editor.painting.state).high[1] - bounds(editor.painting.state).low[1], 22);
+  editor.draft.note({ name: "Mine" });
+  editor.write("Z", letterCells("Z"));
+  assert.equal(editor.name, "Mine");
 });
 
 test("a layer is copied from the one below, if there is one", () => {
@@ -51,7 +85,7 @@ test("a layer is copied from the one below, if there is one", () => {
 });
 
 test("a letter names the shape, a file gives the cells and their order", () => {
-  const editor = painted(3);
+  const editor = painted(0);
   editor.turn(4);
   editor.write("T", [[0, 0], [0, 1], [0, 2]]);
   assert.deepEqual([editor.name, editor.layer, editor.painting.filled, editor.painting.cells[key(2, 2)]], ["Letter T", 0, 3, 1]);

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { afterEach, test } from "node:test";
 import { letterCells } from "../../../web/static/js/editor/letters.js";
 import { visible } from "../../../web/static/js/editor/isometric.js";
-import { Draft, MOST_STEPS, Painting, SIZES, cellOf, cellsOf, keyOf, keysOf, parts } from "../../../web/static/js/editor/painting.js";
+import { Draft, MOST_STEPS, Painting, SIZES, cellOf, cellsOf, keyOf, keysOf, parts, unpacked } from "../../../web/static/js/editor/painting.js";
 import { random } from "./vectors.js";
 
 const SIZE = SIZES[0];
@@ -88,13 +88,10 @@ test("keys identify cells", () => {
 });
 
 test("a stored drawing is restored as far as it is valid", () => {
-  const painting = new Painting();
-  for (const nonsense of [null, [3, 4], { size: 1e9, filled: [1] }, { size: 10 }, { size: 10, filled: "no", path: 3 }]) {
-    painting.restore(nonsense);
-    assert.deepEqual([painting.size, painting.filled], [SIZE, 0]);
-  }
-  painting.restore({ size: 16, filled: [5, 6, -1, 16 ** 3, "7", 8.5], path: [5, 6, 7] });
-  assert.deepEqual([painting.size, keysOf(painting.cells), painting.path], [16, [5, 6], [5, 6]]);
+  for (const nonsense of [null, [3, 4], { size: 1e9, filled: [1] }]) assert.equal(unpacked(nonsense), null);
+  for (const empty of [{ size: 10 }, { size: 10, filled: "no", path: 3 }]) assert.deepEqual(keysOf(unpacked(empty).cells), []);
+  const restored = unpacked({ size: 16, filled: [5, 6, -1, 16 ** 3, "7", 8.5], path: [5, 6, 7] });
+  assert.deepEqual([restored.size, keysOf(restored.cells), restored.path], [16, [5, 6], [5, 6]]);
 });
 
 test("every letter is connected", () => {
@@ -133,7 +130,28 @@ function storing(text = null) {
   globalThis.localStorage = { getItem: () => text, setItem: (_, value) => { text = value; } };
 }
 const seen = ({ how, name }) => [how, name];
-afterEach(() => { delete globalThis.localStorage; });
+afterEach(() => { delete globalThis.localStorage; delete globalThis.sessionStorage; });
+
+test("the steps for undo and redo survive leaving the page, as far as they fit", () => {
+  globalThis.localStorage = globalThis.sessionStorage = new class { getItem(name) { return this[name] ?? null; } setItem(name, value) { this[name] = value; } }();
+  const painting = new Painting();
+  const step = (...keys) => { painting.begin(); painting.paint(keys, true); painting.end(); };
+  step(1);
+  step(2);
+  painting.undo();
+  painting.leave();
+  const again = new Painting();
+  assert.deepEqual([again.filled, again.done.length, again.undone.length], [1, 1, 1]);
+  again.redo();
+  assert.equal(again.filled, 2);
+  painting.become({ size: 32, cells: new Uint8Array(32 ** 3).fill(1), path: [] });
+  for (let k = 0; k < 9; k++) { painting.begin(); painting.paint([k], false); painting.end(); }
+  painting.leave();
+  assert.ok(sessionStorage["foldback:painting-steps"].length < 1_000_100);
+  assert.equal(new Painting().done.length, 5);
+  sessionStorage["foldback:painting-steps"] = '{"done":7}';
+  assert.deepEqual([new Painting().filled > 0, new Painting().done], [true, []]);
+});
 
 test("a draft keeps its path and its name after a reload", () => {
   storing();

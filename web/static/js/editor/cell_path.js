@@ -92,7 +92,7 @@ export function told({ length, cells, gaps, repeats, missing, lost: apart, diffe
     return { text: `${so} No path visits all cells: a path alternates between the two colours of a chessboard, but one colour has ${difference} more cells than the other. Add or remove cells until the difference is at most 1.`, tone: "bad" };
   }
   if (apart.length) return { text: `${so} The path can no longer reach ${apart.length} of the remaining cells.`, tone: "bad" };
-  return { text: so, tone: "" };
+  return { text: length ? so : `${so} Choose the tool Path and drag from cell to cell.`, tone: "" };
 }
 
 // Add a cell to a path: at the drawn end, at the other end if it

@@ -8,9 +8,12 @@ export const SIZES = [10, 16, 20, 24, 32];
 export const MOST_STEPS = 200;
 export const LARGEST = Math.max(...SIZES);
 const KEPT = "foldback:painting";
+const STORED_STEPS = "foldback:painting-steps";
+const MAX_STEPS_CHARS = 1_000_000; // a browser stores about five times as much for a tab
 const STORED_DRAFT = "foldback:draft";
 const LONGEST_NAME = 60;
 const CHOICES = ["no", "yes", "path"];
+const TOOLS = ["paint", "fill", "box", "move", "path"];
 
 /**
  * @param {number} x
@@ -56,19 +59,22 @@ export class Painting {
     /** @type {Painted | null} */
     this.before = null;
     try {
-      this.restore(JSON.parse(stored(KEPT) ?? "null"));
+      const painted = unpacked(JSON.parse(stored(KEPT) ?? "null"));
+      if (painted) this.become(painted);
+      const { done, undone } = JSON.parse(stored(STORED_STEPS, "sessionStorage") ?? "{}");
+      [this.done, this.undone] = [done, undone].map((steps) => steps.map(unpacked).filter(Boolean));
     } catch { /* the stored value is not a painting */ }
   }
 
-  /** @param {{ size?: unknown, filled?: unknown, path?: unknown } | null} kept */
-  restore(kept) {
-    const size = Number(kept?.size);
-    if (!SIZES.includes(size)) return;
-    const keys = (/** @type {unknown} */ list) => (Array.isArray(list) ? list : [])
-      .filter((key) => Number.isInteger(key) && key >= 0 && key < size ** 3);
-    this.become({ size, cells: new Uint8Array(size ** 3), path: [] });
-    this.paint(keys(kept?.filled), true);
-    this.path = keys(kept?.path).filter((key) => this.cells[key]);
+  // Store the steps for undo and redo until the tab is closed, as many of the last ones as fit.
+  leave() {
+    let room = MAX_STEPS_CHARS;
+    const last = (/** @type {Painted[]} */ steps) => {
+      const texts = steps.toReversed().map((step) => JSON.stringify(packed(step)));
+      const count = texts.findIndex((text) => (room -= text.length) < 0);
+      return `[${(count < 0 ? texts : texts.slice(0, count)).toReversed().join()}]`;
+    };
+    store(STORED_STEPS, `{"done":${last(this.done)},"undone":${last(this.undone)}}`, "sessionStorage");
   }
 
   get filled() { return this.cells.reduce((sum, filled) => sum + filled, 0); }
@@ -144,29 +150,50 @@ export class Painting {
     return true;
   }
 
-  keep() { store(KEPT, JSON.stringify({ size: this.size, filled: keysOf(this.cells), path: this.path })); }
+  keep() { store(KEPT, JSON.stringify(packed(this.state))); }
 }
 
-// The rest of the draft: the conversion of cells to modules, and the name of the shape.
+/** @param {Painted} painted */
+const packed = ({ size, cells, path }) => ({ size, filled: keysOf(cells), path });
+
+// Return a stored painting; null for values that are none.
+/**
+ * @param {{ size?: unknown, filled?: unknown, path?: unknown } | null} kept
+ * @returns {Painted | null}
+ */
+export function unpacked(kept) {
+  const size = Number(kept?.size);
+  if (!SIZES.includes(size)) return null;
+  const keys = (/** @type {unknown} */ list) => (Array.isArray(list) ? list : [])
+    .filter((key) => Number.isInteger(key) && key >= 0 && key < size ** 3);
+  const cells = new Uint8Array(size ** 3);
+  for (const key of keys(kept?.filled)) cells[key] = 1;
+  return { size, cells, path: keys(kept?.path).filter((key) => cells[key]) };
+}
+
+// The rest of the draft: the conversion of cells to modules, the tool, and the name of the shape.
 export class Draft {
   constructor() {
     /** @type {"no" | "yes" | "path"} */
     this.how = "no";
+    /** @type {"paint" | "fill" | "box" | "move" | "path"} */
+    this.tool = "paint";
     this.name = "";
     this.given = ""; // name from a letter or a file
     try {
-      const { how, name, given } = JSON.parse(stored(STORED_DRAFT) ?? "{}");
+      const { how, tool, name, given } = JSON.parse(stored(STORED_DRAFT) ?? "{}");
       if (CHOICES.includes(how)) this.how = how;
+      if (TOOLS.includes(tool)) this.tool = tool;
       if (typeof name === "string") this.name = name.slice(0, LONGEST_NAME);
       if (typeof given === "string") this.given = given;
     } catch { /* the stored value is not a draft */ }
   }
 
-  /** @param {{ how?: Draft["how"], name?: string, given?: string }} changed */
+  /** @param {{ how?: Draft["how"], tool?: Draft["tool"], name?: string, given?: string }} changed */
   note(changed) {
     Object.assign(this, changed);
-    const { how, name, given } = this;
-    store(STORED_DRAFT, JSON.stringify({ how, name, given }));
+    const { how, tool, name, given } = this;
+    store(STORED_DRAFT, JSON.stringify({ how, tool, name, given }));
   }
 
   // Set the name from a letter or a file.

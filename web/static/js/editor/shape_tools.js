@@ -2,6 +2,9 @@
 // return new values and do not modify their arguments.
 import { LARGEST, SIZES, cellOf, keyOf, keysOf } from "./painting.js";
 
+const LETTER_CELLS = 5; // per side
+const LETTER_GAP = 1; // cells between two letters
+
 /** @typedef {0 | 1 | 2} Axis of rows, columns and layers */
 
 // Return the connected region of a cell in its layer: cells that are filled, or empty, like it.
@@ -103,6 +106,36 @@ export function resized(painted, size) {
   const middle = Math.floor((size - painted.size) / 2);
   const by = [middle, middle, 0].map((v, axis) => Math.min(size - 1 - high[axis], Math.max(-low[axis], v)));
   return placed(painted, (cell) => cell.map((v, axis) => v + by[axis]), size);
+}
+
+// Return the painting with a letter on its right, in its lowest layer, joined to it by the shortest
+// row of cells. The grid grows as needed. Return null if the largest grid has no room.
+/**
+ * @param {Painted} painted
+ * @param {[row: number, column: number][]} letter
+ * @returns {Painted | null}
+ */
+export function withLetter(painted, letter) {
+  const within = bounds(painted);
+  const taken = within ? within.high[1] - within.low[1] + 1 + LETTER_GAP : 0;
+  const size = SIZES.find((side) => side >= painted.size && side >= taken + LETTER_CELLS);
+  const grid = size && resized(painted, size);
+  if (!size || !grid) return null;
+  const margin = (/** @type {number} */ width) => Math.floor((size - width) / 2);
+  const { cells, path } = moved(grid, 1, margin(taken + LETTER_CELLS) - (bounds(grid)?.low[1] ?? 0));
+  const low = bounds({ size, cells, path })?.low ?? [margin(LETTER_CELLS), 0, 0];
+  const [top, layer] = [Math.min(low[0], size - LETTER_CELLS), low[2]];
+  const left = margin(taken + LETTER_CELLS) + taken;
+  const written = letter.map(([x, y]) => keyOf(top + x, left + y, layer, size));
+  const gaps = [...Array(LETTER_CELLS).keys()].map((x) => {
+    const start = keyOf(top + x, 0, layer, size);
+    const row = [...cells.subarray(start, start + left)];
+    const [before, after] = [row.lastIndexOf(1), Math.min(...letter.filter(([i]) => i === x).map(([, y]) => left + y))];
+    return before < 0 ? [] : Array.from({ length: after - before - 1 }, (_none, k) => start + before + 1 + k);
+  }).filter(({ length }) => length);
+  const join = gaps.reduce((best, gap) => (best.length && best.length < gap.length ? best : gap), []);
+  for (const key of [...written, ...join]) cells[key] = 1;
+  return { size, cells, path };
 }
 
 // Return the painting of cells from a file, centred in the smallest grid of

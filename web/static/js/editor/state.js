@@ -3,14 +3,14 @@
 import { whole } from "../lib/text.js";
 import { checked, cut, extended, headOf, told, touch } from "./cell_path.js";
 import { Draft, Painting, cellOf, keyOf, keysOf, parts } from "./painting.js";
-import { box, mirrored, moved, region, resized, symmetric } from "./shape_tools.js";
+import { bounds, box, mirrored, moved, region, resized, symmetric, withLetter } from "./shape_tools.js";
 
-/** @typedef {"paint" | "fill" | "box" | "move" | "path"} Tool */
+/** @typedef {Draft["tool"]} Tool */
 
 /** Minimum number of modules that the service folds. */
 export const MIN_MODULES = 8;
 const MODULES_PER_CELL = { no: 8, yes: 1, path: 1 };
-const LETTER_CELLS = 5; // per side
+const LETTERS = /^(?:Letter )?([A-Z]+)$/; // name of a shape that consists of letters
 
 /**
  * Status of the shape that would be folded.
@@ -32,8 +32,6 @@ export class Editor {
     this.draft = new Draft();
     this.layer = 0;
     this.sending = false;
-    /** @type {Tool} */
-    this.tool = "paint";
     /** @type {Set<0 | 1 | 2>} axes along which painting is mirrored at the middle of the grid */
     this.axes = new Set();
     /** @type {number | null} first corner of an unfinished box */
@@ -45,6 +43,8 @@ export class Editor {
     this.from = 0;
     this.to = 0;
   }
+
+  get tool() { return this.draft.tool; }
 
   /** @returns {DrawnPath} */
   get drawn() { return { path: this.painting.path, atStart: this.atStart }; }
@@ -83,10 +83,16 @@ export class Editor {
 
   /** @param {Tool} tool */
   take(tool) {
-    this.tool = tool;
     this.corner = null;
     this.refused = "";
-    if (tool === "path") this.draft.note({ how: "path" });
+    this.draft.note({ tool, ...(tool === "path" && { how: "path" }) });
+  }
+
+  // Choose the conversion of cells to modules. An own path is drawn with its tool.
+  /** @param {Draft["how"]} how */
+  choose(how) {
+    this.draft.note({ how });
+    if ((how === "path") !== (this.tool === "path")) this.take(how === "path" ? "path" : "paint");
   }
 
   /** @param {number} key */
@@ -216,20 +222,20 @@ export class Editor {
     this.step(() => this.painting.paint(below.map((key) => key + area), true));
   }
 
-  // Replace the shape by a letter.
+  // Put a letter on the right of the shape, so that letters become a word.
   /**
    * @param {string} letter
    * @param {[row: number, column: number][]} cells
    */
   write(letter, cells) {
-    const { painting } = this;
-    const margin = Math.floor((painting.size - LETTER_CELLS) / 2);
-    this.step(() => {
-      painting.paint(keysOf(painting.cells), false);
-      painting.paint(cells.map(([x, y]) => keyOf(x + margin, y + margin, 0, painting.size)), true);
-    });
-    this.draft.give(`Letter ${letter}`);
-    this.turn(0);
+    const { painting, draft: { name, given } } = this;
+    const written = withLetter(painting.state, cells);
+    if (!written) { this.refused = "There is no room for another letter, even in the largest grid."; return; }
+    const word = LETTERS.exec(name === given ? given : "")?.[1];
+    if (!painting.filled) this.draft.give(`Letter ${letter}`);
+    else if (word) this.draft.give(word + letter);
+    this.step(() => painting.become(written));
+    this.turn(bounds(written)?.low[2] ?? 0);
   }
 
   // Replace the shape by that of a file.

@@ -139,20 +139,26 @@ export function svg(name, attributes = {}, ...children) {
   return made;
 }
 
+/** @typedef {"localStorage" | "sessionStorage"} StorageArea of the browser, or of the tab until it is closed */
+
 // Return the stored value of a name; null if there is none or storage is refused.
-/** @param {string} name */
-export function stored(name) {
-  try { return localStorage.getItem(name); } catch { return null; }
+/**
+ * @param {string} name
+ * @param {StorageArea} area
+ */
+export function stored(name, area = "localStorage") {
+  try { return globalThis[area].getItem(name); } catch { return null; }
 }
 
 // Store a value, null to remove it. Return false if storage is full or refused.
 /**
  * @param {string} name
  * @param {string | null} value
+ * @param {StorageArea} area
  */
-export function store(name, value) {
+export function store(name, value, area = "localStorage") {
   try {
-    if (value === null) localStorage.removeItem(name); else localStorage.setItem(name, value);
+    if (value === null) globalThis[area].removeItem(name); else globalThis[area].setItem(name, value);
     return true;
   } catch {
     return false;

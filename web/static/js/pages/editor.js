@@ -144,7 +144,7 @@ get("complete").onclick = async () => {
   else editor.refused = "No path was found from this end through the remaining cells. Draw from the other end, or cut the path and try again.";
   show();
 };
-for (const input of exact) input.addEventListener("change", doing(() => draft.note({ how: /** @type {typeof draft.how} */ (input.value) })));
+for (const input of exact) input.addEventListener("change", doing(() => editor.choose(/** @type {typeof draft.how} */ (input.value))));
 get("name").addEventListener("input", () => draft.note({ name: get("name").value }));
 for (const button of /** @type {NodeListOf<HTMLElement>} */ (get("letters").querySelectorAll("button"))) {
   const letter = button.textContent;
@@ -218,4 +218,5 @@ get("fold").onclick = () => send((form, { openFold }) => openFold(form, (words) 
 
 get("mesh-cells").max = String(facts.most_modules);
 sheet.build(painting.size);
+addEventListener("pagehide", () => painting.leave());
 addEventListener("pageshow", () => { editor.sending = false; show(); });
