@@ -59,7 +59,7 @@ def rest_of(torque_wp: float | None) -> str | None:
     if torque_wp < MAX_ZERO_TORQUE_WP:
         return "Can be folded on a table (needs almost no motor torque)"
     times = f"{math.ceil(10 * torque_wp) / 10:.1f}"
-    held = f"{times} modules at a distance of one module width"
+    held = f"{times} modules at a distance of one spacing"
     return f"Can be folded on a table (joints must hold {held})"
 
 

@@ -19,6 +19,7 @@ NO_INPUT: Final = Missing(
     "The file of this fold has expired",
     "Files are stored for a limited time. Upload the file again to change its options.",
 )
+NO_SHAPE: Final = Missing("Shape not found", "The gallery has no shape of this name.")
 NO_PREVIEW: Final = Missing(
     "This preview has expired",
     "Previews are stored for a limited time. Upload the file again to get a new preview.",

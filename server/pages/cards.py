@@ -68,6 +68,50 @@ class FoldStatus:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class CardFacts:
+    """Facts about a card in the gallery, by which it is filtered.
+
+    Attributes:
+        module, modules: Kind and number of modules of the chain.
+        kinds: Kinds of the shape, see ``TAG_LABELS``.
+        status: One of ``CARD_STATUS_LABELS``.
+        world: ``table`` if the shape can be folded on a table, or if its fold is; else empty.
+        words: Searchable words in lower case.
+    """
+
+    module: str
+    modules: int
+    kinds: tuple[str, ...]
+    status: str
+    world: str
+    words: str
+
+    @classmethod
+    def of_shape(cls, shape: GalleryShape, status: FoldStatus) -> CardFacts:
+        """Return the facts about an example shape."""
+        return cls(
+            module=shape.module,
+            modules=shape.modules,
+            kinds=shape.tags,
+            status=status.status,
+            world="" if shape.rests_within is None else "table",
+            words=search_words(shape),
+        )
+
+    @classmethod
+    def of_fold(cls, fold: ShownFold) -> CardFacts:
+        """Return the facts about a finished fold, which is of no kind of shape."""
+        return cls(
+            module=fold.module,
+            modules=fold.modules,
+            kinds=(),
+            status=_CARD_STATUSES.get(fold.status, "new"),
+            world="table" if fold.world == "table" else "",
+            words=f"{fold.title} {module_count(fold.modules, fold.module)}".lower(),
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class GalleryFilter:
     """Filter of the gallery's cards. An empty field, or None, accepts all.
 
@@ -102,16 +146,16 @@ class GalleryFilter:
             most=int(most) if re.fullmatch(r"\d{1,6}", most) else None,
         )
 
-    def lets(self, shape: GalleryShape, standing: FoldStatus) -> bool:
-        """Return True if the filter accepts the card of a shape."""
+    def lets(self, card: CardFacts) -> bool:
+        """Return True if the filter accepts a card."""
         return (
-            self.module in ("", shape.module)
-            and (not self.kind or self.kind in shape.tags)
-            and self.status in ("", standing.status)
-            and (not self.world or shape.rests_within is not None)
-            and (self.least is None or shape.modules >= self.least)
-            and (self.most is None or shape.modules <= self.most)
-            and all(f" {word}" in f" {search_words(shape)}" for word in self.words.lower().split())
+            self.module in ("", card.module)
+            and (not self.kind or self.kind in card.kinds)
+            and self.status in ("", card.status)
+            and self.world in ("", card.world)
+            and (self.least is None or card.modules >= self.least)
+            and (self.most is None or card.modules <= self.most)
+            and all(f" {word}" in f" {card.words}" for word in self.words.lower().split())
         )
 
 

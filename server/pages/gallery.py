@@ -17,12 +17,12 @@ from server.errors import ServiceError, refusal_of
 from server.http.problems import Problem
 from server.http.security import INDEXED_HEADERS
 from server.pages.cards import (
+    CardFacts,
     FoldStatus,
     GalleryFilter,
     fold_statuses,
     included_folds,
     kinds,
-    search_words,
 )
 from server.pages.page import drawing, origin_of, page
 from server.pages.problem_page import not_found_page
@@ -46,15 +46,19 @@ router = APIRouter(include_in_schema=False)
 async def gallery_page(request: Request) -> Response:
     """Return the gallery; the query selects which example shapes are shown."""
     context = context_of(request)
-    found = await asyncio.to_thread(fold_statuses, context.store)
+    statuses = await asyncio.to_thread(fold_statuses, context.store)
     sieve = GalleryFilter.of(request.query_params)
-    shown = [(card, found.get(card.name, FoldStatus())) for card in context.gallery.shapes()]
-    wanted = {card.name for card, standing in shown if sieve.lets(card, standing)}
+    cards = [(card, statuses.get(card.name, FoldStatus())) for card in context.gallery.shapes()]
+    finished = await asyncio.to_thread(included_folds, context.store)
+    facts = {card.name: CardFacts.of_shape(card, status) for card, status in cards}
+    facts |= {fold.id: CardFacts.of_fold(fold) for fold in finished}
+    wanted = {key for key, each in facts.items() if sieve.lets(each)}
     return page(
         "gallery.html",
         listed=True,
         origin=origin_of(request),
-        cards=shown,
+        cards=cards,
+        card_facts=facts,
         wanted=wanted,
         sieve=sieve,
         kinds=kinds(context.gallery),
@@ -65,8 +69,7 @@ async def gallery_page(request: Request) -> Response:
         method_of=method_of,
         module_count=module_count,
         rest_of=rest_of,
-        search_words=search_words,
-        finished=await asyncio.to_thread(included_folds, context.store),
+        finished=finished,
     )
 
 

@@ -24,7 +24,7 @@ from server.store.previews import NoSuchPreviewError, Previews
 from web.pictures.preview_drawing import preview_svg
 from web.viser.preview_scene import preview_scene_of
 from words.fold import ShownFold, shown_name
-from words.missing_pages import NO_FOLD, NO_INPUT, NO_PREVIEW
+from words.missing_pages import NO_FOLD, NO_INPUT, NO_PREVIEW, NO_SHAPE
 
 router = APIRouter(include_in_schema=False)
 
@@ -54,7 +54,8 @@ async def options_page(request: Request, fold_id: str) -> Response:
     def facts() -> dict[str, object]:
         row, directory = context.store.fold(fold_id), context.store.directory(fold_id)
         options = texts_of(stored_options(directory).changed())
-        return {"id": "", "fold": fold_id, "options": options, "name": ShownFold.of(row).title}
+        origin = {"fold": fold_id}
+        return {"id": "", "origin": origin, "options": options, "name": ShownFold.of(row).title}
 
     try:
         return await _page(context, await asyncio.to_thread(facts))
@@ -64,10 +65,26 @@ async def options_page(request: Request, fold_id: str) -> Response:
         return not_found_page(*NO_INPUT)
 
 
+@router.get("/gallery/{name}", response_class=HTMLResponse)
+async def shape_page(request: Request, name: str) -> Response:
+    """Return a preview's page for an example shape; its script creates the preview."""
+    context = context_of(request)
+    shape = context.gallery.shape(name)
+    if shape is None:
+        return not_found_page(*NO_SHAPE)
+    options = (
+        {"world": "table", "as_voxels": "true"}
+        if request.query_params.get("world") == "table"
+        else {}
+    )
+    facts = {"id": "", "origin": {"shape": name}, "options": options, "name": shape.title}
+    return await _page(context, facts)
+
+
 async def _page(context: Context, facts: dict[str, object]) -> Response:
-    """Return the page of a preview, or of a fold whose options are changed."""
+    """Return the page of a preview, or of an input that has no preview yet."""
     facts = {
-        "fold": "",
+        "origin": {},
         "options": {},
         "most_modules": context.settings.max_modules,
         "table_modules": MAX_TABLE_MODULES,

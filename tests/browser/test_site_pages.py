@@ -5,7 +5,7 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
-from tests.browser.conftest import WIDTH, Visit
+from tests.browser.conftest import WIDTH, Visit, overflowing
 
 
 def visible_cards(page: Page) -> list[str]:
@@ -31,12 +31,22 @@ def test_gallery_is_filtered_by_form_and_address(visit: Visit) -> None:
     assert visible_cards(page) == ["Letter T"]
     drawn = page.locator("#cards li:visible img").first
     assert drawn.evaluate("image => image.decode().then(() => image.naturalWidth)") > 0
+    expect(page.locator("#finished")).to_be_hidden()
+    page.get_by_role("searchbox").fill("wrench mallet")  # a finished fold
+    expect(page.locator("#finished li:visible .card-title")).to_have_text(["Wrench → Mallet"])
+    expect(page.locator("#nothing")).to_be_hidden()
     page.get_by_role("searchbox").fill("letter t elephant")
     expect(page.locator("#nothing")).to_be_visible()
     page.get_by_role("link", name="Show all").click()
     expect(page).to_have_url(re.compile("/gallery$"))
     expect(page.locator("#cards li:visible")).to_have_count(everything)
-    assert page.evaluate(WIDTH) <= 390
+    assert overflowing(page) == {}
+    # A shape that has not been folded opens in another tab: its preview, and nothing is folded.
+    card = page.locator("#cards a:not([data-fold])").first
+    with page.context.expect_page() as opened:
+        card.click(modifiers=["Control"])
+    expect(opened.value).to_have_url(re.compile("/previews/"))
+    expect(opened.value.locator("#fold")).to_be_enabled()
 
 
 @pytest.mark.long
@@ -49,7 +59,8 @@ def test_gallery_and_paper_work_without_scripts(visit: Visit) -> None:
     page.get_by_role("searchbox").fill("dodecahedron")
     page.get_by_role("button", name="Show", exact=True).click()
     assert visible_cards(page) == ["Rhombic dodecahedron"]
-    page.get_by_role("button", name=re.compile("dodecahedron")).click()
+    page.get_by_role("link", name=re.compile("dodecahedron")).click()
+    page.get_by_role("button", name="Fold this shape").click()
     page.wait_for_url(re.compile("/folds/[a-z0-9]+$"))
     expect(page.locator("h1")).to_have_text("Rhombic dodecahedron")
 

@@ -128,7 +128,7 @@ def test_options_of_a_fold_are_changed_by_its_owner_only(idle: Service) -> None:
     fold = idle.upload("thing.bin", stl(), token=token, **options).json()
     page = idle.http.get(f"/folds/{fold['id']}/options")
     facts = json.loads(page.text.partition('id="facts">')[2].partition("</script>")[0])
-    assert (page.status_code, facts["id"], facts["fold"]) == (200, "", fold["id"])
+    assert (page.status_code, facts["id"], facts["origin"]) == (200, "", {"fold": fold["id"]})
     assert facts["options"] == options
     again = report(idle, fold=fold["id"], modules="128", full="false", token=token)
     assert (again["name"], again["modules"]) == ("thing", 128)

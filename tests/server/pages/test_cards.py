@@ -5,6 +5,7 @@ from dataclasses import replace
 from planner.readers.gallery import Gallery, GalleryShape
 from server.pages.cards import (
     FEATURED_SHAPES,
+    CardFacts,
     FoldStatus,
     GalleryFilter,
     fold_statuses,
@@ -14,6 +15,7 @@ from server.pages.cards import (
 from server.store.folds import Store
 from tests.server.rows import SOMEBODY
 from tests.server.store.test_rows import row
+from words.fold import ShownFold
 from words.gallery import CHAIN_LABELS, TAG_LABELS, method_of, rest_of
 
 CUBES = GalleryShape(name="heart", title="Heart", modules=216, data=b"", tags=("sign",))
@@ -49,8 +51,36 @@ def test_gallery_filter_selects_cards() -> None:
     shown = {"heart": (HEART, VERIFIED), "ring": (RING, FoldStatus())}
     for query, expected in FILTERS:
         sieve = GalleryFilter.of(query)
-        found = [name for name, (card, status) in shown.items() if sieve.lets(card, status)]
+        found = [
+            name
+            for name, (card, status) in shown.items()
+            if sieve.lets(CardFacts.of_shape(card, status))
+        ]
         assert " ".join(found) == expected, query
+
+
+def test_gallery_filter_selects_finished_folds() -> None:
+    facts = ShownFold(
+        id="a",
+        name="mallet-80",
+        refold="wrench-80",
+        status="verified",
+        modules=80,
+        preset="",
+        seed=0,
+    )
+    card = CardFacts.of_fold(facts)
+    for query, expected in (
+        ({"q": "wrench"}, True),
+        ({"q": "mallet 80 modules"}, True),
+        ({"q": "heart"}, False),
+        ({"type": "tetrahedron"}, False),
+        ({"modules": "80-80", "status": "verified"}, True),
+        ({"world": "table"}, False),
+        ({"status": "new"}, False),
+        ({"kind": "tool"}, False),
+    ):
+        assert GalleryFilter.of(query).lets(card) == expected, query
 
 
 def test_selected_shapes_exist_and_kinds_have_names() -> None:
@@ -73,9 +103,7 @@ def test_status_of_a_shape_is_that_of_its_best_public_fold(store: Store) -> None
 
 
 def test_cards_show_the_torque_needed_on_a_table() -> None:
-    assert rest_of(1.94).endswith(
-        "(joints must hold 2.0 modules at a distance of one module width)"
-    )
+    assert rest_of(1.94).endswith("(joints must hold 2.0 modules at a distance of one spacing)")
     assert rest_of(None) is None
     assert rest_of(0.0) == "Can be folded on a table (needs almost no motor torque)"
     known = [shape for shape in Gallery().shapes() if rest_of(shape.rests_within)]

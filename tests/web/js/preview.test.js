@@ -3,7 +3,7 @@ import { test } from "node:test";
 import { Preview, figuresOf, nearby, notesOf, oddWords, offerOf, troubleOf, verdictOf } from "../../../web/static/js/panels/preview_state.js";
 
 const CHOICES = { module: ["cube", "tetrahedron"], method: ["auto", "blocks", "exact", "snake"], ends: ["any", "surface"], world: ["floating", "table"] };
-const FACTS = { id: "abc", most_modules: 12_000, table_modules: 64, next_scripts: [], fold: "", options: {} };
+const FACTS = { id: "abc", most_modules: 12_000, table_modules: 64, next_scripts: [], origin: {}, options: {} };
 const opened = (query = "") => new Preview(FACTS, CHOICES, new URLSearchParams(query));
 const report = (more = {}) => ({
   kind: "mesh", key: "k", name: "brick", module: "cube", modules: 64, asked: null, below: null, above: null, iou: null, has_path: true, as_voxels: false,

@@ -165,6 +165,10 @@ export function store(name, value, area = "localStorage") {
   }
 }
 
+// Return true if a click on a link opens it in another tab or window, or saves it.
+/** @param {MouseEvent} event */
+export const opensElsewhere = ({ ctrlKey, metaKey, shiftKey, altKey }) => ctrlKey || metaKey || shiftKey || altKey;
+
 export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
 
 // Return a function that loads a part on first use and returns the

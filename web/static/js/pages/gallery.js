@@ -1,8 +1,9 @@
 // The gallery: filters the shapes, and keeps the filter in the address.
-import { get, later } from "../lib/text.js";
+import { get, later, opensElsewhere } from "../lib/text.js";
 
 const sieve = get("sieve");
 const cards = /** @type {HTMLElement[]} */ ([...get("cards").children]);
+const finished = /** @type {HTMLElement[]} */ ([...document.querySelectorAll("#finished li")]);
 const say = (/** @type {string} */ text) => { get("message").textContent = text; };
 const asking = later(() => import("../lib/fold_request.js"), say);
 
@@ -27,11 +28,12 @@ function lets({ type, kind, status, world, q = "", least, most }, { dataset }) {
 
 function sift() {
   const filter = wanted();
-  for (const card of cards) card.hidden = !lets(filter, card);
-  const count = cards.filter(({ hidden }) => !hidden).length;
+  for (const card of [...cards, ...finished]) card.hidden = !lets(filter, card);
+  const [count, others] = [cards, finished].map((list) => list.filter(({ hidden }) => !hidden).length);
   const found = count === cards.length ? `${count} shapes` : `${count} of ${cards.length} shapes`;
   if (get("found").textContent !== found) get("found").textContent = found;
-  get("nothing").hidden = count > 0;
+  get("nothing").hidden = count + others > 0;
+  if (finished.length) get("finished").hidden = !others;
   const query = String(new URLSearchParams(filter));
   history.replaceState(null, "", location.pathname + (query && `?${query}`));
 }
@@ -46,7 +48,8 @@ if (sieve) {
 for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-shape]"))) {
   card.onclick = async (event) => {
     const { world } = wanted();
-    if (card.matches("a") && world !== "table") return; // its fold in zero gravity exists
+    if (card.dataset.fold && world !== "table") return; // its fold in zero gravity exists
+    if (opensElsewhere(event)) return;
     event.preventDefault();
     if (card.getAttribute("aria-busy")) return;
     card.setAttribute("aria-busy", "true");

@@ -1,7 +1,7 @@
 // The landing page: accepts files and shapes, and plays the featured fold.
 import { playHero } from "../player/hero.js";
 import { changed, follow, refused } from "../panels/paper_settings.js";
-import { at, get, later, wordsOf } from "../lib/text.js";
+import { at, get, later, opensElsewhere, wordsOf } from "../lib/text.js";
 
 const drop = get("drop");
 const message = get("drop-message");
@@ -96,7 +96,9 @@ addEventListener("drop", (event) => {
   else if (files[0]) send(files[0]);
 });
 for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-shape]"))) {
-  card.onclick = async () => {
+  card.onclick = async (event) => {
+    if (opensElsewhere(event)) return;
+    event.preventDefault();
     card.setAttribute("aria-busy", "true");
     await start({ shape: card.dataset.shape ?? "" }, card.querySelector(".card-title")?.textContent ?? "");
     card.removeAttribute("aria-busy");

@@ -10,7 +10,7 @@ const UNFIT = "not-for-a-table"; // a code of the API
 
 /** @type {import("../panels/preview_state.js").PreviewFacts} */
 const facts = JSON.parse(get("facts").textContent);
-const preview = new Preview(facts, choicesOnPage(), new URLSearchParams(facts.fold ? facts.options : location.search));
+const preview = new Preview(facts, choicesOnPage(), new URLSearchParams(facts.id ? location.search : facts.options));
 const picture = new Picture({
   pick: (module, cell) => { preview.picked = module === null ? null : { module, cell }; showStart(preview, change); },
   settled: settle,
@@ -50,7 +50,7 @@ async function look() {
   busy(true);
   if (preview.id) history.replaceState(null, "", at(preview.path));
   try {
-    const token = (preview.id ? null : tokenOf(preview.fold)) ?? ownKey();
+    const token = tokenOf(preview.id ? "" : preview.origin.fold ?? "") ?? ownKey();
     show(await ask("/api/shapes/preview", { body: formOf({ ...preview.fields, full: false }), token }));
   } catch (error) {
     if (!(error instanceof Refusal)) throw error;

@@ -9,7 +9,7 @@ const SLIDER_STEPS = 1000;
 /** @typedef {Record<ChoiceName, string[]>} Choices available values, the default of the page first */
 /** @typedef {Record<ChoiceName, string> & { modules: number | null, repair: boolean, as_voxels: boolean, start: string | null, seed: number }} PreviewOptions */
 /** @typedef {{ text: string, primary?: boolean, change: Partial<PreviewOptions> }} Offer a button and the options that it changes */
-/** @typedef {{ id: string, most_modules: number, table_modules: number, next_scripts: string[], fold: string, options: Record<string, string> }} PreviewFacts `fold` and `options` are those of the fold whose options are changed, if any */
+/** @typedef {{ id: string, most_modules: number, table_modules: number, next_scripts: string[], origin: { fold?: string, shape?: string }, options: Record<string, string> }} PreviewFacts without an id, the input is that of `origin`; `options` are its options */
 
 /** Options that may change the cells and thus invalidate the start cell. @type {Set<string>} */
 const RESHAPING = new Set(["module", "modules", "method", "world", "repair", "seed"]);
@@ -31,9 +31,9 @@ export class Preview {
    * @param {Choices} choices
    * @param {URLSearchParams} query of the page's address, which stores the options
    */
-  constructor({ id, fold, options: earlier, most_modules: maxModules, table_modules: maxTableModules }, choices, query) {
+  constructor({ id, origin, options: earlier, most_modules: maxModules, table_modules: maxTableModules }, choices, query) {
     this.id = id;
-    this.fold = fold; // fold whose input is previewed, until the preview has its own id
+    this.origin = origin; // fold or gallery shape that is previewed, until the preview has its own id
     this.maxModules = maxModules;
     this.maxTableModules = maxTableModules;
     this.choices = choices;
@@ -63,7 +63,7 @@ export class Preview {
   get onTable() { return this.options.world === "table"; }
 
   /** @returns {Form} */
-  get fields() { return { ...(this.id ? { preview: this.id } : { fold: this.fold }), ...this.options }; }
+  get fields() { return { ...(this.id ? { preview: this.id } : this.origin), ...this.options }; }
 
   // Address of the page under its site, with the options that differ from the defaults.
   get path() { return `/previews/${this.id}${this.query}`; }
