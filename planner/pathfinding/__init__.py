@@ -16,13 +16,13 @@ PATH_METHODS: Final[Choices] = {
     "auto": Choice(label="Auto", hint="Picks the best method for this shape."),
     "blocks": Choice(
         label="Blocks",
-        hint="Splits each voxel into 2×2×2 modules. A path always exists, and the chain folds "
-        "most reliably.",
+        hint="Splits each cell of the shape into 2×2×2 modules. A path always exists, and the "
+        "chain folds most reliably.",
     ),
     "exact": Choice(
         label="Exact",
-        hint="Uses one module for each voxel: finer detail for the same number of modules, but "
-        "there may be no path.",
+        hint="Uses one module for each cell of the shape: finer detail for the same number of "
+        "modules, but there may be no path.",
     ),
     "snake": Choice(
         label="Snake", hint="Goes back and forth, layer by layer. Works only for boxes."
@@ -30,8 +30,12 @@ PATH_METHODS: Final[Choices] = {
 }
 """Methods of searching a path through a shape that a request may name."""
 PATH_ENDS: Final[Choices] = {
-    "any": Choice(label="Anywhere"),
-    "surface": Choice(label="On the surface", note="both on the outside"),
+    "any": Choice(label="Anywhere", hint="The ends may be inside the folded shape."),
+    "surface": Choice(
+        label="On the surface",
+        note="both on the outside",
+        hint="Both ends stay within reach, for example for a cable.",
+    ),
 }
 """Where a request may want the two ends of a path through a shape: in any cells, or only in cells
 with a free face."""

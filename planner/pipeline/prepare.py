@@ -431,7 +431,7 @@ def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Prepa
         options=options,
         chains=(),
         shape=voxels.shape,
-        notes=(*found.notes, *voxels.notes),
+        notes=(*found.notes, *voxels.notes, *voxels.remarks),
         voxels=voxels,
         iou=voxels.iou,
     )
@@ -457,7 +457,7 @@ def _from_solid(
     filled = filling.fill(
         voxels.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s
     )
-    notes = (*solid.notes, *voxels.notes, *filled.notes)
+    notes = (*voxels.notes, *solid.notes, *voxels.remarks, *filled.notes)
     iou = intersection_over_union(solid, voxels, filled) if filled.chains else voxels.iou
     return _made("mesh", solid.name, options, filled, notes, solid=solid, voxels=voxels, iou=iou)
 

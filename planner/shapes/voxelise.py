@@ -86,7 +86,8 @@ class Voxels:
             first.
         tunnels: Number of tunnels of the used body, such as that of a handle; None if undecided.
         larger: What larger numbers of cells would keep, in ascending order; estimates.
-        notes: Messages about lost, joined and omitted parts.
+        notes: Messages about lost parts, the most important first.
+        remarks: Messages about crossing surfaces, and about cells that were added or removed.
     """
 
     shape: Shape
@@ -101,6 +102,7 @@ class Voxels:
     tunnels: int | None
     larger: tuple[Kept, ...] = ()
     notes: tuple[str, ...] = ()
+    remarks: tuple[str, ...] = ()
 
     @property
     def iou(self) -> float:
@@ -148,7 +150,7 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, larger: Sequence[int] =
     unused = _unused(ladder, shape, rotation / made.pitch, offset)
     body_iou = overlap(fine, made.offset_threshold, made.joined.cells)
     better = below is not None and chooser.choose(below).made.iou > body_iou + MIN_IOU_GAIN
-    notes = _notes(ladder, fine, made, kept, body_iou)
+    notes = _notes(ladder, kept, body_iou)
     if unused:
         notes.insert(0, bodies_note([body.share for body in ladder.bodies], unused))
     if better:
@@ -166,6 +168,7 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, larger: Sequence[int] =
         tunnels=ladder.tunnels,
         larger=tuple(_larger(chooser, ladder, kept, made.turn, larger)),
         notes=tuple(notes),
+        remarks=tuple(_remarks(fine, made)),
     )
 
 
@@ -229,17 +232,8 @@ def _unused(ladder: Ladder, shape: Shape, turn: Array, offset: Array) -> list[fl
     return [body.share for body in others]
 
 
-def _notes(ladder: Ladder, fine: Grid, made: FittedCells, kept: Kept, body_iou: float) -> list[str]:
+def _notes(ladder: Ladder, kept: Kept, body_iou: float) -> list[str]:
     notes: list[str] = []
-    if fine.crossed > MAX_CROSSED_SHARE:
-        notes.append("the surface crosses itself; everything it encloses counts as inside.")
-    joined = made.joined
-    if joined.added:
-        word = "cell was" if joined.added == 1 else "cells were"
-        notes.append(f"{joined.added} {word} added to keep thin parts connected.")
-    if joined.dropped:
-        word, verb = ("cell", "was") if joined.dropped == 1 else ("cells", "were")
-        notes.append(f"{joined.dropped} {word} not connected to the rest {verb} removed.")
     inside = kept.volume / ladder.share
     of_shape = "shape's volume" if ladder.share == 1.0 else "used body's volume"
     if body_iou < POOR_IOU and inside < MIN_PRESERVED_SHARE:
@@ -256,6 +250,20 @@ def _notes(ladder: Ladder, fine: Grid, made: FittedCells, kept: Kept, body_iou: 
         )
     if ladder.tunnels is not None and kept.tunnels < ladder.tunnels:
         notes.append(_tunnels_note(ladder.tunnels, kept.tunnels))
+    return notes
+
+
+def _remarks(fine: Grid, made: FittedCells) -> list[str]:
+    notes: list[str] = []
+    if fine.crossed > MAX_CROSSED_SHARE:
+        notes.append("the surface crosses itself; everything it encloses counts as inside.")
+    joined = made.joined
+    if joined.added:
+        word = "cell was" if joined.added == 1 else "cells were"
+        notes.append(f"{joined.added} {word} added to keep thin parts connected.")
+    if joined.dropped:
+        word, verb = ("cell", "was") if joined.dropped == 1 else ("cells", "were")
+        notes.append(f"{joined.dropped} {word} not connected to the rest {verb} removed.")
     return notes
 
 

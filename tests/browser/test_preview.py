@@ -12,6 +12,7 @@ from tests.browser.conftest import (
     WIDTH,
     Visit,
     cancel_fold,
+    overflowing,
     picture,
     preview_file,
     wait_for_fold,
@@ -47,7 +48,7 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
     preview_file(page, "brick.stl", stl())
     expect(page.locator("#name")).to_have_text("brick")
     expect(page.locator("#verdict")).to_have_text(
-        re.compile(r"\d+ modules · similarity to your model: \d+ %")
+        re.compile(r"\d+ modules · similarity to your file: \d+ %")
     )
     page.locator(".more > summary").click()
     expect(page.locator("#preset")).to_be_visible()
@@ -73,6 +74,40 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
     expect(page.locator("#name")).to_have_text("brick")
     assert service.state(fold)["modules"] == int(modules)
     cancel_fold(page, service)
+
+
+FIRST_SIGHT = ((390, 844), (360, 640), (640, 360), (1366, 768), (683, 384))
+"""Sizes of a phone, a small phone upright and lying, a laptop, and the laptop at 200 %."""
+OUT_OF_SIGHT = """selector => [...document.querySelectorAll(selector)].filter((part) => {
+  const { left, right, top, bottom } = part.getBoundingClientRect();
+  const [x, y] = [(left + right) / 2, (top + bottom) / 2];
+  const visible = (at) => part.contains(document.elementFromPoint(x, at));
+  const seen = [top + 1, y, bottom - 1].every(visible);
+  return !(seen && left >= 0 && right <= innerWidth && part.getClientRects().length);
+}).map((part) => part.textContent)"""
+"""Returns the texts of elements that are outside of the window, or behind something."""
+
+
+def test_lossy_shape_says_so_at_first_sight(visit: Visit, service: Service) -> None:
+    # Two plates apart, each with a thin rim.
+    plates = [((x, 0.0, 0.0), (4.0, 4.0, 1.0)) for x in (0.0, 9.0)]
+    rims = [((x, 0.0, 1.0), (4.0, 0.15, 3.0)) for x in (0.0, 9.0)]
+    lossy = service.preview("plates.stl", stl(*plates, *rims), full="false")
+    assert lossy["unused_bodies"] and lossy["iou"] <= 0.5
+    page = visit(lossy["links"]["page"], view=False)
+    wait_for_preview(page)
+    expect(page.locator("#notes li").first).to_contain_text("2 separate bodies")
+    for width, height in FIRST_SIGHT:
+        page.set_viewport_size({"width": width, "height": height})
+        assert page.evaluate(OUT_OF_SIGHT, "#iou, #notes li, #more-modules button, #fold") == []
+    assert overflowing(page) == {}
+    more = page.locator("#more-modules button").first
+    modules = int(re.sub(r"\D", "", more.inner_text().partition("modules")[0]))
+    more.click()
+    wait_for_preview(page)
+    expect(page).to_have_url(re.compile(rf"\?modules={modules}$"))
+    snake = page.locator("[name=method][value=snake]")
+    expect(snake).to_be_disabled()
 
 
 def test_preview_that_is_left_starts_no_3d_view(visit: Visit, brick: dict[str, Any]) -> None:

@@ -108,7 +108,7 @@ def test_overlapping_bodies_are_joined() -> None:
     solid = solid_of(join_boxes(((2, 2, 2), (0, 0, 0)), ((2, 2, 2), (1, 1, 1))))
     voxels = voxelise(solid, cells=15 * 8)
     assert voxels.unused == ()
-    assert any("crosses itself" in note for note in voxels.notes)
+    assert any("crosses itself" in note for note in voxels.remarks)
     assert len(voxels.shape) * voxels.pitch**3 == pytest.approx(15, rel=0.1)
 
 
@@ -119,7 +119,7 @@ def test_thin_bar_is_kept() -> None:
     assert count_pieces(voxels.shape.cells) == 1
     assert voxels.unused == ()
     assert np.ptp(voxels.shape.cells[:, 0]) * voxels.pitch > 8
-    assert any("added to keep thin parts" in note for note in voxels.notes)
+    assert any("added to keep thin parts" in note for note in voxels.remarks)
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(5, 200))

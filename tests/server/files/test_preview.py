@@ -26,15 +26,15 @@ def box(*size: int) -> list[list[int]]:
     return np.argwhere(np.ones(size)).tolist()
 
 
-def stl() -> bytes:
-    """Return a box of 2 by 1 by 1 as a binary STL."""
-    corners = np.argwhere(np.ones((2, 2, 2))) * np.array([2.0, 1.0, 1.0])
+def stl(*boxes: tuple[tuple[float, float, float], tuple[float, float, float]]) -> bytes:
+    """Return boxes, each by its lower corner and its extents, as a binary STL; one by default."""
     quads = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
     faces = [t for a, b, c, d in quads for t in ((a, b, c), (a, c, d))]
-    rows = b"".join(
-        struct.pack("<12fH", 0, 0, 0, *corners[list(face)].ravel(), 0) for face in faces
-    )
-    return bytes(80) + struct.pack("<I", len(faces)) + rows
+    rows: list[bytes] = []
+    for low, size in boxes or (((0.0, 0.0, 0.0), (2.0, 1.0, 1.0)),):
+        corners = np.array(low) + np.argwhere(np.ones((2, 2, 2))) * np.array(size)
+        rows += [struct.pack("<12fH", 0, 0, 0, *corners[list(face)].ravel(), 0) for face in faces]
+    return bytes(80) + struct.pack("<I", len(rows)) + b"".join(rows)
 
 
 def ask(service: Service, data: bytes | None = None, /, **form: Any) -> httpx.Response:

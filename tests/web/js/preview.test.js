@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Preview, figuresOf, nearby, notesOf, oddWords, offerOf, troubleOf, verdictOf } from "../../../web/static/js/panels/preview_state.js";
+import { Preview, figuresOf, lossOf, nearby, notesOf, oddWords, offerOf, troubleOf, verdictOf } from "../../../web/static/js/panels/preview_state.js";
 
 const CHOICES = { module: ["cube", "tetrahedron"], method: ["auto", "blocks", "exact", "snake"], ends: ["any", "surface"], world: ["floating", "table"] };
 const FACTS = { id: "abc", most_modules: 12_000, table_modules: 64, next_scripts: [], origin: {}, options: {} };
@@ -86,10 +86,10 @@ test("the module that was clicked can become the first, which can be undone", ()
 });
 
 test("a report is put into words", () => {
-  assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · similarity to your model: 99 %");
+  assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · similarity to your file: 99\u00a0%");
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
-  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50 %", candidates: "3", knotted: true, knot: "Knotted (3)", knotHint: "The chain’s determinant, a test number for knots, is 3. Without a knot, it would be 1." });
-  assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "None"]);
+  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5 })), { iou: "50\u00a0%", candidates: "3", knotted: true, knot: "Yes", knotHint: "The knot is undone while the chain unfolds, which takes longer. The chain’s determinant, a test number for knots, is 3. Without a knot, it would be 1." });
+  assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "No"]);
   assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the closest possible number to 65" });
   assert.deepEqual(nearby(opened(), report({ below: 60, above: 72 })), { counts: [60, 72], text: "Also possible" });
   assert.deepEqual(nearby(opened("?world=table"), report({ below: 60 })), { counts: [], text: "" });
@@ -115,6 +115,20 @@ test("the reason why there is no path comes with a remedy", () => {
   assert.deepEqual([table.title, table.ways], ["With 64 modules, this shape can’t be folded on a table", [{ text: "Fold in zero gravity", change: { as_voxels: true, world: "floating" } }]]);
   const offer = { kind: "repair", modules: 72, change: { modules: null, method: null, repair: true }, added: [[0, 0, 0], [0, 0, 1]] };
   assert.deepEqual(offerOf(offer, 1), { text: "Add 2 cells: 72 modules", primary: false, change: { repair: true } });
+});
+
+test("a shape that loses parts offers the numbers of modules that keep more of it", () => {
+  const larger = (modules, iou, keeps) => ({ modules, iou, keeps_parts: keeps, volume_kept: iou, tunnels: 1 });
+  const loss = (more) => lossOf(opened(), report(more));
+  assert.deepEqual(loss({}), { lossy: false, offers: [] });
+  assert.ok(loss({ unused_bodies: [0.42] }).lossy && loss({ keeps_parts: false }).lossy);
+  const { offers } = loss({ keeps_parts: false, more_modules: [larger(500, 0.451, false), larger(1000, 0.55, true), larger(3000, 0.69, true), larger(15_000, 0.8, true)] });
+  assert.deepEqual(offers, [
+    { text: "500 modules: about 45\u00a0%", change: { modules: 500 } }, { text: "1\u2009000 modules: about 55\u00a0%, with all parts", change: { modules: 1000 } },
+  ]);
+  const apart = loss({ unused_bodies: [0.42], more_modules: [larger(1000, 0.55, true)] });
+  assert.deepEqual(apart.offers.map(({ text }) => text), ["1\u2009000 modules: about 55\u00a0%"], "the other body stays unused");
+  assert.deepEqual(loss({ more_modules: [larger(15_000, 0.55, true)] }).offers, [], "more than this service folds");
 });
 
 test("each note is shown in one place", () => {

@@ -26,6 +26,21 @@ function say(text, tone = "") {
   if (tone === "bad") message.scrollIntoView({ block: "nearest" }); // the cards are far below it
 }
 
+// Return the options that differ from their defaults; they apply to shapes below, too.
+/** @returns {Record<string, string>} */
+function chosen() {
+  const [preset, seed] = [get("preset").value, get("seed").value || "0"];
+  return { ...(preset !== "default" && { preset }), ...(seed !== "0" && { seed }) };
+}
+for (const field of [get("preset"), get("seed")]) {
+  field.addEventListener("input", () => {
+    const { preset, seed } = chosen();
+    const told = [preset && `the preset “${get("preset").selectedOptions[0].textContent}”`, seed && `the seed ${seed}`].filter(Boolean).join(" and ");
+    get("with").hidden = !told;
+    get("with").textContent = `These shapes are folded with ${told}, as chosen in Options.`;
+  });
+}
+
 /**
  * @param {Form} fields
  * @param {string} label
@@ -35,7 +50,7 @@ async function start(fields, label) {
   const resting = player.is.playing && player.send({ do: "pause" });
   const preset = get("preset").value;
   const settings = preset === "paper" ? changed() : {};
-  const left = await asking(({ openFold }) => openFold({ ...fields, preset, ...settings, seed: get("seed").value || "0" }, (problem) => say(refused(problem), "bad")));
+  const left = await asking(({ openFold }) => openFold({ ...fields, ...chosen(), ...settings }, (problem) => say(refused(problem), "bad")));
   if (resting && !left) player.send({ do: "play" });
 }
 
@@ -50,7 +65,7 @@ const send = (file, asVoxels = false) => uploading(async ({ sending, upload, STO
     const report = await sending.during(file.name, (how) => upload("/api/shapes/preview", form, { ...how, token: ownKey() }));
     const straight = (report.kind === "path" || report.kind === "chain") && report.knot?.verdict !== "knotted";
     if (straight) await start({ preview: report.id }, file.name);
-    else location.href = at(`${report.links.page}${asVoxels ? "?as_voxels=true" : ""}`);
+    else location.href = at(`${report.links.page}?${new URLSearchParams({ ...(asVoxels && { as_voxels: "true" }), ...chosen() })}`.replace(/\?$/, ""));
   } catch (error) {
     const words = wordsOf(error);
     if (words !== STOPPED) say(words, "bad");

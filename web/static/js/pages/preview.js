@@ -11,6 +11,7 @@ const UNFIT = "not-for-a-table"; // a code of the API
 /** @type {import("../panels/preview_state.js").PreviewFacts} */
 const facts = JSON.parse(get("facts").textContent);
 const preview = new Preview(facts, choicesOnPage(), new URLSearchParams(facts.id ? location.search : facts.options));
+if (![...get("preset").options].some(({ value }) => value === preview.preset)) preview.preset = "default";
 const picture = new Picture({
   pick: (module, cell) => { preview.picked = module === null ? null : { module, cell }; showStart(preview, change); },
   settled: settle,

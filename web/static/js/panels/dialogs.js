@@ -18,11 +18,13 @@ function answered(dialog) {
  * @param {string} heading
  * @param {string} text
  * @param {string} action label of the button that confirms
+ * @param {boolean} danger whether the action destroys something
  */
-export function confirmed(heading, text, action) {
+export function confirmed(heading, text, action, danger = false) {
   get("confirm-heading").textContent = heading;
   get("confirm-text").textContent = text;
   get("confirm-yes").textContent = action;
+  get("confirm-yes").classList.toggle("danger", danger);
   return answered(get("confirm"));
 }
 

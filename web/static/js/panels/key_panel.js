@@ -100,7 +100,7 @@ export class KeyPanel {
 
   async deleteAll() {
     const keys = keysHere();
-    const sure = await confirmed("Delete everything?", "This permanently deletes all folds, previews and movies listed here, also in your other browsers. Their links stop working for everyone. Gallery folds stay.", "Delete all");
+    const sure = await confirmed("Delete everything?", "This permanently deletes all folds, previews and movies listed here, also in your other browsers. Their links stop working for everyone. Gallery folds stay.", "Delete all", true);
     if (!sure) return;
     this.say("Deleting…");
     try {
@@ -113,7 +113,7 @@ export class KeyPanel {
   }
 
   async forget() {
-    const sure = await confirmed("Forget the keys?", "This removes the keys from this browser. Your folds and links stay until they expire, but without the keys you cannot list, rename or delete them. Copy your access key first if you may need it again.", "Forget");
+    const sure = await confirmed("Forget the keys?", "This removes the keys from this browser. Your folds and links stay until they expire, but without the keys you cannot list, rename or delete them. Copy your access key first if you may need it again.", "Forget", true);
     if (!sure) return;
     forgetKeys();
     this.say("Keys removed. You will get a new key with your next fold.");

@@ -32,7 +32,7 @@ const expiryOf = (moment) => `expires in\u00a0${span(Math.max(0, Date.parse(mome
  * @param {string} of name of the item, for screen readers
  * @param {() => void} press
  */
-const way = (text, of, press) => button("way", text, press, { "aria-label": `${text}: ${of}` });
+const way = (text, of, press, danger = false) => button(danger ? "way danger" : "way", text, press, { "aria-label": `${text}: ${of}` });
 
 // Return the verdict of a fold and its tone; the page of the fold shows the reason.
 /** @param {Api.Fold} fold */
@@ -107,7 +107,7 @@ class Card {
    */
   deletion(label, address, asked) {
     return way("Delete", label, async () => {
-      if (!await confirmed(...asked, "Delete")) return;
+      if (!await confirmed(...asked, "Delete", true)) return;
       const beside = this.item.nextElementSibling ?? this.item.previousElementSibling;
       try {
         await remove(address, this.key);
@@ -117,7 +117,7 @@ class Card {
       } catch (error) {
         toast(wordsOf(error));
       }
-    });
+    }, true);
   }
 }
 

@@ -23,7 +23,7 @@ const ODD = {
   parts: "a layer in several parts",
 };
 /** @type {Record<string, string>} */
-const KNOTS = { unknot: "None", knotted: "Knotted", undecided: "Unknown" };
+const KNOTS = { unknot: "No", knotted: "Yes", undecided: "Unknown" };
 
 export class Preview {
   /**
@@ -47,7 +47,7 @@ export class Preview {
       repair: query.get("repair") === "true", as_voxels: this.givenAsVoxels, start: /^-?\d+,-?\d+,-?\d+$/.test(start) ? start : null,
       world: chosen("world"), seed: Number(query.get("seed")) || 0,
     };
-    this.preset = earlier.preset ?? "default";
+    this.preset = earlier.preset ?? query.get("preset") ?? "default";
     this.prefer = earlier.prefer ?? "computing";
     /** @type {Api.Preview | null} */
     this.report = null;
@@ -73,6 +73,7 @@ export class Preview {
     const usual = Object.values(this.choices).map(([first]) => first);
     const query = new URLSearchParams();
     for (const [key, value] of Object.entries(this.options)) if (value && !usual.includes(String(value))) query.set(key, String(value));
+    if (this.preset !== "default") query.set("preset", this.preset);
     return query.size ? `?${query}` : "";
   }
 
@@ -180,12 +181,12 @@ export class Preview {
 
 // Texts of the page about a report.
 
-const percent = (/** @type {number} */ share) => `${Math.round(100 * share)} %`;
+const percent = (/** @type {number} */ share) => `${Math.round(100 * share)}\u00a0%`;
 
 /** @param {Api.Preview} report */
 export function verdictOf({ module, modules, iou, has_path: path }) {
   if (!path) return `${whole(modules)} cells, no path yet`;
-  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${iou === null ? "" : ` · similarity to your model: ${percent(iou)}`}`;
+  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${iou === null ? "" : ` · similarity to your file: ${percent(iou)}`}`;
 }
 
 // Return possible numbers of modules nearby, and a text that explains them.
@@ -205,8 +206,8 @@ export function figuresOf({ iou, candidates, knot }) {
   const { verdict = "", determinant = null } = knot ?? {};
   const knotted = verdict === "knotted";
   return {
-    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `The chain’s determinant, a test number for knots, is ${determinant}. Without a knot, it would be 1.` : "",
-    knot: knot ? `${KNOTS[verdict]}${knotted && determinant ? ` (${determinant})` : ""}` : "–",
+    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `${knotted ? "The knot is undone while the chain unfolds, which takes longer. " : ""}The chain’s determinant, a test number for knots, is ${determinant}. Without a knot, it would be 1.` : "",
+    knot: knot ? KNOTS[verdict] : "–",
   };
 }
 
@@ -235,6 +236,22 @@ export function oddWords({ has_path: path, feasibility }) {
   return marked ? ODD[marked.code] ?? "cells that prevent a path" : "";
 }
 
+// Return whether the cells leave out a part of the file, and numbers of modules that keep more of it:
+// the next one, and the first that keeps all parts.
+/**
+ * @param {Preview} preview
+ * @param {Api.Preview} report
+ */
+export function lossOf({ maxModules }, { unused_bodies: unused = [], keeps_parts: keeps = null, more_modules: larger = [] }) {
+  const possible = larger.filter(({ modules }) => modules <= maxModules);
+  const [next, full] = [possible[0], possible.find(({ keeps_parts: all }) => all)];
+  /** @type {Offer[]} */
+  const offers = [...new Set([next, full])].flatMap((each) => (each ? [{
+    text: `${whole(each.modules)} modules: about ${percent(each.iou)}${each === full && !unused.length ? ", with all parts" : ""}`, change: { modules: each.modules },
+  }] : []));
+  return { lossy: unused.length > 0 || keeps === false, offers };
+}
+
 // Return the notes on the cells: their repair, their missing order, and all others.
 /**
  * @param {Preview} preview
@@ -244,7 +261,7 @@ export function notesOf({ onTable, options }, { notes, has_path: path, as_voxels
   const repair = notes.find((note) => note.startsWith("Repaired"));
   const unordered = asVoxels && !options.as_voxels ? notes[0] : "";
   const doubled = path && onTable && options.method === "blocks";
-  const repaired = doubled ? "Each voxel became 2×2×2 modules." : (options.repair && repair) || "";
+  const repaired = doubled ? "Each cell became 2×2×2 modules." : (options.repair && repair) || "";
   return { repaired, unordered, others: notes.filter((note) => note !== repair && note !== unordered).map(sentence) };
 }
 
@@ -257,8 +274,8 @@ export function notesOf({ onTable, options }, { notes, has_path: path, as_voxels
 export function offerOf({ kind, modules, change, added }, place) {
   const words = {
     repair: `Add ${added.length} cell${added.length === 1 ? "" : "s"}: ${whole(modules)} modules`,
-    modules: `Use ${whole(modules)} modules, one for each voxel`,
-    blocks: `Use ${whole(modules)} modules, 2×2×2 for each voxel`,
+    modules: `Use ${whole(modules)} modules, one for each cell`,
+    blocks: `Use ${whole(modules)} modules, 2×2×2 for each cell`,
   };
   const known = Object.fromEntries(Object.entries(change).filter(([, value]) => value !== null));
   return { text: words[kind], primary: place === 0, change: known };

@@ -4,7 +4,7 @@ import { at, button, element, get, sentence, whole } from "../lib/text.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL, load } from "../viewer/scene.js";
 import { showFor } from "./paper_settings.js";
-import { figuresOf, nearby, notesOf, oddWords, offerOf, troubleOf, verdictOf } from "./preview_state.js";
+import { figuresOf, lossOf, nearby, notesOf, oddWords, offerOf, troubleOf, verdictOf } from "./preview_state.js";
 
 const DRAW_MS = 100;
 const NO_WEBGL = "WebGL is missing or switched off";
@@ -49,7 +49,7 @@ export function showOptions(preview) {
   const { options, onTable, count, preset, prefer, choosing } = preview;
   for (const input of radios) {
     input.checked = options[/** @type {ChoiceName} */ (input.name)] === input.value;
-    if (input.checked && input.dataset.hint) get(`${/** @type {"method" | "world"} */ (input.name)}-hint`).textContent = input.dataset.hint;
+    if (input.checked && input.dataset.hint) get(`${/** @type {"method" | "world" | "ends"} */ (input.name)}-hint`).textContent = input.dataset.hint;
     if (input.value === "tetrahedron") input.disabled = onTable;
   }
   if (count !== null) {
@@ -112,6 +112,7 @@ export function showReport(preview, report, onChange) {
   const { kind, name, has_path: path } = report;
   const { counts, text } = nearby(preview, report);
   const { iou, candidates, knot, knotHint, knotted } = figuresOf(report);
+  const { lossy, offers } = lossOf(preview, report);
   const odd = oddWords(report);
   const { repaired, unordered, others } = notesOf(preview, report);
   const [chain, noCubes] = [kind === "chain" || onTable, options.module !== "cube"];
@@ -127,10 +128,13 @@ export function showReport(preview, report, onChange) {
     legend: !path, "were-added": !report.added?.length, layers: false,
   });
   get("nearest").replaceChildren(...counts.map((modules) => button("", whole(modules), () => onChange({ modules }), { title: "A nearby number of modules that may work" })));
+  get("match").dataset.tone = lossy ? "bad" : "";
+  get("more-modules").replaceChildren(...offers.map((offer) => buttonOf(offer, onChange)));
   get("notes").replaceChildren(...others.map((note) => element("li", {}, note)));
   get("iou-part").style.setProperty("--share", String(report.iou ?? 0));
   get("knot").title = knotHint;
   get("knot").dataset.tone = knotted ? "bad" : "";
+  for (const input of radios) if (input.name === "method") input.disabled = Boolean(report.possible_methods?.length) && !report.possible_methods?.includes(input.value);
   for (const chip of layers) chip.hidden = (chip.dataset.layer === "solid" && kind !== "mesh") || (chip.dataset.layer === "path" && !path);
 }
 
