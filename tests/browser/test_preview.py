@@ -48,7 +48,7 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
     preview_file(page, "brick.stl", stl())
     expect(page.locator("#name")).to_have_text("brick")
     expect(page.locator("#verdict")).to_have_text(
-        re.compile(r"\d+ modules · similarity to your file: \d+ %")
+        re.compile(r"\d+ modules · similarity to your file: \d+\s%")
     )
     page.locator(".more > summary").click()
     expect(page.locator("#preset")).to_be_visible()
@@ -89,11 +89,10 @@ OUT_OF_SIGHT = """selector => [...document.querySelectorAll(selector)].filter((p
 
 
 def test_lossy_shape_says_so_at_first_sight(visit: Visit, service: Service) -> None:
-    # Two plates apart, each with a thin rim.
-    plates = [((x, 0.0, 0.0), (4.0, 4.0, 1.0)) for x in (0.0, 9.0)]
-    rims = [((x, 0.0, 1.0), (4.0, 0.15, 3.0)) for x in (0.0, 9.0)]
-    lossy = service.preview("plates.stl", stl(*plates, *rims), full="false")
-    assert lossy["unused_bodies"] and lossy["iou"] <= 0.5
+    # A thin plate with a thin post, and a cube beside it.
+    plate, post = ((0.0, 0.0, 0.0), (4.0, 4.0, 0.2)), ((0.0, 0.0, 0.0), (0.2, 0.2, 6.0))
+    lossy = service.preview("parts.stl", stl(plate, post, ((9.0, 0.0, 0.0), (1.0, 1.0, 1.0))))
+    assert lossy["unused_bodies"] and not lossy["keeps_parts"]
     page = visit(lossy["links"]["page"], view=False)
     wait_for_preview(page)
     expect(page.locator("#notes li").first).to_contain_text("2 separate bodies")

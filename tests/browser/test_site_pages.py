@@ -31,17 +31,12 @@ def test_gallery_is_filtered_by_form_and_address(visit: Visit) -> None:
     assert visible_cards(page) == ["Letter T"]
     drawn = page.locator("#cards li:visible img").first
     assert drawn.evaluate("image => image.decode().then(() => image.naturalWidth)") > 0
-    expect(page.locator("#finished")).to_be_hidden()
     page.get_by_role("searchbox").fill("letter t elephant")
     expect(page.locator("#nothing")).to_be_visible()
     page.get_by_role("link", name="Show all").click()
     expect(page).to_have_url(re.compile("/gallery$"))
     expect(page.locator("#cards li:visible")).to_have_count(everything)
     assert overflowing(page) == {}
-    page.get_by_role("searchbox").fill("wrench mallet")  # a finished fold
-    expect(page.locator("#finished li:visible .card-title")).to_have_text(["Wrench → Mallet"])
-    expect(page.locator("#nothing")).to_be_hidden()
-    page.get_by_role("searchbox").fill("")
     # A shape that has not been folded opens in another tab: its preview, and nothing is folded.
     card = page.locator("#cards a:not([data-fold])").first
     with page.context.expect_page() as opened:

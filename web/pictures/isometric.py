@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from html import escape
 from itertools import pairwise
 from typing import Final
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 Cell = tuple[int, int, int]
 Point = tuple[float, float]
@@ -28,6 +28,9 @@ the corners of faces more. Chosen."""
 DRAWING_MARGIN_PITCH: Final = 0.6
 """Width of the empty margin around an isometric drawing, in pitches. A larger value shows the shape
 smaller. Chosen."""
+QUARTER_TURN: Final[NDArray[np.int64]] = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
+"""Rotation matrix by +90° about z, from the frame of shapes and of the 3D view to that of isometric
+drawings (p_drawing = R p_shape), so that both show nearly the same sides of a shape."""
 SINE, COSINE = 0.5, math.sqrt(0.75)
 
 # Light comes from above and from the left. Pages may restyle the classes; a file on its own has
@@ -52,22 +55,22 @@ def isometric_svg(
     *,
     size: int = 320,
     title: str | None = None,
-    odd: Collection[Cell] = (),
-    added: Collection[Cell] = (),
+    odd: ArrayLike = (),
+    added: ArrayLike = (),
 ) -> str:
-    """Draw cells as cubes seen from (1, 1, 1), z upward.
+    """Draw cells as cubes, z upward, seen from (1, -1, 1) as in the 3D view.
 
     Args:
         cells: (n, 3) integers.
         size: Width and height in CSS pixels; the drawing scales.
         title: Text for screen readers; without one the drawing counts as decoration.
-        odd: Cells that prevent a path; they are red.
-        added: Further cells that a repair adds; they are blue.
+        odd: (m, 3) cells that prevent a path; they are red.
+        added: (k, 3) further cells that a repair adds; they are blue.
 
     Returns:
         One ``<svg>`` element, with a class ``iso-…`` on each tone.
     """
-    order: list[Cell] = [(x, y, z) for x, y, z in np.asarray(cells, dtype=np.int64).tolist()]
+    order, odd, added = _turned(cells), _turned(odd), _turned(added)
     marks = dict.fromkeys(odd, "odd-") | dict.fromkeys(added, "added-")
     layers: dict[int, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     corners: list[Point] = []
@@ -85,6 +88,12 @@ def isometric_svg(
         if tone in layers[layer]
     )
     return svg_of(drawn, box=_view_box(corners), size=size, title=title)
+
+
+def _turned(cells: ArrayLike) -> list[Cell]:
+    """Return cells in the frame of drawings."""
+    turned = np.asarray(cells, dtype=np.int64).reshape(-1, 3) @ QUARTER_TURN.T
+    return [(x, y, z) for x, y, z in turned.tolist()]
 
 
 def svg_of(drawn: str, *, box: str, size: int, title: str | None) -> str:

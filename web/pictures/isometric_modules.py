@@ -10,7 +10,13 @@ from numpy.typing import NDArray
 
 from planner.chain.chain import Chain
 from planner.chain.module import Module
-from web.pictures.isometric import DRAWING_MARGIN_PITCH, PITCH_UNITS, isometric_svg, svg_of
+from web.pictures.isometric import (
+    DRAWING_MARGIN_PITCH,
+    PITCH_UNITS,
+    QUARTER_TURN,
+    isometric_svg,
+    svg_of,
+)
 from web.pictures.meshes import sketch_outline
 
 Array = NDArray[np.float64]
@@ -68,6 +74,7 @@ def modules_svg(
     """
     if module.geom == "box":
         return isometric_svg(np.rint(positions).astype(np.int64), size=size, title=title)
+    positions, rotations = positions @ QUARTER_TURN.T, QUARTER_TURN @ rotations
     outline = sketch_outline(module, len(positions))
     faces, normals = np.array(outline["faces"]), np.array(outline["normals"])
     # (n, F, 3) normals and (n, F, C, 3) corners; faces that two modules share are not drawn.

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from planner.chain.module import CUBE, module_named
 from planner.chain.rotations import matrix_from_wxyz
-from web.pictures.isometric import Cell, isometric_svg
+from web.pictures.isometric import isometric_svg
 from web.pictures.isometric_modules import modules_svg
 
 MAX_DRAWN_CUBES: Final = 20_000
@@ -22,9 +21,6 @@ have no drawing. All their outer faces are drawn, which takes longer than for cu
 DRAWING_SIZE_PX: Final = 480
 """Nominal width and height of the drawing of an uploaded shape, in CSS pixels. As an SVG it can be
 scaled without loss, so a larger value does not make it finer. Chosen."""
-QUARTER_TURN: Final[NDArray[np.int64]] = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
-"""Rotation matrix by +90° about z, from the frame of the 3D view to that of isometric drawings
-(p_drawing = R p_view), so that both show nearly the same sides of a shape."""
 
 
 def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) -> str | None:
@@ -44,19 +40,11 @@ def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) 
         positions = np.asarray(report["positions"], dtype=np.float64)
         if len(positions) > MAX_DRAWN_POLYHEDRA:
             return None
-        turned = QUARTER_TURN.astype(np.float64)
-        rotations = turned @ matrix_from_wxyz(np.asarray(report["wxyzs"], dtype=np.float64))
-        return modules_svg(module, positions @ turned.T, rotations, size=DRAWING_SIZE_PX)
+        rotations = matrix_from_wxyz(np.asarray(report["wxyzs"], dtype=np.float64))
+        return modules_svg(module, positions, rotations, size=DRAWING_SIZE_PX)
     cells = np.asarray(report["cells"], dtype=np.int64).reshape(-1, 3)
     if not 0 < len(cells) <= MAX_DRAWN_CUBES:
         return None
     state = {} if report.get("has_path") else report.get("feasibility") or {}
     odd = [cell for problem in state.get("problems", ()) for cell in problem["cells"]]
-    return isometric_svg(
-        cells @ QUARTER_TURN.T, size=DRAWING_SIZE_PX, odd=_turned(odd), added=_turned(added)
-    )
-
-
-def _turned(cells: Iterable[Sequence[int]]) -> set[Cell]:
-    """Return cells in the frame of drawings."""
-    return {(-y, x, z) for x, y, z in cells}
+    return isometric_svg(cells, size=DRAWING_SIZE_PX, odd=odd, added=added)

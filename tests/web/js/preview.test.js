@@ -135,5 +135,5 @@ test("each note is shown in one place", () => {
   const notes = ["The cells were read as voxels, not as a path, because cells 2 and 3 are not neighbours.", "Repaired: one cell was added.", "the rest"];
   assert.deepEqual(notesOf(opened("?repair=true"), report({ notes, as_voxels: true })), { repaired: notes[1], unordered: notes[0], others: ["The rest"] });
   assert.deepEqual(notesOf(opened("?as_voxels=true"), report({ notes, as_voxels: true })), { repaired: "", unordered: "", others: [notes[0], "The rest"] });
-  assert.equal(notesOf(opened("?world=table&method=blocks"), report()).repaired, "Each voxel became 2×2×2 modules.");
+  assert.equal(notesOf(opened("?world=table&method=blocks"), report()).repaired, "Each cell became 2×2×2 modules.");
 });

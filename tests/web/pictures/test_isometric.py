@@ -34,19 +34,19 @@ def test_box_shows_only_the_faces_of_its_outside() -> None:
 
 
 def test_hidden_cell_is_left_out_and_half_a_face_is_drawn() -> None:
-    assert faces(drawing([(0, 0, 0), (4, 4, 4)]), "gap") == 3
+    assert faces(drawing([(0, 0, 0), (4, -4, 4)]), "gap") == 3
     # The upper cell hides half of the lower one's top and half of one side.
     assert faces(drawing([(0, 0, 0), (1, 0, 1)]), "gap") == 6
 
 
-def test_axes_are_right_handed_with_z_upward() -> None:
+def test_axes_point_as_in_the_3d_view_with_z_upward() -> None:
     def middle(cell: tuple[int, int, int]) -> np.ndarray:
         left, top, width, height = map(float, drawing([cell]).get("viewBox", "").split())
         return np.array([left + width / 2, top + height / 2])
 
     x, y, z = (middle(tuple(cell)) - middle((0, 0, 0)) for cell in np.eye(3, dtype=int).tolist())
-    assert x[0] < 0 < x[1]
-    assert min(y) > 0
+    assert min(x) > 0
+    assert y[1] < 0 < y[0]
     assert z[1] < 0 == round(z[0], 6)
 
 

@@ -3,9 +3,12 @@ from typing import Any
 
 import numpy as np
 
+from planner.chain.chain import Chain
+from planner.chain.path import Path
 from planner.pathfinding.path_options import PathOptions
 from planner.pipeline.prepare import prepare
 from web.pictures.isometric import isometric_svg
+from web.pictures.isometric_modules import chain_svg
 from web.pictures.preview_drawing import MAX_DRAWN_CUBES, preview_svg
 
 CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
@@ -16,10 +19,12 @@ def report(cells: list[list[int]], module: str = "cube") -> dict[str, Any]:
     return prepare(data, None, PathOptions(module=module)).report()
 
 
-def test_cells_are_drawn_in_the_direction_of_the_3d_view() -> None:
-    # Two on the floor along x, one on the first: the 3D view looks from +x and -y.
-    drawn = preview_svg({"module": "cube", "cells": [[0, 0, 0], [1, 0, 0], [0, 0, 1]]})
-    assert drawn == isometric_svg([[0, 0, 0], [0, 1, 0], [0, 0, 1]], size=480)
+def test_preview_of_a_path_is_the_drawing_of_its_fold() -> None:
+    cells = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1], [0, 1, 1]]
+    data = json.dumps({"format": "foldback-path/1", "cells": cells}).encode()
+    found = prepare(data, None, PathOptions()).report()
+    chain = Chain.from_path(Path.from_cells(cells))
+    assert preview_svg(found) == chain_svg(chain, size=480)
 
 
 def test_preview_svg_without_a_path_colours_odd_and_added_cells() -> None:
@@ -27,9 +32,7 @@ def test_preview_svg_without_a_path_colours_odd_and_added_cells() -> None:
     assert not found["has_path"]
     odd = [cell for problem in found["feasibility"]["problems"] for cell in problem["cells"]]
     drawn = preview_svg(found, [[5, 0, 0]])
-    turned = np.array(found["cells"]) @ [[0, 1, 0], [-1, 0, 0], [0, 0, 1]]
-    marks = [(-y, x, z) for x, y, z in odd]
-    assert marks and drawn == isometric_svg(turned, size=480, odd=marks, added=[(0, 5, 0)])
+    assert odd and drawn == isometric_svg(found["cells"], size=480, odd=odd, added=[[5, 0, 0]])
     assert drawn and "iso-odd-top" in drawn
 
 
