@@ -70,11 +70,11 @@ def isometric_svg(
     Returns:
         One ``<svg>`` element, with a class ``iso-…`` on each tone.
     """
-    order, odd, added = _turned(cells), _turned(odd), _turned(added)
-    marks = dict.fromkeys(odd, "odd-") | dict.fromkeys(added, "added-")
+    order, more = _turned(cells), _turned(added)
+    marks = dict.fromkeys(_turned(odd), "odd-") | dict.fromkeys(more, "added-")
     layers: dict[int, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     corners: list[Point] = []
-    for cell, axis in _visible_faces([*order, *added]):
+    for cell, axis in _visible_faces([*order, *more]):
         paths = layers[sum(cell)]
         paths["gap"].append(_face_path(cell, axis, 1.0, corners))
         tone = marks.get(cell, "") + VISIBLE_SIDES[axis]

@@ -63,6 +63,7 @@ async function look() {
 
 /** @param {Api.Preview} report */
 function show(report) {
+  if (!preview.report && location.hash === "#modules") get("modules-number").focus();
   preview.take(report);
   showProblem(sentence(report.not_started));
   history.replaceState(null, "", at(preview.path));
