@@ -262,6 +262,7 @@ def test_view_is_saved_as_a_picture_and_embedded(visit: Visit, blog: Blog, wrenc
     # The frame for other sites, of the finished fold.
     blog.html = f"<!doctype html><title>A blog</title>{page.locator('#share-embed').input_value()}"
     inside = visit(blog.origin, width=640, height=400, view=False).frame_locator("iframe")
+    expect(inside.locator("#scrub")).to_be_enabled()
     expect(inside.locator("#legend")).to_be_hidden()  # controls of a frame are one row
     inside.locator("#more").click()
     inside.locator("#forward").click()
