@@ -8,7 +8,6 @@ from playwright.sync_api import Page, expect
 import foldback_check_refusals
 from tests.browser.conftest import (
     Visit,
-    at_frame,
     picture,
     shown_frame,
     wait_for_fold,
@@ -61,7 +60,7 @@ def test_impossible_module_size_fails_with_overlap(visit: Visit, service: Servic
     ):
         page.locator("#folded").fill("0")
         lead()
-        at_frame(page, there)
+        expect(page.locator("#scrub")).to_have_value(str(there))
     page.locator("#stuck-attempts").click()
     expect(page.locator(".attempts li")).to_have_count(4)
     expect(page.locator(".attempts li").first).to_contain_text("All at once")
