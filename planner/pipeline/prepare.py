@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any, Final
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
@@ -256,6 +256,10 @@ class Preparation:
         }
 
 
+Found: TypeAlias = "Path | Chain | Shape | Solid"
+"""What is in a file."""
+
+
 def prepare(
     data: bytes,
     filename: str | None,
@@ -263,14 +267,38 @@ def prepare(
     *,
     seed: int = 0,
     time_limit_s: float = PATH_SEARCH_LIMIT_S,
-    searching: bool = True,
-    offering: bool = False,
 ) -> Preparation:
-    """Read a file and find the chains that may fold into what is in it.
+    """Read a file and find the chains that may fold into what is in it; see ``prepare_found``.
 
     Args:
         data: The whole file.
         filename: Name of the file.
+        options: Options that turn a shape into a path.
+        seed: Random seed.
+        time_limit_s: Time limit of the search for a path through exact cells, s.
+
+    Raises:
+        InputError: When the file cannot be used, or a wish cannot be wished for.
+    """
+    options = PathOptions() if options is None else options
+    options.check()
+    found = read(data, filename=filename, as_voxels=options.as_voxels)
+    return prepare_found(found, options, seed=seed, time_limit_s=time_limit_s)
+
+
+def prepare_found(
+    found: Found,
+    options: PathOptions,
+    *,
+    seed: int = 0,
+    time_limit_s: float = PATH_SEARCH_LIMIT_S,
+    searching: bool = True,
+    offering: bool = False,
+) -> Preparation:
+    """Find the chains that may fold into what was read from a file.
+
+    Args:
+        found: Content of the file.
         options: Options that turn a shape into a path.
         seed: Random seed.
         time_limit_s: Time limit of the search for a path through exact cells, s.
@@ -282,11 +310,8 @@ def prepare(
         The preparation, with no chains when there is no path: it then says why.
 
     Raises:
-        InputError: When the file cannot be used, or a wish cannot be wished for.
+        InputError: When the content cannot be used, or a wish cannot be wished for.
     """
-    options = PathOptions() if options is None else options
-    options.check()
-    found = read(data, filename=filename, as_voxels=options.as_voxels)
     if isinstance(found, Chain):
         if options.world == "table":
             check_for_table(found)
@@ -320,30 +345,20 @@ def larger_counts(options: PathOptions) -> tuple[int, ...]:
     )
 
 
-def prepare_in_any_order(
-    data: bytes,
-    filename: str | None,
-    options: PathOptions,
-    *,
-    seed: int = 0,
-    time_limit_s: float = PATH_SEARCH_LIMIT_S,
-    searching: bool = True,
-) -> Preparation:
-    """Run ``prepare``; treat a list of cells that is no path as a shape, and note why.
+def read_in_any_order(
+    data: bytes, filename: str | None, options: PathOptions
+) -> tuple[Found, PathOptions, tuple[str, ...]]:
+    """Read a file; take a list of cells that is no path for a shape.
 
-    For meshes, larger numbers of modules are offered if they keep more.
+    Returns:
+        The content, the options with which it was read, and notes.
 
     Raises:
-        InputError: See ``prepare``.
+        InputError: When the file cannot be used, or a wish cannot be wished for.
     """
-    how: dict[str, Any] = {
-        "seed": seed,
-        "time_limit_s": time_limit_s,
-        "searching": searching,
-        "offering": True,
-    }
+    options.check()
     try:
-        return prepare(data, filename, options, **how)
+        return read(data, filename=filename, as_voxels=options.as_voxels), options, ()
     except InputError as error:
         if error.code != "not-adjacent":
             raise
@@ -351,9 +366,23 @@ def prepare_in_any_order(
             f"The cells were read as voxels, not as a path, because {error.where} are not "
             "neighbours."
         )
-    options = replace(options, as_voxels=True)
-    made = prepare(data, filename, options, **how)
-    return replace(made, notes=(why, *made.notes))
+    found = read(data, filename=filename, as_voxels=True)
+    return found, replace(options, as_voxels=True), (why,)
+
+
+def prepare_in_any_order(
+    data: bytes, filename: str | None, options: PathOptions, *, seed: int = 0
+) -> Preparation:
+    """Read a file with ``read_in_any_order`` and run ``prepare_found``.
+
+    For meshes, larger numbers of modules are offered if they keep more.
+
+    Raises:
+        InputError: See both.
+    """
+    found, options, notes = read_in_any_order(data, filename, options)
+    made = prepare_found(found, options, seed=seed, offering=True)
+    return replace(made, notes=(*notes, *made.notes))
 
 
 def check_for_table(chain: Chain) -> None:

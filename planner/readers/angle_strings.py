@@ -15,6 +15,7 @@ from planner.chain.chain import Chain
 from planner.chain.module import TETRAHEDRON
 from planner.errors import InputError
 from planner.readers.limits import MAX_CELLS, quote, too_many
+from planner.readers.text import numbered_lines
 
 HEADING: Final = "foldback-angles/1"
 QUARTER_TURNS_DEG: Final = {"0": 0.0, "+": 90.0, "-": -90.0, "\u2212": -90.0, "\u2013": -90.0}
@@ -59,7 +60,7 @@ def refuse_digits(text: str) -> None:
         InputError: ``digits``.
     """
     words = text[:DIGITS_CHECKED].translate(_NO_SEPARATORS).split()
-    first = next((line for line in text.splitlines() if line.strip()), "")
+    first = next((line for _, line in numbered_lines(text) if line.strip()), "")
     if sum(separator in first for separator in ",;\t") > 1:
         return
     if DECIMAL_COMMAS.fullmatch(first):
@@ -74,7 +75,7 @@ def refuse_digits(text: str) -> None:
     run = len(words) == 1 and len(words[0]) > MAX_COLUMNS
     lines = [
         line.translate(_NO_SEPARATORS).split()
-        for line in text[:DIGITS_CHECKED].splitlines()
+        for _, line in numbered_lines(text[:DIGITS_CHECKED])
         if line.strip()
     ]
     many |= len(lines) > MAX_COLUMNS and all(len(line) == 1 for line in lines)

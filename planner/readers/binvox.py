@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.errors import InputError
 from planner.readers.limits import Source, quote, too_many
+from planner.readers.text import PADDING
 from planner.shapes.shape import Shape
 
 BINVOX_MAGIC: Final = b"#binvox"
@@ -52,20 +53,22 @@ def read_binvox(data: bytes, source: Source) -> Shape:
             where="header",
         )
     depth, width, height = (int(w) for w in dim)
+    expected = depth * width * height
     runs = np.frombuffer(data, dtype=np.uint8, offset=end.end())
-    if len(runs) % 2:
+    if len(runs) < 2:
+        raise _wrong_total(expected, 0)
+    values, lengths = runs[: len(runs) // 2 * 2].reshape(-1, 2).T
+    ends = np.cumsum(lengths, dtype=np.int64)
+    last = int(np.searchsorted(ends, expected))
+    if last == len(ends) or ends[last] != expected:
+        raise _wrong_total(expected, int(ends[-1]))
+    if data[end.end() + 2 * (last + 1) :].strip(PADDING):
         raise InputError(
-            "truncated", "the file ends within a run of voxels; save or send it again."
+            "damaged",
+            f"the header declares {expected} voxels, but more data follows them; the header is "
+            "wrong, or the file is damaged.",
         )
-    values, lengths = runs[0::2], runs[1::2].astype(np.int64)
-    total, expected = int(lengths.sum()), depth * width * height
-    if total != expected:
-        code = "truncated" if total < expected else "damaged"
-        raise InputError(
-            code,
-            f"the header declares {expected} voxels, but the file has {total}; save the file "
-            "again.",
-        )
+    values, lengths = values[: last + 1], lengths[: last + 1].astype(np.int64)
     if (values > 1).any():
         raise InputError("damaged", f"got a voxel of value {values.max()}, expected 0 or 1.")
     filled = int(lengths[values == 1].sum())
@@ -77,3 +80,11 @@ def read_binvox(data: bytes, source: Source) -> Shape:
     x, rest = np.divmod(places, width * height)
     z, y = np.divmod(rest, height)
     return Shape.from_cells(np.column_stack([x, y, z]), name=source.name or "shape")
+
+
+def _wrong_total(expected: int, total: int) -> InputError:
+    return InputError(
+        "truncated" if total < expected else "damaged",
+        f"the header declares {expected} voxels, but the file has {total}; the header is wrong, or "
+        "the file is cut off.",
+    )

@@ -11,7 +11,7 @@ from planner.chain.chain import Chain
 from planner.chain.module import Module, module_named
 from planner.chain.path import MAX_COORDINATE
 from planner.errors import InputError
-from planner.readers.limits import Source, quote, too_many
+from planner.readers.limits import Source, described, quote, too_many
 from planner.readers.strict_json import name_field, pitch_field, refuse_unread_keys
 
 CHAIN_KEYS: Final = (
@@ -40,7 +40,7 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
     refuse_unread_keys(document, CHAIN_KEYS)
     kind = document.get("module", "cube")
     if not isinstance(kind, str):
-        raise InputError("wrong-type", f"got {quote(kind)}, expected text.", where="module")
+        raise InputError("wrong-type", f"got {described(kind)}, expected text.", where="module")
     module = module_named(quote(kind))
     angles_deg = _angles(document, module, source)
     _refuse_radians(angles_deg)
@@ -63,7 +63,7 @@ def _vector(document: dict[str, Any], key: str, length: int) -> Array | None:
     numbers = [v for v in values if type(v) in (int, float) and abs(v) <= MAX_COORDINATE]
     if len(values) != length or len(numbers) != length:
         raise InputError(
-            "wrong-type", f"got {quote(found)}, expected {length} finite numbers.", where=key
+            "wrong-type", f"got {described(found)}, expected {length} finite numbers.", where=key
         )
     return np.array(numbers, dtype=np.float64)
 
@@ -71,7 +71,7 @@ def _vector(document: dict[str, Any], key: str, length: int) -> Array | None:
 def _angles(document: dict[str, Any], module: Module, source: Source) -> list[float]:
     joints = document.get("joint_angles_deg")
     if not isinstance(joints, list) or not joints:
-        found = "nothing" if "joint_angles_deg" not in document else quote(joints)
+        found = "nothing" if "joint_angles_deg" not in document else described(joints)
         raise InputError(
             "wrong-type",
             f"got {found}, expected a list of {_joint_words(module)}, one for each joint.",
@@ -93,7 +93,8 @@ def _angles(document: dict[str, Any], module: Module, source: Source) -> list[fl
             if type(value) is not int and type(value) is not float:
                 raise InputError(
                     "not-a-number",
-                    f"got {quote(value)}, expected an angle in degrees.",
+                    f"got {described(value)}, expected an angle in degrees"
+                    f"{' without quotation marks' if isinstance(value, str) else ''}.",
                     where=f"joint {index}",
                 )
             angles.append(float(value))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 from collections.abc import Sequence
 from typing import Final
 
@@ -10,10 +11,19 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.readers.axis_names import AXES, check_filled, columns_of
 from planner.readers.limits import Source, quote, too_many
-from planner.readers.text import COMMENT_MARK, cells_array, coordinate, is_number, path_or_shape
+from planner.readers.text import (
+    COMMENT_MARK,
+    cells_array,
+    coordinate,
+    is_number,
+    numbered_lines,
+    path_or_shape,
+)
 from planner.shapes.shape import Shape
 
 DELIMITERS: Final = (";", "\t", ",")
+MAX_TABLE_COLUMNS: Final = 1000
+"""Maximum number of columns of a table, of which three are used."""
 EXCEL_SEPARATOR_PREFIX: Final = "sep="
 """Beginning of a CSV file's first line in which Excel states the separator; that line is
 skipped."""
@@ -32,8 +42,14 @@ def read_csv(text: str, source: Source) -> Path | Shape:
     Raises:
         InputError: A line cannot be read; names it.
     """
-    delimiter = _delimiter(_first_line(text)) or ","
-    reader = csv.reader(text.splitlines(), delimiter=delimiter, skipinitialspace=True)
+    first = _first_line(text)
+    delimiter = _delimiter(first) or ","
+    if first.count(delimiter) >= MAX_TABLE_COLUMNS:
+        raise InputError(
+            "wrong-count",
+            f"got a table of {first.count(delimiter) + 1} columns, expected three: x, y and z.",
+        )
+    reader = csv.reader(io.StringIO(text), delimiter=delimiter, skipinitialspace=True)
     columns: tuple[int, ...] | None = None
     headers: list[str] = []
     is_first = True
@@ -75,10 +91,8 @@ def read_csv(text: str, source: Source) -> Path | Shape:
 
 
 def _first_line(text: str) -> str:
-    for line in text.splitlines():
-        if line.strip() and not _is_remark(line):
-            return line
-    return ""
+    lines = (line for _, line in numbered_lines(text) if not _is_remark(line))
+    return next((line for line in lines if line.strip()), "")
 
 
 def _is_remark(line: str) -> bool:

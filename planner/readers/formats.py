@@ -6,6 +6,7 @@ damaged file could be of several kinds. Nothing outside of the bytes is ever rea
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from typing import Final
 
@@ -44,6 +45,12 @@ READABLE_FORMATS: Final = (
     "JSON, a JSON list, CSV, XYZ, .npy, a string of angles like 0 - - +)"
 )
 
+LOGGER: Final = logging.getLogger(__name__)
+UNREADABLE: Final = (
+    "the file cannot be read: it is damaged, or unusual in a way that foldback does not know; save "
+    "it again with another program, or in another format."
+)
+"""Message for a file at which a reader failed in an unforeseen way."""
 Kind = tuple[Callable[[bytes], bool], Callable[[bytes, Source], Path | Shape | Solid]]
 BINARY_KINDS: Final[tuple[Kind, ...]] = (
     (is_npy, read_npy),
@@ -82,6 +89,24 @@ def read(
     Raises:
         InputError: The content cannot be read; says what was found and expected, and what to do.
     """
+    try:
+        return _read(data, filename, as_voxels, most_cells, most_triangles, most_bytes)
+    except (InputError, MemoryError):
+        raise
+    except Exception as error:
+        # A fault of a reader or of a library that it uses. Its words mean nothing to people.
+        LOGGER.debug("reading a file failed", exc_info=error)
+        raise InputError("unreadable", UNREADABLE) from error
+
+
+def _read(
+    data: bytes,
+    filename: str | None,
+    as_voxels: bool,
+    most_cells: int,
+    most_triangles: int,
+    most_bytes: int,
+) -> Path | Chain | Shape | Solid:
     source = Source(
         name=clean_name(_stem(filename)),
         most_cells=most_cells,

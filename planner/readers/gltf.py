@@ -46,11 +46,12 @@ COMPONENT_TYPES: Final = {
 """NumPy type for each ``componentType`` code of an accessor (a typed array) in a glTF file, from
 the glTF 2.0 specification."""
 WIDTHS: Final = {"SCALAR": 1, "VEC3": 3, "VEC4": 4}
-PACKED: Final = (
-    "KHR_draco_mesh_compression",
-    "EXT_meshopt_compression",
-    "KHR_meshopt_compression",
-)
+PACKED: Final = {
+    "KHR_draco_mesh_compression": "Draco",
+    "EXT_meshopt_compression": "meshopt",
+    "KHR_meshopt_compression": "meshopt",
+}
+"""glTF extensions that compress geometry, and the names of the methods."""
 INSTANCING: Final = "EXT_mesh_gpu_instancing"
 VISIBILITY: Final = "KHR_node_visibility"
 READ_GLTF_EXTENSIONS: Final = (INSTANCING, VISIBILITY, "KHR_mesh_quantization")
@@ -204,20 +205,29 @@ class _Scene:
             self._notes["animations were ignored; the parts are in their original positions."] = (
                 None
             )
-        for key in ("buffers", "images"):
-            for index, entry in enumerate(document.get(key, [])):
-                uri = entry.get("uri")
-                if uri is not None and not str(uri).startswith("data:"):
-                    raise InputError(
-                        "outside-reference",
-                        f"the scene refers to {quote(str(uri))!r}, which is not in the file; "
-                        "export the scene as one file (GLB).",
-                        where=f"{key}[{index}]",
-                    )
-        self._buffers = [
-            _decoded(entry, None if index else binary)
-            for index, entry in enumerate(document.get("buffers", []))
-        ]
+        self._binary = binary
+        self._buffers: dict[int, bytes] = {}
+
+    def _buffer(self, index: int) -> bytes:
+        """Return the bytes of a buffer. Only those with geometry are looked at."""
+        if index not in self._buffers:
+            entry = self._document["buffers"][index]
+            uri = entry.get("uri")
+            if uri is not None and not str(uri).startswith("data:"):
+                raise InputError(
+                    "outside-reference",
+                    f"the geometry is in another file, {quote(str(uri))!r}; export the scene as "
+                    "GLB with all of its data inside.",
+                    where=f"buffers[{index}]",
+                )
+            self._buffers[index] = _decoded(entry, None if index else self._binary)
+        return self._buffers[index]
+
+    def _is_placeholder(self, index: int) -> bool:
+        """Return True if a buffer only states a length, for a reader that unpacks another one."""
+        entry = self._document["buffers"][index]
+        lacks = "uri" not in entry and (index > 0 or self._binary is None)
+        return lacks or bool(_packed(entry))
 
     @property
     def notes(self) -> tuple[str, ...]:
@@ -357,7 +367,20 @@ class _Scene:
         kept = [p for p in every if p.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)]
         if len(kept) < len(every):
             self._notes["points and lines were ignored."] = None
-        return [p for p in kept if self._triangles(p) and self._points(p)]
+        used = [p for p in kept if self._triangles(p) and self._points(p)]
+        for primitive in used:
+            # Counts that the file cannot hold are refused before they are added up.
+            if (packed := _packed(primitive)) and self._lacks_data(primitive):
+                raise _compressed(packed)
+            self._values(primitive["attributes"]["POSITION"], "VEC3")
+            if "indices" in primitive:
+                self._values(primitive["indices"], "SCALAR")
+        return used
+
+    def _lacks_data(self, primitive: Document) -> bool:
+        """Return True if a primitive has no data beside that of an extension."""
+        accessor = self._document["accessors"][primitive["attributes"]["POSITION"]]
+        return "bufferView" not in accessor
 
     def _points(self, primitive: Document) -> int:
         """Return the number of points that a primitive declares."""
@@ -418,7 +441,9 @@ class _Scene:
             )
         kind = np.dtype(COMPONENT_TYPES[accessor["componentType"]])
         view = self._document["bufferViews"][accessor["bufferView"]]
-        buffer = self._buffers[view["buffer"]]
+        if (packed := _packed(view)) and self._is_placeholder(view["buffer"]):
+            raise _compressed(packed)
+        buffer = self._buffer(view["buffer"])
         width = WIDTHS[expected]
         size = kind.itemsize * width
         stride = int(view.get("byteStride", size))
@@ -463,10 +488,7 @@ def _check_extensions(document: Document, notes: dict[str, None]) -> None:
         if name in READ_GLTF_EXTENSIONS or str(name).startswith(IGNORED_EXTENSION_PREFIXES):
             continue
         if name in PACKED and name in required:
-            raise InputError(
-                "unsupported",
-                f"the mesh is compressed with {name}; export it without compression.",
-            )
+            raise _compressed(name)
         if name in required:
             raise InputError(
                 "unsupported",
@@ -474,6 +496,18 @@ def _check_extensions(document: Document, notes: dict[str, None]) -> None:
                 "export it without this extension.",
             )
         notes[f"the extension {quote(str(name))!r} was ignored."] = None
+
+
+def _packed(entry: Document) -> str:
+    """Return the extension that compresses a primitive or a view of a buffer; empty if none."""
+    return next((name for name in PACKED if name in entry.get("extensions", {})), "")
+
+
+def _compressed(name: str) -> InputError:
+    return InputError(
+        "unsupported",
+        f"the mesh is compressed with {PACKED[name]} ({name}); export it without compression.",
+    )
 
 
 def _count(accessor: Document) -> int:

@@ -16,6 +16,14 @@ is refused before it is parsed. Larger values admit wordier files and take more 
 SPARE_BYTES: Final = 65_536
 """Size that a text file may have, in bytes, in addition to the allowance for each cell, for
 headings and comments. Larger values admit longer ones. Chosen."""
+LINES_PER_CELL: Final = 4
+"""Allowed number of lines of a text file for each cell of the largest accepted shape: one of data,
+the others comments or blank."""
+SPARE_LINES: Final = 10_000
+"""Number of lines that a text file may have in addition to the allowance for each cell."""
+LINES_PER_TRIANGLE: Final = 4
+"""Allowed number of lines of a mesh written as text, for each triangle of the largest accepted
+mesh: that of the triangle, and those of vertices, normals and texture coordinates."""
 MAX_QUOTE_CHARACTERS: Final = 40
 """Maximum length, in characters, of text from an input file that an error message quotes; the rest
 is cut off. Larger values make longer messages. Chosen."""
@@ -46,6 +54,17 @@ def quote(found: object) -> str:
     text = found if isinstance(found, str) else repr(found)
     shown = "".join(c if c.isprintable() else "·" for c in text[: MAX_QUOTE_CHARACTERS + 1])
     return f"{shown[:MAX_QUOTE_CHARACTERS]}…" if len(text) > MAX_QUOTE_CHARACTERS else shown
+
+
+def described(value: object) -> str:
+    """Return a short form of a JSON value for a message, as it stands in the file."""
+    match value:
+        case str():
+            return f'the text "{quote(value)}"'
+        case True | False | None:
+            return {True: "true", False: "false", None: "null"}[value]
+        case _:
+            return quote(value)
 
 
 def parse_float(word: str | bytes) -> float:
@@ -119,6 +138,33 @@ def check_size(data: bytes, most_cells: int) -> None:
             f"got {megabytes(len(data))}, expected at most {megabytes(most)}, which is "
             f"enough for {most_cells} cells; use a coarser shape.",
         )
+    lines, most_lines = line_ends(data), SPARE_LINES + LINES_PER_CELL * most_cells
+    if lines > most_lines:
+        raise InputError(
+            "too-large",
+            f"got {lines} lines, expected at most {most_lines}; remove blank lines and comments, "
+            "or use a coarser shape.",
+        )
+
+
+def check_lines(data: bytes, most_triangles: int) -> None:
+    """Refuse meshes written as text in more lines than ``most_triangles`` triangles need.
+
+    Raises:
+        InputError: ``too-large``.
+    """
+    lines, most = line_ends(data), SPARE_LINES + LINES_PER_TRIANGLE * most_triangles
+    if lines > most:
+        raise InputError(
+            "too-large",
+            f"got {lines} lines, expected at most {most}; remove blank lines and comments, or "
+            "simplify the mesh.",
+        )
+
+
+def line_ends(data: bytes) -> int:
+    """Return the number of line ends of a text file, be they CR, LF or both."""
+    return max(data.count(b"\n"), data.count(b"\r"))
 
 
 def too_many(found: int, most: int, what: str = "cells") -> InputError:

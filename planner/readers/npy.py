@@ -16,11 +16,13 @@ from numpy.typing import NDArray
 
 from planner.chain.path import Path
 from planner.errors import InputError
-from planner.readers.limits import Source, too_many
+from planner.readers.limits import Source, quote, too_many
 from planner.readers.text import path_or_shape
 from planner.shapes.shape import Shape
 
 NPY_MAGIC: Final = b"\x93NUMPY"
+LINE_ENDS: Final = b"\r\n"
+"""Bytes that a program for text may have written after the data."""
 MAX_NPY_HEADER_BYTES: Final = 4096
 """Maximum size of the header of a NumPy file, in bytes; a larger one is refused, as NumPy evaluates
 it as a Python literal. Chosen; usual headers take 128 bytes."""
@@ -43,6 +45,7 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
             "wrong-type",
             "got an array of Python objects, expected whole numbers of the shape (N, 3).",
         )
+    _refuse_batch_axis(shape)
     is_grid = len(shape) == 3 and dtype.kind in "iubf"
     if not is_grid and (dtype.kind not in "iuf" or dtype.itemsize > 8):
         raise InputError(
@@ -56,15 +59,20 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
             f"got an array of shape {shape}, expected the shape (N, 3) with one cell per row, or "
             "a grid of voxels of the shape (X, Y, Z) with True in filled cells.",
         )
+    if 0 in shape:
+        raise InputError("empty", f"got an array of shape {shape}, which has no entries.")
     if not is_grid and shape[0] > source.most_cells:
         raise too_many(shape[0], source.most_cells)
     expected = math.prod(shape) * dtype.itemsize
+    if data[start + expected :].strip(LINE_ENDS) == b"":
+        data = data[: start + expected]
     data_size = len(data) - start
     if data_size != expected:
         raise InputError(
             "truncated" if data_size < expected else "damaged",
-            f"the header declares {expected} bytes of data, but the file has {data_size}; save the "
-            "file again.",
+            f"the header declares an array of shape {quote(shape)}, which takes {expected} bytes, "
+            f"but the file has {data_size} bytes of data; the header is wrong, or the file is cut "
+            "off.",
         )
     flat = np.frombuffer(data, dtype=dtype, offset=start)
     if is_grid:
@@ -74,6 +82,28 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
             np.float64 if dtype.kind == "f" else dtype.newbyteorder("=")
         )
     return path_or_shape(cells, source)
+
+
+def _refuse_batch_axis(shape: tuple[int, ...]) -> None:
+    """Refuse grids with further axes of length 1, as machine learning has them.
+
+    Raises:
+        InputError: ``wrong-shape``; says how to remove the axes.
+    """
+    inner = tuple(length for length in shape if length != 1)
+    if len(shape) > 3 and len(inner) <= 3 and len(shape) <= 6:
+        raise InputError(
+            "wrong-shape",
+            f"got an array of shape {shape}, which has a batch or channel axis of length 1, "
+            "expected a grid of voxels of the shape (X, Y, Z); remove the axis, for example with "
+            f"{'array[0]' if shape[0] == 1 else 'array[..., 0]'}.",
+        )
+    if len(shape) > 3:
+        raise InputError(
+            "wrong-shape",
+            f"got an array with {len(shape)} axes, expected a grid of voxels of the shape "
+            "(X, Y, Z); save one grid alone.",
+        )
 
 
 def _voxels(grid: NDArray[Any], source: Source) -> Shape:

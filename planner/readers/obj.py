@@ -6,9 +6,10 @@ import re
 from typing import Final
 
 from planner.errors import InputError
-from planner.readers.limits import Source, parse_float, parse_int
-from planner.readers.text import HASH_COMMENT, LEADING_COMMENTS
+from planner.readers.limits import Source, check_lines, parse_float, parse_int
+from planner.readers.text import HASH_COMMENT, LEADING_COMMENTS, numbered_lines
 from planner.readers.trimesh_meshes import triangles_in
+from planner.shapes.polygons import skipped_note
 from planner.shapes.solid import Solid, check_triangles
 
 VERTEX_LINE: Final = re.compile(rb"(?m)^[ \t]*v[ \t]+[-+.\dnNiI]")
@@ -22,11 +23,12 @@ end with the backslash of a path."""
 BLANKS: Final = bytes.maketrans(b"\t\f\v", b"   ")
 FREE_FORM: Final = re.compile(rb"(?m)^[ \t]*(surf|curv2?|call|csh|fo|bzp|bsp|cdc|cdp|res)[ \t]")
 POINTS_OR_LINES: Final = re.compile(rb"(?m)^[ \t]*[pl][ \t]+[-\d]")
-OTHER_LINE: Final = re.compile(rb"(?m)^(?! *[vf] ).*\n?")
+OTHER_LINES: Final = re.compile(rb"(?m)^(?:(?! *[vf] ).*\n)++")
 SPARE_SPACE: Final = re.compile(rb"(?m)^ +| +$| +(?= )")
 BEYOND: Final = re.compile(rb"(\nv(?: [^ \n]+){3}) .*")
 NO_VERTEX: Final = re.compile(rb"\nv(?!(?: [-+.0-9a-zA-Z]+){3}\n)")
 NO_POLYGON: Final = re.compile(rb"\nf(?!(?: \+?0*[1-9][0-9]*){3,}\n)")
+SHORT_POLYGON: Final = re.compile(rb"\nf(?: \+?0*[1-9][0-9]*){1,2}(?=\n)")
 TEXTURE: Final = re.compile(rb"/[^ \n]*")
 COUNTED_BACK: Final = re.compile(rb"\nf[^-\n]*-")
 OBJ_PROBE_BYTES: Final = 65_536
@@ -48,6 +50,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
     Raises:
         InputError: A line cannot be read, or the mesh is no solid.
     """
+    check_lines(data, source.most_triangles)
     data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
     other = FREE_FORM.search(data)
     if other is not None:
@@ -72,8 +75,15 @@ def read_obj(data: bytes, source: Source) -> Solid:
             raise _damaged("a vertex without three coordinates")
         text = TEXTURE.sub(b"", text) if b"/" in text else text
         text = _counted_from_the_first(text) if COUNTED_BACK.search(text) else text
+        text, skipped = SHORT_POLYGON.subn(b"", text)
         if NO_POLYGON.search(text):
-            raise _damaged("a polygon with fewer than three corners, or with unknown vertices")
+            raise _damaged("a polygon with unknown vertices")
+        if skipped == polygons:
+            raise InputError(
+                "no-triangles",
+                "got an OBJ file whose polygons all have fewer than three corners, expected a "
+                "closed surface of polygons.",
+            )
         points, faces = triangles_in(text, "obj")
     except InputError as refusal:
         raise (_first_fault(data, vertices) or refusal) from refusal
@@ -81,7 +91,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
         points,
         faces,
         name=source.name or "solid",
-        notes=("points and lines were ignored.",) if lines else (),
+        notes=(*(("points and lines were ignored.",) if lines else ()), *skipped_note(skipped)),
         most_triangles=source.most_triangles,
     )
 
@@ -100,7 +110,7 @@ def _plain(data: bytes) -> bytes:
     trimesh knows no tabs and indents, and cuts a mesh apart where its material changes.
     """
     text = _continued(data)
-    text = b"\n%b\n" % OTHER_LINE.sub(b"", text.translate(BLANKS))
+    text = b"\n%b" % OTHER_LINES.sub(b"", b"%b\n" % text.translate(BLANKS))
     text = HASH_COMMENT.sub(b"", text) if b"#" in text else text
     spare = any(found in text for found in (b"  ", b"\n ", b" \n"))
     return SPARE_SPACE.sub(b"", text) if spare else text
@@ -141,8 +151,8 @@ def _counted_from_the_first(text: bytes) -> bytes:
 def _first_fault(data: bytes, vertices: int) -> InputError | None:
     """Return the error of the first line that cannot be read; None if all can."""
     known = 0
-    lines = HASH_COMMENT.sub(b"", _continued(data)).decode("latin-1").split("\n")
-    for number, line in enumerate(lines, 1):
+    text = HASH_COMMENT.sub(b"", _continued(data)).decode("latin-1")
+    for number, line in numbered_lines(text):
         kind, *words = line.split() or [""]
         try:
             if kind == "v":

@@ -11,11 +11,12 @@ from planner.arrays import Array, Ints
 from planner.errors import InputError
 from planner.readers.limits import Source, parse_float, parse_int, quote
 from planner.readers.number_tables import Table, chunks, table, whole
-from planner.readers.text import HASH_COMMENT, LEADING_COMMENTS
-from planner.shapes.polygons import fans
+from planner.readers.text import BYTE_LINE, HASH_COMMENT, LEADING_COMMENTS, numbered_lines
+from planner.shapes.polygons import MIN_CORNERS, fans, skipped_note
 from planner.shapes.solid import Solid, check_triangles
 
-KIND: Final = re.compile(r"(?:ST)?C?N?4?n?OFF(?=[\s#]|$)")
+KIND: Final = re.compile(rb"\s*((?:ST)?C?N?4?n?OFF)(?=[\s#\d]|$)")
+"""Matches the keyword. Counts may follow it without a space, as in the ModelNet data sets."""
 KEYWORD_PROBE_BYTES: Final = 64
 """Number of bytes after leading comments in which an OFF file's keyword is searched. Larger values
 allow more space before it. Chosen."""
@@ -31,8 +32,7 @@ def is_off(data: bytes) -> bool:
     """Return True if the first word is an OFF keyword."""
     head = LEADING_COMMENTS.match(data)
     begin = head.end() if head else 0
-    start = data[begin : begin + KEYWORD_PROBE_BYTES].lstrip()
-    return KIND.match(start.decode("latin-1")) is not None
+    return KIND.match(data[begin : begin + KEYWORD_PROBE_BYTES]) is not None
 
 
 def read_off(data: bytes, source: Source) -> Solid:
@@ -45,7 +45,13 @@ def read_off(data: bytes, source: Source) -> Solid:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     if b"#" in data:
         data = HASH_COMMENT.sub(b"", data)
-    (kind, *first), at, number = _words(data, 0, 0)
+    keyword = KIND.match(data)
+    assert keyword is not None
+    kind = keyword[1].decode("latin-1")
+    end = data.find(b"\n", keyword.end())
+    at = len(data) if end < 0 else end + 1
+    first = data[keyword.end() : at].decode("latin-1").split()
+    number = data.count(b"\n", 0, at)
     if "4" in kind or "n" in kind:
         raise InputError(
             "unsupported", f"{kind} meshes are not supported; save the mesh as plain OFF."
@@ -69,25 +75,23 @@ def read_off(data: bytes, source: Source) -> Solid:
         bytes(body), number, vertices, polygons
     )
     points, corners, counts, more = found
+    notes = skipped_note(int((counts < MIN_CORNERS).sum()))
     return Solid.from_triangles(
         points,
         fans(corners, counts),
         name=source.name or "solid",
-        notes=("lines after the last polygon were ignored.",) if more else (),
+        notes=(*notes, "lines after the last polygon were ignored.") if more else notes,
         most_triangles=source.most_triangles,
     )
 
 
 def _words(data: bytes, at: int, number: int) -> tuple[list[str], int, int]:
     """Return the words of the next non-empty line, the offset after it, and its number."""
-    while at < len(data):
-        end = data.find(b"\n", at)
-        end = len(data) if end < 0 else end
-        words = data[at:end].decode("latin-1").split()
-        at, number = end + 1, number + 1
-        if words:
-            return words, at, number
-    return [], at, number
+    line = BYTE_LINE.search(data, at)
+    if line is None:
+        return [], len(data), number
+    number += data.count(b"\n", at, line.start()) + 1
+    return line[0].decode("latin-1").split(), line.end() + 1, number
 
 
 def _truncated(lines: int, vertices: int, polygons: int) -> InputError:
@@ -106,10 +110,9 @@ def _many(body: bytes, vertices: int, polygons: int) -> Mesh | None:
         part = table(np.frombuffer(ended, dtype=np.uint8))
         if part is None:
             return None
-        tables.append(part)
+        tables.append(Table(values=part.values, counts=part.counts[part.counts > 0]))
     values = np.concatenate([part.values for part in tables])
     counts = np.concatenate([part.counts for part in tables])
-    counts = counts[counts > 0]
     del tables
     if len(counts) < vertices + polygons:
         return None
@@ -135,8 +138,8 @@ def _many(body: bytes, vertices: int, polygons: int) -> Mesh | None:
 def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
     """Parse line by line, so that an error can name its line."""
     lines = [
-        (n, words)
-        for n, line in enumerate(body.decode("latin-1").split("\n"), number + 1)
+        (number + n, words)
+        for n, line in numbered_lines(body.decode("latin-1"))
         if (words := line.split())
     ]
     if vertices + polygons > len(lines):

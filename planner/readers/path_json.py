@@ -9,7 +9,7 @@ import numpy as np
 
 from planner.chain.path import DEFAULT_PITCH_M, Path
 from planner.errors import InputError
-from planner.readers.limits import Source, quote, too_many
+from planner.readers.limits import Source, described, too_many
 from planner.readers.strict_json import name_field, pitch_field, refuse_unread_keys
 from planner.readers.text import path_or_shape
 from planner.shapes.shape import Shape
@@ -26,7 +26,7 @@ def read_path(document: dict[str, Any], source: Source) -> Path | Shape:
     refuse_unread_keys(document, PATH_KEYS)
     rows = document.get("cells")
     if not isinstance(rows, list):
-        found = "nothing" if "cells" not in document else quote(rows)
+        found = "nothing" if "cells" not in document else described(rows)
         raise InputError("wrong-type", f"got {found}, expected a list of [x, y, z].", where="cells")
     return path_from_rows(
         cast("list[Any]", rows),
@@ -68,14 +68,15 @@ def path_from_rows(
         if not isinstance(row, list) or len(cast("list[Any]", row)) != 3:
             raise InputError(
                 "wrong-count",
-                f"got {quote(row)}, expected [x, y, z].",
+                f"got {described(cast('object', row))}, expected [x, y, z].",
                 where=f"cell {index}",
             )
         for value, axis in zip(cast("list[Any]", row), "xyz", strict=True):
             if type(value) is not int and type(value) is not float:
                 raise InputError(
                     "not-a-number",
-                    f"got {quote(value)} for {axis}, expected a whole number.",
+                    f"got {described(value)} for {axis}, expected a whole number"
+                    f"{' without quotation marks' if isinstance(value, str) else ''}.",
                     where=f"cell {index}",
                 )
     return path_or_shape(np.array(rows, dtype=np.float64), source, name=name, pitch_m=pitch_m)

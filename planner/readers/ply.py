@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from itertools import chain
+from itertools import chain, islice
 from typing import Any, Final
 
 import numpy as np
@@ -12,9 +12,10 @@ from numpy.typing import NDArray
 
 from planner.arrays import Array, Ints
 from planner.errors import InputError
-from planner.readers.limits import Source, parse_float, quote
-from planner.shapes.polygons import fans
-from planner.shapes.solid import Solid, check_triangles
+from planner.readers.limits import Source, check_lines, parse_float, quote
+from planner.readers.text import BYTE_LINE, numbered_lines
+from planner.shapes.polygons import MIN_CORNERS, fans, skipped_note
+from planner.shapes.solid import MAX_TRIANGLES, Solid, check_triangles
 
 MAX_PLY_HEADER_BYTES: Final = 65_536
 """Maximum size of the header of a PLY file, in bytes; a file whose header does not end within it is
@@ -66,12 +67,19 @@ def read_ply(data: bytes, source: Source) -> Solid:
         InputError: The header is wrong, data is missing, or the mesh is no solid.
     """
     order, elements, start = _header(data)
-    body = _Text(data[start:], elements) if order == "" else _Binary(data[start:], order)
+    body = (
+        _Text(data[start:], elements, source.most_triangles)
+        if order == ""
+        else _Binary(data[start:], order)
+    )
     points: Array | None = None
     parts: list[Ints] = []
+    skipped = 0
     for element in elements:
         if not element.properties:
             raise _damaged(f"the element {quote(element.name)!r} has no properties")
+        if element.count > body.most(element):
+            raise _truncated(element)
         if element.name == "face":
             check_triangles(element.count, source.most_triangles)
         columns = body.read(element)
@@ -91,6 +99,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
             if corners.dtype.kind == "f" and not np.array_equal(rows, corners):
                 raise _damaged("a face has a vertex number that is not a whole number")
             parts.append(fans(rows, counts) if element.name == "face" else _strips(rows, counts))
+            skipped += int((counts < MIN_CORNERS).sum())
     others = [e.name for e in elements if e.count and any(p.length for p in e.properties)]
     lists = [name for name in others if name not in ("face", "tristrips")]
     if points is None or not sum(map(len, parts)):
@@ -104,7 +113,8 @@ def read_ply(data: bytes, source: Source) -> Solid:
             f"got a PLY file without faces ({found}), expected a closed surface of polygons.",
         )
     triangles = np.concatenate(parts)
-    notes = [f"the element {quote(name)!r} was ignored." for name in lists]
+    notes = list(skipped_note(skipped))
+    notes += [f"the element {quote(name)!r} was ignored." for name in lists]
     if body.has_more():
         notes.append("data after the last element was ignored.")
     return Solid.from_triangles(
@@ -138,11 +148,14 @@ def _damaged(found: str) -> InputError:
 
 def _header(data: bytes) -> tuple[str, list[_Element], int]:
     last = END_HEADER.search(data, 0, MAX_PLY_HEADER_BYTES)
+    if last is None and len(data) > MAX_PLY_HEADER_BYTES:
+        raise _damaged(f"the header does not end within {MAX_PLY_HEADER_BYTES} bytes")
     if last is None:
         raise InputError("truncated", "the file ends within its header; save or send it again.")
     order: str | None = None
     elements: list[_Element] = []
-    for number, line in enumerate(data[: last.start()].decode("latin-1").splitlines(), 1):
+    header = data[: last.start()].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    for number, line in numbered_lines(header.decode("latin-1")):
         words = line.split()
         match words:
             case ["format", name, _] if name in BYTE_ORDERS:
@@ -206,8 +219,9 @@ class _Text:
     own, and what that holds beyond what the header says of a row is left alone.
     """
 
-    def __init__(self, data: bytes, elements: list[_Element]) -> None:
-        self._lines = [words for line in data.splitlines() if (words := line.split())]
+    def __init__(self, data: bytes, elements: list[_Element], most_triangles: int) -> None:
+        check_lines(data, most_triangles)
+        self._lines = [line[0].split() for line in BYTE_LINE.finditer(data)]
         rows = sum(element.count for element in elements)
         self._line_a_row = len(self._lines) >= rows and not _fits(self._lines, elements)
         self._at = 0
@@ -220,8 +234,6 @@ class _Text:
             self._at += element.count
             return found
         words = list(chain.from_iterable(self._lines[self._at :]))
-        if element.count * len(element.properties) > len(words):
-            raise _truncated(element)
         rows = _Rows(element)
         at = 0
         for _ in range(element.count):
@@ -231,6 +243,11 @@ class _Text:
             at = end
         self._lines, self._at, self._line_a_row = [words[at:]], 0, False
         return self._columns(rows)
+
+    def most(self, element: _Element) -> int:
+        """Return an upper bound of the number of rows of an element that are left."""
+        words = sum(len(words) for words in islice(self._lines, self._at, None))
+        return words // len(element.properties)
 
     def has_more(self) -> bool:
         """Return True if words follow the last row that was read."""
@@ -296,9 +313,6 @@ class _Binary:
     def read(self, element: _Element) -> Columns:
         """Read the columns of an element: all values in a row, and the number in each row."""
         lists = [p for p in element.properties if p.length]
-        least = sum(np.dtype(p.length or p.kind).itemsize for p in element.properties)
-        if element.count * least > len(self._data) - self._at:
-            raise _truncated(element)
         if element.count == 0:
             none = np.zeros(0, dtype=np.int64)
             return [(none, none) for _ in element.properties]
@@ -317,6 +331,11 @@ class _Binary:
         if not lists:
             raise _truncated(element)
         return self._row_by_row(element)
+
+    def most(self, element: _Element) -> int:
+        """Return an upper bound of the number of rows of an element that are left."""
+        least = sum(np.dtype(p.length or p.kind).itemsize for p in element.properties)
+        return (len(self._data) - self._at) // least
 
     def has_more(self) -> bool:
         """Return True if bytes follow the last row that was read."""
@@ -355,6 +374,12 @@ class _Binary:
         return np.frombuffer(self._data, row, element.count, self._at)
 
     def _row_by_row(self, element: _Element) -> Columns:
+        if element.count > MAX_TRIANGLES:
+            raise InputError(
+                "too-large",
+                f"got {element.count} entries of the element {quote(element.name)!r}, expected at "
+                f"most {MAX_TRIANGLES}; simplify the mesh.",
+            )
         values: list[list[bytes]] = [[] for _ in element.properties]
         counts: list[list[int]] = [[] for _ in element.properties]
         little = "little" if self._order == "<" else "big"

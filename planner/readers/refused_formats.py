@@ -7,6 +7,7 @@ from typing import Final
 from planner.errors import InputError
 from planner.readers.limits import quote
 
+HTML_PAGE: Final = "an HTML page"
 SIGNATURES: Final = (
     (b"\x89PNG", "a PNG picture"),
     (b"\xff\xd8\xff", "a JPEG picture"),
@@ -35,9 +36,19 @@ SIGNATURES: Final = (
     (b"AC10", "an AutoCAD drawing"),
     (b"\xd0\xcf\x11\xe0", "an office or CAD document"),
 )
+POINTERS: Final = (
+    (b"version https://git-lfs.github.com/spec/", "Git LFS", "git lfs pull"),
+    (b"version https://hawser.github.com/spec/", "Git LFS", "git lfs pull"),
+    (b"/annex/objects/", "git-annex", "git annex get"),
+    (b"../.git/annex/objects/", "git-annex", "git annex get"),
+    (b".git/annex/objects/", "git-annex", "git annex get"),
+)
+"""Beginnings of files that stand for a large file in a Git repository, the program that writes
+them, and the command that fetches the large file."""
 XML_KINDS: Final = (
     (b"<svg", "an SVG drawing"),
-    (b"<html", "an HTML page"),
+    (b"<!doctype html", HTML_PAGE),
+    (b"<html", HTML_PAGE),
     (b"<amf", "an AMF model"),
     (b"<collada", "a COLLADA scene"),
     (b"<x3d", "an X3D scene"),
@@ -52,9 +63,19 @@ def refuse_other_kinds(data: bytes, expected: str) -> None:
     """Refuse a file with the signature of an unsupported format.
 
     Raises:
-        InputError: ``wrong-kind``; says what the file looks like.
+        InputError: ``wrong-kind``; says what the file looks like. ``pointer`` for a text that
+            stands for a file in a repository; says how to get the file.
     """
+    for signature, program, command in POINTERS:
+        if data.startswith(signature):
+            raise InputError(
+                "pointer",
+                f"this is a pointer of {program}, which stands for the real file in a repository; "
+                f"fetch the real file with '{command}', or download it from the repository's page.",
+            )
     kind = looks_like(data)
+    if kind == HTML_PAGE:
+        kind = f"{HTML_PAGE}, perhaps the page from which the file can be downloaded"
     if kind is not None:
         raise wrong_kind(f"this looks like {kind}", expected)
 

@@ -115,15 +115,15 @@ def read_stl(data: bytes, source: Source, hinted: bool) -> Solid:
 def _binary(data: bytes, source: Source) -> Solid:
     count = announced(data)
     expected = HEADER_BYTES + TRIANGLE_BYTES * count
-    if count or len(data) < HEADER_BYTES + TRIANGLE_BYTES:
-        check_triangles(count, source.most_triangles)
     if len(data) < expected:
         held = (len(data) - HEADER_BYTES) // TRIANGLE_BYTES
         raise InputError(
             "truncated",
-            f"the header declares {count} triangles, but the file has {held}; save or send it "
-            "again.",
+            f"the header declares {count} triangles, but the file has {held}; the header is wrong, "
+            "or the file is cut off.",
         )
+    if count or len(data) < HEADER_BYTES + TRIANGLE_BYTES:
+        check_triangles(count, source.most_triangles)
     if len(data) > expected + (MAX_TAIL_BYTES if count else 0):
         raise InputError(
             "damaged",

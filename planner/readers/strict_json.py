@@ -10,7 +10,7 @@ from typing import Any, Final
 from planner.chain.path import DEFAULT_PITCH_M
 from planner.display_names import clean_name
 from planner.errors import InputError
-from planner.readers.limits import MAX_CELLS, quote, too_many
+from planner.readers.limits import MAX_CELLS, described, quote, too_many
 
 MAX_INTEGER_DIGITS: Final = 18
 """Maximum number of characters of a JSON integer that is parsed exactly. Longer ones become a
@@ -118,7 +118,7 @@ def name_field(document: dict[str, Any]) -> str:
     """
     value = document.get("name", "")
     if not isinstance(value, str):
-        raise InputError("wrong-type", f"got {quote(value)}, expected text.", where="name")
+        raise InputError("wrong-type", f"got {described(value)}, expected text.", where="name")
     return clean_name(value)
 
 
@@ -130,5 +130,7 @@ def pitch_field(document: dict[str, Any]) -> float:
     """
     value = document.get("pitch_m", DEFAULT_PITCH_M)
     if type(value) is not int and type(value) is not float:
-        raise InputError("wrong-type", f"got {quote(value)}, expected a number.", where="pitch_m")
+        raise InputError(
+            "wrong-type", f"got {described(value)}, expected a number.", where="pitch_m"
+        )
     return float(value)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import codecs
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Final
 
 import numpy as np
@@ -23,11 +23,19 @@ WORD_SEPARATOR: Final = re.compile(r'[\s,;"]+')
 COMMENT_MARK: Final = "#"
 HASH_COMMENT: Final = re.compile(rb"#[^\n]*")
 """Matches a comment in the bytes of a text file: from a number sign to the end of the line."""
-LEADING_COMMENTS: Final = re.compile(rb"(?:[ \t]*(?:#[^\r\n]*)?[\r\n])*+")
-"""Matches comments and empty lines at the beginning of the bytes of a text file."""
+TEXT_LINE: Final = re.compile(r"[^ \t\r\n\f\v][^\r\n]*")
+"""Matches the text of a line from its first character that is no blank. Lines end at CR and LF
+alone: other characters that Unicode counts as line ends occur in comments and names."""
+BYTE_LINE: Final = re.compile(rb"[^ \t\r\n\f\v][^\r\n]*")
+"""As ``TEXT_LINE``, in bytes."""
+LEADING_COMMENTS: Final = re.compile(rb"(?:[ \t\r\n]++|#[^\r\n]*+)*+")
+"""Matches comments and blanks at the beginning of the bytes of a text file."""
 CONTROL: Final = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
 """Matches control characters that text files do not contain. White space is allowed, and so is the
 end mark of old systems (0x1A)."""
+PADDING: Final = b"\0\x1a \t\r\n"
+"""Bytes that may follow the data of a file without a meaning: line ends, blanks, and what old
+systems and tapes filled files up with."""
 TEXT_PROBE_SIZE: Final = 20_000
 """Number of bytes, or characters, at the beginning of a file that are checked to be text, and to
 contain a number. Larger values recognise more files with long preambles, and cost more. Chosen."""
@@ -45,6 +53,21 @@ BYTE_ORDER_MARKS: Final = (
 """Byte order marks with their encodings, tried in this order: the marks of UTF-32 come first, as
 that of little-endian UTF-32 begins like that of UTF-16."""
 READ_AS_VOXELS: Final = "if the order of the cells has no meaning, read the cells as voxels"
+
+
+def numbered_lines(text: str) -> Iterator[tuple[int, str]]:
+    """Yield the lines of a text that are not blank, each with its number, without leading blanks.
+
+    Nothing is stored for blank lines, so that a file of line ends takes no memory.
+
+    Args:
+        text: Text whose lines end with LF.
+    """
+    number, at = 1, 0
+    for match in TEXT_LINE.finditer(text):
+        number += text.count("\n", at, match.start())
+        at = match.start()
+        yield number, match[0]
 
 
 def to_utf8(data: bytes) -> bytes:
@@ -68,11 +91,12 @@ def to_utf8(data: bytes) -> bytes:
 
 
 def decode(data: bytes, expected: str) -> str:
-    """Return the text of a file in UTF-8, or in Windows' Western encoding.
+    """Return the text of a file in UTF-8, or in Windows' Western encoding; its lines end with LF.
 
     Raises:
         InputError: ``wrong-kind`` when it is not text.
     """
+    data = data.rstrip(PADDING)
     try:
         text = data.decode()
     except UnicodeDecodeError as error:
@@ -86,7 +110,7 @@ def decode(data: bytes, expected: str) -> str:
         raise wrong_kind(
             f"this looks like a binary file (character {place} is a zero byte)", expected
         )
-    return text
+    return text.replace("\r\n", "\n").replace("\r", "\n") if "\r" in text else text
 
 
 def refuse_binary(data: bytes, expected: str) -> None:

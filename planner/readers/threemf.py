@@ -20,6 +20,11 @@ from planner.readers.limits import Source, parse_float, parse_int, quote
 from planner.shapes.solid import Solid, check_triangles
 
 ZIP_MAGIC: Final = b"PK\x03\x04"
+ZIP_ENTRY: Final = b"PK\x01\x02"
+"""Signature of an entry in the list of an archive's files."""
+ENTRY_FACTOR: Final = 2
+"""Factor by which signatures of entries in an archive may exceed ``MAX_ENTRIES`` before it is
+listed; compressed data may hold some by accident."""
 MAX_ENTRIES: Final = 4_000
 """Maximum number of files in a 3MF archive; an archive with more is refused. Larger values take
 more time to list. Chosen."""
@@ -113,6 +118,8 @@ def read_threemf(data: bytes, source: Source) -> Solid:
     Raises:
         InputError: The archive is no 3MF model, a zip bomb or damaged, or the mesh is no solid.
     """
+    if (entries := data.count(ZIP_ENTRY)) > ENTRY_FACTOR * MAX_ENTRIES:
+        raise _too_many_entries(entries)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
             names = _models(archive)
@@ -141,14 +148,19 @@ def _damaged(found: str) -> InputError:
     return InputError("damaged", f"{found}; export the model again as 3MF.")
 
 
+def _too_many_entries(count: int) -> InputError:
+    return InputError(
+        "too-large",
+        f"got {count} files in the archive, expected at most {MAX_ENTRIES}; export the model alone "
+        "as 3MF.",
+    )
+
+
 def _models(archive: zipfile.ZipFile) -> list[str]:
     """Return the names of the archive's models, the main one first; refuse zip bombs."""
     entries = archive.infolist()
     if len(entries) > MAX_ENTRIES:
-        raise InputError(
-            "too-large",
-            f"got {len(entries)} files in the archive, expected at most {MAX_ENTRIES}.",
-        )
+        raise _too_many_entries(len(entries))
     models = [e for e in entries if e.filename.lower().endswith(".model")]
     if not models and any(e.filename.endswith(".npy") for e in entries):
         raise InputError(

@@ -10,6 +10,7 @@ import numpy as np
 from planner.arrays import Ints
 from planner.errors import InputError
 from planner.readers.limits import Source, parse_int, quote, too_many
+from planner.readers.text import PADDING
 from planner.shapes.shape import Shape
 
 VOX_MAGIC: Final = b"VOX "
@@ -27,6 +28,8 @@ HIDDEN: Final = "hidden objects were ignored."
 CHUNK_HEADER_BYTES: Final = 12
 """Size of the header of a chunk (typed block of data) in a MagicaVoxel file, in bytes: its type,
 and the sizes of its content and of its children."""
+MAX_PADDING_BYTES: Final = 4096
+"""Maximum number of bytes without a meaning after the last chunk."""
 MAX_FRAME_DIGITS: Final = 9
 """Maximum number of digits that are read of an animation frame's number in a MagicaVoxel file, so
 that hostile numbers take no time; further digits are cut off. Chosen."""
@@ -111,6 +114,10 @@ def _chunks(data: bytes) -> _File:
     at = FILE_HEADER_BYTES + CHUNK_HEADER_BYTES + int.from_bytes(data[12:16], "little")
     for _ in range(MAX_CHUNKS):
         if at == len(data):
+            break
+        if not data[at : at + MAX_PADDING_BYTES].strip(PADDING) and (
+            len(data) - at <= MAX_PADDING_BYTES
+        ):
             break
         if at + CHUNK_HEADER_BYTES > len(data):
             raise InputError("truncated", "the file ends within a chunk; save or send it again.")
@@ -273,13 +280,19 @@ def _placements(content: _File) -> list[tuple[int, _Placed]]:
             _note(content, f"the file has {len(content.models)} frames; the first one was read.")
         return [(0, _Placed())]
     placements: list[tuple[int, _Placed]] = []
-    waiting = [(0, _Placed())]
-    seen: set[int] = set()
+    waiting = [(0, _Placed(), 0)]
+    visits = 0
     while waiting:
-        node, above = waiting.pop()
-        if node in seen or len(seen) > MAX_SCENE_NODES:
-            raise _damaged(f"the scene uses node {node} twice, or has too many nodes")
-        seen.add(node)
+        node, above, depth = waiting.pop()
+        visits += 1
+        if depth > nodes:
+            raise _damaged(f"node {node} of the scene contains itself")
+        if visits > MAX_SCENE_NODES:
+            raise InputError(
+                "too-large",
+                f"the scene places more than {MAX_SCENE_NODES} objects and groups, those in shared "
+                "groups counted each time; simplify the scene.",
+            )
         if node in content.hidden or content.layers.get(node) in content.hidden_layers:
             _note(content, HIDDEN)
             continue
@@ -288,9 +301,9 @@ def _placements(content: _File) -> list[tuple[int, _Placed]]:
             shift = above.turn @ own.shift + above.shift
             if np.abs(shift).max() > 1 << 30:
                 raise _damaged("an object lies too far from the origin")
-            waiting.append((child, _Placed(turn=above.turn @ own.turn, shift=shift)))
+            waiting.append((child, _Placed(turn=above.turn @ own.turn, shift=shift), depth + 1))
         elif node in content.groups:
-            waiting += [(child, above) for child in content.groups[node]]
+            waiting += [(child, above, depth + 1) for child in content.groups[node]]
         elif node in content.shapes:
             placements += [(model, above) for model in content.shapes[node]]
         else:

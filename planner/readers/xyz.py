@@ -6,16 +6,26 @@ begin with the name of an element. Other files may begin with a line that names 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Final
+from collections.abc import Iterator, Sequence
+from itertools import chain, islice
+from typing import Final, TypeAlias
 
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.readers.axis_names import AXES, check_filled, columns_of
 from planner.readers.limits import Source, quote, too_many
-from planner.readers.text import COMMENT_MARK, cells_array, coordinate, is_number, path_or_shape
+from planner.readers.text import (
+    COMMENT_MARK,
+    cells_array,
+    coordinate,
+    is_number,
+    numbered_lines,
+    path_or_shape,
+)
 from planner.shapes.shape import Shape
 
+Line: TypeAlias = "tuple[int, list[str]]"
+"""Number and words of a line."""
 MAX_COUNT_DIGITS: Final = 9
 """Maximum number of digits of the first line of an XYZ file that states the number of points. A
 longer number is cut to one digit more, so that parsing stays fast and the number matches no file.
@@ -28,7 +38,7 @@ def is_xyz(text: str) -> bool:
     A line of columns' names may stand before it.
     """
     begins_with_names = False
-    for line in text.splitlines():
+    for _, line in numbered_lines(text):
         words = line.split()
         if not words or _is_comment(words):
             continue
@@ -46,28 +56,24 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
     Raises:
         InputError: A line cannot be read; names it.
     """
-    lines = [line.split() for line in text.splitlines()]
-    first = next((i for i, words in enumerate(lines) if words and not _is_comment(words)), 0)
-    promised = _count(lines[first]) if lines else None
-    headers = _headers(lines[first]) if lines else []
-    columns = columns_of(headers) or _commented_columns(lines[:first])
-    start = first + 1 if headers else first
+    lines = ((n, words) for n, line in numbered_lines(text) if (words := line.split()))
+    comments, begin, first = _head(lines)
+    promised = _count(first)
+    headers = _headers(first)
+    columns = columns_of(headers) or _commented_columns(comments)
+    data = lines if headers or promised is not None else chain([(begin, first)], lines)
+    data = ((n, words) for n, words in data if not _is_comment(words))
     if promised is not None:
-        following = sum(1 for words in lines[first + 1 :] if words and not _is_comment(words))
-        # Some programs leave the line of comment out.
-        start = first + 1 if following == promised else first + 2
+        data = _after_remark(list(islice(data, source.most_cells + 2)), begin, promised)
     rows: list[list[float]] = []
-    for index in range(start, len(lines)):
-        words = lines[index]
-        if not words or _is_comment(words):
-            continue
+    for line, words in data:
         if promised is not None and len(words) == 4 and words[0].isalnum():
             words = words[1:]
         if len(words) != (len(headers) or len(AXES)):
-            raise _wrong_width(words, headers or AXES, index + 1)
-        check_filled(words, headers, index + 1)
+            raise _wrong_width(words, headers or AXES, line)
+        check_filled(words, headers, line)
         words = [words[column] for column in columns] if columns else words
-        rows.append([coordinate(w, a, index + 1) for w, a in zip(words, AXES, strict=True)])
+        rows.append([coordinate(w, a, line) for w, a in zip(words, AXES, strict=True)])
         if len(rows) > source.most_cells:
             raise too_many(len(rows), source.most_cells)
     if promised is not None and promised != len(rows):
@@ -76,9 +82,32 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
             code,
             f"the first line declares {promised} cells, but the file has {len(rows)}; "
             "the file is cut off, or has more than one frame.",
-            where=f"line {first + 1}",
+            where=f"line {begin}",
         )
     return path_or_shape(cells_array(rows), source)
+
+
+def _head(lines: Iterator[Line]) -> tuple[list[list[str]], int, list[str]]:
+    """Return the comments before the data, and the first line of data with its number."""
+    comments: list[list[str]] = []
+    for number, words in lines:
+        if not _is_comment(words):
+            return comments, number, words
+        comments.append(words)
+    return comments, 0, []
+
+
+def _after_remark(lines: list[Line], count_line: int, promised: int) -> list[Line]:
+    """Return the lines after that of the count without the remark, which some programs leave out.
+
+    Args:
+        lines: Lines after that of the count, without comments.
+        count_line: Number of the line with the count.
+        promised: The count.
+    """
+    if len(lines) == promised or not lines or lines[0][0] > count_line + 1:
+        return lines
+    return lines[1:]
 
 
 def _headers(words: list[str]) -> list[str]:

@@ -2,9 +2,23 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from planner.arrays import Ints
+
+MIN_CORNERS: Final = 3
+"""Minimum number of corners of a polygon; one with fewer is a point or a line."""
+
+
+def skipped_note(count: int) -> tuple[str, ...]:
+    """Return the note about polygons of one or two corners; none if there are none."""
+    if not count:
+        return ()
+    polygons = "1 polygon" if count == 1 else f"{count} polygons"
+    was = "was" if count == 1 else "were"
+    return (f"{polygons} with fewer than {MIN_CORNERS} corners {was} ignored.",)
 
 
 def fans(corners: Ints, counts: Ints) -> Ints:

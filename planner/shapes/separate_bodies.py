@@ -88,7 +88,7 @@ def _from_surface(
     body[lost] = int(np.argmax(sizes)) + 1
     body[filled] = len(sizes) + 1 + np.arange(len(filled))
     sums = np.bincount(body, weights=volumes)
-    total = float(sums.sum())
+    total = float(sums[sums > 0.0].sum())
     of_triangle = body[patch]
     order = np.argsort(of_triangle, kind="stable")
     found: dict[int, SeparateBody] = {}

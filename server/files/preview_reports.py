@@ -18,6 +18,7 @@ from server.errors import ServiceError, TooMany, TooSlow, Unavailable
 from server.files.uploads import Upload, not_read
 from server.limits.disk_space import check_space
 from server.processes.children import ChildError, Pool
+from server.processes.scratch import READ_CONTENT
 from server.settings import Settings
 from server.store.folds import new_id
 from server.store.owner import Owner
@@ -29,6 +30,9 @@ MAX_OPTION_SETS: Final = 400
 """Maximum number of sets of options for which previews of one upload are stored. The uploader and
 all other visitors together each have this number; further sets are refused. A larger value lets one
 upload occupy more of the disk. Chosen."""
+MANY_TRIANGLES: Final = 300_000
+"""Number of triangles of a mesh above which reading and sampling it, rather than the search for a
+path, take most of the time of a preview."""
 OFFERS_FILE: Final = "offers.json"
 """Name of the file, in the directory of a report, with the variants of the shape that can fold on
 a table."""
@@ -167,7 +171,7 @@ class PreviewReports:
         try:
             self._reader.call(task, place, visitor=asker.visitor, cancelled=asker.gone)
         except ChildError as error:
-            raise _problem(error, self._settings.preview_seconds) from None
+            raise _problem(error, self._settings.preview_seconds, place) from None
 
 
 def read_report(place: Path) -> dict[str, Any] | None:
@@ -181,11 +185,20 @@ def cells_of_repair(place: Path) -> list[list[int]]:
     return next((offer["added"] for offer in offers if offer["added"]), [])
 
 
-def _problem(error: ChildError, seconds: float) -> ServiceError:
-    if error.code == "time-limit":
+def _problem(error: ChildError, seconds: float, place: Path) -> ServiceError:
+    if error.code != "time-limit":
+        return not_read(error)
+    limit = f"longer than the time limit of {seconds:g} s"
+    if not (place / READ_CONTENT).is_file():
+        return TooSlow("preview-too-slow", f"reading the file took {limit}; simplify the model.")
+    triangles = json.loads((place / READ_CONTENT).read_text())["triangles"]
+    if triangles > MANY_TRIANGLES:
         return TooSlow(
             "preview-too-slow",
-            f"the preview took longer than its time limit of {seconds:g} s; use fewer modules, or "
-            "the method 'blocks'.",
+            f"the preview took {limit}, because the mesh has {triangles} triangles; simplify the "
+            f"mesh to {MANY_TRIANGLES} triangles or fewer.",
         )
-    return not_read(error)
+    return TooSlow(
+        "preview-too-slow",
+        f"the preview took {limit}; use fewer modules, or the method 'blocks'.",
+    )

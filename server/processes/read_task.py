@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -22,7 +23,8 @@ from planner.pipeline.request import FoldRequest, PreviewRequest
 from planner.playback.unfolding import check_fits
 from planner.readers import read
 from planner.shapes.shape import Shape
-from server.processes.scratch import request_in
+from planner.shapes.solid import Solid
+from server.processes.scratch import READ_CONTENT, request_in
 
 MAX_STORED_CELLS: Final = 4000
 """Maximum number of cells of an upload that are stored for the first drawing on a fold's page;
@@ -112,22 +114,28 @@ def preview(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: If the input in the parent directory is invalid.
     """
-    from planner.pipeline.prepare import prepare_in_any_order
+    from planner.pipeline.prepare import prepare_found, read_in_any_order
     from planner.plan.prepared_chains import key_of
 
     about = request_in(directory)
     request = PreviewRequest.from_json(about)
     request.check()
     data = (directory.parent / "input").read_bytes()
+    (directory / READ_CONTENT).unlink(missing_ok=True)
     options = request.path_options()
-    made = prepare_in_any_order(
-        data,
-        about["filename"],
-        options,
+    found, read_options, notes = read_in_any_order(data, about["filename"], options)
+    # What is said if the time runs out depends on what took it.
+    triangles = len(found) if isinstance(found, Solid) else 0
+    (directory / READ_CONTENT).write_text(json.dumps({"triangles": triangles}))
+    made = prepare_found(
+        found,
+        read_options,
         seed=request.seed,
         time_limit_s=about["time_limit_s"],
         searching=request.path,
+        offering=True,
     )
+    made = replace(made, notes=(*notes, *made.notes))
     if made.options == options and made.repeatable:  # only then a fold would get the same result
         key = key_of(data, about["filename"], options, request.seed)
         made.prepared().save(directory, key)

@@ -20,6 +20,9 @@ them."""
 MOMENT_FILE: Final = "moment.json"
 """Name of the file with caption, camera and frame of the motion in the scratch directory of a task
 that draws a chain's picture."""
+READ_CONTENT: Final = "read.json"
+"""Name of the file, in the directory of a preview's options, that states what was read from the
+upload; it exists once the upload was read."""
 PICTURE: Final = "picture.png"
 """Name of the drawn picture in the scratch directory of a task that draws a chain's picture."""
 

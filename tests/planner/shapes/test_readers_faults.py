@@ -278,7 +278,7 @@ REFUSED = [
     (b"<!doctype html><html>", "wrong-kind", "an HTML page"),
     (b"Dear reader,\nthis is a letter.", "wrong-kind", "Dear reader"),
     (bytes(range(256)), "wrong-kind", "a binary file"),
-    (b"0 0 0\n1 0 0\x00\n", "wrong-kind", "a zero byte"),
+    (b"0 0 0\n1 0 \x000\n", "wrong-kind", "a zero byte"),
     (b"Kaydara FBX Binary  \0\x1a\0", "wrong-kind", "an FBX scene"),
     (b"  0\r\nSECTION\r\n  2\r\nHEADER\r\n", "wrong-kind", "a DXF drawing"),
     (b"#VRML V2.0 utf8\nShape { point [0 0 0, 1 0 0] }", "wrong-kind", "a VRML scene"),
@@ -302,7 +302,7 @@ REFUSED = [
     # Files with too little information.
     (b"0123012301", "digits", ""),
     (b"0, 90, -90.0, 180, 0, 90", "digits", ""),
-    (TETRAHEDRON + b"f 1 2\n", "damaged", ""),
+    (TETRAHEDRON + b"f 1 2 x\n", "damaged", ""),
 ]
 
 

@@ -118,7 +118,8 @@ def test_invalid_voxel_files_are_refused() -> None:
     for data, code in (
         (b"#binvox 1\ndata\n", "damaged"),
         (b"#binvox 1\ndim 99999999999999 1 1\ndata\n\x01\x08", "damaged"),
-        (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x08\x01", "truncated"),
+        (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x07\x01", "truncated"),
+        (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x08\x01", "damaged"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x01\x09", "damaged"),
         (b"#binvox 1\ndim 2 2 2\ndata\n\x07\x08", "damaged"),
         (vox[:-9], "truncated"),

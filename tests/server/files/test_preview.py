@@ -8,9 +8,11 @@ from xml.etree import ElementTree
 import httpx
 import numpy as np
 import pytest
+import trimesh
 
 from server.processes import children
 from server.store.owner import new_token
+from tests.planner.solids_made import Mesh, exported
 from tests.server.service_process import SNAKE, Service, check_problem, wait_until
 from tests.web.timeline.decoding import decode
 from web.pictures.isometric import isometric_svg
@@ -183,6 +185,17 @@ def test_preview_beyond_its_time_is_refused(service_with, monkeypatch: pytest.Mo
     answer = ask(service, stl(), modules="2000", world="table")
     assert "fewer modules" in check_problem(answer, 504, "preview-too-slow")
     assert service.fold(SNAKE)["id"]  # the service continues
+
+
+def test_preview_of_a_large_mesh_beyond_its_time_says_what_helps(
+    service_with, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    service = service_with(preview_seconds=0.25).start()
+    large = trimesh.creation.icosphere(subdivisions=8)
+    assert isinstance(large, Mesh)
+    refusal = check_problem(ask(service, exported("stl", large)), 504, "preview-too-slow")
+    assert "simplify the m" in refusal
+    assert "fewer modules" not in refusal
 
 
 def test_old_previews_make_room_for_new_ones(service_with) -> None:
