@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
 from typing import Final
@@ -61,8 +62,8 @@ def described(value: object) -> str:
     match value:
         case str():
             return f'the text "{quote(value)}"'
-        case True | False | None:
-            return {True: "true", False: "false", None: "null"}[value]
+        case bool() | None:
+            return json.dumps(value)
         case _:
             return quote(value)
 

@@ -78,15 +78,16 @@ def read_obj(data: bytes, source: Source) -> Solid:
         text, skipped = SHORT_POLYGON.subn(b"", text)
         if NO_POLYGON.search(text):
             raise _damaged("a polygon with unknown vertices")
-        if skipped == polygons:
-            raise InputError(
-                "no-triangles",
-                "got an OBJ file whose polygons all have fewer than three corners, expected a "
-                "closed surface of polygons.",
-            )
-        points, faces = triangles_in(text, "obj")
+        # An empty mesh is refused without a search for a damaged line.
+        points, faces = triangles_in(text, "obj") if skipped < polygons else ([], [])
     except InputError as refusal:
         raise (_first_fault(data, vertices) or refusal) from refusal
+    if skipped == polygons:
+        raise InputError(
+            "no-triangles",
+            "got an OBJ file whose polygons all have fewer than three corners, expected a closed "
+            "surface of polygons.",
+        )
     return Solid.from_triangles(
         points,
         faces,

@@ -310,8 +310,8 @@ def test_vox_scenes_that_contain_themselves_or_grow_without_end_are_refused() ->
         b"property list uchar int vertex_index\nend_header\n" + b"\n" * (18 << 20),
         b"v 0 0 0\n" + b"\n" * (18 << 20) + b"f 1\n",
         b"solid a\nfacet\n" + b"\n" * (18 << 20) + b"endsolid\n",
-        b"," * (12 << 20),
-        b"x,y,z" + b",a" * (6 << 20) + b"\n1,2,3\n",
+        b"," * (3 << 20),
+        b"x,y,z" + b",a" * (1 << 20) + b"\n1,2,3\n",
     ],
     ids=[
         *("line ends", "blank lines", "carriage returns", "lines of one digit", "OFF", "OFF body"),
