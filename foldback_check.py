@@ -44,6 +44,7 @@ import argparse
 import hashlib
 import json
 import math
+import os
 import re
 import struct
 import sys
@@ -149,6 +150,11 @@ def whole(value, least, most):
     readable(numbers(value) in range(least, most + 1),
              f"got {quoted(value)}, expected a whole number from {least} to {most}")
     return int(value)
+
+
+def pair(i, j):
+    """Name two modules for people, who count from 1."""
+    return f"modules {i + 1} and {j + 1}"
 
 
 def parsed(text, integers=float):
@@ -578,7 +584,8 @@ class Proof:
         while todo:
             items = todo[-max(1, MODULES_AT_ONCE // n) :]
             todo[-len(items) :] = self._halves(items)
-        require(self.step <= plan.step + 1e-9, f"a step of {self.step:.6f} rad, the plan says less")
+        require(self.step <= plan.step + 1e-9, f"a hinge turns by {self.step:.6f} rad "
+                "between two frames, more than the plan states")
 
     def _halves(self, items):
         """Return the halves of the intervals in which something is not proved."""
@@ -592,8 +599,8 @@ class Proof:
         for b in np.union1d(crowded, left[:, 0]):
             k, t, w, _ = items[b]
             rest = None if b in crowded else left[left[:, 0] == b, 1:]
-            pair = "" if rest is None else " between modules {} and {}".format(*rest[0])
-            require(w > 2.0**-DEPTH, f"no bound{pair} at frame {k + t:.5f}")
+            between = "" if rest is None else f" between {pair(*rest[0])}"
+            require(w > 2.0**-DEPTH, f"no bound{between} at frame {k + t + 1:.5f}")
             halves += [(k, t + w / 2, w / 2, rest), (k, t, w / 2, rest)]
         return halves
 
@@ -614,9 +621,9 @@ class Proof:
         if gap.min(initial=math.inf) < self.tightest[0]:
             q = gap.argmin()
             self.tightest = float(gap[q]), float(batch.middle[b[q]]), int(i[q]), int(j[q])
-        least, frame, *pair = self.tightest
-        require(least >= claim, "modules {} and {}: no gap above {:.9f} at frame {:.5f}".format(
-            *pair, least, frame))
+        least, frame, *modules = self.tightest
+        require(least >= claim,
+                f"{pair(*modules)}: no gap above {least:.9f} at frame {frame + 1:.5f}")
         return rows[~(bound >= claim)]
 
 
@@ -636,8 +643,8 @@ def check_shape(plan, frame, path):
         angles = told.get(name)
         if type(angles) is list and len(angles) == len(q) - plan.pad:
             off = np.abs(q[plan.pad :] - unit * numbers(angles, len(angles))).max(initial=0.0)
-    require(off <= SLIP, f"in frame {frame}, the chain is not as {quoted(path, 999)} says: "
-            f"off by {off:.7f}")
+    require(off <= SLIP, f"in frame {frame + 1}, the chain is not as {quoted(path, 999)} "
+            f"says: off by {off:.7f}")
 
 
 def prove(plan, found, start=None, end=None):
@@ -655,13 +662,13 @@ def prove(plan, found, start=None, end=None):
         if path:
             check_shape(plan, frame, path)
     proof = Proof(plan)
-    gap, frame, *pair = proof.tightest
+    gap, frame, *two = proof.tightest
     holds = proof.step == 0.0 or not bent[-1], not plan.known, not straight.size
     found["limits"] = [limit for limit, true in zip(LIMITS, holds, strict=True) if true]
     found["reason"] = " and ".join(found["limits"])
     found |= {"verdict": "proved" + f", but {found['reason']}" * any(holds),
               "rounding": proof.rounding, "looks": proof.looks,
-              "tightest": {"gap": gap, "frame": frame, "modules": pair} if any(pair) else None}
+              "tightest": {"gap": gap, "frame": frame, "modules": two} if any(two) else None}
     return proof
 
 
@@ -715,9 +722,15 @@ SHA-256 of the angles: {angles_sha256}"""
 
 
 def show(found, as_json, says=SAYS):
-    """Print an answer."""
+    """Print an answer. A closed pipe is no error; a full disk ends the program with status 2."""
     says = "{verdict}: {reason}" if found["verdict"].startswith("not ") else says
-    print(json.dumps(found) if as_json else says.format(**found))
+    try:
+        print(json.dumps(found) if as_json else says.format(**found), flush=True)
+    except OSError as error:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python tries again
+        if not isinstance(error, BrokenPipeError):
+            print(f"the answer cannot be written: {error.strerror}", file=sys.stderr)
+            sys.exit(2)
 
 
 def status(found):
@@ -742,7 +755,7 @@ def main(arguments=None):
         return status(found)
     except ValueError as error:
         if told.json:
-            print(json.dumps({"verdict": "no plan", "reason": str(error)}))
+            show({"verdict": "no plan", "reason": str(error)}, told.json)
         print(f"no plan: {error}", file=sys.stderr)
         return 2
 

@@ -32,6 +32,7 @@ from foldback_check import (
     NotProved,
     Plan,
     answer,
+    pair,
     parsed,
     prove,
     require,
@@ -75,11 +76,11 @@ class Refused(Plan):
 def stopped(module, told, middle, end, poses):
     """Require that two modules overlap as told, one before `middle`, one from there to `end`."""
     i, j = sorted(told["modules"])
-    require(0 <= i < middle <= j < end and j - i >= module.apart, f"modules {i} and {j}")
+    require(0 <= i < middle <= j < end and j - i >= module.apart, pair(i, j))
     pose = seen(poses[i], poses[j : j + 1])
     deep = -max(module.gaps(pose, by_edges)[1].max() for by_edges in (False, True))
     require(deep >= DEEP and abs(deep - told["overlap"]) <= 1e-6,
-            f"modules {i} and {j} overlap by {deep:.9f}, the plan says {told['overlap']:.9f}")
+            f"{pair(i, j)} overlap by {deep:.9f}, the plan says {told['overlap']:.9f}")
 
 
 def blocks(plan, told, _):
@@ -108,8 +109,9 @@ def blocks(plan, told, _):
         stopped(module, move, low, high + 1, poses)
     return "; ".join([
         f"none of the {len(turns)} hinges bent by more than {bend:g} rad from module "
-        f"{first // hinges} on can straighten by itself"][: len(turns)] + [
-        f"modules {low} to {high} as one cannot move by a pitch along any axis"][: len(moves)])
+        f"{first // hinges + 1} on can straighten by itself"][: len(turns)] + [
+        f"modules {low + 1} to {high + 1} as one cannot move by a pitch along any axis"
+    ][: len(moves)])
 
 
 def crossings(p, b):

@@ -1,5 +1,6 @@
 """The pages' checker: it proves the same plans as ``foldback_check.py``, and no forged one."""
 
+import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
@@ -126,6 +127,21 @@ def test_strange_files_get_the_same_verdict_from_both_checkers(
                 same = ("start", "end", "module")
                 assert [found[key] for key in same] == [other[key] for key in same]
                 assert found["reason"] == other["limits"]
+
+
+def test_reasons_are_the_same_and_count_from_1(checker: JavaScriptChecker, tmp_path: Path) -> None:
+    # The second of four cubes bends, which brings the first and third together.
+    path = save(tmp_path / "plan.npz", np.array([[0.0] * 4, [0.5, 0.0, 0.0, 0.0]]), claim=1.04)
+    gap = r"modules 1 and 3: no gap above 0\.\d{9} at frame 1\.50000"
+    step = "a hinge turns by 0.500000 rad between two frames, more than the plan states"
+    for change, expected in (
+        ({"module_size": 0.95}, gap),
+        ({"clearance_bound": 0.01, "max_joint_step_rad": 0.4}, step),
+    ):
+        rewrite(path, path, lambda _, meta, new=change: meta["certificate"].update(new))
+        reason = by_python(path)["reason"]
+        assert re.fullmatch(expected, reason), reason
+        assert checker(path)["text"] == f"{reason}."
 
 
 def test_pairs_at_rest_are_checked_at_first(checker: JavaScriptChecker, tmp_path: Path) -> None:

@@ -2,6 +2,8 @@
 
 import ast
 import json
+import os
+import subprocess
 import sys
 import tracemalloc
 from contextlib import suppress
@@ -234,7 +236,7 @@ def test_start_is_compared_with_a_file(tmp_path: FilePath) -> None:
     start.write_text(json.dumps({"joint_angles_deg": np.degrees(strange_plans.OTHER).tolist()}))
     other.write_text(json.dumps({"joint_angles_deg": np.degrees(strange_plans.FOLDED).tolist()}))
     assert verdict(plan, start=start, end=other) == "proved"
-    assert "in frame 0" in str(foldback_check.check(plan, start=other)["reason"])
+    assert "in frame 1," in str(foldback_check.check(plan, start=other)["reason"])
     straight = tmp_path / "straight.json"
     straight.write_text(json.dumps({"cells": [[k, 0, 0] for k in range(8)]}))
     true = strange_plans.write(strange_plans.TRUE["windows"], tmp_path / "true.npz")
@@ -281,6 +283,24 @@ def test_files_that_are_no_plans_exit_with_two(tmp_path: FilePath, capsys: Any) 
     np.savez(path, plan=np.array("[1, 2]"))
     assert foldback_check.main([str(path)]) == 2
     assert "no plan" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("arguments", [[], ["--json"]], ids=["words", "json"])
+def test_output_that_cannot_be_written_gives_no_traceback(
+    arguments: list[str], tmp_path: FilePath
+) -> None:
+    plan = strange_plans.write(strange_plans.TRUE["windows"], tmp_path / "plan.npz")
+    command = [sys.executable, foldback_check.__file__, str(plan), *arguments]
+    read, write = os.pipe()
+    os.close(read)
+    with os.fdopen(write, "wb") as closed, open("/dev/full", "wb") as full:
+        piped, filled = (
+            subprocess.run(command, stdout=out, stderr=subprocess.PIPE, text=True, check=False)
+            for out in (closed, full)
+        )
+    assert (piped.returncode, piped.stderr) == (0, "")
+    assert filled.returncode == 2
+    assert filled.stderr == "the answer cannot be written: No space left on device\n"
 
 
 def test_rounding_bound_covers_what_double_precision_loses() -> None:

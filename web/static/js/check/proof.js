@@ -23,6 +23,8 @@ const CROWD = 200; // pairs per moving module above which an interval is halved 
 const DEPTH = 14; // maximum number of halvings of an interval
 const PARALLEL = 1e-6; // edges with a shorter cross product give no axis
 
+/** @type {(i: number, j: number) => string} two modules for people, who count from 1 */
+const pair = (i, j) => `modules ${i + 1} and ${j + 1}`;
 /** Return the largest power of two up to a number, at least 1. @param {number} x */
 const powerIn = (x) => 1 << (31 - Math.clz32(Math.max(x, 1)));
 
@@ -72,7 +74,7 @@ export class Proof {
       yield k;
       this.interval(k);
     }
-    if (this.largest > this.plan.step) throw new NotProved(`A hinge turns by ${this.largest.toFixed(6)} rad between two frames, more than the plan states.`);
+    if (this.largest > this.plan.step) throw new NotProved(`a hinge turns by ${this.largest.toFixed(6)} rad between two frames, more than the plan states.`);
   }
 
   get intervals() { return Math.max(1, this.plan.frames - 1); }
@@ -102,7 +104,7 @@ export class Proof {
     const left = (only ?? this.near())?.filter(([i, j]) => !this.clear(i, j)) ?? null;
     if (left?.length === 0) return;
     const open = left && { modules: left[0], frame: this.frame, gap: this.plan.claim, fits: this.size };
-    if (w <= 2 ** -DEPTH) throw new NotProved(`The clearance could not be proved near frame ${this.frame.toFixed(6)}.`, open);
+    if (w <= 2 ** -DEPTH) throw new NotProved(`no bound${left ? ` between ${pair(...left[0])}` : ""} at frame ${(this.k + t + 1).toFixed(5)}.`, open);
     for (const begin of [t, t + w / 2]) this.look(begin, w / 2, left);
   }
 
@@ -202,7 +204,7 @@ export class Proof {
     const { frame, plan: { claim } } = this, bound = this.solids(this.lost(i, j, this.module.radius)), { gap, fits } = this.best;
     const place = /** @type {Place} */ ({ modules: [i, j], frame, gap, fits });
     if (!this.tightest || gap < this.tightest.gap) this.tightest = place;
-    if (!(bound >= claim || gap >= claim)) throw new NotProved(`The gap found between modules ${i} and ${j} at frame ${frame.toFixed(6)} is ${gap.toFixed(9)}, but the plan claims at least ${claim.toFixed(9)}.`, place);
+    if (!(bound >= claim || gap >= claim)) throw new NotProved(`${pair(i, j)}: no gap above ${gap.toFixed(9)} at frame ${(frame + 1).toFixed(5)}.`, place);
     return bound >= claim;
   }
 
