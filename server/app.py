@@ -35,9 +35,9 @@ from server.http.request_rate import RequestRate
 from server.http.response_cache import ResponseCache
 from server.http.security import (
     AllowedHosts,
-    PrintingAddresses,
     SameOrigin,
     SecurityHeaders,
+    ShortPrintableAddresses,
     hosts_of,
 )
 from server.http.upload_limits import (
@@ -166,7 +166,7 @@ def _add_middleware(app: FastAPI, settings: Settings, metrics: Metrics) -> None:
     if settings.read_only:
         app.add_middleware(ReadOnly, page=problem_page)
     app.add_middleware(SameOrigin, origins=settings.origins)
-    app.add_middleware(PrintingAddresses)
+    app.add_middleware(ShortPrintableAddresses)
     app.add_middleware(AllowedHosts, hosts=hosts_of(settings.host, settings.allowed_hosts))
     app.add_middleware(
         RequestRate,

@@ -43,6 +43,11 @@ INDEXED_HEADERS: Final = {"X-Robots-Tag": "all"}
 """Header of public responses, such as those of the gallery, that permits search engines to index
 them; all other responses forbid it."""
 CONTROL_CHARACTERS: Final = re.compile(r"[\x00-\x1f\x7f]")
+MAX_ADDRESS_BYTES: Final = 8192
+"""Maximum length of the path and the query of an address together, in bytes."""
+MAX_QUERY_FIELDS: Final = 64
+"""Maximum number of fields in the query of an address; decoding thousands of them would take many
+times as long as the rest of a request."""
 SAFE_METHODS: Final = frozenset({"GET", "HEAD", "OPTIONS"})
 
 
@@ -105,15 +110,23 @@ class AllowedHosts(Guard):
         )
 
 
-class PrintingAddresses(Guard):
-    """Middleware that refuses paths and queries with control characters.
+class ShortPrintableAddresses(Guard):
+    """Middleware that refuses long paths and queries, and those with control characters.
 
-    No link of the service contains any. Some cause errors in databases and file systems, others
-    garble logs.
+    No link of the service is or contains any. Long ones take time to decode, and some control
+    characters cause errors in databases and file systems, or garble logs.
     """
 
     def refusal(self, scope: Scope) -> ServiceError | None:
-        """Return the refusal of an address with control characters."""
+        """Return the refusal of an address that is long or has control characters."""
+        query: bytes = scope["query_string"]
+        fields = query.count(b"&") + 1
+        if len(scope["path"]) + len(query) > MAX_ADDRESS_BYTES or fields > MAX_QUERY_FIELDS:
+            return Malformed(
+                "bad-address",
+                f"got an address that is too long, expected at most {MAX_ADDRESS_BYTES} bytes with "
+                f"{MAX_QUERY_FIELDS} fields; shorten it.",
+            )
         if scope["type"] == "http" and CONTROL_CHARACTERS.search(scope["path"] + _query(scope)):
             return Malformed(
                 "bad-address", "got an address with characters that cannot be printed; remove them."

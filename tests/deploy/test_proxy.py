@@ -42,7 +42,7 @@ def proxy(webs: list[Service], tmp_path_factory: pytest.TempPathFactory) -> Iter
 def test_pages_are_served_over_tls(proxy: Proxy) -> None:
     page = proxy.http.get("/")
     assert page.status_code == 200 and "foldback" in page.text
-    assert proxy.http.get("/paper").headers["content-encoding"] == "gzip"  # by the service
+    assert proxy.http.get("/my-folds").headers["content-encoding"] == "gzip"  # by the service
     assert page.headers["strict-transport-security"].startswith("max-age=")
     assert "server" not in page.headers
     plain = httpx.get(f"http://localhost:{proxy.plain_port}/", follow_redirects=False)

@@ -134,3 +134,10 @@ def test_origins_that_may_call() -> None:
         ("http://", "", False),
     ):
         assert accepted(guard, {"host": host, "origin": origin}) == allowed, origin
+
+
+def test_long_addresses_are_refused(idle: Service) -> None:
+    """Decoding 30 kB of query takes ten times as long as the rest of a request."""
+    for address in ("/robots.txt?" + "a&" * 70, "/gallery?q=" + "x" * 9000, "/" + "a/" * 5000):
+        check_problem(idle.http.get(address), 400, "bad-address")
+    assert idle.http.get("/robots.txt?" + "a=%41&" * 60).status_code == 200
