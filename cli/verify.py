@@ -97,6 +97,8 @@ def _show(result: Verification, largest: tuple[float, str] | None) -> None:
     """Print a verification, and the largest module size with the motions that it holds for."""
     console = Console(soft_wrap=True, highlight=False)
     headline = certificate_words.headline(result.certificate.as_dict())
+    if result.robots_repeated is False:
+        headline += "; the figures of the simulated robots are reported only"
     for line in result.problems or (headline,):
         console.print(verdict_for_people(line), markup=False)
     if result.reason is not None:

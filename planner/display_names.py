@@ -60,5 +60,15 @@ def clean_name(name: str, *, max_length: int = MAX_NAME_LENGTH) -> str:
     return words if len(words) <= max_length else words[: max_length - 1].rstrip() + "…"
 
 
+def escaped(text: str) -> str:
+    """Return a text for a terminal: characters that are not printable become escapes.
+
+    Line breaks stay. Files may contain control sequences, which would change what a terminal shows.
+    """
+    return "".join(
+        letter if letter.isprintable() or letter == "\n" else ascii(letter)[1:-1] for letter in text
+    )
+
+
 def _is_ignorable(letter: str) -> bool:
     return any(first <= ord(letter) <= last for first, last in _IGNORABLE_MARKS)

@@ -167,6 +167,24 @@ def unproved_margins(chain: Chain, motion: Motion, told: Margins, *, size: float
     ]
 
 
+def limit_at(chain: Chain, motion: Motion, name: str, place: Place, *, size: float) -> float:
+    """Return the value of a margin at which the two modules of a place may touch there.
+
+    Args:
+        chain: The chain.
+        motion: The motion.
+        name: Name of the margin, a field of ``Margins``.
+        place: A moment of the motion and two modules.
+        size: Module size as a fraction of the pitch, for the margins of hinges.
+    """
+    kinds = _Kinds.of(chain, motion, size, FAILURE_PROBABILITY)
+    search = _Search(chain=chain, motion=motion, closest=place, cancelled=never)
+    if name == "module_size":
+        return size + search.touching(place, kinds.larger, (FULL_SIZE - size,))[0]
+    most = (MAX_ANGLE_RAD, MAX_SUM_RAD / len(chain.folded_rad))
+    return search.touching(place, kinds.turned, most)[name == "independent_rad"]
+
+
 def _proof_motions(chain: Chain, motion: Motion) -> list[tuple[Motion, int]]:
     """Return the motions that must be clear, and the frame at which each begins.
 
@@ -287,7 +305,7 @@ class _Search:
         """
         found = [
             Margin(value=REDUCTION_FACTOR * value, limited_by=self.closest)
-            for value in self._touching(self.closest, errors, most)
+            for value in self.touching(self.closest, errors, most)
         ]
         motions = _proof_motions(self.chain, self.motion)
         steps = 0
@@ -306,7 +324,7 @@ class _Search:
             place, touching = self.closest, [0.0] * len(most)
             if swept.modules is not None:
                 place = Place(frame=begin + swept.frame, modules=swept.modules)
-                touching = self._touching(place, errors, most)
+                touching = self.touching(place, errors, most)
             failing = [touch <= one.value for touch, one in zip(touching, found, strict=True)]
             for k, margin in enumerate(found):
                 if failing[k] and touching[k] > 0.0:
@@ -319,7 +337,7 @@ class _Search:
                     )
         return found
 
-    def _touching(
+    def touching(
         self, place: Place, errors: Callable[..., Errors], most: tuple[float, ...]
     ) -> list[float]:
         """Return the value of each kind of error at which two modules may touch at a moment."""

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import json
+import re
+from collections.abc import Iterator, Mapping
 from pathlib import Path as FilePath
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
 from planner import file_names as names
+from planner.display_names import escaped
 from planner.errors import UNREADABLE, InputError, TimelineError
 from planner.motion.motion import PHASES
 from planner.motion.timeline import Timeline, chain_attributes
@@ -28,6 +31,8 @@ COMPARED: Final = (
 )
 """Files whose digests are compared with the manifest each time that a fold is read; others take
 longer."""
+CONTROL_CHARACTERS: Final = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+"""Matches characters that steer a terminal; no text of a plan has any."""
 REMEDY: Final = (
     "Copy all files of one fold into the folder, or fold the shape again; `foldback verify` lists "
     "all differences."
@@ -90,6 +95,11 @@ def _differences(directory: FilePath, stored: tuple[Plan, dict[str, Any]] | None
     """Yield the differences of a fold's files."""
     if stored is not None:
         plan, values = stored
+        yield from (
+            f"a text of the plan has control characters ({escaped(text)})"
+            for text in _texts(plan.rest())
+            if CONTROL_CHARACTERS.search(text)
+        )
         if all((directory / name).exists() for name in (names.PLAN, names.PLAN_TEXT)):
             yield from formats_differ(plan, values, read_values(directory / names.PLAN_TEXT))
         yield from stage_texts_differ(directory, plan, values)
@@ -102,6 +112,19 @@ def _differences(directory: FilePath, stored: tuple[Plan, dict[str, Any]] | None
     for field in manifest.changed_fields(directory, COMPARED, arrays=False) or ():
         if not field.endswith(manifest.MISSING):
             yield f"{field} was changed"
+
+
+def _texts(values: Any) -> Iterator[str]:
+    """Yield all texts among plain values, keys included."""
+    if isinstance(values, str):
+        yield values
+    elif isinstance(values, Mapping):
+        for key, value in cast("Mapping[str, Any]", values).items():
+            yield key
+            yield from _texts(value)
+    elif isinstance(values, list | tuple):
+        for value in cast("list[Any]", values):
+            yield from _texts(value)
 
 
 def _timeline_differs(timeline: Timeline, plan: Plan) -> Differences:

@@ -14,8 +14,10 @@ from typing import Any, Final
 import numpy as np
 
 import foldback_check
+from planner.arrays import Array
 from planner.certificate.certificate import Certificate, certify
-from planner.clearance.margins import unproved_margins
+from planner.clearance.margins import Margin, limit_at, unproved_margins
+from planner.display_names import escaped
 from planner.errors import UNREADABLE, InputError, TimelineError, named
 from planner.exports import mjcf
 from planner.file_names import MODEL, PLAN, PLAN_TEXT, TIMELINE
@@ -25,15 +27,17 @@ from planner.output_directory import finish_replacement
 from planner.pipeline import manifest
 from planner.plan.model_differences import model_differences
 from planner.plan.plan import EARLIER_FORMATS, Plan, read_values
-from planner.plan.value_differences import Differences
+from planner.plan.value_differences import Differences, figure_differences, value_differences
 from planner.playback.playback import Playback
 from planner.progress import Report, silent
 from planner.verification.certificate_figures import ReportedFigures
 from planner.verification.failure_evidence import ReasonCheck
+from planner.verification.origin import attempts_differ, input_differs
 from planner.verification.plan_consistency import formats_differ, lacking
 from planner.verification.plan_failure import reason_of
 from planner.verification.plan_parameters import plan_parameters, request_differs
 from planner.verification.playback_kinds import kind_differs
+from planner.verification.repeated import plots_differ, robots_differ, why_not_repeated
 from planner.verification.replay import Replay, replay, replay_differs, stride_of
 from planner.verification.stage_files import stage_files_differ
 from planner.verification.third_opinion import Opinion, opinion_of, toolkit
@@ -50,6 +54,15 @@ MAX_DIFFERENCES: Final = 8
 """Maximum number of differences that a verification lists for each thing that it checks (motion,
 model, certificate, …): values or files that are not what a new computation gives. Further ones are
 only counted. Larger values make longer reports. Chosen."""
+SAME_MARGIN_RTOL: Final = 1e-3
+"""Maximum relative difference between a margin of a certificate and the one computed again:
+rounding decides which of several proofs fails first."""
+REPORTED_ONLY: Final = (
+    "Reported only, that is neither computed again nor compared with another file: versions, wall "
+    "times (seconds), request.json filename where the input itself states a name, and in "
+    "figures.zarr the clearance, torque and nearest module of each single module."
+)
+"""Note that names the values which no check covers."""
 EXEMPT_PAIR_LINE: Final = re.compile(r'<exclude body1="module_(\d+)" body2="module_(\d+)"/>')
 """Matches the line of an MJCF model that exempts a pair of modules from collision; its groups are
 the two modules' numbers."""
@@ -61,6 +74,8 @@ class Verification:
 
     Attributes:
         certificate: Certificate computed again from the files.
+        robots_repeated: True if the simulated robots folded the chain once more, and False if their
+            figures are those of the files; None without a simulation.
         reason: Check of the reason of a failed explosion; None for others, and if the check was
             not possible.
         replay: Replay of the exported model with the plan's angles in plain MuJoCo.
@@ -71,6 +86,7 @@ class Verification:
     """
 
     certificate: Certificate
+    robots_repeated: bool | None
     reason: ReasonCheck | None
     replay: Replay | None
     opinion: Opinion | None
@@ -90,6 +106,7 @@ class Verification:
             "problems": list(self.problems),
             "notes": list(self.notes),
             "checked": list(self.checked),
+            "robots_repeated": self.robots_repeated,
             "reason": None if self.reason is None else self.reason.as_dict(),
             "replay": None if self.replay is None else asdict(self.replay),
             "opinion": None if self.opinion is None else asdict(self.opinion),
@@ -173,6 +190,16 @@ def _verified(
         "the plan's parameters are those of the request",
         request_differs(directory, plan, found.notes),
     )
+    found.look(
+        "the input was read again and gives the plan's chain",
+        input_differs(directory, plan, found.notes),
+    )
+    found.look(
+        "the attempts are those that follow from the request",
+        attempts_differ(directory, plan, found.notes, earlier=earlier),
+    )
+    repeated = _check_robots(directory, plan, playback, found)
+    clearances: list[Array] = []
     certificate = certify(
         plan.chain,
         record,
@@ -180,38 +207,70 @@ def _verified(
         parameters,
         start=plan.start,
         progress=progress,
-        with_margins=False,
+        with_margins=module_size is None,
+        sink=clearances.append if plan.motion.is_windowed else None,
     )
     if not certificate.verified:
         found.problems.append(certificate.verdict)
     if module_size is None:
         told = ReportedFigures(plan, npz["certificate"], record, playback, earlier=earlier)
-        _check_figures(directory, told, certificate, found)
+        _check_figures(directory, told, certificate, found, repeated=repeated)
+        found.look(
+            "moments.json and the curves in figures.zarr were computed again and match",
+            plots_differ(directory, plan, next(iter(clearances), None), found.notes),
+        )
     opinion = _opinion(directory, npz, certificate, found) if third_opinion else None
     reason = _reason(directory, plan, found)
     model = _text(directory / MODEL)
     found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))
     replayed = _replayed(plan, model, found)
     _check_manifest(directory, found, earlier=earlier)
+    found.notes.append(REPORTED_ONLY)
     return Verification(
         certificate=certificate,
+        robots_repeated=repeated,
         reason=reason,
         replay=replayed,
         opinion=opinion,
         checked=tuple(found.checked),
-        problems=tuple(found.problems),
-        notes=tuple(found.notes),
+        problems=tuple(map(escaped, found.problems)),
+        notes=tuple(map(escaped, found.notes)),
     )
 
 
+def _check_robots(
+    directory: FilePath, plan: Plan, playback: Playback | None, found: _Findings
+) -> bool | None:
+    """Repeat the simulation of a playback; return False if that is not possible, None without."""
+    if playback is None or not playback.simulated:
+        return None
+    reason = why_not_repeated(directory, plan, playback)
+    if reason is not None:
+        found.notes.append(
+            f"The simulation of the robots was not repeated, because {reason}. Their figures "
+            "(joint errors, torques) are reported only."
+        )
+        return False
+    found.look(
+        "the simulated robots folded the chain once more, and did the same",
+        robots_differ(directory, plan, playback),
+    )
+    return True
+
+
 def _check_figures(
-    directory: FilePath, told: ReportedFigures, certificate: Certificate, found: _Findings
+    directory: FilePath,
+    told: ReportedFigures,
+    certificate: Certificate,
+    found: _Findings,
+    *,
+    repeated: bool | None,
 ) -> None:
     """Compare the reported figures with a certificate computed again; prove its bounds again."""
-    simulated = told.playback is not None and told.playback.simulated
     alone = " (not computed again: simulated torques, and the largest error between frames)"
     found.look(
-        f"the certificate's figures were computed again and match{alone if simulated else ''}",
+        "the certificate's figures were computed again and match"
+        f"{alone if repeated is False else ''}",
         told.differences(certificate, found.notes),
     )
     if certificate.verified and told.certificate.get("clearance_bound"):
@@ -219,8 +278,14 @@ def _check_figures(
             "an independent checker proves the clearance from plan.npz alone",
             _unproved(directory),
         )
-    if certificate.verified and told.plan.certificate.margins is not None:
-        found.look("the margins were proved again", _unproved_margins(told.plan))
+    if not certificate.verified:
+        return
+    if told.plan.certificate.margins is not None:
+        found.look(
+            "the margins were proved and computed again", _margins_differ(told.plan, certificate)
+        )
+    elif certificate.margins is not None:
+        found.notes.append("The plan states no margins, although there are some.")
 
 
 def _unproved(directory: FilePath) -> Differences:
@@ -230,14 +295,47 @@ def _unproved(directory: FilePath) -> Differences:
         yield f"plan.npz: the independent checker cannot prove the plan: {found['reason']}"
 
 
-def _unproved_margins(plan: Plan) -> Differences:
-    """Yield the margins that cannot be proved again."""
-    certificate = plan.certificate
-    assert certificate.margins is not None
-    size = certificate.module_size
-    for name in unproved_margins(plan.chain, plan.motion, certificate.margins, size=size):
-        value = getattr(certificate.margins, name).value
+def _margins_differ(plan: Plan, again: Certificate) -> Differences:
+    """Yield the margins that cannot be proved, and those that differ from the ones found again.
+
+    Of several places that are equally close, rounding decides which one is reported.
+    """
+    told, size = plan.certificate.margins, plan.certificate.module_size
+    assert told is not None
+    for name in unproved_margins(plan.chain, plan.motion, told, size=size):
+        value = getattr(told, name).value
         yield f"plan.npz certificate.margins.{name}: got {value:g}, which cannot be proved"
+    if again.margins is None:
+        yield "plan.npz certificate.margins: got margins, expected none"
+        return
+    yield from figure_differences(
+        told.failure_probability,
+        again.margins.failure_probability,
+        "plan.npz certificate.margins.failure_probability",
+    )
+    for name in ("module_size", "one_hinge_rad", "independent_rad"):
+        mine, theirs = getattr(told, name), getattr(again.margins, name)
+        where = f"plan.npz certificate.margins.{name}"
+        yield from value_differences(mine.value, theirs.value, where, rtol=SAME_MARGIN_RTOL)
+        if mine.limited_by != theirs.limited_by and not _limits(plan, name, mine, theirs):
+            yield from value_differences(
+                asdict(mine.limited_by), asdict(theirs.limited_by), f"{where}.limited_by"
+            )
+
+
+def _limits(plan: Plan, name: str, mine: Margin, theirs: Margin) -> bool:
+    """Return True if a margin's modules touch at the same value as those that were found again."""
+    chain, motion, size = plan.chain, plan.motion, plan.certificate.module_size
+    place = mine.limited_by
+    if place.modules is None or not 0.0 <= place.frame <= len(motion) - 1:
+        return False
+    i, j = place.modules
+    if not (i >= 0 and i + chain.module.apart <= j < len(chain)):
+        return False
+    one, other = (
+        limit_at(chain, motion, name, margin.limited_by, size=size) for margin in (mine, theirs)
+    )
+    return abs(one - other) <= SAME_MARGIN_RTOL * abs(other)
 
 
 def _opinion(
@@ -328,8 +426,7 @@ def _check_manifest(directory: FilePath, found: _Findings, *, earlier: bool) -> 
         )
     else:
         found.look(
-            "every field of every file matches its digest in manifest.json (this is the only check "
-            "of the plots in figures.zarr)",
+            "every field of every file matches its digest in manifest.json",
             (
                 field if field.endswith(manifest.MISSING) else f"{field} was changed"
                 for field in changed

@@ -20,6 +20,7 @@ from cli.exit_statuses import INVALID_INPUT
 from cli.tour import stored_tour
 from planner.certificate.earlier_certificates import told_honestly
 from planner.certificate.figures import CertificateFigures, FoldSummary
+from planner.display_names import escaped
 from planner.errors import InputError, TimelineError
 from planner.explosion.diagnosis import stuck_of
 from planner.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE
@@ -174,7 +175,7 @@ def play(
             _play_in_viser(directory, name, host, port, browser)
             return
     except (TimelineError, InputError) as error:
-        typer.echo(f"{error}", err=True)
+        typer.echo(escaped(f"{error}"), err=True)
         raise typer.Exit(INVALID_INPUT) from error
 
     if not (directory / FIGURES).exists():

@@ -7,12 +7,14 @@ import signal
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 from planner.errors import InputError
 from planner.files import json_of
+from planner.plan.plan import Plan
 from planner.verification.stored_fold import check_fold
 from tests.case import case
 from tests.planner.folds import run_fold
@@ -85,6 +87,20 @@ def test_each_part_of_another_fold_is_found(
         check_fold(fold)
     put(folds[0] / name, fold / name)
     assert check_fold(fold) is not None
+
+
+def test_texts_of_files_do_not_steer_the_terminal(fold: Path) -> None:
+    hostile = "\x1b[2Jverified"
+    plan = Plan.load(fold / "plan.npz")
+    certificate = replace(plan.certificate, verdict=hostile)
+    replace(plan, certificate=certificate).save_npz(fold / "plan.npz")
+    for name in ("plan.json", "certificate.json", "manifest.json"):
+        (fold / name).unlink()
+    for command in READERS:
+        with case(command):
+            done = foldback(*shlex.split(command.replace("{}", "fold")))
+            assert done.returncode == 2 and "control characters" in done.stderr
+            assert "\x1b" not in done.stdout + done.stderr
 
 
 def test_every_command_refuses_a_mixed_folder(folds: tuple[Path, Path], fold: Path) -> None:

@@ -1,0 +1,189 @@
+"""Origin of a plan: its input is read again, and its attempts are those of a fold with its request.
+
+Neither depends on a clock, so the same request leads to the same chains and the same attempts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path as FilePath
+from typing import Any, Final
+
+import numpy as np
+
+from planner.chain.chain import Chain
+from planner.errors import UNREADABLE, PlannerError
+from planner.file_names import CANDIDATES, INPUT, REQUEST, START_CHAIN
+from planner.motion.timeline import chain_attributes
+from planner.pipeline.attempt import Attempt, Candidates
+from planner.pipeline.next_step import Explode, PlayBack, next_step
+from planner.pipeline.preference import PlanFigures
+from planner.pipeline.prepare import TIME_INDEPENDENT_METHODS
+from planner.pipeline.reading import Reading, read_shape
+from planner.pipeline.retry_policy import RetryPolicy
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+from planner.plan.value_differences import Differences, value_differences
+
+CELL_TOLERANCE_PITCH: Final = 1e-6
+"""Maximum distance between the places of modules of two chains through the same cells, pitches:
+rounding."""
+
+
+def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
+    """Yield the differences of the plan's chain from those that the input gives when read again."""
+    needed = (INPUT, REQUEST, CANDIDATES, *(() if plan.start is None else (START_CHAIN,)))
+    missing = [name for name in needed if not (directory / name).exists()]
+    if missing:
+        notes.append(
+            f"There is no {missing[0]}, so nothing shows that the plan is of the shape that was "
+            "requested."
+        )
+        return
+    try:
+        workspace = Workspace(directory)
+        known = workspace.read_candidates()
+        again = _read_again(workspace)
+    except (*UNREADABLE, PlannerError) as error:
+        yield f"{INPUT}: the shape cannot be read again ({error})"
+        return
+    found, chain = again.candidates, chain_attributes(plan.chain)
+    same = [*value_differences(known.as_dict(), found.as_dict(), CANDIDATES)]
+    if same and not (again.method in TIME_INDEPENDENT_METHODS or again.kind in ("path", "chain")):
+        # How long a search may take decides which of several paths it finds.
+        if not _fills(plan.chain, found.chains[0]):
+            yield f"{INPUT}: the plan's chain does not fill the cells of the shape in this file"
+            return
+        notes.append(
+            f"The search found other paths through the same cells of the {INPUT}, because it is "
+            "limited in time. Only the cells were compared."
+        )
+        return
+    for difference in same:
+        yield f"{INPUT} was read again: {difference}"
+    if not any(chain_attributes(each) == chain for each in _with_other_ends(found)):
+        yield (
+            f"{INPUT}: got a plan for {plan.chain.name} ({len(plan.chain)} modules), expected one "
+            f"for {found.chains[0].name} ({len(found.chains[0])} modules), the shape in this file"
+        )
+
+
+def _read_again(workspace: Workspace) -> Reading:
+    """Return the chains in the input. That of a smoothing is the chain of the recorded plan."""
+    request, data = workspace.read_request(), workspace.read_input()
+    return read_shape(request, data, start=workspace.read_start(request))
+
+
+def _with_other_ends(candidates: Candidates) -> list[Chain]:
+    chains = candidates.chains
+    return [*chains, *(each.from_other_end() for each in chains if candidates.two_ended)]
+
+
+def _fills(one: Chain, other: Chain) -> bool:
+    """Return True if two chains fill the same cells."""
+    if len(one) != len(other) or one.module.name != other.module.name:
+        return False
+    places = [np.sort(_rows(each.folded_poses.positions)) for each in (one, other)]
+    return bool((places[0] == places[1]).all())
+
+
+def _rows(positions: Any) -> Any:
+    """Return one comparable value for each rounded place."""
+    whole = np.rint(positions / CELL_TOLERANCE_PITCH).astype(np.int64)
+    return whole.view([("x", np.int64), ("y", np.int64), ("z", np.int64)]).reshape(-1)
+
+
+def attempts_differ(
+    directory: FilePath, plan: Plan, notes: list[str], *, earlier: bool
+) -> Differences:
+    """Yield the differences of the plan's attempts from those that a fold with its request makes.
+
+    What an attempt has come to (status, steps, verdict, figures) is taken from the file, except for
+    the one whose plan this is; which attempt follows it is computed again.
+    """
+    if earlier or not all((directory / name).exists() for name in (REQUEST, CANDIDATES)):
+        notes.append("The attempts of the plan are reported only.")
+        return
+    try:
+        workspace = Workspace(directory)
+        request, candidates = workspace.read_request(), workspace.read_candidates()
+        history = [Attempt.from_dict(values) for values in plan.attempts]
+        policy = RetryPolicy.of(request, candidates)
+        yield from _sequence_differs(history, policy)
+        yield from _own_attempt_differs(plan, history, candidates)
+    except (*UNREADABLE, PlannerError) as error:
+        yield f"plan.npz attempts: they cannot be read ({error})"
+    if len(history := plan.attempts) > 1:
+        notes.append(
+            f"Of the {len(history)} attempts, the results of all but the plan's own are reported "
+            "only; their order, strategies, seeds and paths were computed again from them."
+        )
+
+
+def _sequence_differs(history: Sequence[Attempt], policy: RetryPolicy) -> Differences:
+    """Yield where the attempts are not those that follow from the ones before."""
+    for number, attempt in enumerate(history):
+        # A failed one is judged only when nothing is left to try.
+        before = tuple(each.unjudged() if each.failed else each for each in history[:number])
+        step = next_step(before, policy)
+        finer = 1
+        if isinstance(step, Explode):
+            trial = step.trial
+        elif isinstance(step, PlayBack) and before and not before[-1].failed:
+            trial, finer = before[-1].trial, step.finer
+        else:
+            yield f"plan.npz attempts[{number}]: got another attempt, expected no more attempts"
+            return
+        if attempt.trial != trial or attempt.finer != finer:
+            names = [n for n in trial.__slots__ if getattr(attempt.trial, n) != getattr(trial, n)]
+            what = names[0] if names else "finer"
+            got, expected = (
+                (getattr(attempt.trial, what), getattr(trial, what))
+                if names
+                else (attempt.finer, finer)
+            )
+            yield f"plan.npz attempts[{number}].{what}: got {got!r}, expected {expected!r}"
+            return
+
+
+def _own_attempt_differs(
+    plan: Plan, history: Sequence[Attempt], candidates: Candidates
+) -> Differences:
+    """Yield the differences of the attempt whose plan this is from the plan."""
+    if plan.explosion is None:
+        if history:
+            yield f"plan.npz attempts: got {len(history)}, expected none without an explosion"
+        return
+    number = own_attempt(plan)
+    if number is None:
+        yield "plan.npz attempts: none of them has the figures of the plan's explosion and verdict"
+        return
+    attempt, certificate = history[number], plan.certificate
+    if attempt.trial.strategy != plan.explosion["strategy"]:
+        yield (
+            f"plan.npz attempts[{number}].strategy: got {attempt.trial.strategy!r}, expected "
+            f"{plan.explosion['strategy']!r}"
+        )
+    if chain_attributes(candidates.chain_of(attempt.trial)) != chain_attributes(plan.chain):
+        yield f"plan.npz attempts[{number}]: its chain is not that of the plan"
+    if attempt.figures is not None:
+        mine = PlanFigures.of(certificate.as_dict())
+        for name in ("fold_time_s", "peak_torque_nm", "clearance_bound", "frames", "one_hinge_rad"):
+            yield from value_differences(
+                getattr(attempt.figures, name),
+                getattr(mine, name),
+                f"plan.npz attempts[{number}].figures.{name}",
+            )
+
+
+def own_attempt(plan: Plan) -> int | None:
+    """Return the number of the attempt whose plan this is; None if none can be."""
+    own = {key: value for key, value in (plan.explosion or {}).items() if key != "strategy"}
+    fits = [
+        number
+        for number, values in enumerate(plan.attempts)
+        if own == {key: values.get(key) for key in own}
+        and values.get("verdict") == plan.certificate.verdict
+    ]
+    chosen = [number for number in fits if plan.attempts[number].get("chosen")]
+    return next(iter([*chosen, *reversed(fits)]), None)

@@ -1,0 +1,187 @@
+"""Repeated computations: the simulated robots, the curves of the plots and the moments of a fold.
+
+Each takes a few seconds for folds of ordinary size; for larger ones they are left out, and a note
+says so.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.certificate.certificate import Certificate
+from planner.certificate.frame_metrics import write_figures
+from planner.errors import UNREADABLE, PlannerError
+from planner.file_names import FIGURES, FORCES, MOMENTS, PLAYBACK, RECORD, REQUEST, TIMELINE
+from planner.files import json_of, zarr_group
+from planner.motion.timeline import Timeline
+from planner.pipeline.job import Watch, is_smoothing
+from planner.pipeline.playing_back import play_back
+from planner.pipeline.workspace import Workspace
+from planner.plan.moment_search import moments_of
+from planner.plan.plan import Plan, versions
+from planner.plan.value_differences import (
+    Differences,
+    array_difference,
+    value_differences,
+)
+from planner.playback.playback import Playback
+from planner.verification.origin import own_attempt
+from planner.verification.plan_parameters import plan_parameters
+
+MAX_REPEATED_MODULE_STEPS: Final = 4_000_000
+"""Maximum size of a simulation that verification repeats: modules × steps × robots. Three robots of
+160 modules fold in 0.8 million, which take 2 s."""
+MAX_PLOTTED_POSES: Final = 2_000_000
+"""Maximum number of module poses (frames × modules) of a fold whose plots and moments verification
+computes again. A fold of 160 modules has 0.16 million, which take 0.5 s."""
+SAME_SIMULATION_RAD: Final = 2e-5
+"""Maximum difference between the angles of a simulated robot and those of its repetition, rad. On
+another processor, an encoder may round the other way; the robots' errors are ten times larger."""
+SAME_SIMULATION_RTOL: Final = 0.05
+"""Maximum relative difference between the figures of a simulation and those of its repetition, for
+the same reason."""
+SAME_CURVES_RTOL: Final = 1e-4
+"""Maximum relative difference between the curves of the plots and those computed again: they are in
+single precision."""
+SAME_CURVES_ATOL: Final = 1e-6
+"""Maximum absolute difference between the curves of the plots and those computed again, in their
+units."""
+RECOMPUTED_CURVES: Final = ("min_clearance", "peak_torque_nm", "max_error_rad", "hinges_moving")
+"""Curves of the plots that are computed again. Which of several modules is the nearest depends on
+rounding."""
+
+
+def why_not_repeated(directory: FilePath, plan: Plan, playback: Playback) -> str | None:
+    """Return the reason why the simulation of a playback is not repeated; None if it is."""
+    for name in (REQUEST, PLAYBACK, *([] if plan.explosion is None else [RECORD])):
+        if not (directory / name).exists():
+            return f"there is no {name}"
+    size = len(plan.chain) * playback.steps * (playback.robots or 1)
+    if not 0 <= size <= MAX_REPEATED_MODULE_STEPS:
+        return "it would take too long"
+    for name in ("foldback", "mujoco"):
+        here, made = versions().get(name), plan.versions.get(name)
+        if here != made:
+            return f"the plan was made with {name} {made}, and this is {name} {here}"
+    return None
+
+
+def robots_differ(directory: FilePath, plan: Plan, playback: Playback) -> Differences:
+    """Yield the differences of the simulated robots from those of a repeated simulation."""
+    workspace = Workspace(directory)
+    try:
+        request, record = workspace.read_request(), workspace.read_record()
+        number = own_attempt(plan)
+        again = play_back(
+            plan.chain,
+            record,
+            request.parameters(smoothed=is_smoothing(record)),
+            Watch(),
+            seed=plan.seed,
+            finer=1 if number is None else int(plan.attempts[number].get("finer", 1)),
+            unfolding=workspace.read_unfolding(request),
+        )
+    except (*UNREADABLE, PlannerError) as error:
+        yield f"{PLAYBACK}: the simulation cannot be repeated ({error})"
+        return
+    if again is None:
+        yield f"{PLAYBACK}: got a playback, expected none after this explosion"
+        return
+    where = f"{PLAYBACK} and a repeated simulation differ in"
+    told, found = playback.summary(), again.summary()
+    for name in ("status", "steps", "kind", "robots"):
+        yield from value_differences(told[name], found[name], f"{where} {name}")
+    for name in ("rms_position_error", "max_angle_error_rad", "peak_torque", "rms_torque"):
+        yield from value_differences(
+            told[name],
+            found[name],
+            f"{where} {name}",
+            rtol=SAME_SIMULATION_RTOL,
+            atol=SAME_SIMULATION_RAD,
+        )
+    for name in ("angles_rad", "others_rad"):
+        of = [
+            each.frames.angles_rad if name == "angles_rad" else each.others_rad
+            for each in (playback, again)
+        ]
+        if of[0] is None or of[1] is None:
+            if of[0] is not of[1]:
+                yield f"{where} {name}: only one of them has this array"
+            continue
+        yield from array_difference(of[0], of[1], f"{where} {name}", atol=SAME_SIMULATION_RAD)
+
+
+def plots_differ(
+    directory: FilePath, plan: Plan, clearances: Array | None, notes: list[str]
+) -> Differences:
+    """Yield the differences of moments and plots from those computed again from the timeline.
+
+    Args:
+        directory: Directory of the fold.
+        plan: The plan.
+        clearances: (F,) clearance at each frame of a windowed plan, pitches; None of others.
+        notes: Receives a note if the fold is too long.
+    """
+    stored = [name for name in (MOMENTS, FIGURES) if (directory / name).exists()]
+    if not stored:
+        return
+    timeline = Timeline.open(directory / TIMELINE)
+    if len(timeline) * len(plan.chain) > MAX_PLOTTED_POSES:
+        notes.append(
+            f"{' and '.join(stored)} were compared only with their digests, because the fold is "
+            "long."
+        )
+        return
+    try:
+        with TemporaryDirectory(prefix="foldback-verify-") as place:
+            again = FilePath(place) / FIGURES
+            write_figures(
+                directory / TIMELINE,
+                again,
+                plan_parameters(plan, None),
+                certificate=plan.certificate,
+                clearances=clearances,
+            )
+            if FIGURES in stored:
+                yield from _curves_differ(directory / FIGURES, again)
+            if MOMENTS in stored:
+                yield from _moments_differ(directory, timeline, plan.certificate, again)
+    except (*UNREADABLE, PlannerError) as error:
+        yield f"{' and '.join(stored)} cannot be computed again ({error})"
+
+
+def _curves_differ(stored: FilePath, again: FilePath) -> Differences:
+    """Yield the differences of the curves of the plots."""
+    mine, theirs = zarr_group(stored), zarr_group(again)
+    for name in RECOMPUTED_CURVES:
+        if name not in theirs:
+            continue
+        if name not in mine:
+            yield f"{FIGURES} {name}: got nothing, expected this curve"
+            continue
+        got, expected = (np.asarray(group[name][:], dtype=np.float64) for group in (mine, theirs))
+        if got.shape != expected.shape or not np.allclose(
+            got, expected, rtol=SAME_CURVES_RTOL, atol=SAME_CURVES_ATOL, equal_nan=True
+        ):
+            yield f"{FIGURES} {name}: the curve is not that of timeline.zarr"
+
+
+def _moments_differ(
+    directory: FilePath, timeline: Timeline, certificate: Certificate, figures: FilePath
+) -> Differences:
+    """Yield the differences of the moments."""
+    again = moments_of(
+        timeline,
+        size=certificate.module_size,
+        figures=figures,
+        forces=directory / FORCES,
+        direct=(directory / RECORD).exists(),
+    )
+    told: dict[str, Any] = json_of(directory / MOMENTS)
+    expected = {} if again is None else again.as_dict()
+    yield from value_differences(told, expected, MOMENTS)
