@@ -8,15 +8,25 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
-from typing import Any, Final
+from typing import Any, Final, cast
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.certificate.certificate import Certificate
 from planner.certificate.frame_metrics import write_figures
-from planner.errors import UNREADABLE, PlannerError
-from planner.file_names import FIGURES, FORCES, MOMENTS, PLAYBACK, RECORD, REQUEST, TIMELINE
+from planner.certificate.table_forces import TableForces
+from planner.errors import UNREADABLE, InputError, PlannerError
+from planner.file_names import (
+    FIGURES,
+    FORCES,
+    MOMENTS,
+    PLAYBACK,
+    RECORD,
+    RECORDED_PLAN,
+    REQUEST,
+    TIMELINE,
+)
 from planner.files import json_of, zarr_group
 from planner.motion.timeline import Timeline
 from planner.pipeline.job import Watch, is_smoothing
@@ -27,9 +37,11 @@ from planner.plan.plan import Plan, versions
 from planner.plan.value_differences import (
     Differences,
     array_difference,
+    figure_differences,
     value_differences,
 )
 from planner.playback.playback import Playback
+from planner.robot.smoothed_plan import before_and_after
 from planner.verification.origin import own_attempt
 from planner.verification.plan_parameters import plan_parameters
 
@@ -51,6 +63,9 @@ single precision."""
 SAME_CURVES_ATOL: Final = 1e-6
 """Maximum absolute difference between the curves of the plots and those computed again, in their
 units."""
+SAME_TORQUES_RTOL: Final = 1e-3
+"""Maximum difference between the largest torques of a fold on a table and those computed again,
+relative and in w·p: linear programs are solved to such a tolerance."""
 RECOMPUTED_CURVES: Final = ("min_clearance", "peak_torque_nm", "max_error_rad", "hinges_moving")
 """Curves of the plots that are computed again. Which of several modules is the nearest depends on
 rounding."""
@@ -116,6 +131,32 @@ def robots_differ(directory: FilePath, plan: Plan, playback: Playback) -> Differ
         yield from array_difference(of[0], of[1], f"{where} {name}", atol=SAME_SIMULATION_RAD)
 
 
+def forces_differ(directory: FilePath, again: TableForces) -> Differences:
+    """Yield the differences of the torques on a table from those of a certificate computed again.
+
+    Several equilibria may have the same largest torque, so only that is compared.
+    """
+    try:
+        told = TableForces.load(directory / FORCES)
+    except InputError as error:
+        yield error.detail
+        return
+    if told.torque.shape != again.torque.shape or not np.allclose(
+        told.torque, again.torque, rtol=SAME_TORQUES_RTOL, atol=SAME_TORQUES_RTOL, equal_nan=True
+    ):
+        yield f"{FORCES} torque: these are not the largest torques of the frames"
+
+
+def smoothing_differs(directory: FilePath, plan: Plan) -> Differences:
+    """Yield the differences of the figures before and after smoothing from those computed again."""
+    try:
+        again = before_and_after(Plan.load(directory / RECORDED_PLAN), plan)
+    except (*UNREADABLE, PlannerError) as error:
+        yield f"plan.npz smoothing: its figures cannot be computed again ({error})"
+        return
+    yield from figure_differences(plan.smoothing, again, "plan.npz smoothing")
+
+
 def plots_differ(
     directory: FilePath, plan: Plan, clearances: Array | None, notes: list[str]
 ) -> Differences:
@@ -164,7 +205,9 @@ def _curves_differ(stored: FilePath, again: FilePath) -> Differences:
         if name not in mine:
             yield f"{FIGURES} {name}: got nothing, expected this curve"
             continue
-        got, expected = (np.asarray(group[name][:], dtype=np.float64) for group in (mine, theirs))
+        got, expected = (
+            np.asarray(cast("Any", group[name])[:], dtype=np.float64) for group in (mine, theirs)
+        )
         if got.shape != expected.shape or not np.allclose(
             got, expected, rtol=SAME_CURVES_RTOL, atol=SAME_CURVES_ATOL, equal_nan=True
         ):

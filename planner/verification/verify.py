@@ -16,11 +16,12 @@ import numpy as np
 import foldback_check
 from planner.arrays import Array
 from planner.certificate.certificate import Certificate, certify
+from planner.certificate.table_forces import TableForces
 from planner.clearance.margins import Margin, limit_at, unproved_margins
 from planner.display_names import escaped
 from planner.errors import UNREADABLE, InputError, TimelineError, named
 from planner.exports import mjcf
-from planner.file_names import MODEL, PLAN, PLAN_TEXT, TIMELINE
+from planner.file_names import FORCES, MODEL, PLAN, PLAN_TEXT, RECORDED_PLAN, TIMELINE
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.output_directory import finish_replacement
@@ -37,7 +38,13 @@ from planner.verification.plan_consistency import formats_differ, lacking
 from planner.verification.plan_failure import reason_of
 from planner.verification.plan_parameters import plan_parameters, request_differs
 from planner.verification.playback_kinds import kind_differs
-from planner.verification.repeated import plots_differ, robots_differ, why_not_repeated
+from planner.verification.repeated import (
+    forces_differ,
+    plots_differ,
+    robots_differ,
+    smoothing_differs,
+    why_not_repeated,
+)
 from planner.verification.replay import Replay, replay, replay_differs, stride_of
 from planner.verification.stage_files import stage_files_differ
 from planner.verification.third_opinion import Opinion, opinion_of, toolkit
@@ -59,8 +66,9 @@ SAME_MARGIN_RTOL: Final = 1e-3
 rounding decides which of several proofs fails first."""
 REPORTED_ONLY: Final = (
     "Reported only, that is neither computed again nor compared with another file: versions, wall "
-    "times (seconds), request.json filename where the input itself states a name, and in "
-    "figures.zarr the clearance, torque and nearest module of each single module."
+    "times (seconds), request.json filename where the input itself states a name, pushes and "
+    "retries in record.npz, the values for single modules and hinges in figures.zarr and "
+    "table.npz, and files besides those of the plan (plans, pictures, tours, own values)."
 )
 """Note that names the values which no check covers."""
 EXEMPT_PAIR_LINE: Final = re.compile(r'<exclude body1="module_(\d+)" body2="module_(\d+)"/>')
@@ -200,6 +208,7 @@ def _verified(
     )
     repeated = _check_robots(directory, plan, playback, found)
     clearances: list[Array] = []
+    forces: list[TableForces] = []
     certificate = certify(
         plan.chain,
         record,
@@ -209,12 +218,23 @@ def _verified(
         progress=progress,
         with_margins=module_size is None,
         sink=clearances.append if plan.motion.is_windowed else None,
+        forces=forces.append,
     )
     if not certificate.verified:
         found.problems.append(certificate.verdict)
     if module_size is None:
         told = ReportedFigures(plan, npz["certificate"], record, playback, earlier=earlier)
         _check_figures(directory, told, certificate, found, repeated=repeated)
+        if forces and (directory / FORCES).exists():
+            found.look(
+                "the largest torques in table.npz were computed again and match",
+                forces_differ(directory, forces[0]),
+            )
+        if plan.smoothing is not None and (directory / RECORDED_PLAN).exists():
+            found.look(
+                "the figures before and after smoothing were computed again and match",
+                smoothing_differs(directory, plan),
+            )
         found.look(
             "moments.json and the curves in figures.zarr were computed again and match",
             plots_differ(directory, plan, next(iter(clearances), None), found.notes),
