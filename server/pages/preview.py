@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from collections.abc import Mapping
 from functools import cache
 from typing import Any, Final
 
@@ -81,15 +82,15 @@ async def shape_page(request: Request, name: str) -> Response:
     return await _page(context, facts)
 
 
-async def _page(context: Context, facts: dict[str, object]) -> Response:
+async def _page(context: Context, given: Mapping[str, object]) -> Response:
     """Return the page of a preview, or of an input that has no preview yet."""
-    facts = {
+    facts: dict[str, object] = {
         "origin": {},
         "options": {},
         "most_modules": context.settings.max_modules,
         "table_modules": MAX_TABLE_MODULES,
         "next_scripts": _next_scripts(),
-        **facts,
+        **given,
     }
     preparing = await asyncio.to_thread(context.leases.preparing)
     return page("preview.html", facts=facts, facts_json=script_json(facts), preparing=preparing)
