@@ -61,8 +61,6 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
         )
     if 0 in shape:
         raise InputError("empty", f"got an array of shape {shape}, which has no entries.")
-    if not is_grid and shape[0] > source.most_cells:
-        raise too_many(shape[0], source.most_cells)
     expected = math.prod(shape) * dtype.itemsize
     if data[start + expected :].strip(LINE_ENDS) == b"":
         data = data[: start + expected]
@@ -74,6 +72,8 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
             f"but the file has {data_size} bytes of data; the header is wrong, or the file is cut "
             "off.",
         )
+    if not is_grid and shape[0] > source.most_cells:
+        raise too_many(shape[0], source.most_cells)
     flat = np.frombuffer(data, dtype=dtype, offset=start)
     if is_grid:
         return _voxels(flat.reshape(shape, order="F" if fortran else "C"), source)

@@ -7,7 +7,7 @@ from typing import Final
 
 from planner.errors import InputError
 from planner.readers.limits import Source, check_lines, parse_float, parse_int
-from planner.readers.text import HASH_COMMENT, LEADING_COMMENTS, numbered_lines
+from planner.readers.text import data_start, numbered_lines, without_comments
 from planner.readers.trimesh_meshes import triangles_in
 from planner.shapes.polygons import skipped_note
 from planner.shapes.solid import Solid, check_triangles
@@ -38,8 +38,7 @@ file. Larger values recognise files with longer preambles, and cost more. Chosen
 
 def is_obj(data: bytes) -> bool:
     """Return True if a line near the beginning is an OBJ vertex."""
-    head = LEADING_COMMENTS.match(data)
-    begin = head.end() if head else 0
+    begin = data_start(data)
     start = data[begin : begin + OBJ_PROBE_BYTES]
     return start.lstrip()[:1] not in (b"{", b"[") and VERTEX_LINE.search(start) is not None
 
@@ -112,7 +111,7 @@ def _plain(data: bytes) -> bytes:
     """
     text = _continued(data)
     text = b"\n%b" % OTHER_LINES.sub(b"", b"%b\n" % text.translate(BLANKS))
-    text = HASH_COMMENT.sub(b"", text) if b"#" in text else text
+    text = without_comments(text)
     spare = any(found in text for found in (b"  ", b"\n ", b" \n"))
     return SPARE_SPACE.sub(b"", text) if spare else text
 
@@ -152,7 +151,7 @@ def _counted_from_the_first(text: bytes) -> bytes:
 def _first_fault(data: bytes, vertices: int) -> InputError | None:
     """Return the error of the first line that cannot be read; None if all can."""
     known = 0
-    text = HASH_COMMENT.sub(b"", _continued(data)).decode("latin-1")
+    text = without_comments(_continued(data)).decode("latin-1")
     for number, line in numbered_lines(text):
         kind, *words = line.split() or [""]
         try:

@@ -9,9 +9,9 @@ import numpy as np
 
 from planner.arrays import Array, Ints
 from planner.errors import InputError
-from planner.readers.limits import Source, parse_float, parse_int, quote
+from planner.readers.limits import Source, check_lines, parse_float, parse_int, quote
 from planner.readers.number_tables import Table, chunks, table, whole
-from planner.readers.text import BYTE_LINE, HASH_COMMENT, LEADING_COMMENTS, numbered_lines
+from planner.readers.text import BYTE_LINE, data_start, numbered_lines, without_comments
 from planner.shapes.polygons import MIN_CORNERS, fans, skipped_note
 from planner.shapes.solid import Solid, check_triangles
 
@@ -30,8 +30,7 @@ Mesh: TypeAlias = "tuple[Array, Ints, Ints, int]"
 
 def is_off(data: bytes) -> bool:
     """Return True if the first word is an OFF keyword."""
-    head = LEADING_COMMENTS.match(data)
-    begin = head.end() if head else 0
+    begin = data_start(data)
     return KIND.match(data[begin : begin + KEYWORD_PROBE_BYTES]) is not None
 
 
@@ -41,10 +40,10 @@ def read_off(data: bytes, source: Source) -> Solid:
     Raises:
         InputError: A line cannot be read or the variant of OFF is not supported; names it.
     """
+    check_lines(data, source.most_triangles)
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    if b"#" in data:
-        data = HASH_COMMENT.sub(b"", data)
+    data = without_comments(data)
     keyword = KIND.match(data)
     assert keyword is not None
     kind = keyword[1].decode("latin-1")

@@ -21,15 +21,15 @@ NUMBER_PATTERN: Final = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-
 NOT_FINITE: Final = re.compile(r"[+-]?(?:nan|inf|infinity)\Z", re.IGNORECASE)
 WORD_SEPARATOR: Final = re.compile(r'[\s,;"]+')
 COMMENT_MARK: Final = "#"
-HASH_COMMENT: Final = re.compile(rb"#[^\n]*")
-"""Matches a comment in the bytes of a text file: from a number sign to the end of the line."""
+HASH_COMMENT: Final = re.compile("#[^\n]*")
+"""Matches a comment of a text file: from a number sign to the end of the line."""
 TEXT_LINE: Final = re.compile(r"[^ \t\r\n\f\v][^\r\n]*")
 """Matches the text of a line from its first character that is no blank. Lines end at CR and LF
 alone: other characters that Unicode counts as line ends occur in comments and names."""
 BYTE_LINE: Final = re.compile(rb"[^ \t\r\n\f\v][^\r\n]*")
 """As ``TEXT_LINE``, in bytes."""
-LEADING_COMMENTS: Final = re.compile(rb"(?:[ \t\r\n]++|#[^\r\n]*+)*+")
-"""Matches comments and blanks at the beginning of the bytes of a text file."""
+DATA_LINE: Final = re.compile(rb"(?:\A|(?<=[\r\n]))[ \t]*+[^# \t\r\n]")
+"""Matches the beginning of a line that is neither blank nor a comment."""
 CONTROL: Final = re.compile(rb"[\x00-\x08\x0e-\x19\x1b-\x1f]")
 """Matches control characters that text files do not contain. White space is allowed, and so is the
 end mark of old systems (0x1A)."""
@@ -53,6 +53,20 @@ BYTE_ORDER_MARKS: Final = (
 """Byte order marks with their encodings, tried in this order: the marks of UTF-32 come first, as
 that of little-endian UTF-32 begins like that of UTF-16."""
 READ_AS_VOXELS: Final = "if the order of the cells has no meaning, read the cells as voxels"
+
+
+def data_start(data: bytes) -> int:
+    """Return where the first line begins that is neither blank nor a comment."""
+    line = DATA_LINE.search(data)
+    return len(data) if line is None else line.start()
+
+
+def without_comments(data: bytes) -> bytes:
+    """Return a text file whose lines end with LF without its comments."""
+    if b"#" not in data:
+        return data
+    # The same of bytes takes ten times the memory, because joining bytes takes a buffer for each.
+    return HASH_COMMENT.sub("", data.decode("latin-1")).encode("latin-1")
 
 
 def numbered_lines(text: str) -> Iterator[tuple[int, str]]:

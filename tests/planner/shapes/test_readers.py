@@ -199,7 +199,7 @@ def test_header_of_a_huge_array_is_refused_before_it_is_made() -> None:
     data = npy(np.array(CELLS))
     assert refusal_of(data.replace(b"(4, 3), }", b"(10**12)")).code == "damaged"
     huge = data.replace(b"(4, 3), }     ", b"(99999999, 3),}")[: len(data)]
-    assert refusal_of(huge).code in ("too-many-cells", "damaged")
+    assert refusal_of(huge).code == "truncated"
 
 
 @pytest.mark.parametrize("writer", (*PATH_WRITERS, as_chain))

@@ -226,6 +226,7 @@ def test_counts_that_a_file_cannot_hold_are_not_answered_with_simplify() -> None
         b"#binvox 1\ndim 4096 4096 4096\ndata\n\x01\x08",
         b"3000000000\n\n" + ROWS,
         npy_header("{'descr': '<i4', 'fortran_order': False, 'shape': (150000, 3), }"),
+        npy_header(f"{{'descr': '<i4', 'fortran_order': False, 'shape': ({10**30}, 3), }}"),
     ):
         refusal = refusal_of(data, filename="a.stl")
         assert refusal.code in ("truncated", "damaged"), data[:60]
@@ -305,6 +306,7 @@ def test_vox_scenes_that_contain_themselves_or_grow_without_end_are_refused() ->
         b"\r" * (18 << 20) + b"1 2 3\n",
         b"1\n" * (9 << 20),
         b"OFF\n" + b"\n" * (18 << 20),
+        b"# \n" * (1 << 20),
         b"OFF\n1 1 0\n" + b" \n" * (9 << 20),
         b"ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nelement face 1\n"
         b"property list uchar int vertex_index\nend_header\n" + b"\n" * (18 << 20),
@@ -314,7 +316,8 @@ def test_vox_scenes_that_contain_themselves_or_grow_without_end_are_refused() ->
         b"x,y,z" + b",a" * (1 << 20) + b"\n1,2,3\n",
     ],
     ids=[
-        *("line ends", "blank lines", "carriage returns", "lines of one digit", "OFF", "OFF body"),
+        *("line ends", "blank lines", "carriage returns", "lines of one digit", "OFF"),
+        *("comments", "OFF body"),
         *("PLY", "OBJ", "STL", "commas", "columns"),
     ],
 )
