@@ -270,16 +270,12 @@ def _remarks(fine: Grid, made: FittedCells) -> list[str]:
 def _volume_note(inside: float, lost: float, of_shape: str) -> str:
     """Return the note about volume outside of the cells; its figures add up."""
     inside_percent, lost_percent = round(100 * inside), round(100 * lost)
-    outside_percent = 100 - inside_percent
-    note = f"the cells contain only {inside_percent} % of the {of_shape}. "
-    if lost_percent:
-        note += f"Of the other {outside_percent} %, {lost_percent} % is in thin parts that are "
-        note += "left out"
-        sticks_out = outside_percent - lost_percent
-        note += f", and {sticks_out} % sticks out of the cells. " if sticks_out else ". "
-    else:
-        note += f"The other {outside_percent} % sticks out of the cells. "
-    return f"{note}Use more modules."
+    shares = (
+        (lost_percent, "is in thin parts that are left out"),
+        (100 - inside_percent - lost_percent, "sticks out of them"),
+    )
+    rest = " and ".join(f"{share} % {verb}" for share, verb in shares if share > 0)
+    return f"only {inside_percent} % of the {of_shape} is in the cells; {rest}. Use more modules."
 
 
 def _tunnels_note(of_solid: int, of_cells: int) -> str:
