@@ -11,7 +11,7 @@ import sys
 import threading
 from collections.abc import Callable
 from importlib import import_module
-from typing import TYPE_CHECKING, Annotated, Final, NoReturn
+from typing import TYPE_CHECKING, Annotated, Any, Final, NoReturn
 
 import typer
 from typer.core import TyperGroup
@@ -19,6 +19,8 @@ from typer.main import get_command
 
 if TYPE_CHECKING:
     from typer._click import Command, Context
+
+    from planner.errors import InputError
 
 COMMANDS: Final = {
     "serve": "Start the service. Environment variables such as FOLDBACK_PORT configure it.",
@@ -60,6 +62,9 @@ GC_THRESHOLD_OBJECTS: Final = 100_000
 FULL_DISK_ERRORS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """Error numbers (errno) of a full disk, a used-up quota, and a file above the permitted size."""
 
+MUJOCO_MEMORY_ERROR: Final = "Could not allocate memory"
+"""Text of MuJoCo's error, which is no MemoryError, when memory is used up."""
+
 
 class LazyCommands(TyperGroup):
     """Commands that are imported when called, because most import a simulator or a web server."""
@@ -71,12 +76,16 @@ class LazyCommands(TyperGroup):
         name, command, rest = super().resolve_command(ctx, args)
         return name, command if name is None else imported(name), rest
 
-    def invoke(self, ctx: Context) -> object:
-        """Run the command; report an error of the operating system in one sentence."""
+    def main(self, *args: Any, **kwargs: Any) -> Any:
+        """Run the command line; report an error of the operating system in one sentence."""
         try:
-            return super().invoke(ctx)
+            return super().main(*args, **kwargs)
         except OSError as error:
-            _refuse_system_error(error)
+            _refuse(_system_error(error))
+        except Exception as error:
+            if not isinstance(error, MemoryError) and str(error) != MUJOCO_MEMORY_ERROR:
+                raise
+            _refuse(_memory_error())
 
 
 def application() -> typer.Typer:
@@ -156,17 +165,18 @@ def _make_streams_safe() -> None:
             stream.reconfigure(errors="replace")
 
 
-def _refuse_system_error(error: OSError) -> NoReturn:
-    """Print an error of the operating system in one sentence, and exit with 2.
+def _system_error(error: OSError) -> InputError:
+    """Return an error of the operating system in one sentence.
 
     Raises:
         OSError: The error itself, if it concerns no file and thus is a fault of the program.
     """
-    from cli.inputs import refuse
     from planner.errors import InputError
 
     full = error.errno in FULL_DISK_ERRORS
-    if not full and error.filename is None:
+    # Of a file that is copied, the second name is that of the copy, which a full disk concerns.
+    path = error.filename2 or error.filename
+    if not full and path is None:
         raise error
     reason = error.strerror or str(error)
     remedy = (
@@ -174,14 +184,34 @@ def _refuse_system_error(error: OSError) -> NoReturn:
         if full
         else "check the path and its permissions"
     )
-    refuse(
-        InputError(
-            "disk-full" if full else "no-file",
-            f"a file cannot be read or written ({reason}); {remedy}.",
-            where=None if error.filename is None else os.fsdecode(error.filename),
-        ),
-        as_json="--json" in sys.argv,
+    return InputError(
+        "disk-full" if full else "no-file",
+        f"a file cannot be read or written ({reason}); {remedy}.",
+        where=None if path is None else os.fsdecode(path),
     )
+
+
+def _memory_error() -> InputError:
+    from planner.errors import InputError
+
+    return InputError(
+        "memory-full",
+        "this machine has too little free memory, or a limit (ulimit -v) permits too little. "
+        "Close other programs, or raise the limit.",
+    )
+
+
+def _refuse(error: InputError) -> NoReturn:
+    """Print an error, on standard error if standard output cannot be written, and exit with 2."""
+    from cli.inputs import refuse
+
+    try:
+        try:
+            refuse(error, as_json="--json" in sys.argv)
+        except OSError:
+            refuse(error, as_json=False)
+    except typer.Exit as end:
+        sys.exit(end.exit_code)
 
 
 def _leave(code: int) -> None:
@@ -193,7 +223,10 @@ def _leave(code: int) -> None:
         return
     atexit._run_exitfuncs()  # pyright: ignore[reportPrivateUsage]
     for stream in (sys.stdout, sys.stderr):
-        stream.flush()
+        try:
+            stream.flush()
+        except OSError:  # a full disk, which has been reported if the command has failed
+            code = code or 2
     os._exit(code)
 
 

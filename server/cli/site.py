@@ -22,7 +22,7 @@ from cli.options import AsJson
 from planner.errors import InputError, PlannerError
 from planner.file_names import TIMELINE
 from planner.output_directory import replacing_listed
-from planner.pipeline.fold_layout import result_path
+from planner.pipeline.fold_layout import holds_fold, result_path
 from planner.plan.packed_fold import unpack
 from planner.verification.stored_fold import check_fold
 from server.api.shipped_folds import SHIPPED_FOLDS_DIR
@@ -58,6 +58,12 @@ def site(
     try:
         if service is not None:
             _check_address(service)
+        if holds_fold(out):
+            raise InputError(
+                "another-fold",
+                "got the folder of a fold for the site. Choose another folder.",
+                where=str(out),
+            )
         with replacing_listed(out, None) as place, _shipped(finished) as shown:
             for directory in folds or ():
                 for each in _folds_in(directory):
@@ -78,8 +84,9 @@ def site(
     if as_json:
         print(json.dumps({"directory": str(out), "folds": len(shown), "bytes": size}), flush=True)
         return
+    number = "1 fold" if len(shown) == 1 else f"{len(shown)} folds"
     Console(soft_wrap=True, highlight=False).print(
-        f"{out}: {len(shown)} folds, {size / 1e6:.1f} MB; open {out / 'index.html'}", markup=False
+        f"{out}: {number}, {size / 1e6:.1f} MB; open {out / 'index.html'}", markup=False
     )
 
 

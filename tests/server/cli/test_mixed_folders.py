@@ -174,6 +174,14 @@ def test_export_of_another_fold_replaces_all_files(folds: tuple[Path, Path], fol
     assert answer.returncode == 2 and "another fold" in answer.stderr
 
 
+def test_site_is_not_written_into_the_folder_of_a_fold(fold: Path) -> None:
+    before = sorted(fold.iterdir())
+    answer = foldback("site", fold, "--no-finished", "--folds", fold)
+    assert answer.returncode == 2
+    assert "folder of a fold" in answer.stderr
+    assert sorted(fold.iterdir()) == before
+
+
 @pytest.mark.processes
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
 def test_old_fold_is_whole_after_a_run_was_ended(fold: Path, number: signal.Signals) -> None:

@@ -113,3 +113,21 @@ def test_full_disk_ends_a_fold_with_one_sentence(tmp_path: Path) -> None:
     error = json.loads(done.stdout.splitlines()[-1])["error"]
     assert error["code"] == "disk-full"
     assert "free some space" in error["detail"]
+
+
+def test_answer_that_a_full_disk_cannot_take_ends_with_one_sentence(tmp_path: Path) -> None:
+    path = tmp_path / "path.json"
+    path.write_text(json.dumps([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]))
+    for arguments in (["--help"], ["settings"], ["shape", path, "--out", tmp_path / "o", "--json"]):
+        with case(arguments[0]):
+            done = run(*arguments, streams="> /dev/full")
+            assert done.returncode == 2, done.stderr
+            assert done.stderr.count("\n") == 1, done.stderr
+            assert "No space left on device" in done.stderr
+
+
+def test_limit_of_memory_ends_a_fold_with_one_sentence(tmp_path: Path) -> None:
+    done = run("fold", "wrench-160", "--out", tmp_path / "fold", limits="ulimit -v 1500000;")
+    assert done.returncode == 2, done.stderr
+    assert "Traceback" not in done.stderr
+    assert done.stderr.splitlines()[-1].startswith("this machine has too little free memory")
