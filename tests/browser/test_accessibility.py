@@ -8,7 +8,7 @@ from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
 from server.store.owner import new_token
-from tests.browser.conftest import WIDTH, Visit, preview_file, wait_for_preview
+from tests.browser.conftest import WIDTH, Visit, overflowing, preview_file, wait_for_preview
 from tests.server.files.test_preview import CROSS, stl, voxels
 from tests.server.service_process import SNAKE, Service
 
@@ -52,6 +52,7 @@ def test_pages_without_a_fold_are_accessible(visit: Visit, path: str) -> None:
     assert findings(page) == {}
     page.set_viewport_size({"width": 320, "height": 640})
     assert page.evaluate(WIDTH) == 320  # nothing needs scrolling sideways
+    assert overflowing(page) == {}
 
 
 def test_api_page_is_accessible(visit: Visit) -> None:

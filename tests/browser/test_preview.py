@@ -83,8 +83,8 @@ LOSSES = "#iou, #more-modules button, #notes li:nth-child(-n + 2), #fold"
 OUT_OF_SIGHT = """selector => [...document.querySelectorAll(selector)].filter((part) => {
   const { left, right, top, bottom } = part.getBoundingClientRect();
   const [x, y] = [(left + right) / 2, (top + bottom) / 2];
-  const visible = (at) => part.contains(document.elementFromPoint(x, at));
-  const seen = [top + 1, y, bottom - 1].every(visible);
+  const visible = (at) => part.contains(document.elementFromPoint(...at));
+  const seen = [[x, top + 1], [left + 1, y], [right - 1, y], [x, bottom - 1]].every(visible);
   return !(seen && left >= 0 && right <= innerWidth && part.getClientRects().length);
 }).map((part) => part.textContent)"""
 """Returns the texts of elements that are outside of the window, or behind something."""

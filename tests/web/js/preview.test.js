@@ -124,7 +124,7 @@ test("a shape that loses parts offers the numbers of modules that keep more of i
   assert.ok(loss({ unused_bodies: [0.42] }).lossy && loss({ keeps_parts: false }).lossy);
   const { offers } = loss({ keeps_parts: false, more_modules: [larger(500, 0.451, false), larger(1000, 0.55, true), larger(3000, 0.69, true), larger(15_000, 0.8, true)] });
   assert.deepEqual(offers, [
-    { text: "500 modules: about 45\u00a0%", change: { modules: 500 } }, { text: "1\u2009000 modules: about 55\u00a0%, with all parts", change: { modules: 1000 } },
+    { text: "500 modules: about 45\u00a0%", change: { modules: 500 } }, { text: "1\u2009000 modules: about 55\u00a0%, all parts", change: { modules: 1000 } },
   ]);
   const apart = loss({ unused_bodies: [0.42], more_modules: [larger(1000, 0.55, true)] });
   assert.deepEqual(apart.offers.map(({ text }) => text), ["1\u2009000 modules: about 55\u00a0%"], "the other body stays unused");

@@ -247,7 +247,7 @@ export function lossOf({ maxModules }, { unused_bodies: unused = [], keeps_parts
   const [next, full] = [possible[0], possible.find(({ keeps_parts: all }) => all)];
   /** @type {Offer[]} */
   const offers = [...new Set([next, full])].flatMap((each) => (each ? [{
-    text: `${whole(each.modules)} modules: about ${percent(each.iou)}${each === full && !unused.length ? ", with all parts" : ""}`, change: { modules: each.modules },
+    text: `${whole(each.modules)} modules: about ${percent(each.iou)}${each === full && !unused.length ? ", all parts" : ""}`, change: { modules: each.modules },
   }] : []));
   return { lossy: unused.length > 0 || keeps === false, offers };
 }
