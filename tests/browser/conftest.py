@@ -230,6 +230,8 @@ def overflowing(page: Page) -> dict[int, list[str]]:
     assert before is not None
     for width in WIDTHS:
         page.set_viewport_size({"width": width, "height": before["height"]})
+        page.wait_for_function(f"() => innerWidth === {width}")
+        page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
         if wide := page.evaluate(OVERFLOWING):
             found[width] = wide
     page.set_viewport_size(before)
