@@ -30,6 +30,8 @@ ROWS_PER_BATCH: Final = 500
 MAX_ROW_BYTES: Final = 8 << 20
 """Maximum size of a row in a backup, in bytes. The largest rows, tours and tables of values, take
 about 100 kB."""
+MAX_NUMBER: Final = 1e11
+"""Maximum of a number in a row: times, in s since 1970, have dates up to it (the year 5138)."""
 PATTERNS: Final = {
     ("folds", "id"): r"\A[0-9A-Za-z]{1,32}\Z",
     ("folds", "status"): rf"\A({'|'.join(STATUSES)})\Z",
@@ -177,7 +179,7 @@ def _type_of(column: sa.Column[Any]) -> Any:
         bits = 63 if isinstance(kind, sa.BigInteger) else 31
         found = Annotated[int, Meta(ge=-(2**bits), le=2**bits - 1)]
     else:
-        found = float
+        found = Annotated[float, Meta(ge=0.0, le=MAX_NUMBER)]
     return found | None if column.nullable else found
 
 

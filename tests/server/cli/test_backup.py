@@ -209,6 +209,7 @@ HOSTILE: dict[str, Callable[[Path], object]] = {
     "text for a number": _value("modules", '"16"'),
     "large number": _value("modules", str(2**40)),
     "infinite": _value("created_at", "1e999"),
+    "time without a date": _value("created_at", "1e12"),
     "long text": _value("module", '"' + "x" * 99 + '"'),
     "null": _value("module", "null"),
     "path as id": _value("id", '"../../evil"'),
