@@ -73,7 +73,8 @@ def fold(
         The plan, verified or not: see ``Plan.certificate``.
 
     Raises:
-        InputError: An unknown preset, or a seed, module size or setting out of range.
+        InputError: An unknown preset, or a seed, module size or setting out of range; or the
+            directory cannot be used, see ``planner.pipeline.fold_layout.replacing_fold``.
     """
     request = FoldRequest(
         filename=shape.name,
