@@ -183,7 +183,7 @@ def test_site_is_not_written_into_the_folder_of_a_fold(fold: Path) -> None:
 
 
 @pytest.mark.processes
-@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM, signal.SIGINT])
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
 def test_old_fold_is_whole_after_a_run_was_ended(fold: Path, number: signal.Signals) -> None:
     command = [sys.executable, "-m", "server.cli.command_line", "fold", "wrench-160"]
     growing = fold / ".foldback-new"
