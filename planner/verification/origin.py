@@ -6,6 +6,7 @@ Neither depends on a clock, so the same request leads to the same chains and the
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, Final
 
@@ -69,9 +70,12 @@ def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differen
 
 
 def _read_again(workspace: Workspace) -> Reading:
-    """Return the chains in the input. That of a smoothing is the chain of the recorded plan."""
+    """Return the chains in the input. A smoothing keeps the end at which its plan begins."""
     request, data = workspace.read_request(), workspace.read_input()
-    return read_shape(request, data, start=workspace.read_start(request))
+    found = read_shape(request, data, start=workspace.read_start(request))
+    if request.smooth:
+        return replace(found, candidates=replace(found.candidates, two_ended=False))
+    return found
 
 
 def _with_other_ends(candidates: Candidates) -> list[Chain]:

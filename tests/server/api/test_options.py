@@ -76,7 +76,7 @@ def test_client_docs_and_preview_page_have_each_option() -> None:
     assert '\n    pace: Literal["brisk", "slow"]\n' in make_options.client_types(Extended)
     row = "| `pace` | `brisk`, `slow` | `brisk` | Pace: `brisk`, or `slow` for spectators. |"
     assert row in make_options.page(make_options.PAGE.read_text(encoding="utf-8"), Extended)
-    facts = {"name": "Cup", "most_modules": 100}
+    facts = {"name": "Cup", "most_modules": 100, "origin": {}}
     html = rendered(
         "preview.html", facts=facts, facts_json="{}", options=options_of(Extended), preparing=None
     )

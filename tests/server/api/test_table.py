@@ -148,7 +148,7 @@ def test_search_for_offers_ends_with_its_client_and_with_its_time(
 
 
 def test_gallery_for_a_table_folds_on_a_table(idle: Service) -> None:
-    assert 'action="/gallery/mallet-24?world=table"' in idle.http.get("/gallery?world=table").text
+    assert 'href="/gallery/mallet-24?world=table"' in idle.http.get("/gallery?world=table").text
     answer = idle.http.post("/gallery/mallet-24?world=table", follow_redirects=False)
     assert answer.status_code == 303
     assert idle.state(answer.headers["location"].rpartition("/")[2])["world"] == "table"

@@ -37,7 +37,8 @@ MOMENTS: dict[str, Callable[[Service], object]] = {
 def test_stop_signal_during_the_start_ends_all_processes(
     tmp_path: Path, moment: str, number: signal.Signals
 ) -> None:
-    service = Service(tmp_path / "data", prewarm=True)
+    # What started the tests may ignore Ctrl-C, and Python inherits that until it runs.
+    service = Service(tmp_path / "data", wrapper=("env", "--default-signal"), prewarm=True)
     process = service.launch()
     wait_until(lambda: MOMENTS[moment](service))
     started = psutil.Process(process.pid).children(recursive=True)

@@ -123,14 +123,17 @@ def test_child_ended_before_it_was_forked_does_not_stay(
             wait_until(lambda: {one.pid for one in forking.children()} == wanted)
 
 
-def test_reason_why_a_fork_server_cannot_start_is_reported(tmp_path: Path, directory: Path) -> None:
+def test_reason_why_a_fork_server_cannot_start_is_logged(
+    tmp_path: Path, directory: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
     without_stages = "sys.modules['planner.pipeline.stages'] = None\n"
     with closing(make_server(tmp_path / "code", without_stages)) as server:
         for _ in range(2):
             with make_child("stages", fork_server=server) as child:
-                words = "did not start: .*planner.pipeline.stages"
+                words = "did not start: an unexpected error"
                 with refused("no-start", match=words, kind=ChildError):
                     child.call("read", directory, wall_s=60)
+    assert "planner.pipeline.stages" in capfd.readouterr().err
 
 
 def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> None:
