@@ -224,14 +224,19 @@ NO_VIEW = """{
 intercepts all requests."""
 
 
+def resize(page: Page, width: int, height: int) -> None:
+    """Give a page a size, and wait until it is laid out anew."""
+    page.set_viewport_size({"width": width, "height": height})
+    page.wait_for_function(f"() => innerWidth === {width} && innerHeight === {height}")
+    page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
+
+
 def overflowing(page: Page) -> dict[int, list[str]]:
     """Return what is wider than its panel at each of ``WIDTHS`` where something is."""
     before, found = page.viewport_size, {}
     assert before is not None
     for width in WIDTHS:
-        page.set_viewport_size({"width": width, "height": before["height"]})
-        page.wait_for_function(f"() => innerWidth === {width}")
-        page.evaluate("new Promise((done) => requestAnimationFrame(() => setTimeout(done)))")
+        resize(page, width, before["height"])
         if wide := page.evaluate(OVERFLOWING):
             found[width] = wide
     page.set_viewport_size(before)

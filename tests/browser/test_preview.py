@@ -15,6 +15,7 @@ from tests.browser.conftest import (
     overflowing,
     picture,
     preview_file,
+    resize,
     wait_for_fold,
     wait_for_preview,
     wait_until,
@@ -107,12 +108,12 @@ def test_lossy_shape_says_so_at_first_sight(visit: Visit, service: Service) -> N
     wait_for_preview(page)
     expect(page.locator("#notes li").first).to_contain_text("2 separate bodies")
     for width, height in FIRST_SIGHT:
-        page.set_viewport_size({"width": width, "height": height})
+        resize(page, width, height)
         assert page.evaluate(OUT_OF_SIGHT, LOSSES) == []
     more = page.locator("#more-modules button").first
     more.evaluate(LONGEST_OFFER)
     for width, height in FIRST_SIGHT:
-        page.set_viewport_size({"width": width, "height": height})
+        resize(page, width, height)
         assert overflowing(page) == {}
     modules = int(re.sub(r"\D", "", more.inner_text().partition("modules")[0]))
     more.click()

@@ -3,7 +3,7 @@
 import pytest
 from playwright.sync_api import expect
 
-from tests.browser.conftest import WAIT_FOR_REST, Visit, wait_until
+from tests.browser.conftest import WAIT_FOR_REST, Visit, resize, wait_until
 from tests.server.service_process import Service
 from tests.web.blog import Blog
 
@@ -36,7 +36,7 @@ def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, 
     page.locator("#cover.gone").wait_for(state="attached")  # the cover hides the picture
     shares = {}
     for width, height in SIZES[kind]:
-        page.set_viewport_size({"width": width, "height": height})
+        resize(page, width, height)
         shares[width, height] = page.evaluate(PICTURE_SHARE)
         # It shows the name, the verdict and the buttons, in one row of this order if it is low.
         edges = page.locator("#name, #verdict, #share, .whole > *").evaluate_all(EDGES)
@@ -55,7 +55,7 @@ def test_picture_fills_most_of_the_page_at_each_size(visit: Visit, wrench: str, 
             page.locator(f"#{name}").click()
         assert page.locator("#drawer").bounding_box()["width"] <= 0.5 * SIZES[kind][-1][0]
         page.locator("#drawer-close").click()
-        page.set_viewport_size({"width": 1366, "height": 768})
+        resize(page, 1366, 768)
         header = "() => document.querySelector('.top').offsetHeight"
         height = page.evaluate(header)
         page.locator("#verdict").evaluate("(verdict) => { verdict.textContent = ''; }")

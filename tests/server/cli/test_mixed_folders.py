@@ -132,7 +132,8 @@ def test_broken_files_are_refused_in_one_sentence(folds: tuple[Path, Path], fold
         for kind, change in BROKEN.items():
             with case(f"{name}, {kind}"):
                 (fold / name).write_bytes(change((folds[0] / name).read_bytes()))
-                for command in ("tour", "verify"):
+                # `verify` has a reader of its own, and takes longer.
+                for command in ("tour", *(["verify"] if kind in ("half", "another value") else [])):
                     done = foldback(command, fold)
                     assert done.returncode in ((2,) if command == "tour" else (2, 3))
                     assert name.partition(".")[0] in done.stdout + done.stderr
