@@ -21,6 +21,7 @@ from planner.files import write_whole
 from planner.output_directory import replacing_listed
 from planner.pipeline.fold_layout import holds_fold
 from planner.plan.plan import Plan
+from planner.plan.steps import rest_frames
 
 
 def export(
@@ -41,7 +42,9 @@ def export(
     try:
         chosen = None if formats is None else _chosen(formats)
         plan = read_plan(directory)
-        exports = chosen or exports_of(moving=len(plan.time_s) > 0)
+        exports = chosen or exports_of(
+            moving=len(plan.time_s) > 0, resting=bool(rest_frames(plan.playback))
+        )
         _check_directory(out, directory)
         with replacing_listed(out, sha256((directory / PLAN).read_bytes()).hexdigest()) as place:
             sizes = {one.filename: _written(one, plan, place, out) for one in exports}

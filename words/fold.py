@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Final
+from typing import Any, Final
 
 from planner.certificate.figures import Fault, FoldSummary
 from planner.chain.module import CUBE
 from planner.parameters.parameters import AUTO, FLOATING
 from planner.pipeline.preference import COMPUTING
+from planner.plan.steps import rest_frames
 
 RUNNING_STATUSES: Final = ("queued", "running")
 """Statuses of folds that wait or are being computed."""
@@ -75,3 +76,8 @@ def shown_name(name: str) -> str:
 def has_motion(summary: Mapping[str, object] | None) -> bool:
     """Return True if a plan of this summary has frames."""
     return bool((summary or {}).get("playback"))
+
+
+def has_steps(summary: Mapping[str, Any] | None) -> bool:
+    """Return True if a plan of this summary rests between steps."""
+    return len(rest_frames((summary or {}).get("playback"))) > 1

@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from planner.arrays import Ints
 from planner.exports.export import require_frames, rising
 from planner.motion.motion import PHASES
 from planner.plan.plan import Plan
+from planner.plan.steps import step_frames
 
 ROOT_COLUMNS = ("root_x_m", "root_y_m", "root_z_m", "root_qw", "root_qx", "root_qy", "root_qz")
 
@@ -19,26 +21,43 @@ def write(plan: Plan) -> bytes:
 
     Columns: ``time_s``, ``phase``, the root module's centre in metres and its unit quaternion,
     every hinge angle as ``<joint>_rad``, ``max_error_rad`` (empty where there was no simulation).
-    All digits are kept.
+    All digits are kept. A plan that rests between steps has a last column, ``step``: the number of
+    the step that the frame belongs to or ends; 0 before the first step.
 
     Raises:
         InputError: ``no-frames``.
     """
     require_frames(plan)
     joints = [f"{name}_rad" for name in plan.chain.joint_names]
-    lines = [",".join(["time_s", "phase", *ROOT_COLUMNS, *joints, "max_error_rad"])]
     chosen = rising(plan.time_s)
+    steps = _step_column(plan, chosen)
+    names = [
+        "time_s",
+        "phase",
+        *ROOT_COLUMNS,
+        *joints,
+        "max_error_rad",
+        *(["step"] if steps else []),
+    ]
+    lines = [",".join(names)]
     frames = plan.whole()[chosen]
     numbers = np.column_stack(
         [frames.root_position * plan.chain.pitch_m, frames.root_wxyz, frames.joint_angles_rad]
     )
-    for time_s, phase, row, error in zip(
+    for time_s, phase, row, error, step in zip(
         frames.time_s.tolist(),
         frames.phase.tolist(),
         numbers.tolist(),
         plan.max_error_rad[chosen].tolist(),
+        steps or [""] * len(chosen),
         strict=True,
     ):
         last = "" if np.isnan(error) else repr(error)
-        lines.append(f"{time_s!r},{PHASES[phase]},{','.join(map(repr, row))},{last}")
+        lines.append(f"{time_s!r},{PHASES[phase]},{','.join(map(repr, row))},{last}{step}")
     return ("\n".join(lines) + "\n").encode()
+
+
+def _step_column(plan: Plan, frames: Ints) -> list[str]:
+    """Return the end of each row, with the number of its step; none without steps."""
+    rests = step_frames(plan)
+    return [f",{step}" for step in np.searchsorted(rests, frames).tolist()] if rests else []

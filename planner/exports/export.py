@@ -36,6 +36,7 @@ class Export:
         filename: Name of the file in a separate directory.
         write: Makes the file; ``InputError`` when the plan lacks what it needs.
         moving: True if it shows the motion, so that a plan without frames has none.
+        resting: True if it shows steps, so that a plan that does not rest between steps has none.
         shared: True if other files refer to it, so that it must keep its name.
     """
 
@@ -46,6 +47,7 @@ class Export:
     filename: str
     write: Write
     moving: bool = False
+    resting: bool = False
     shared: bool = False
 
 

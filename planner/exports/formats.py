@@ -55,6 +55,16 @@ EXPORTS: Final = (
         moving=True,
     ),
     Export(
+        name="steps",
+        label="Steps",
+        hint="JSON: for each step, the joints that turn, their angles, and the part that is held",
+        media_type="application/json",
+        filename="steps.json",
+        write=_by("steps"),
+        moving=True,
+        resting=True,
+    ),
+    Export(
         name="mjcf",
         label="Robot model",
         hint="MJCF for MuJoCo, with keyframes of the fold; lengths in pitches",
@@ -119,9 +129,18 @@ EXPORTS: Final = (
 """All file formats in which a plan can be exported, in the order in which they are offered."""
 
 
-def exports_of(*, moving: bool) -> tuple[Export, ...]:
-    """Return the exports of a plan, with or without those that show its motion."""
-    return tuple(export for export in EXPORTS if moving or not export.moving)
+def exports_of(*, moving: bool, resting: bool) -> tuple[Export, ...]:
+    """Return the exports of a plan.
+
+    Args:
+        moving: True to include those that show its motion.
+        resting: True to include those that show its steps.
+    """
+    return tuple(
+        export
+        for export in EXPORTS
+        if (moving or not export.moving) and (resting or not export.resting)
+    )
 
 
 def export_named(name: str) -> Export:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import struct
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from typing import Any, Final
 
 import numpy as np
@@ -19,6 +20,7 @@ from planner.chain.chain import Chain
 from planner.exports.export import export_name, require_frames, rising
 from planner.exports.stl import hull_of
 from planner.plan.plan import Plan
+from planner.plan.steps import step_frames
 
 Single = NDArray[np.float32]
 MIN_KEYFRAME_TOLERANCE: Final = 3e-3
@@ -146,7 +148,7 @@ def write(plan: Plan) -> bytes:
             }
         ],
         "materials": [MATERIAL],
-        "animations": [_animation(times, outputs)],
+        "animations": [_animation(times, outputs, plan)],
         "accessors": buffer.accessors,
         "bufferViews": buffer.views,
         "buffers": [{"byteLength": len(buffer.data)}],
@@ -189,12 +191,13 @@ def _nodes(chain: Chain, places: Single, turns: Single) -> list[dict[str, Any]]:
     return [*nodes, top]
 
 
-def _animation(times: int, outputs: list[tuple[int, int]]) -> dict[str, Any]:
-    """Return the animation of all modules.
+def _animation(times: int, outputs: list[tuple[int, int]], plan: Plan) -> dict[str, Any]:
+    """Return the animation of all modules; its ``extras`` mark the steps of a plan that rests.
 
     Args:
         times: Accessor of the keyframes' times.
         outputs: Accessors of each module's translations and rotations.
+        plan: The plan.
     """
     samplers = [
         {"input": times, "output": output, "interpolation": "LINEAR"}
@@ -206,7 +209,16 @@ def _animation(times: int, outputs: list[tuple[int, int]]) -> dict[str, Any]:
         for i in range(len(outputs))
         for k, path in enumerate(("translation", "rotation"))
     ]
-    return {"name": "fold", "samplers": samplers, "channels": channels}
+    animation: dict[str, Any] = {"name": "fold", "samplers": samplers, "channels": channels}
+    rests_s = [float(plan.time_s[frame]) for frame in step_frames(plan)]
+    if rests_s:
+        animation["extras"] = {
+            "steps": [
+                {"name": f"Step {number}", "start_s": start, "end_s": end}
+                for number, (start, end) in enumerate(pairwise(rests_s), 1)
+            ]
+        }
+    return animation
 
 
 def track_of(plan: Plan) -> Track:

@@ -38,7 +38,7 @@ from server.store.tables import FoldRow, request_of
 from words import certificate as certificate_words
 from words.certificate import TableWords
 from words.failures import AttemptWords, Failure, attempts, failure, tightest_frame
-from words.fold import RUNNING_STATUSES, ShownFold, has_motion
+from words.fold import RUNNING_STATUSES, ShownFold, has_motion, has_steps
 from words.plan_choice import Choice, choice_of
 from words.properties import Properties, properties
 from words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
@@ -235,7 +235,7 @@ def _downloads(row: ShownFold, summary: FoldSummary) -> list[Download]:
     """Return the formats in which the plan of a fold can be downloaded."""
     return [
         {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
-        for export in exports_of(moving=has_motion(summary))
+        for export in exports_of(moving=has_motion(summary), resting=has_steps(summary))
     ]
 
 

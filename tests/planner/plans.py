@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.certificate.certificate import certify
 from planner.chain.chain import Chain
 from planner.motion.motion import FRAME_COLUMNS, Motion
@@ -31,3 +32,20 @@ def unverified(chain: Chain, motion: Motion, parameters: Parameters) -> Plan:
     certificate = certify(chain, None, None, parameters)
     plan = Plan.assembled(chain, parameters, 0, None, None, certificate)
     return replace(plan, motion=motion, max_error_rad=np.full(len(motion), np.nan))
+
+
+def resting(chain: Chain, rests_rad: Array, *, frames_per_step: int = 4) -> Plan:
+    """Return a plan that rests at some poses, with equal frames between; nothing is checked.
+
+    Args:
+        chain: The chain.
+        rests_rad: (R, J) joint angles of the rests, from straight to folded.
+        frames_per_step: Number of frames from one rest to the next.
+    """
+    count = len(rests_rad) - 1
+    at = np.arange(count * frames_per_step + 1) / frames_per_step
+    angles = np.array([np.interp(at, np.arange(count + 1), hinge) for hinge in rests_rad.T]).T
+    motion = Motion.from_angles(angles)
+    plan = unverified(chain, motion, Parameters())
+    rests = np.arange(0, len(at), frames_per_step).tolist()
+    return replace(plan, playback={"status": "folded", "rest_frames": rests})

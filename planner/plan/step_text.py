@@ -1,0 +1,59 @@
+"""Sentences for the steps of a fold: where to turn, how far, and what to hold."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from planner.chain.module import CUBE, Module
+from planner.plan.steps import Modules, Step, Turn
+
+MAX_LISTED_TURNS: Final = 5
+"""Maximum number of turns that a sentence lists; it gives the number of the others."""
+
+
+def ordinal(number: int) -> str:
+    """Return a number as a numeral: 1st, 2nd, 3rd or 4th."""
+    ending = "th" if number // 10 % 10 == 1 else {1: "st", 2: "nd", 3: "rd"}.get(number % 10, "th")
+    return f"{number}{ending}"
+
+
+def module_word(module: Module) -> str:
+    """Return the word for a module: cube or tetrahedron."""
+    return "cube" if module is CUBE else "tetrahedron"
+
+
+def modules_text(module: Module, modules: Modules) -> str:
+    """Return consecutive modules as text, counted from 1: cubes 8 to 24."""
+    first, last = (number + 1 for number in modules)
+    if first == last:
+        return f"{module_word(module)} {first}"
+    plural = "cubes" if module is CUBE else "tetrahedra"
+    return f"{plural} {first} {'and' if last == first + 1 else 'to'} {last}"
+
+
+def angle_text(turn: Turn) -> str:
+    """Return the angle of a turn in degrees, with its sign."""
+    return f"{np.rad2deg(turn.angle_rad):+.4g}°".replace("-", "−")
+
+
+def turn_text(module: Module, turn: Turn) -> str:
+    """Return a turn as text: 7th cube, +90° (z)."""
+    hinge = module.hinge_names[turn.hinge % module.hinges_per_joint]
+    axis = f" ({hinge})" if hinge else ""
+    return f"{ordinal(turn.module + 1)} {module_word(module)}, {angle_text(turn)}{axis}"
+
+
+def step_text(module: Module, step: Step) -> str:
+    """Return what to do in a step: Turn at the 7th cube, +90° (z). Hold cubes 8 to 24."""
+    hold = f"Hold {modules_text(module, step.held)}."
+    turns = [turn_text(module, turn) for turn in step.turns]
+    # The hinge of a cube is at its centre, that of a tetrahedron is at its edge to the next one.
+    where = "at" if module is CUBE else "after"
+    if len(turns) == 1:
+        return f"Turn {where} the {turns[0]}. {hold}"
+    more = len(turns) - MAX_LISTED_TURNS
+    listed = "; ".join(turns[:MAX_LISTED_TURNS] if more > 1 else turns)
+    rest = f"; and {more} more" if more > 1 else ""
+    return f"Make {len(turns)} turns together, {where} the {listed}{rest}. {hold}"
