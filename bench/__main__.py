@@ -20,6 +20,7 @@ from bench.paths import paths
 from bench.peeling import peeling
 from bench.plan_files import plan_files
 from bench.portfolio import portfolio
+from bench.refolds import refolds
 from bench.scaling import scaling
 from bench.service.browser_check import browser_check
 from bench.service.compiling import compiling
@@ -54,6 +55,7 @@ SECTIONS = {
     "scaling": scaling,
     "speed": speed,
     "portfolio": portfolio,
+    "refolds": refolds,
     "hard": hard_paths,
     "sweeps": sweeps,
     "checking": checking,

@@ -250,6 +250,8 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
         how.append(f"smoothed version of attempt {smooths + 1}")
     if "finer" in attempt:
         how.append("played back in a larger number of smaller steps")
+    if "patience" in attempt:
+        how.append("played back more slowly near straight")
     verdict = str(attempt.get("verdict", ""))
     status = str(attempt["status"])
     tone = "off"

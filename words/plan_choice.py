@@ -169,12 +169,14 @@ class _Plan:
         parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
         parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
         parts += ["smaller playback steps"] if "finer" in attempt else []
+        parts += ["slower near straight"] if "patience" in attempt else []
         return ", ".join(parts)
 
 
 def _stored(directory: Path, tried: list[AttemptFigures], place: int) -> int | None:
     """Return the number under which an attempt's plan is stored beside the chosen one, or None."""
-    while "finer" in tried[place]:  # a repeated playback, stored with its explosion
+    # A repeated playback is stored with its explosion.
+    while not tried[place].keys().isdisjoint(("finer", "patience")):
         place -= 1
     return place if (directory / PLANS_DIR / str(place) / CHAIN).is_file() else None
 

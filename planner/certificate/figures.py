@@ -166,6 +166,8 @@ class AttemptFigures(TypedDict, total=False):
     seconds: float
     diagnosis: StuckFigures | None
     finer: int
+    patience: int
+    off_straight: bool
     verdict: str
     between: bool
     figures: ComparedFigures

@@ -134,13 +134,25 @@ def _begins_otherwise(chain: Chain, start: Chain | None, playback: Playback) -> 
         or np.abs(first.positions[0] - start.folded_poses.positions).max() > MAX_START_ERROR_PITCH
     ):
         return f"the playback does not start folded as {start.name}"
-    still, identity = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
-    passed = chain.poses(simulated[straight], still, identity).positions
-    line = chain.poses(np.zeros_like(start.folded_rad), still, identity).positions
-    off = rms(aligned_distances(passed, line))
+    off = straight_error(chain, playback)
     if off > MAX_VERIFIED_ERROR_PITCH:
         return f"the playback passes {off:.2g} pitch (RMS) from straight"
     return ""
+
+
+def straight_error(chain: Chain, playback: Playback) -> float:
+    """Return the RMS distance of a refold's modules from straight, in pitches, after alignment.
+
+    It is measured where the motions of the two shapes meet, and 0 for other folds.
+    """
+    frames = playback.frames
+    straight = int((frames.phase == PHASES.index("unfolding")).sum())
+    if straight in (0, len(frames)):
+        return 0.0
+    still, identity = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
+    passed = chain.poses(frames.joint_angles_rad[straight], still, identity).positions
+    line = chain.poses(np.zeros_like(chain.folded_rad), still, identity).positions
+    return rms(aligned_distances(passed, line))
 
 
 def _percent(found: Sweep) -> float:

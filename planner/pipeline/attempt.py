@@ -7,6 +7,7 @@ from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, Literal
 
 from planner.certificate.certificate import Certificate
+from planner.certificate.verdict import MAX_VERIFIED_ERROR_PITCH, straight_error
 from planner.chain.chain import Chain
 from planner.explosion.diagnosis import Diagnosis, Kind, diagnose
 from planner.motion.motion import PHASES
@@ -88,12 +89,14 @@ class Attempt:
         reason: Reason why its record does not end straight.
         steps, frames, seconds: Figures of its record.
         diagnosis: Evidence why it did not end straight.
-        finer: Factor on the number of frames of its playback. Above 1 it repeats the playback of
-            the attempt before it, without an explosion.
+        finer: Factor on the number of frames of its playback.
+        patience: Level of slowness near straight of its playback, see ``PlayBack``.
         verdict: Verdict of its certificate; None until it exists.
         figures: Figures for comparison; None until its certificate exists.
         between: True if its frames are clear and only the way from one of the playback to the next
             is not.
+        off_straight: True if the chain of a refold is not straight enough where its two shapes'
+            motions meet.
         chosen: True if its plan is the fold's.
         played: True if it was played back. Not stored: an attempt with a verdict was.
         unfolding_overlaps: True if a refold's closest place comes before it is straight. Not
@@ -108,9 +111,11 @@ class Attempt:
     seconds: float = 0.0
     diagnosis: Diagnosis | None = None
     finer: int = 1
+    patience: int = 0
     verdict: str | None = None
     figures: PlanFigures | None = None
     between: bool = False
+    off_straight: bool = False
     chosen: bool = False
     played: bool = False
     unfolding_overlaps: bool = False
@@ -132,21 +137,30 @@ class Attempt:
             diagnosis=diagnose(chain, record, parameters),
         )
 
-    def unjudged(self, finer: int | None = None) -> Attempt:
-        """Return it without a verdict, to be played back with ``finer`` times the frames."""
-        finer = self.finer if finer is None else finer
-        return replace(self, finer=finer, verdict=None, figures=None, between=False, played=False)
+    def unjudged(self, *, finer: int | None = None, patience: int | None = None) -> Attempt:
+        """Return it without a verdict, to be played back as it was, or otherwise."""
+        return replace(
+            self,
+            finer=self.finer if finer is None else finer,
+            patience=self.patience if patience is None else patience,
+            verdict=None,
+            figures=None,
+            between=False,
+            off_straight=False,
+            played=False,
+        )
 
-    def judged(self, certificate: Certificate, playback: Playback | None) -> Attempt:
+    def judged(self, chain: Chain, certificate: Certificate, playback: Playback | None) -> Attempt:
         """Return it with the verdict on its playback.
 
         Args:
+            chain: Chain that was folded.
             certificate: The verdict, and where the plan is narrowest.
             playback: Playback that was certified.
         """
         clearance, played = certificate.min_clearance, certificate.min_clearance_playback
         place = certificate.min_clearance_playback_at
-        exploding_s = self.seconds if self.finer == 1 else 0.0
+        exploding_s = 0.0 if self.repeats else self.seconds
         playing_s = 0.0 if playback is None else playback.seconds
         return replace(
             self,
@@ -159,8 +173,15 @@ class Attempt:
             and played < 0.0
             and place is not None
             and not float(place.frame).is_integer(),
+            off_straight=playback is not None
+            and straight_error(chain, playback) > MAX_VERIFIED_ERROR_PITCH,
             unfolding_overlaps=_overlaps_unfolding(certificate, playback),
         )
+
+    @property
+    def repeats(self) -> bool:
+        """True if it repeats the playback of the attempt before it, without an explosion."""
+        return self.finer > 1 or self.patience > 0
 
     @property
     def failed(self) -> bool:
@@ -190,8 +211,12 @@ class Attempt:
         values["diagnosis"] = self.diagnosis and self.diagnosis.as_dict()
         if self.finer > 1:
             values["finer"] = self.finer
+        if self.patience:
+            values["patience"] = self.patience
         if self.verdict is not None:
             values |= {"verdict": self.verdict, "between": self.between}
+        if self.off_straight:
+            values["off_straight"] = True
         if self.figures is not None:
             values["figures"] = asdict(self.figures)
         if self.chosen:
@@ -212,7 +237,7 @@ class Attempt:
 
 def latest_playback(history: Sequence[Attempt], number: int) -> int:
     """Return the index of the latest playback of an explosion, given by its own index."""
-    while number + 1 < len(history) and history[number + 1].finer > 1:
+    while number + 1 < len(history) and history[number + 1].repeats:
         number += 1
     return number
 

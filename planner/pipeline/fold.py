@@ -248,7 +248,7 @@ def advance(job: Job, search: Search, step: Step, watch: Watch, pool: AttemptPoo
     if isinstance(step, Explode):
         return with_explosion(job, search, step.trial, watch, pool)
     if isinstance(step, PlayBack):
-        return with_playback(job, search, watch, finer=step.finer)
+        return with_playback(job, search, watch, finer=step.finer, patience=step.patience)
     return with_certificate(job, search, watch)
 
 

@@ -94,7 +94,7 @@ class Improvements:
         smooth = {attempt.trial.smooths for attempt in tried if attempt.verified}
         for best in ranked[:MAX_SMOOTHED_PLANS]:
             figures, number = tried[best].figures, best
-            while tried[number].finer > 1:  # its files are with those of the explosion
+            while tried[number].repeats:  # its files are with those of the explosion
                 number -= 1
             if figures is None or figures.frames > self.most_frames:
                 continue

@@ -4,9 +4,10 @@ A seed always leads to the same plan: no clock, no file and no number of workers
 service may stop after any step, and a stage that is run again comes to the same.
 
 An overlap between two frames of the playback may be one of the frames alone, which are joined by
-straight lines: the same playback is then recorded with more of them. Everything else is tried with
-another path, seed or strategy: ``planner.pipeline.retry_policy``. With a preference it goes on
-after a verified plan, too: ``planner.pipeline.improvements``.
+straight lines: the same playback is then recorded with more of them. If a refold's robots still
+swing where the chain should be straight, the playback is repeated with less torque near straight.
+Everything else is tried with another path, seed or strategy: ``planner.pipeline.retry_policy``.
+With a preference it goes on after a verified plan, too: ``planner.pipeline.improvements``.
 """
 
 from __future__ import annotations
@@ -33,6 +34,9 @@ improve a verified plan. A larger value finds better plans and takes longer. Cho
 REPEATED_PLAYBACK_REFINEMENT: Final = 4
 """Factor by which the number of frames increases when a playback is repeated because its clearance
 between two frames was not proved. Larger values prove more plans and take longer. Chosen."""
+MAX_PATIENCE: Final = 2
+"""Maximum number of times that a refold is played back again, each time with less torque near
+straight, because its robots were not straight enough there: docs/decisions/0034-calm-motion.md."""
 ASSUMED_FIGURES: Final = PlanFigures(
     fold_time_s=None, peak_torque_nm=None, clearance_bound=None, frames=1, seconds=0.0
 )
@@ -58,9 +62,12 @@ class PlayBack:
 
     Attributes:
         finer: Factor of the number of frames.
+        patience: Level of slowness near straight: each makes torques there
+            ``planner.playback.reference_trajectory.STRAIGHT_TORQUE_RATIO`` times as large.
     """
 
     finer: int = 1
+    patience: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +97,7 @@ def next_step(history: Sequence[Attempt], policy: RetryPolicy) -> Step | None:
             return following or PlayBack()
         return Certify() if shown.verdict is None else None
     if not last.played:
-        return PlayBack(last.finer)
+        return PlayBack(last.finer, last.patience)
     if last.verdict is None:
         return Certify()
     # What was published, or is a baseline, is shown as it is, with what is wrong with it.
@@ -106,11 +113,16 @@ def _after_verdict(history: Sequence[Attempt], policy: RetryPolicy) -> Step | No
     if len(judged) >= (MAX_PLAYBACKS if verified else MAX_PLAYBACKS_BEFORE_VERIFIED):
         return None
     if last.between and last.finer == 1:
-        return PlayBack(REPEATED_PLAYBACK_REFINEMENT)
+        return PlayBack(REPEATED_PLAYBACK_REFINEMENT, last.patience)
+    # The unfolding of a refold is the same whatever the other shape's path.
+    if last.unfolding_overlaps:
+        return None
+    if last.off_straight:
+        patience = last.patience + 1
+        return PlayBack(last.finer, patience) if patience <= MAX_PATIENCE else None
     if not verified and _plans(judged) >= MAX_REFUSED_EXPLOSIONS:
         return None
-    # The unfolding of a refold is the same whatever the other shape's path.
-    return None if last.unfolding_overlaps else _explode(history, policy)
+    return _explode(history, policy)
 
 
 def _explode(history: Sequence[Attempt], policy: RetryPolicy) -> Explode | None:
@@ -136,7 +148,7 @@ def before_playback(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[At
         return tuple(history)
     step = next_step(history, policy)
     if isinstance(step, PlayBack):
-        return (*history, history[-1].unjudged(step.finer))
+        return (*history, history[-1].unjudged(finer=step.finer, patience=step.patience))
     return (*history[:-1], history[-1].unjudged())
 
 
@@ -167,7 +179,7 @@ def count_plans(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[int, i
     )
     ahead = [*history[:-1], assumed]
     while isinstance(step := next_step(ahead, policy), Explode):
-        ahead.append(replace(assumed, trial=step.trial, finer=1, between=False))
+        ahead.append(replace(assumed, trial=step.trial, finer=1, patience=0, between=False))
     return number, _plans(ahead)
 
 
@@ -180,5 +192,5 @@ def with_count(report: Report, history: Sequence[Attempt], policy: RetryPolicy) 
 
 
 def _plans(history: Sequence[Attempt]) -> int:
-    """Return the number of explosions and smoothings; a finer playback is of the same plan."""
-    return sum(attempt.finer == 1 for attempt in history)
+    """Return the number of explosions and smoothings; a repeated playback is of the same plan."""
+    return sum(not attempt.repeats for attempt in history)

@@ -35,7 +35,7 @@ accelerate. Chosen."""
 Sink = Callable[[Motion], None]
 
 
-def with_playback(job: Job, search: Search, watch: Watch, *, finer: int) -> Search:
+def with_playback(job: Job, search: Search, watch: Watch, *, finer: int, patience: int) -> Search:
     """Return the search after a playback of its current record.
 
     Args:
@@ -43,6 +43,7 @@ def with_playback(job: Job, search: Search, watch: Watch, *, finer: int) -> Sear
         search: Attempts so far.
         watch: Channels to the observer.
         finer: Factor on the number of frames.
+        patience: Level of slowness near straight, see ``PlayBack``.
     """
     search = replace(search, history=before_playback(search.history, job.policy))
     result = search.current
@@ -53,6 +54,7 @@ def with_playback(job: Job, search: Search, watch: Watch, *, finer: int) -> Sear
         watch,
         seed=job.request.seed,
         finer=finer,
+        patience=patience,
         unfolding=job.unfolding,
     )
     result = replace(result, playback=playback, certificate=None)
@@ -67,6 +69,7 @@ def play_back(
     *,
     seed: int,
     finer: int = 1,
+    patience: int = 0,
     unfolding: Unfolding | None = None,
 ) -> Playback | None:
     """Return the playback of a record; None when the chain was not straight after the explosion.
@@ -78,6 +81,7 @@ def play_back(
         watch: Channels to whoever follows.
         seed: Seed of the robots.
         finer: Factor of the number of frames.
+        patience: Level of slowness near straight, see ``PlayBack``.
         unfolding: Way of a refold to straight; None for other folds.
     """
     if record is not None and record.status != "straight":
@@ -102,6 +106,7 @@ def play_back(
             cancelled=watch.cancelled,
             start_s=start_s,
             finer=finer,
+            patience=patience,
             unfolding=unfolding,
             seed=seed,
         )

@@ -118,7 +118,7 @@ class RetryPolicy:
             return Trial(0, self.seed, self.strategies[0][0])
         if any(attempt.verified for attempt in tried):
             return None if self.improvements is None else self.improvements.next_attempt(tried)
-        if sum(attempt.finer == 1 for attempt in tried) >= MAX_EXPLOSIONS:
+        if sum(not attempt.repeats for attempt in tried) >= MAX_EXPLOSIONS:
             return None
         done = {attempt.trial for attempt in tried}
         last = tried[-1]

@@ -240,7 +240,8 @@ def play_back_latest(workspace: Workspace, watch: Watch) -> dict[str, Any]:
     search = replace(search, history=before_playback(search.history, job.policy))
     workspace.write_history(search.history)
     watch = replace(watch, timeline=place.timeline)
-    search = with_playback(job, search, watch, finer=search.history[-1].finer)
+    last = search.history[-1]
+    search = with_playback(job, search, watch, finer=last.finer, patience=last.patience)
     playback = search.current.playback
     assert playback is not None
     place.write_playback(playback)

@@ -165,6 +165,7 @@ def play_back(
     cancelled: Cancelled = never,
     start_s: float = 0.0,
     finer: int = 1,
+    patience: int = 0,
     unfolding: Unfolding | None = None,
     seed: int = 0,
 ) -> Playback:
@@ -184,6 +185,7 @@ def play_back(
         cancelled: Returns True to stop; called every few steps.
         start_s: Time of the first frame, s.
         finer: Factor of the number of frames to keep.
+        patience: Level of slowness near straight of simulated robots; 0 for none.
         unfolding: Motion by which the chain becomes straight first; None if it is straight.
         seed: Seed of the robots' model errors.
 
@@ -205,7 +207,7 @@ def play_back(
         trajectory = WindowTrajectory(chain, recorded, parameters, module_size, finer, start_s)
     else:
         trajectory = ReferenceTrajectory(
-            chain, record, parameters, module_size, start_s, finer, unfolding
+            chain, record, parameters, module_size, start_s, finer, unfolding, patience
         )
     streamed = not windowed and trajectory.robots == 1
     runs = simulate_robots(trajectory, seed, sink if streamed else None, progress, cancelled)

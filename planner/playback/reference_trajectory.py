@@ -42,6 +42,10 @@ MAX_REFINEMENT: Final = 4
 """Maximum factor of the numbers of frames and simulation steps of a playback. The factor is doubled
 until modules do not touch where straight lines join the frames; at the maximum the plan is played
 back as it is. Larger values save more plans and take more time and memory. Chosen."""
+STRAIGHT_TORQUE_RATIO: Final = 0.02
+"""Ratio of the torques near straight to those elsewhere, for each level of patience. A straight
+chain is a soft rod, which swings long after a sudden stop:
+docs/decisions/0034-calm-motion.md."""
 TRACKING_LOST_RAD: Final = 0.5
 """Joint error (target angle − simulated angle), rad, above which the playback of a simulated robot
 ends as failed, because motors at their torque limit would not catch up. Larger values tolerate more
@@ -68,9 +72,11 @@ class ReferenceTrajectory:
         start_s: float,
         finer: int,
         unfolding: Unfolding | None,
+        patience: int = 0,
     ) -> None:
         self.chain = chain
         self.finer = finer
+        self.patience = patience
         self.parameters = parameters
         self.module_size = module_size
         self.start_s = start_s
@@ -197,5 +203,10 @@ class ReferenceTrajectory:
                 samples=samples,
             )
         return torque_bounded_scaling(
-            reference, self.chain.module, steps=steps, step_s=self.step_s, samples=samples
+            reference,
+            self.chain.module,
+            steps=steps,
+            step_s=self.step_s,
+            samples=samples,
+            straight_torque=STRAIGHT_TORQUE_RATIO**self.patience,
         )

@@ -21,6 +21,9 @@ RAMP_SHARE: Final = 0.08
 """Fraction of the duration in which a playback speeds up, and again in which it slows down, if its
 speed is even in between (kinematic, or paced by hinges, or preset ``direct``). Smaller values need
 larger torques at both ends. Chosen."""
+STRAIGHT_SHARE: Final = 0.35
+"""Fraction of a curve, from its straight end on, along which the torque bound of a patient playback
+rises to that of the rest: docs/decisions/0034-calm-motion.md."""
 MAX_SPEED_RATIO: Final = 2.0
 """Maximum speed along the curve of a playback whose peak torque is minimised at a given duration,
 as a multiple of its mean speed. Larger values reach smaller torques, but move faster in sections
@@ -82,7 +85,13 @@ def frames_kept(gone: Array) -> Flags:
 
 
 def torque_bounded_scaling(
-    reference: Reference, module: Module, *, steps: int, step_s: float, samples: int
+    reference: Reference,
+    module: Module,
+    *,
+    steps: int,
+    step_s: float,
+    samples: int,
+    straight_torque: float = 1.0,
 ) -> TimeScaling:
     """Return the time scaling that bounds the largest hinge torque of a freely floating chain.
 
@@ -97,6 +106,8 @@ def torque_bounded_scaling(
         steps: Number of steps S.
         step_s: Time step, s.
         samples: Number of samples of a and b.
+        straight_torque: Ratio of the bound at u = 0, where the chain is straight, to that from
+            ``STRAIGHT_SHARE`` on.
     """
     u = np.linspace(0.0, 1.0, samples)
     terms = [
@@ -104,6 +115,10 @@ def torque_bounded_scaling(
         for k in range(0, samples, TORQUE_CHUNK_SAMPLES)
     ]
     a, b = (np.concatenate(parts) for parts in zip(*terms, strict=True))
+    if straight_torque < 1.0:
+        rise = np.clip(u / STRAIGHT_SHARE, 0.0, 1.0)
+        bound = straight_torque + (1.0 - straight_torque) * rise * rise * (3.0 - 2.0 * rise)
+        a, b = a / bound[:, None], b / bound[:, None]
     z = torque_bounded_profile(u, a, b)
     return scaling_from_profile(u, z, steps, step_s)
 

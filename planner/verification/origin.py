@@ -6,7 +6,7 @@ Neither depends on a clock, so the same request leads to the same chains and the
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path as FilePath
 from typing import Any, Final
 
@@ -130,23 +130,22 @@ def _sequence_differs(history: Sequence[Attempt], policy: RetryPolicy) -> Differ
         # A failed one is judged only when nothing is left to try.
         before = tuple(each.unjudged() if each.failed else each for each in history[:number])
         step = next_step(before, policy)
-        finer = 1
+        finer, patience = 1, 0
         if isinstance(step, Explode):
             trial = step.trial
         elif isinstance(step, PlayBack) and before and not before[-1].failed:
-            trial, finer = before[-1].trial, step.finer
+            trial = before[-1].trial
+            finer, patience = step.finer, step.patience
         else:
             yield f"plan.npz attempts[{number}]: got another attempt, expected no more attempts"
             return
-        if attempt.trial != trial or attempt.finer != finer:
-            names = [n for n in trial.__slots__ if getattr(attempt.trial, n) != getattr(trial, n)]
-            what = names[0] if names else "finer"
-            got, expected = (
-                (getattr(attempt.trial, what), getattr(trial, what))
-                if names
-                else (attempt.finer, finer)
+        got = {**asdict(attempt.trial), "finer": attempt.finer, "patience": attempt.patience}
+        expected = {**asdict(trial), "finer": finer, "patience": patience}
+        if (what := next((name for name in got if got[name] != expected[name]), None)) is not None:
+            yield (
+                f"plan.npz attempts[{number}].{what}: got {got[what]!r}, expected "
+                f"{expected[what]!r}"
             )
-            yield f"plan.npz attempts[{number}].{what}: got {got!r}, expected {expected!r}"
             return
 
 

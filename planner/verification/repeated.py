@@ -92,13 +92,15 @@ def robots_differ(directory: FilePath, plan: Plan, playback: Playback) -> Differ
     try:
         request, record = workspace.read_request(), workspace.read_record()
         number = own_attempt(plan)
+        own = {} if number is None else plan.attempts[number]
         again = play_back(
             plan.chain,
             record,
             request.parameters(smoothed=is_smoothing(record)),
             Watch(),
             seed=plan.seed,
-            finer=1 if number is None else int(plan.attempts[number].get("finer", 1)),
+            finer=int(own.get("finer", 1)),
+            patience=int(own.get("patience", 0)),
             unfolding=workspace.read_unfolding(request),
         )
     except (*UNREADABLE, PlannerError) as error:

@@ -16,6 +16,7 @@ from planner.pipeline.attempt import (
 )
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.next_step import (
+    MAX_PATIENCE,
     MAX_PLAYBACKS_BEFORE_VERIFIED,
     MAX_REFUSED_EXPLOSIONS,
     REPEATED_PLAYBACK_REFINEMENT,
@@ -142,6 +143,7 @@ STRAIGHT = Attempt(trial=FIRST, status="straight")
 PLAYED = replace(STRAIGHT, played=True)
 REFUSED = replace(PLAYED, verdict="failed: modules 1 and 9 overlap")
 BETWEEN = replace(REFUSED, between=True)
+SWINGING = replace(REFUSED, off_straight=True)
 AGAIN = replace(BETWEEN, finer=REPEATED_PLAYBACK_REFINEMENT)
 VERIFIED = replace(PLAYED, verdict="verified (simulated)", figures=FIGURES)
 FINER = PlayBack(REPEATED_PLAYBACK_REFINEMENT)
@@ -172,6 +174,12 @@ def test_next_step_of_a_history() -> None:
         (POLICY, [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)], FINER),
         (POLICY, [BETWEEN, replace(PLAYED, finer=REPEATED_PLAYBACK_REFINEMENT)], Certify()),
         (POLICY, [BETWEEN, AGAIN], Explode(SECOND)),
+        (POLICY, [SWINGING], PlayBack(patience=1)),
+        (POLICY, [SWINGING, replace(STRAIGHT, patience=1)], PlayBack(patience=1)),
+        (POLICY, [SWINGING, replace(SWINGING, patience=1)], PlayBack(patience=2)),
+        (POLICY, [SWINGING, replace(SWINGING, patience=MAX_PATIENCE)], None),
+        (POLICY, [SWINGING, replace(REFUSED, patience=1)], Explode(SECOND)),
+        (POLICY, [SWINGING, replace(BETWEEN, patience=1)], replace(FINER, patience=1)),
         (POLICY, [replace(REFUSED, unfolding_overlaps=True)], None),
         (POLICY, [replace(BETWEEN, unfolding_overlaps=True)], FINER),
         (POLICY, [REFUSED] * MAX_REFUSED_EXPLOSIONS, None),

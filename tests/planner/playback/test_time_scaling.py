@@ -32,6 +32,33 @@ def bounded(folded: Any) -> tuple[Reference, Tree, TimeScaling]:
     return reference, tree, scaling
 
 
+def test_patient_scaling_needs_little_torque_near_straight(
+    bounded: tuple[Reference, Tree, TimeScaling], folded: Any
+) -> None:
+    reference, tree, usual = bounded
+    patient = torque_bounded_scaling(
+        reference,
+        folded.chain.module,
+        steps=900,
+        step_s=0.02,
+        samples=220,
+        straight_torque=0.02,
+    )
+    check(patient, 900, 0.02)
+
+    def first_torque(scaling: TimeScaling) -> float:
+        """Return the ratio of the torque at the first steps to the largest one."""
+        first = TimeScaling(
+            u=scaling.u[:4],
+            rate=scaling.rate[:4],
+            acceleration=scaling.acceleration[:4],
+            step_s=scaling.step_s,
+        )
+        return largest_torque(reference, tree, first) / largest_torque(reference, tree, scaling)
+
+    assert first_torque(patient) < 0.25 * first_torque(usual)
+
+
 def check_derivatives(scaling: TimeScaling) -> None:
     """Check that rates and accelerations are the derivatives of the path parameter."""
     by_difference = np.gradient(scaling.u, scaling.step_s)[1:-1]

@@ -189,6 +189,7 @@ FORGERIES = {
     "attempts: candidate": Forgery(attempt(candidate=1), "attempts[0].candidate"),
     "attempts: end": Forgery(attempt(other_end=True), "attempts[0].other_end"),
     "attempts: finer": Forgery(attempt(finer=4), "attempts[0].finer"),
+    "attempts: patience": Forgery(attempt(patience=1), "attempts[0].patience"),
     "attempts: steps": Forgery(attempt(steps=1), "none of them has the figures"),
     "attempts: verdict": Forgery(attempt(verdict="failed: x"), "none of them has the figures"),
     "attempts: tripled": Forgery(
