@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
 
 from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
@@ -17,7 +19,7 @@ class FilledShape:
     """Chains through the cells of a shape.
 
     A point u of the cells' space, in which cell c reaches from c to c + 1 and from which the chains
-    were made, lies at ``scale · u + shift`` in the folded chains' space.
+    were made, lies at ``scale · turn @ u + shift`` in the folded chains' space.
 
     Attributes:
         chains: Candidates, the best first; empty without one.
@@ -33,6 +35,7 @@ class FilledShape:
         scale, shift: Map to the folded chains' space, see above; ``shift`` is a number or (3,).
         modules_per_cell: Modules for each cell of what was voxelised.
         added: Cells that a repair for a table added, in the frame of ``cells``.
+        turn: (3, 3) rotation of the map; of given cells that lie on another side on a table.
     """
 
     chains: tuple[Chain, ...]
@@ -48,3 +51,8 @@ class FilledShape:
     shift: float | Array
     modules_per_cell: int
     added: tuple[Cell, ...] = ()
+    turn: Array = field(default_factory=lambda: np.eye(3))
+
+    def placed(self, points: Array) -> Array:
+        """Return (P, 3) points of the cells' space in the folded chains' space."""
+        return self.scale * (points @ self.turn.T) + self.shift

@@ -1,4 +1,4 @@
-"""Shape overlap: intersection over union of a solid with the modules that stand for it."""
+"""Shape overlap: measures how much the modules of a folded chain and their input overlap."""
 
 from __future__ import annotations
 
@@ -6,53 +6,80 @@ from typing import Final
 
 import numpy as np
 
+from planner.arrays import Array, Flags, Ints
+from planner.chain.chain import Chain
 from planner.chain.honeycomb import tetrahedra_at
+from planner.chain.module import TETRAHEDRON
 from planner.errors import checked_fraction
-from planner.pathfinding.filling_methods import FilledShape
-from planner.shapes.solid import Solid
-from planner.shapes.solid_sampling import sample
-from planner.shapes.voxelise import Voxels
+from planner.shapes.inside_points import InsidePoints
+from planner.shapes.likeness import Likeness
+from planner.shapes.shape import Shape
 
-OVERLAP_POINTS: Final = 60_000
-"""Number of random points by which the overlap (IoU) of a folded shape with the solid is estimated.
-Larger values are more exact, more slowly: with this one the error is about 0.01. Chosen."""
-OVERLAP_CELL_SAMPLES: Final = 6
-"""Number of samples of the solid along each side of a cell, to measure the overlap of a folded
-shape with the solid. Larger values are more exact, at cubic cost. Chosen."""
+LIKENESS_DIGITS: Final = 4
+"""Number of decimal places of the stored shares."""
+CELL_SAMPLES: Final = (2, 8)
+"""Minimum and maximum number of points along the edge of a given cell. Two represent cells and
+eighths of cells exactly."""
+CELL_POINTS: Final = 60_000
+"""Approximate number of points in all given cells together, if tetrahedra fill them."""
 
 
-def intersection_over_union(solid: Solid, voxels: Voxels, filled: FilledShape) -> float:
-    """Compute the intersection over union of the folded modules with the solid.
+def likeness_of(placed: InsidePoints, modules: Chain | Ints) -> Likeness:
+    """Return the likeness of modules to an input.
 
-    Modules that fill their cells keep what the voxels keep; for others it is estimated from points
-    spread evenly at random, to about a hundredth.
+    Args:
+        placed: Points of the whole input, in the space of the folded modules.
+        modules: Folded chain; or (n, 3) cells, each filled by one cube around its position.
     """
-    chain = filled.chains[0]
-    if chain.module.fills_cell:
-        return voxels.iou
-    centres = filled.line[:-1] + filled.line[1:]
-    low, high = 0.5 * centres.min(axis=0) - 1.5, 0.5 * centres.max(axis=0) + 1.5
-    sampling = sample(
-        solid, pitch=voxels.pitch, size=OVERLAP_CELL_SAMPLES, rotation=voxels.rotation
+    covered = covered_by(modules, placed.points)
+    volume = len(modules) * (modules.module.volume if isinstance(modules, Chain) else 1.0)
+    share = float(covered.mean()) if len(covered) else 0.0
+    # Sampling errors must not make the overlap larger than the modules.
+    overlap = min(share * placed.volume, volume)
+
+    def fraction(value: float, name: str) -> float:
+        return round(checked_fraction(value, name), LIKENESS_DIGITS)
+
+    return Likeness(
+        iou=fraction(overlap / (placed.volume + volume - overlap), "intersection over union"),
+        missing=fraction(1.0 - share, "missing share"),
+        added=fraction(1.0 - overlap / volume, "added share"),
     )
-    corners = np.argwhere(sampling.inside)
 
-    # From samples to the turned solid, to cells, to the chain's space.
-    def placed(samples: np.ndarray) -> np.ndarray:
-        turned = (samples - sampling.offset) * (voxels.pitch / sampling.size)
-        return filled.scale * (turned / voxels.pitch + voxels.offset) + filled.shift
 
-    ends = placed(np.stack([corners.min(axis=0), corners.max(axis=0) + 1.0]))
-    low, high = np.minimum(low, ends[0]), np.maximum(high, ends[1])
-    points = np.random.default_rng(0).uniform(low, high, (OVERLAP_POINTS, 3))
-    cells = (points - filled.shift) / filled.scale - voxels.offset
-    at = np.floor(cells * sampling.size + sampling.offset).astype(np.int64)
-    there = ((at >= 0) & (at < sampling.inside.shape)).all(axis=1)
-    in_solid = np.zeros(len(points), dtype=bool)
-    in_solid[there] = sampling.inside[tuple(at[there].T)]
-    keys = np.concatenate([centres.astype(np.int64), tetrahedra_at(points)])
-    _, inverse = np.unique(keys, axis=0, return_inverse=True)
-    inverse = inverse.reshape(-1)
-    in_chain = np.isin(inverse[len(centres) :], inverse[: len(centres)])
-    shared, union = (int(np.count_nonzero(a)) for a in (in_solid & in_chain, in_solid | in_chain))
-    return checked_fraction(shared / max(1, union), "intersection over union")
+def covered_by(modules: Chain | Ints, points: Array) -> Flags:
+    """(P,) True for points in modules; see ``likeness_of``."""
+    if not isinstance(modules, Chain):
+        return _among(np.floor(points + 0.5).astype(np.int64), modules)
+    positions = modules.folded_poses.positions
+    if modules.module is TETRAHEDRON:
+        # A tetrahedron is named by the sum of its two nodes, twice its middle.
+        return _among(tetrahedra_at(points), np.rint(2.0 * positions).astype(np.int64))
+    return covered_by(np.rint(positions).astype(np.int64), points)
+
+
+def _among(rows: Ints, wanted: Ints) -> Flags:
+    """(P,) True for (P, 3) rows that are among (n, 3) wanted ones."""
+    low, high = wanted.min(axis=0), wanted.max(axis=0)
+    near = ((rows >= low) & (rows <= high)).all(axis=1)
+    sizes = high - low + 1
+    asked, known = (
+        np.ravel_multi_index(tuple((each - low).T), tuple(sizes)) for each in (rows[near], wanted)
+    )
+    near[near] = np.isin(asked, known)
+    return near
+
+
+def points_of_cells(shape: Shape, *, exact: bool) -> InsidePoints:
+    """Spread points evenly in the cells of a shape; cell c reaches from c to c + 1.
+
+    Args:
+        shape: The cells.
+        exact: True if cubes stand for the cells or for eighths of them, for which two points along
+            each edge are exact.
+    """
+    few, many = CELL_SAMPLES
+    edge = few if exact else int(np.clip(np.cbrt(CELL_POINTS / len(shape)), few, many))
+    grid = (np.stack(np.meshgrid(*[np.arange(edge)] * 3, indexing="ij"), axis=-1) + 0.5) / edge
+    points = (shape.cells[:, None, :] + grid.reshape(1, -1, 3)).reshape(-1, 3)
+    return InsidePoints(points=points, volume=float(len(shape)))

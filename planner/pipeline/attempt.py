@@ -16,6 +16,7 @@ from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.parameters.parameters import Parameters
 from planner.pipeline.preference import PlanFigures
 from planner.playback.playback import Playback
+from planner.shapes.likeness import Likeness
 
 MAX_EXPLOSIONS: Final = 6
 """Maximum number of times that one fold explodes its chain (simulates how the folded chain comes
@@ -55,20 +56,34 @@ class Candidates:
     Attributes:
         chains: The likeliest first.
         two_ended: True if they may start at their other end as well.
+        likenesses: Likeness of each chain to the input; empty for paths and chains, and of folds
+            by earlier versions.
     """
 
     chains: tuple[Chain, ...]
     two_ended: bool
+    likenesses: tuple[Likeness, ...] = ()
 
     def chain_of(self, trial: Trial) -> Chain:
         """Return the chain of a try."""
         chain = self.chains[trial.candidate]
         return chain.from_other_end() if trial.other_end else chain
 
+    def likeness_of(self, chain: Chain) -> Likeness | None:
+        """Return the likeness of one of the chains, from either end; None if it is not known."""
+        wanted = chain_attributes(chain)
+        for candidate, likeness in zip(self.chains, self.likenesses, strict=False):
+            ends = (candidate, candidate.from_other_end()) if self.two_ended else (candidate,)
+            if any(chain_attributes(end) == wanted for end in ends):
+                return likeness
+        return None
+
     def as_dict(self) -> dict[str, Any]:
         """Return them as plain JSON values."""
         chains = [chain_attributes(chain) for chain in self.chains]
-        return {"chains": chains, "two_ended": self.two_ended}
+        likenesses = [likeness.as_dict() for likeness in self.likenesses]
+        values: dict[str, Any] = {"chains": chains, "two_ended": self.two_ended}
+        return values | ({"likenesses": likenesses} if likenesses else {})
 
     @classmethod
     def from_values(cls, values: Any) -> Candidates:
@@ -76,7 +91,8 @@ class Candidates:
         if isinstance(values, list):  # of a fold that was read before there were other ends
             values = {"chains": values, "two_ended": False}
         chains = tuple(chain_from_attributes(attributes) for attributes in values["chains"])
-        return cls(chains, values["two_ended"])
+        likenesses = tuple(Likeness(**each) for each in values.get("likenesses", ()))
+        return cls(chains, values["two_ended"], likenesses)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 from planner.chain.chain import Chain
-from planner.pipeline.attempt import Attempt
+from planner.pipeline.attempt import Attempt, Candidates
 from planner.pipeline.job import Result, is_smoothing
 from planner.pipeline.request import FoldRequest
 from planner.plan.plan import Plan
@@ -18,6 +18,7 @@ def finish(
     result: Result,
     history: Sequence[Attempt],
     *,
+    candidates: Candidates,
     start: Chain | None,
     recorded: Plan | None,
 ) -> Plan:
@@ -27,6 +28,7 @@ def finish(
         request: Request of the fold.
         result: Result of the best attempt.
         history: All attempts.
+        candidates: Chains that the fold could choose from.
         start: Chain as it is folded at the beginning of a refold; None for other folds.
         recorded: Plan that was smoothed; None for an explosion.
     """
@@ -34,6 +36,7 @@ def finish(
         result.plan(request),
         attempts=tuple(each.as_dict() for each in history if each.status != "none"),
         start=start,
+        likeness=candidates.likeness_of(result.chain),
     )
     if not is_smoothing(result.record):
         return plan

@@ -239,7 +239,14 @@ def _plan_in_memory(
     if request.prefer != COMPUTING:
         history = with_choice(history, best)
     result = search.results[best]
-    plan = finish(request, result, history, start=begins, recorded=result.recorded or recorded)
+    plan = finish(
+        request,
+        result,
+        history,
+        candidates=reading.candidates,
+        start=begins,
+        recorded=result.recorded or recorded,
+    )
     return plan.as_stored().with_joint_errors_of(result.playback)
 
 

@@ -19,12 +19,14 @@ from planner.pathfinding.snake import is_box
 from planner.pathfinding.start_cell import starting_at
 from planner.plan.prepared_chains import PreparedChains
 from planner.readers import read
+from planner.shapes.likeness import Likeness
 from planner.shapes.shape import Shape
 
 # What reads meshes and fills cells is imported for those: a path or a chain needs none of it.
 if TYPE_CHECKING:
     from planner.pathfinding.feasibility import Feasibility
     from planner.pathfinding.filling_methods import FilledShape, FillingMethod
+    from planner.shapes.inside_points import InsidePoints
     from planner.shapes.solid import Solid
     from planner.shapes.voxelise import Voxels
 
@@ -70,7 +72,8 @@ class Preparation:
         not_started: Reason why no chain starts in the requested cell; empty if they do, or if none
             was requested.
         filled: Cells and their modules; None for paths and chains.
-        iou: Intersection over union of the modules with the solid; None without one.
+        likenesses: Likeness of each chain to the whole input, without chains that of the cells;
+            empty for paths and chains, which are folded as they are.
     """
 
     kind: str
@@ -86,7 +89,12 @@ class Preparation:
     notes: tuple[str, ...] = field(default=())
     not_started: str = ""
     filled: FilledShape | None = None
-    iou: float | None = None
+    likenesses: tuple[Likeness, ...] = ()
+
+    @property
+    def likeness(self) -> Likeness | None:
+        """Likeness of the best chain to the whole input; None for paths and chains."""
+        return next(iter(self.likenesses), None)
 
     @property
     def chain(self) -> Chain:
@@ -135,6 +143,7 @@ class Preparation:
             notes=self.notes,
             knot=None if self.knot is None else self.knot.verdict,
             chains=self.chains,
+            likenesses=self.likenesses,
         )
 
     def report(self, *, full: bool = True) -> dict[str, Any]:
@@ -148,7 +157,8 @@ class Preparation:
             "asked": self.options.modules,
             "below": None if voxels is None else self._scaled(voxels.below),
             "above": None if voxels is None else self._scaled(voxels.above),
-            "iou": self.iou,
+            "iou": None if self.likeness is None else self.likeness.iou,
+            "likeness": None if self.likeness is None else self.likeness.as_dict(),
             **self._kept(),
             "pitch": None
             if voxels is None or self.filled is None
@@ -185,7 +195,7 @@ class Preparation:
             }
         per_cell = 1 if self.filled is None else self.filled.modules_per_cell
         return {
-            "volume_kept": voxels.kept.volume,
+            "volume_kept": None if self.likeness is None else 1.0 - self.likeness.missing,
             "tunnels": None
             if voxels.tunnels is None
             else {"mesh": voxels.tunnels, "cells": voxels.kept.tunnels},
@@ -249,9 +259,9 @@ class Preparation:
         from planner.shapes.decimation import decimated
 
         vertices, faces = decimated(solid.vertices, solid.faces, most=MAX_PREVIEW_TRIANGLES)
-        placed = vertices @ voxels.rotation.T / voxels.pitch + voxels.offset
+        placed = self.filled.placed(vertices @ voxels.rotation.T / voxels.pitch + voxels.offset)
         return {
-            "vertices": np.round(self.filled.scale * placed + self.filled.shift, 4).tolist(),
+            "vertices": np.round(placed, 4).tolist(),
             "faces": faces.tolist(),
         }
 
@@ -451,9 +461,11 @@ def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Prepa
             shape=found,
             notes=found.notes,
         )
+    from planner.pathfinding.shape_overlap import likeness_of
     from planner.shapes.voxelise import voxelise
 
     voxels = voxelise(found, cells=filling_of(options).cells_for(options), seed=seed)
+    placed = _in_cells(found, voxels).moved(np.eye(3), 1.0, -0.5)
     return Preparation(
         kind="mesh",
         name=found.name,
@@ -462,23 +474,27 @@ def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Prepa
         shape=voxels.shape,
         notes=(*found.notes, *voxels.notes, *voxels.remarks),
         voxels=voxels,
-        iou=voxels.iou,
+        likenesses=(likeness_of(placed, voxels.shape.cells),),
     )
 
 
 def _from_shape(
     kind: str, shape: Shape, options: PathOptions, seed: int, time_limit_s: float
 ) -> Preparation:
+    from planner.pathfinding.shape_overlap import points_of_cells
+
     filled = filling_of(options).fill(
         shape, options, of_solid=False, seed=seed, time_limit_s=time_limit_s
     )
-    return _made(kind, shape.name, options, filled, (*shape.notes, *filled.notes))
+    exact = options.module == CUBE.name
+    likenesses = _likenesses(points_of_cells(shape, exact=exact), filled)
+    notes = (*shape.notes, *filled.notes)
+    return _made(kind, shape.name, options, filled, notes, likenesses=likenesses)
 
 
 def _from_solid(
     solid: Solid, options: PathOptions, seed: int, time_limit_s: float, larger: tuple[int, ...]
 ) -> Preparation:
-    from planner.pathfinding.shape_overlap import intersection_over_union
     from planner.shapes.voxelise import voxelise
 
     filling = filling_of(options)
@@ -487,8 +503,47 @@ def _from_solid(
         voxels.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s
     )
     notes = (*voxels.notes, *solid.notes, *voxels.remarks, *filled.notes)
-    iou = intersection_over_union(solid, voxels, filled) if filled.chains else voxels.iou
-    return _made("mesh", solid.name, options, filled, notes, solid=solid, voxels=voxels, iou=iou)
+    likenesses = _likenesses(_in_cells(solid, voxels), filled)
+    return _made(
+        "mesh",
+        solid.name,
+        options,
+        filled,
+        notes,
+        solid=solid,
+        voxels=voxels,
+        likenesses=likenesses,
+    )
+
+
+def _in_cells(solid: Solid, voxels: Voxels) -> InsidePoints:
+    """Return points of the whole solid in the space of its cells; c reaches from c to c + 1."""
+    from planner.shapes.inside_points import inside_points
+
+    return inside_points(solid).moved(voxels.rotation, 1.0 / voxels.pitch, voxels.offset)
+
+
+def _likenesses(points: InsidePoints, filled: FilledShape) -> tuple[Likeness, ...]:
+    """Return the likeness of each chain to the input, given by points in the cells' space.
+
+    Without a chain it is that of cubes in the cells; empty for other modules.
+    """
+    from planner.pathfinding.shape_overlap import likeness_of
+
+    placed = points.moved(filled.turn, filled.scale, filled.shift)
+    if not filled.chains:
+        return () if filled.method == "rings" else (likeness_of(placed, filled.shape.cells),)
+    known: dict[bytes, Likeness] = {}
+    for chain in filled.chains:
+        if (key := _places(chain)) not in known:
+            known[key] = likeness_of(placed, chain)
+    return tuple(known[_places(chain)] for chain in filled.chains)
+
+
+def _places(chain: Chain) -> bytes:
+    """Return a key that is the same for chains whose folded modules lie in the same places."""
+    twice = np.rint(2.0 * chain.folded_poses.positions).astype(np.int64)
+    return twice[np.lexsort(twice.T)].tobytes()
 
 
 def _made(

@@ -37,13 +37,14 @@ class Reading:
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain JSON values."""
-        chain = self.candidates.chains[0]
+        chain, likenesses = self.candidates.chains[0], self.candidates.likenesses
         return {
             "kind": self.kind,
             "method": self.method,
             "notes": list(self.notes),
             "knot": self.knot,
             "candidates": len(self.candidates.chains),
+            "likeness": likenesses[0].as_dict() if likenesses else None,
             "name": chain.name,
             "module": chain.module.name,
             "modules": len(chain),
@@ -60,7 +61,9 @@ def read_plan(recorded: Plan) -> Reading:
         InputError: When it cannot be smoothed.
     """
     check_smoothable(recorded)
-    return Reading(candidates=Candidates((recorded.chain,), two_ended=False), kind="plan")
+    likenesses = () if recorded.likeness is None else (recorded.likeness,)
+    candidates = Candidates((recorded.chain,), two_ended=False, likenesses=likenesses)
+    return Reading(candidates=candidates, kind="plan")
 
 
 def read_shape(
@@ -84,18 +87,22 @@ def read_shape(
     if prepared is None:
         seed = request.seed % PATH_SEED_MODULUS
         prepared = prepare(data, request.filename, request.path_options(), seed=seed).prepared()
-    chain, chains = prepared.chains[0], prepared.chains
+    chain, chains, likenesses = prepared.chains[0], prepared.chains, prepared.likenesses
     if start is not None:
         check_fits(start, chain.module.name, len(chain))
         # It is the same chain, whatever size the other shape was drawn in.
-        chains = tuple(replace(c, pitch_m=start.pitch_m) for c in chains if len(c) == len(start))
+        fitting = [k for k, each in enumerate(chains) if len(each) == len(start)]
+        chains = tuple(replace(chains[k], pitch_m=start.pitch_m) for k in fitting)
+        likenesses = tuple(likenesses[k] for k in fitting) if likenesses else ()
         chain = chains[0]
     ranked_strategies(chain, request.parameters(), refolds=request.refold)  # or it is refused
     # A chain comes as it is wanted; what only shows cells may as well begin at their other end.
     given = prepared.kind == "chain" or request.start is not None or request.refold
     given = given or request.world == "table"  # whose path begins on it
     return Reading(
-        candidates=Candidates(chains, two_ended=not given and on_lattice(chain)),
+        candidates=Candidates(
+            chains, two_ended=not given and on_lattice(chain), likenesses=likenesses
+        ),
         kind=prepared.kind,
         method=prepared.method,
         notes=prepared.notes,

@@ -282,7 +282,14 @@ def export_best(workspace: Workspace) -> dict[str, Any]:
     workspace.publish(request.prefer)
     result, start = workspace.read_result(), workspace.read_start(request)
     recorded = workspace.read_recorded() if is_smoothing(result.record) else None
-    plan = finish(request, result, history, start=start, recorded=recorded)
+    plan = finish(
+        request,
+        result,
+        history,
+        candidates=workspace.read_candidates(),
+        start=start,
+        recorded=recorded,
+    )
     before = [name for name in DESCRIBED if name not in EXPORTED_FILES]
     with ThreadPoolExecutor(2) as beside:
         figures = beside.submit(_write_figures, workspace)

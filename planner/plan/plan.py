@@ -38,6 +38,7 @@ from planner.parameters.parameters import Parameters
 from planner.plan.claim import claim_of
 from planner.playback.playback import Playback
 from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
+from planner.shapes.likeness import Likeness
 
 PLAN_FORMAT: Final = "foldback-plan/3"
 EARLIER_FORMATS: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windows"}
@@ -73,6 +74,8 @@ class Plan:
         attempts: Every explosion that was tried, the last one is the record.
         smoothing: Changes by smoothing, see ``planner.robot.smoothed_plan``; None of a recorded
             plan.
+        likeness: Likeness of the folded modules to the input; None if the input was a path or a
+            chain, or the plan is of an earlier version.
     """
 
     chain: Chain
@@ -88,6 +91,7 @@ class Plan:
     attempts: tuple[dict[str, Any], ...] = ()
     start: Chain | None = None
     smoothing: dict[str, Any] | None = None
+    likeness: Likeness | None = None
 
     @classmethod
     def assembled(
@@ -218,6 +222,7 @@ class Plan:
             "seed": self.seed,
             "refold": self._refold(),
             "smoothing": self.smoothing,
+            "likeness": None if self.likeness is None else self.likeness.as_dict(),
             "stuck": stuck_of(self.explosion, self.attempts),
             "attempts": len(self.attempts),
             "explosion": self.explosion or nothing,
@@ -261,6 +266,7 @@ class Plan:
             "versions": self.versions,
             "attempts": list(self.attempts),
             "smoothing": self.smoothing,
+            "likeness": None if self.likeness is None else self.likeness.as_dict(),
             "explosion": self.explosion,
             "playback": self.playback,
             "certificate": self.certificate.as_dict(),
@@ -378,6 +384,7 @@ class Plan:
                 attempts=tuple(values.get("attempts", ())),
                 start=chain_from_attributes(start) if (start := values.get("start")) else None,
                 smoothing=values.get("smoothing"),
+                likeness=Likeness.from_dict(values.get("likeness")),
                 **{k: values[k] for k in _VALUES},
             )
         except InputError as error:

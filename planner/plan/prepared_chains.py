@@ -19,6 +19,7 @@ from planner.file_names import PREPARED
 from planner.files import write_json
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.pathfinding.path_options import PathOptions
+from planner.shapes.likeness import Likeness
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -29,6 +30,7 @@ class PreparedChains:
         kind, method, notes: Same as for ``planner.pipeline.prepare.Preparation``.
         knot: Verdict on the first chain; None without one.
         chains: Candidates, best first; at least one.
+        likenesses: Likeness of each chain to the input; empty for paths and chains.
     """
 
     kind: str
@@ -36,6 +38,7 @@ class PreparedChains:
     notes: tuple[str, ...]
     knot: str | None
     chains: tuple[Chain, ...]
+    likenesses: tuple[Likeness, ...]
 
     @classmethod
     def load(cls, directory: FilePath, key: str) -> Self | None:
@@ -50,6 +53,7 @@ class PreparedChains:
                 notes=tuple(values["notes"]),
                 knot=values["knot"],
                 chains=tuple(chain_from_attributes(each) for each in values["chains"]),
+                likenesses=tuple(Likeness(**each) for each in values["likenesses"]),
             )
         except UNREADABLE:
             return None
@@ -63,6 +67,7 @@ class PreparedChains:
             "notes": self.notes,
             "knot": self.knot,
             "chains": [chain_attributes(chain) for chain in self.chains],
+            "likenesses": [each.as_dict() for each in self.likenesses],
         }
         write_json(directory / PREPARED, values)
 

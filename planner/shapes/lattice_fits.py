@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import Array, Flags, Ints
-from planner.errors import InputError, checked_fraction
+from planner.errors import checked_fraction
 from planner.kernels.crossings import window_histograms, window_sums
 from planner.shapes.bridges import Bridged, bridged, parts_of
 from planner.shapes.mesh_repair import welded
@@ -27,7 +27,7 @@ from planner.shapes.separate_bodies import (
     separate_bodies,
 )
 from planner.shapes.solid import Solid, signed_volume
-from planner.shapes.solid_sampling import Sampling, grid_of, sample
+from planner.shapes.solid_sampling import Sampling, enclosed_volume, grid_of, sample
 from planner.shapes.tunnels import tunnels_of_samples, tunnels_of_surface
 
 OFFSETS_PER_AXIS: Final = 4
@@ -174,7 +174,7 @@ class Ladder:
     def __init__(self, solid: Solid, turns: tuple[Array, ...]) -> None:
         self.solid = solid
         self.turns = turns
-        self.volume = _volume(solid)
+        self.volume = enclosed_volume(solid)
         self.thickness = 2.0 * self.volume / _area(solid)
         self.bodies: tuple[SeparateBody, ...] = ()
         self.tunnels: int | None = None
@@ -454,21 +454,3 @@ def _bounds(solid: Solid, turns: tuple[Array, ...]) -> tuple[tuple[Array, Array]
 def _area(solid: Solid) -> float:
     a, b, c = (solid.vertices[solid.faces[:, i]] for i in range(3))
     return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0)
-
-
-def _volume(solid: Solid) -> float:
-    """Estimate the volume that a solid encloses."""
-    if solid.oriented:
-        volume = abs(signed_volume(solid.vertices, solid.faces))
-        if volume > 0.0:
-            return volume
-    pitch = float(solid.extents.max()) / 64.0
-    for finer in (1.0, 3.0):
-        volume = sample(solid, pitch=pitch / finer, size=2, rotation=np.eye(3)).volume
-        if volume > 0.0:
-            return volume
-    raise InputError(
-        "no-volume",
-        "got a mesh that encloses no volume, expected a closed surface; close its holes, or give "
-        "its walls some thickness.",
-    )

@@ -27,7 +27,7 @@ def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Array, ...]:
     Rotations that differ by a symmetry of the lattice count as the same.
     """
     rotations: list[Array] = [np.eye(3)]
-    wanted = [_main_axes(solid)]
+    wanted = [main_axes(solid)]
     wanted += [_about(axis, np.pi / 4) for axis in (2, 0, 1)]
     wanted += [_random(rng) for _ in range(RANDOM_ORIENTATIONS)]
     for rotation in wanted:
@@ -37,7 +37,8 @@ def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Array, ...]:
     return tuple(rotations)
 
 
-def _main_axes(solid: Solid) -> Array:
+def main_axes(solid: Solid) -> Array:
+    """Return the (3, 3) rotation that lays the main axes of a solid along x, y and z."""
     points = solid.vertices[:: max(1, len(solid.vertices) // MAX_AXES_VERTICES)]
     spread = np.cov((points - points.mean(axis=0)).T / solid.extents.max())
     _, axes = np.linalg.eigh(spread)

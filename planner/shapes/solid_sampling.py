@@ -10,7 +10,7 @@ import numpy as np
 from planner.arrays import Array, Flags, Ints
 from planner.errors import InputError
 from planner.kernels.crossings import fill_by_winding, mark_crossings, vote_by_parity
-from planner.shapes.solid import Solid
+from planner.shapes.solid import Solid, signed_volume
 
 MAX_GRID_SAMPLES: Final = 48_000_000
 """Maximum number of points of a grid at which a solid is sampled for being inside; a finer grid is
@@ -132,4 +132,26 @@ def sample(
         rotation=rotation,
         offset=shape / 2.0 - middle * scale,
         crossed=crossed,
+    )
+
+
+def enclosed_volume(solid: Solid) -> float:
+    """Return the volume that a solid encloses, in its units; an estimate unless it is oriented.
+
+    Raises:
+        InputError: ``no-volume`` if it encloses none.
+    """
+    if solid.oriented:
+        volume = abs(signed_volume(solid.vertices, solid.faces))
+        if volume > 0.0:
+            return volume
+    pitch = float(solid.extents.max()) / 64.0
+    for finer in (1.0, 3.0):
+        volume = sample(solid, pitch=pitch / finer, size=2, rotation=np.eye(3)).volume
+        if volume > 0.0:
+            return volume
+    raise InputError(
+        "no-volume",
+        "got a mesh that encloses no volume, expected a closed surface; close its holes, or give "
+        "its walls some thickness.",
     )

@@ -106,7 +106,7 @@ class Voxels:
 
     @property
     def iou(self) -> float:
-        """Intersection over union of the cells with the whole solid, all of its bodies."""
+        """Estimated intersection over union of the cells with the whole solid, all its bodies."""
         return self.kept.iou
 
 

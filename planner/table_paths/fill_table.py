@@ -51,6 +51,7 @@ class TableCubes:
             paths, reasons = paths_or_reasons(shape.cells, seed=seed, turned=False)
             notes = (f"Repaired: {added_words(added)}",)
         shift = paths[0].shift if paths else np.zeros(3, dtype=np.int64)
+        turn = np.asarray(paths[0].turn if paths else np.eye(3), dtype=np.float64)
         if paths and paths[0].down != "-z":
             notes = (*notes, f"The shape lies on its {SIDE_NAMES[paths[0].down]} side.")
         cells = paths[0].cells if paths else shape.cells
@@ -68,9 +69,10 @@ class TableCubes:
             notes=notes,
             not_started="",
             scale=2.0 if doubles else 1.0,
-            shift=np.asarray(shift - 0.5, dtype=np.float64),  # a mesh is not turned
+            shift=np.asarray(shift - turn @ np.full(3, 0.5), dtype=np.float64),
             modules_per_cell=BLOCK_CELLS if doubles else 1,
             added=tuples(np.array(added, dtype=np.int64).reshape(-1, 3) + shift),
+            turn=turn,
         )
 
     def check(self, shape: Shape, options: PathOptions) -> None:

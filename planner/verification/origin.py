@@ -25,10 +25,14 @@ from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.value_differences import Differences, value_differences
+from planner.shapes.likeness import Likeness
 
 CELL_TOLERANCE_PITCH: Final = 1e-6
 """Maximum distance between the places of modules of two chains through the same cells, pitches:
 rounding."""
+LIKENESS_ATOL: Final = 1e-3
+"""Maximum difference between a stored likeness and one measured again (shares, 0 to 1): a few of
+the points that measure it may lie on the other side of a surface on another processor."""
 
 
 def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
@@ -49,7 +53,7 @@ def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differen
         yield f"{INPUT}: the shape cannot be read again ({error})"
         return
     found, chain = again.candidates, chain_attributes(plan.chain)
-    same = [*value_differences(known.as_dict(), found.as_dict(), CANDIDATES)]
+    same = [*value_differences(_chains_of(known), _chains_of(found), CANDIDATES)]
     if same and not (again.method in TIME_INDEPENDENT_METHODS or again.kind in ("path", "chain")):
         # How long a search may take decides which of several paths it finds.
         if not _fills(plan.chain, found.chains[0]):
@@ -59,6 +63,7 @@ def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differen
             f"The search found other paths through the same cells of the {INPUT}, because it is "
             "limited in time. Only the cells were compared."
         )
+        yield from _likeness_differs(plan, next(iter(found.likenesses), None), notes)
         return
     for difference in same:
         yield f"{INPUT} was read again: {difference}"
@@ -67,6 +72,29 @@ def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differen
             f"{INPUT}: got a plan for {plan.chain.name} ({len(plan.chain)} modules), expected one "
             f"for {found.chains[0].name} ({len(found.chains[0])} modules), the shape in this file"
         )
+        return
+    yield from _likeness_differs(plan, found.likeness_of(plan.chain), notes)
+
+
+def _chains_of(candidates: Candidates) -> dict[str, Any]:
+    """Return candidates as plain values, without their likeness."""
+    return replace(candidates, likenesses=()).as_dict()
+
+
+def _likeness_differs(plan: Plan, again: Likeness | None, notes: list[str]) -> Differences:
+    """Yield the differences of the plan's likeness to its input from one measured again."""
+    if plan.likeness is None and again is not None:
+        notes.append(
+            "The plan does not state how much it looks like its input; measured again, the "
+            f"overlap is {again.iou:.3f}."
+        )
+        return
+    yield from value_differences(
+        None if plan.likeness is None else plan.likeness.as_dict(),
+        None if again is None else again.as_dict(),
+        f"plan.npz likeness, measured again from {INPUT}",
+        atol=LIKENESS_ATOL,
+    )
 
 
 def _read_again(workspace: Workspace) -> Reading:
@@ -74,7 +102,11 @@ def _read_again(workspace: Workspace) -> Reading:
     request, data = workspace.read_request(), workspace.read_input()
     found = read_shape(request, data, start=workspace.read_start(request))
     if request.smooth:
-        return replace(found, candidates=replace(found.candidates, two_ended=False))
+        # Its input is a chain; how much that looks like a shape, the plan it smooths states.
+        told = workspace.read_recorded().likeness
+        likenesses = () if told is None else (told,)
+        candidates = replace(found.candidates, two_ended=False, likenesses=likenesses)
+        return replace(found, candidates=candidates)
     return found
 
 

@@ -58,9 +58,10 @@ def lacking(
     A missing field would be read as in an earlier version, and would not be checked.
     """
     expected = {**plan.rest(), "joint_names": list(plan.chain.joint_names)}
-    # Plans that were written before there were claims, or margins.
-    if "claim" not in npz:
-        del expected["claim"]
+    # Plans that were written before there were claims, likenesses, or margins.
+    for name in ("claim", "likeness"):
+        if name not in npz:
+            del expected[name]
     if "margins" not in npz["certificate"]:
         cast("dict[str, Any]", expected["certificate"]).pop("margins")
     if playback is not None:

@@ -83,9 +83,9 @@ def test_mesh_is_filled_with_tetrahedra() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=3)
     data = mesh.export(file_type="stl")
     few, many = prepare_chain(data, modules=72), prepare_chain(data, modules=300)
-    assert few.iou is not None
-    assert many.iou is not None
-    assert 0.3 < few.iou < many.iou < 1.0
+    assert few.likeness is not None
+    assert many.likeness is not None
+    assert 0.3 < few.likeness.iou < many.likeness.iou < 1.0
     assert abs(len(many.chain) - 300) < 60
     report = many.report()
     assert report["module"] == "tetrahedron"
