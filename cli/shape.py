@@ -22,6 +22,7 @@ from planner.pathfinding.path_options import table_warning
 from planner.pipeline.prepare import Preparation, prepare_in_any_order
 from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.plan.shape_writers import write_chain, write_path
+from words.likeness import likeness_words
 from words.messages import count_from_one
 
 if TYPE_CHECKING:
@@ -136,8 +137,8 @@ def show(report: dict[str, Any], out: Path) -> None:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_row("Input", report["kind"])
     table.add_row("Modules", str(report["modules"]))
-    if report["iou"] is not None:
-        table.add_row("Overlap with the mesh (intersection over union)", f"{report['iou']:.2f}")
+    if (told := likeness_words(report["likeness"])) is not None:
+        table.add_row("Likeness", told)
         for larger in report["more_modules"]:
             parts = "; keeps all parts" if larger["keeps_parts"] else ""
             table.add_row(

@@ -16,6 +16,7 @@ from planner.certificate.figures import FoldSummary
 from planner.chain.module import module_named
 from words import certificate as certificate_words
 from words.failures import reason_for_people
+from words.likeness import likeness_words
 from words.messages import verdict_for_people
 from words.plan_choice import PLAN_COLUMNS, Choice
 from words.quantities import sentence
@@ -76,6 +77,7 @@ def show(summary: dict[str, Any], out: Path) -> None:
         console.print(f"{told}.", markup=False, soft_wrap=True)
     row("Start shape", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
+    row("Likeness", likeness_words(summary.get("likeness")))
     row("Strategy", certificate_words.baseline(strategy) or strategy)
     row("Explosion", summary["explosion"]["steps"] or None, "steps")
     row("Playback", playback and (playback["steps"] or None), "steps")

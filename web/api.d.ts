@@ -95,6 +95,11 @@ declare namespace Api {
     tunnels: number;
     keeps_parts: boolean;
   }
+  interface LikenessBody {
+    iou: number;
+    missing: number;
+    added: number;
+  }
   interface Links {
     self: string;
     page: string;
@@ -157,6 +162,7 @@ declare namespace Api {
     below: number | null;
     above: number | null;
     iou: number | null;
+    likeness?: LikenessBody | null;
     volume_kept?: number | null;
     tunnels?: TunnelCounts | null;
     keeps_parts?: boolean | null;
@@ -183,6 +189,7 @@ declare namespace Api {
     wxyzs: number[][] | null;
     line: number[][] | null;
     mesh: PlacedMesh | null;
+    missing?: PlacedMesh | null;
     links: PreviewLinks;
   }
   interface PreviewLinks {

@@ -30,6 +30,7 @@ from planner.verification.integrity import damaged_among
 from words import certificate as certificate_words
 from words.failures import reason_for_people
 from words.fold import RUNNING_STATUSES, ShownFold
+from words.likeness import likeness_words
 from words.plan_choice import PREFERENCE_WORDS
 from words.quantities import (
     PRESET_LABELS,
@@ -133,6 +134,7 @@ class _Fold:
             ("Verdict", sentence(reason_for_people(verdict, self.summary))),
             *certificate_words.main_rows(self.certificate),
             ("Modules", row.modules or None),
+            ("Likeness", likeness_words(self.summary.get("likeness"))),
             ("Module width (1 pitch)", length_m(self.chain.get("pitch_m"))),
             ("Method", STRATEGY_LABELS.get(str(self.explosion.get("strategy")))),
             ("Preset", PRESET_LABELS.get(row.preset, row.preset)),

@@ -180,6 +180,14 @@ class IncludedFigures(TypedDict):
     version: str
 
 
+class LikenessFigures(TypedDict):
+    """``planner.shapes.likeness.Likeness``."""
+
+    iou: float
+    missing: float
+    added: float
+
+
 class FoldSummary(TypedDict, total=False):
     """``planner.plan.plan.Plan.summary``, or what is known of a fold without a plan."""
 
@@ -194,6 +202,7 @@ class FoldSummary(TypedDict, total=False):
     seed: int
     refold: dict[str, Any] | None
     smoothing: SmoothingFigures | None
+    likeness: LikenessFigures | None
     stuck: StuckFigures | None
     attempts: int
     explosion: ExplosionFigures | None

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
-from planner.arrays import Ints
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.chain.module import CUBE
 from planner.chain.path import Path
@@ -180,7 +181,7 @@ class Preparation:
             "start": None if self.options.start is None else list(self.options.start),
             "not_started": self.not_started,
             "module": self.chains[0].module.name if self.chains else self.options.module,
-            "mesh": self._mesh() if full else None,
+            **(self._meshes() if full else {"mesh": None, "missing": None}),
             **(self._modules() if full else {}),
         }
 
@@ -251,19 +252,30 @@ class Preparation:
             "line": np.round(line, 4).tolist(),
         }
 
-    def _mesh(self) -> dict[str, Any] | None:
-        """Return the solid in the folded chain's space."""
+    def _meshes(self) -> dict[str, Any]:
+        """Return the solid in the folded chain's space, and its surface without modules."""
         solid, voxels = self.solid, self.voxels
         if solid is None or voxels is None or self.filled is None:
-            return None
+            return {"mesh": None, "missing": None}
+        from planner.pathfinding.shape_overlap import covered_by
         from planner.shapes.decimation import decimated
+        from planner.shapes.uncovered_surface import uncovered_surface
 
         vertices, faces = decimated(solid.vertices, solid.faces, most=MAX_PREVIEW_TRIANGLES)
-        placed = self.filled.placed(vertices @ voxels.rotation.T / voxels.pitch + voxels.offset)
-        return {
-            "vertices": np.round(placed, 4).tolist(),
-            "faces": faces.tolist(),
-        }
+        in_cells = vertices @ voxels.rotation.T / voxels.pitch + voxels.offset
+        placed = self.filled.placed(in_cells)
+        modules = self.chains[0] if self.chains else self.filled.shape.cells
+        missing = uncovered_surface(
+            placed, faces, partial(covered_by, modules), oriented=solid.oriented
+        )
+        corners = np.arange(3 * len(missing)).reshape(-1, 3)
+        return {"mesh": _listed(placed, faces), "missing": _listed(missing, corners)}
+
+
+def _listed(vertices: Array, faces: Ints) -> dict[str, Any]:
+    """Return a mesh as plain JSON values."""
+    rows = np.round(vertices.reshape(-1, 3), 3)
+    return {"vertices": rows.tolist(), "faces": faces.tolist()}
 
 
 Found: TypeAlias = "Path | Chain | Shape | Solid"

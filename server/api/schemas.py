@@ -411,6 +411,17 @@ class TunnelCounts(Body):
     cells: int
 
 
+class LikenessBody(Body):
+    """Overlap of the modules, which fill their cells, with the whole input."""
+
+    iou: float
+    """Intersection over union: volume of the overlap ÷ volume of what either covers, 0 to 1."""
+    missing: float
+    """Share of the input's volume that no module covers, 0 to 1."""
+    added: float
+    """Share of the modules' volume outside of the input, 0 to 1."""
+
+
 class LargerShape(Body):
     """Estimate of what a larger number of modules would keep of a mesh."""
 
@@ -438,10 +449,12 @@ class Preview(Body):
     above: int | None
     """The nearest reachable number of modules above."""
     iou: float | None
-    """Overlap of the modules and the whole mesh: volume of the intersection ÷ volume of the
-    union."""
+    """Same as `likeness.iou`."""
+    likeness: LikenessBody | None = None
+    """How much the modules look like the whole input, all of its bodies; null for paths and chains,
+    which are folded as they are."""
     volume_kept: float | None = None
-    """Share of the mesh's volume inside the cells, 0 to 1."""
+    """Share of the mesh's volume inside the modules, 0 to 1."""
     tunnels: TunnelCounts | None = None
     """Holes through the shape; null if they cannot be counted."""
     keeps_parts: bool | None = None
@@ -490,6 +503,9 @@ class Preview(Body):
     """Line along the folded chain."""
     mesh: PlacedMesh | None
     """The solid, in the folded chain's coordinates."""
+    missing: PlacedMesh | None = None
+    """The parts of the solid's surface without modules up to 0.25 pitches behind them; null unless
+    the file is a mesh."""
     links: PreviewLinks
 
     @classmethod
@@ -504,7 +520,14 @@ class Preview(Body):
         full: bool,
     ) -> Preview:
         """Return the report of a preview; without cells, mesh and poses unless ``full``."""
-        without = {"cells": [], "mesh": None, "positions": None, "wxyzs": None, "line": None}
+        without = {
+            "cells": [],
+            "mesh": None,
+            "missing": None,
+            "positions": None,
+            "wxyzs": None,
+            "line": None,
+        }
         large = {} if full else without
         more = {
             "id": preview_id,

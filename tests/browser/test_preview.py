@@ -49,7 +49,7 @@ def test_mesh_is_previewed_changed_and_folded(visit: Visit, service: Service, vi
     preview_file(page, "brick.stl", stl())
     expect(page.locator("#name")).to_have_text("brick")
     expect(page.locator("#verdict")).to_have_text(
-        re.compile(r"\d+ modules · similarity to your file: \d+\s%")
+        re.compile(r"\d+ modules · \d+\s% like your file")
     )
     page.locator(".more > summary").click()
     expect(page.locator("#preset")).to_be_visible()

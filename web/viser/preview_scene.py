@@ -1,7 +1,8 @@
 """Preview scene: a solid, the cells that stand for it, and the path through them.
 
 Like the scene bundle of a fold, it is built by viser, captured as messages and passed to viser's
-client by the page, which shows and hides its layers: ``/solid``, ``/cells`` and ``/path``.
+client by the page, which shows and hides its layers: ``/solid``, ``/missing``, ``/cells`` and
+``/path``.
 """
 
 from __future__ import annotations
@@ -49,6 +50,8 @@ through them. A larger value hides more of the path. Chosen."""
 SOLID_OPACITY: Final = 0.34
 """Opacity (0 to 1) of the uploaded mesh in a 3D preview that also shows a chain's path. A larger
 value hides more of the modules. Chosen."""
+MISSING_OPACITY: Final = 0.6
+"""Opacity (0 to 1) of the uploaded mesh in a 3D preview where no module is behind its surface."""
 SOLID_OPACITY_NO_PATH: Final = 0.1
 """Opacity (0 to 1) of the uploaded mesh in a 3D preview of cells without a path, which are opaque.
 A larger value hides more of the cells. Chosen."""
@@ -135,6 +138,20 @@ class _PreviewScene:
         add_lights(server, sky=PREVIEW_SKY_LIGHT, shadows=False)
         if count:
             self._draw(report)
+        missing = report.get("missing")
+        # Without a path, red marks cells that prevent it.
+        if report["has_path"] and missing is not None and len(missing["faces"]):
+            self._scene.add_mesh_simple(
+                "/missing",
+                self._placed(np.asarray(missing["vertices"], dtype=np.float64)),
+                np.asarray(missing["faces"], dtype=np.int64),
+                color=MAX_ERROR_RGB,
+                opacity=MISSING_OPACITY,
+                flat_shading=False,
+                side="double",
+                cast_shadow=False,
+                receive_shadow=False,
+            )
         if mesh is not None and len(mesh["faces"]):
             self._scene.add_mesh_simple(
                 "/solid",

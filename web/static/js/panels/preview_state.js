@@ -181,12 +181,29 @@ export class Preview {
 
 // Texts of the page about a report.
 
-const percent = (/** @type {number} */ share) => `${Math.round(100 * share)}\u00a0%`;
+// A share as a whole percentage, as in words/likeness.py: one above 0 is never 0 %, one below 1 never 100 %.
+/** @param {number} share */
+export function percent(share) {
+  if (share > 0 && share < 0.01) return "less than 1\u00a0%";
+  return `${share < 1 ? Math.min(99, Math.round(100 * share)) : 100}\u00a0%`;
+}
+
+// What a likeness means, and what is missing or outside; empty without one.
+/** @param {Api.Preview["likeness"]} likeness */
+export function likenessWords(likeness) {
+  if (!likeness) return "";
+  const { missing, added } = likeness;
+  const parts = [
+    missing ? `${percent(missing)} of your file is missing` : "",
+    added ? `${percent(added)} of the modules is outside of it` : "",
+  ].filter(Boolean).join(", ");
+  return `Overlap of both, divided by what either covers.${parts ? ` ${sentence(parts)}.` : ""}`;
+}
 
 /** @param {Api.Preview} report */
 export function verdictOf({ module, modules, iou, has_path: path }) {
   if (!path) return `${whole(modules)} cells, no path yet`;
-  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${iou === null ? "" : ` · similarity to your file: ${percent(iou)}`}`;
+  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${iou === null ? "" : ` · ${percent(iou)} like your file`}`;
 }
 
 // Return possible numbers of modules nearby, and a text that explains them.
@@ -202,11 +219,11 @@ export function nearby({ bound, onTable, maxModules }, { asked, modules, below, 
 }
 
 /** @param {Api.Preview} report */
-export function figuresOf({ iou, candidates, knot }) {
+export function figuresOf({ iou, likeness, candidates, knot }) {
   const { verdict = "", determinant = null } = knot ?? {};
   const knotted = verdict === "knotted";
   return {
-    iou: iou === null ? "" : percent(iou), candidates: String(candidates), knotted, knotHint: determinant ? `${knotted ? "The knot is undone while the chain unfolds, which takes longer. " : ""}The chain’s determinant, a test number for knots, is ${determinant}. Without a knot, it would be 1.` : "",
+    iou: iou === null ? "" : percent(iou), likeness: likenessWords(likeness ?? null), candidates: String(candidates), knotted, knotHint: determinant ? `${knotted ? "The knot is undone while the chain unfolds, which takes longer. " : ""}The chain’s determinant, a test number for knots, is ${determinant}. Without a knot, it would be 1.` : "",
     knot: knot ? KNOTS[verdict] : "–",
   };
 }

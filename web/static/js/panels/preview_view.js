@@ -111,7 +111,7 @@ export function showReport(preview, report, onChange) {
   const { onTable, options } = preview;
   const { kind, name, has_path: path } = report;
   const { counts, text } = nearby(preview, report);
-  const { iou, candidates, knot, knotHint, knotted } = figuresOf(report);
+  const { iou, likeness, candidates, knot, knotHint, knotted } = figuresOf(report);
   const { lossy, offers } = lossOf(preview, report);
   const odd = oddWords(report);
   const { repaired, unordered, others } = notesOf(preview, report);
@@ -119,7 +119,7 @@ export function showReport(preview, report, onChange) {
   document.title = `${name}, preview · foldback`;
   showTrouble(troubleOf(preview, report), onChange);
   write({
-    name, verdict: verdictOf(report), got: text, iou, candidates, knot, long: preview.warning, "odd-text": odd, "repaired-text": repaired, unordered,
+    name, verdict: verdictOf(report), got: text, iou, likeness, candidates, knot, long: preview.warning, "odd-text": odd, "repaired-text": repaired, unordered,
     fold: foldWords(report),
   });
   hide({
@@ -171,6 +171,8 @@ export class Picture {
       pick, settled,
       shown: () => {
         this.viewing = true;
+        const complete = !this.stage.nodes.has("/missing");
+        hide({ "were-missing": complete, "missing-layer": complete });
         this.stage.painted(() => { if (this.viewing) get("cover").classList.add("gone"); });
       },
       failed: () => { this.failed = true; this.viewing = false; this.draw(); },

@@ -17,7 +17,7 @@ const ARROWS = { ArrowUp: "w", ArrowLeft: "a", ArrowDown: "s", ArrowRight: "d" }
  * @property {() => void} settled
  * @property {(module: number | null, cell: number[] | null) => void} pick
  */
-/** @typedef {"solid" | "cells" | "path"} Layer */
+/** @typedef {"solid" | "missing" | "cells" | "path"} Layer */
 
 /** @extends {Scene<PreviewBundle>} */
 export class PreviewStage extends Scene {
@@ -38,7 +38,7 @@ export class PreviewStage extends Scene {
     };
     this.listener = heard;
     /** @type {Record<string, boolean>} */
-    this.layers = { solid: true, cells: true, path: true };
+    this.layers = { solid: true, missing: true, cells: true, path: true };
     /** @type {number | null} */
     this.selected = null;
     /** @type {View | null} */
