@@ -73,7 +73,7 @@ def drafted(directory: Path) -> Tour:
         summary=told,  # pyright: ignore[reportArgumentType]
     )
     try:
-        moments = stored_moments(directory) or Workspace(directory).find_moments()
+        moments = stored_moments(directory) or Workspace(directory).find_moments(plan)
         frames = len(Timeline.open(result_path(directory, TIMELINE)))
     except TimelineError as error:
         raise InputError("no-frames", f"{error}") from error

@@ -111,7 +111,9 @@ def round_motion(directory: Path) -> None:
     replace(playback, rms_position_error=ends).save(directory / PLAYBACK)
     run_stage("export", directory)
     _round_figures(directory)
-    Workspace(directory).write_moments()  # the largest torque is that of the rounded figures
+    Workspace(directory).write_moments(
+        Plan.load(directory / PLAN)
+    )  # the largest torque is that of the rounded figures
     manifest.write_manifest(directory)
 
 

@@ -313,6 +313,14 @@ interface PlanDot { label: string; time_s: number | null; torque_mnm: number | n
 interface Choice { prefer: string; seconds: number; plans: PlanDot[] }
 interface Again { text: string; form: Form }
 interface Way { text: string; hint: string; form: Form; id?: string; settable?: string }
+// A step of a plan that rests between steps: StepMoment in planner/plan/moments.py.
+interface PlanStep {
+  start: number; // frame
+  end: number;
+  text: string;
+  joints: number[]; // modules
+  moving: [first: number, last: number][];
+}
 interface Facts {
   id: string;
   name: string;
@@ -323,6 +331,7 @@ interface Facts {
   again: Again | null;
   frames: number;
   tightest: number | null;
+  steps: number;
   options: "all" | "owner" | null;
   compare: Way[];
   refold: Form;
@@ -436,6 +445,8 @@ interface Elements {
   smooth: HTMLButtonElement;
   speed: HTMLSelectElement;
   "stuck-card": HTMLDetailsElement;
+  "steps-before": HTMLButtonElement;
+  "steps-next": HTMLButtonElement;
   "tour-after": HTMLButtonElement;
   "tour-before": HTMLButtonElement;
   "tour-save": HTMLButtonElement;

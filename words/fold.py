@@ -78,6 +78,6 @@ def has_motion(summary: Mapping[str, object] | None) -> bool:
     return bool((summary or {}).get("playback"))
 
 
-def has_steps(summary: Mapping[str, Any] | None) -> bool:
-    """Return True if a plan of this summary rests between steps."""
-    return len(rest_frames((summary or {}).get("playback"))) > 1
+def step_count(summary: Mapping[str, Any] | None) -> int:
+    """Return the number of steps of a plan of this summary; 0 if it does not rest between steps."""
+    return max(0, len(rest_frames((summary or {}).get("playback"))) - 1)

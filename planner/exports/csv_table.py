@@ -11,7 +11,7 @@ from planner.arrays import Ints
 from planner.exports.export import require_frames, rising
 from planner.motion.motion import PHASES
 from planner.plan.plan import Plan
-from planner.plan.steps import step_frames
+from planner.plan.steps import find_steps
 
 ROOT_COLUMNS = ("root_x_m", "root_y_m", "root_z_m", "root_qw", "root_qx", "root_qy", "root_qz")
 
@@ -59,5 +59,7 @@ def write(plan: Plan) -> bytes:
 
 def _step_column(plan: Plan, frames: Ints) -> list[str]:
     """Return the end of each row, with the number of its step; none without steps."""
-    rests = step_frames(plan)
-    return [f",{step}" for step in np.searchsorted(rests, frames).tolist()] if rests else []
+    steps = find_steps(plan)
+    if steps is None:
+        return []
+    return [f",{step}" for step in np.searchsorted(steps.frames, frames).tolist()]

@@ -20,7 +20,7 @@ from planner.chain.chain import Chain
 from planner.exports.export import export_name, require_frames, rising
 from planner.exports.stl import hull_of
 from planner.plan.plan import Plan
-from planner.plan.steps import step_frames
+from planner.plan.steps import find_steps
 
 Single = NDArray[np.float32]
 MIN_KEYFRAME_TOLERANCE: Final = 3e-3
@@ -210,12 +210,12 @@ def _animation(times: int, outputs: list[tuple[int, int]], plan: Plan) -> dict[s
         for k, path in enumerate(("translation", "rotation"))
     ]
     animation: dict[str, Any] = {"name": "fold", "samplers": samplers, "channels": channels}
-    rests_s = [float(plan.time_s[frame]) for frame in step_frames(plan)]
-    if rests_s:
+    steps = find_steps(plan)
+    if steps is not None:
         animation["extras"] = {
             "steps": [
                 {"name": f"Step {number}", "start_s": start, "end_s": end}
-                for number, (start, end) in enumerate(pairwise(rests_s), 1)
+                for number, (start, end) in enumerate(pairwise(steps.times_s), 1)
             ]
         }
     return animation

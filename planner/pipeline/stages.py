@@ -37,6 +37,7 @@ from planner.pipeline.preference import COMPUTING, Preference
 from planner.pipeline.reading import Reading, read_plan, read_shape
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
 from planner.progress import STAGES, Cancelled, Progress, Report, never, silent
 
 STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
@@ -292,7 +293,7 @@ def export_best(workspace: Workspace) -> dict[str, Any]:
     )
     before = [name for name in DESCRIBED if name not in EXPORTED_FILES]
     with ThreadPoolExecutor(2) as beside:
-        figures = beside.submit(_write_figures, workspace)
+        figures = beside.submit(_write_figures, workspace, plan)
         digests = beside.submit(manifest.digests_of, workspace.directory, before)
         texts = workspace.write_plan(plan)
         figures.result()
@@ -302,6 +303,6 @@ def export_best(workspace: Workspace) -> dict[str, Any]:
     return plan.summary()
 
 
-def _write_figures(workspace: Workspace) -> None:
+def _write_figures(workspace: Workspace, plan: Plan) -> None:
     workspace.write_figures()
-    workspace.write_moments()
+    workspace.write_moments(plan)

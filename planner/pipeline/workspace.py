@@ -38,6 +38,7 @@ from planner.plan.moment_search import moments_of
 from planner.plan.moments import Moments
 from planner.plan.plan import Plan
 from planner.plan.prepared_chains import PreparedChains, key_of
+from planner.plan.steps import find_steps
 from planner.playback.playback import Playback
 from planner.playback.unfolding import Unfolding
 
@@ -276,8 +277,8 @@ class Workspace:
         clearances.unlink(missing_ok=True)
         return path
 
-    def find_moments(self) -> Moments | None:
-        """Return the moments of the timeline; None without a playback."""
+    def find_moments(self, plan: Plan) -> Moments | None:
+        """Return the moments of the timeline of a plan; None without a playback."""
         certificate = self.read_certificate()
         timeline = self._result(names.TIMELINE)
         if certificate is None or not timeline.exists():
@@ -288,11 +289,12 @@ class Workspace:
             figures=self.directory / names.FIGURES,
             forces=self._result(names.FORCES),
             direct=self._result(names.RECORD).exists(),
+            steps=find_steps(plan),
         )
 
-    def write_moments(self) -> None:
-        """Write the moments of the timeline, after its figures."""
-        if (moments := self.find_moments()) is not None:
+    def write_moments(self, plan: Plan) -> None:
+        """Write the moments of the timeline of a plan, after its figures."""
+        if (moments := self.find_moments(plan)) is not None:
             write_json(self.directory / names.MOMENTS, moments.as_dict())
 
     def drop_manifest(self) -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path as FilePath
 from typing import Final
 
@@ -21,7 +22,9 @@ from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import PHASES
 from planner.motion.timeline import Timeline
 from planner.pathfinding.knots import knot_of
-from planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Meeting, Moments
+from planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Meeting, Moments, StepMoment
+from planner.plan.step_text import step_text
+from planner.plan.steps import Steps
 
 MAX_MEETING_MODULES: Final = 2_000_000
 """Maximum number of module poses (frames × modules) of a fold that are searched for the first
@@ -57,6 +60,7 @@ def moments_of(
     figures: FilePath | None = None,
     forces: FilePath | None = None,
     direct: bool = True,
+    steps: Steps | None = None,
 ) -> Moments | None:
     """Find the moments of a finished fold; None if it was not played back.
 
@@ -66,6 +70,7 @@ def moments_of(
         figures: Path of the timeline's figures; without them, the largest torque is unknown.
         forces: Path of the forces of a fold on a table, whose torques count in place of those.
         direct: True if the collision of direct servoing is searched.
+        steps: Steps of its plan; None if it does not rest between steps.
     """
     _, phases = timeline.clock()
     played = np.flatnonzero(phases != PHASES.index("explosion"))
@@ -85,6 +90,21 @@ def moments_of(
         determinant=determinant,
         direct=collision,
         direct_percent=percent,
+        steps=() if steps is None else _steps(steps, int(played[0])),
+    )
+
+
+def _steps(steps: Steps, first: int) -> tuple[StepMoment, ...]:
+    """Return the steps of a plan whose first frame is ``first`` in the timeline."""
+    return tuple(
+        StepMoment(
+            start=first + start,
+            end=first + end,
+            text=step_text(steps.chain.module, step),
+            joints=tuple(turn.module for turn in step.turns),
+            moving=step.moving,
+        )
+        for step, (start, end) in zip(steps.steps, pairwise(steps.frames), strict=True)
     )
 
 

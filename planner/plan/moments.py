@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from planner.errors import InputError
-from planner.plain_values import from_plain
+from planner.plain_values import from_plain, plain_lists
 
 MOMENTS_FORMAT: Final = "foldback-moments/1"
 CONTACT_PITCH: Final = 0.1
@@ -36,6 +36,25 @@ class Meeting:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class StepMoment:
+    """Step of a plan that rests between steps.
+
+    Attributes:
+        start: Frame of the timeline at which the chain rests before the step, counted from 0.
+        end: Frame at which it rests after the step.
+        text: What to do, as a sentence.
+        joints: Modules at whose hinges the chain turns, counted from 0.
+        moving: First and last modules of the parts that move; all others are held still.
+    """
+
+    start: int
+    end: int
+    text: str
+    joints: tuple[int, ...]
+    moving: tuple[tuple[int, int], ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Moments:
     """Moments of a fold. Frames are those of the timeline, counted from 0; None where unknown.
 
@@ -51,6 +70,7 @@ class Moments:
         direct: Frame at which the plan is as far folded as the chain with all hinges turned evenly
             when two of its modules first overlap, and these modules.
         direct_percent: Share of each hinge's turn at that overlap, whole per cent.
+        steps: Steps of a plan that rests between steps.
     """
 
     plan: int
@@ -62,10 +82,14 @@ class Moments:
     determinant: int | None = None
     direct: Meeting | None = None
     direct_percent: int | None = None
+    steps: tuple[StepMoment, ...] = ()
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain JSON values."""
-        return {"format": MOMENTS_FORMAT, **asdict(self)}
+        values = {"format": MOMENTS_FORMAT, **asdict(self)}
+        if not self.steps:  # as in files of plans that do not rest
+            del values["steps"]
+        return plain_lists(values)
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> Moments:

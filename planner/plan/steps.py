@@ -18,9 +18,9 @@ from planner.errors import InputError
 if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
-MIN_TURN_RAD: Final = 1e-6
+MIN_TURN_RAD: Final = 1e-3
 """Smallest difference of a hinge's angle between two rests that counts as a turn, in radians; a
-smaller one is rounding."""
+smaller one comes from rounding."""
 
 Modules = tuple[int, int]
 """First and last of several consecutive modules, counted from 0."""
@@ -201,9 +201,9 @@ def steps_of(plan: Plan) -> Steps:
     )
 
 
-def step_frames(plan: Plan) -> tuple[int, ...]:
-    """Return the frames between which a plan's steps lie; none if it has no steps."""
-    return steps_of(plan).frames if len(rest_frames(plan.playback)) > 1 else ()
+def find_steps(plan: Plan) -> Steps | None:
+    """Return the steps of a plan; None if it does not rest between steps."""
+    return steps_of(plan) if len(rest_frames(plan.playback)) > 1 else None
 
 
 def rest_frames(playback: Mapping[str, object] | None) -> tuple[int, ...]:

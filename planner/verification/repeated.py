@@ -13,7 +13,6 @@ from typing import Any, Final, cast
 import numpy as np
 
 from planner.arrays import Array
-from planner.certificate.certificate import Certificate
 from planner.certificate.frame_metrics import write_figures
 from planner.certificate.table_forces import TableForces
 from planner.errors import UNREADABLE, InputError, PlannerError
@@ -34,6 +33,7 @@ from planner.pipeline.playing_back import play_back
 from planner.pipeline.workspace import Workspace
 from planner.plan.moment_search import moments_of
 from planner.plan.plan import Plan, versions
+from planner.plan.steps import find_steps
 from planner.plan.value_differences import (
     Differences,
     array_difference,
@@ -193,7 +193,7 @@ def plots_differ(
             if FIGURES in stored:
                 yield from _curves_differ(directory / FIGURES, again)
             if MOMENTS in stored:
-                yield from _moments_differ(directory, timeline, plan.certificate, again)
+                yield from _moments_differ(directory, timeline, plan, again)
     except (*UNREADABLE, PlannerError) as error:
         yield f"{' and '.join(stored)} cannot be computed again ({error})"
 
@@ -217,15 +217,16 @@ def _curves_differ(stored: FilePath, again: FilePath) -> Differences:
 
 
 def _moments_differ(
-    directory: FilePath, timeline: Timeline, certificate: Certificate, figures: FilePath
+    directory: FilePath, timeline: Timeline, plan: Plan, figures: FilePath
 ) -> Differences:
     """Yield the differences of the moments."""
     again = moments_of(
         timeline,
-        size=certificate.module_size,
+        size=plan.certificate.module_size,
         figures=figures,
         forces=directory / FORCES,
         direct=(directory / RECORD).exists(),
+        steps=find_steps(plan),
     )
     told: dict[str, Any] = json_of(directory / MOMENTS)
     expected = {} if again is None else again.as_dict()

@@ -17,7 +17,7 @@ from fastapi.responses import JSONResponse, Response
 
 from planner.file_names import TIMELINE
 from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import result_path
+from planner.pipeline.fold_layout import result_path, stored_moments
 from planner.verification.integrity import check
 from server.api.fold_lookup import found_fold, viewing_of
 from server.api.module_values import values_of
@@ -140,9 +140,19 @@ async def values(request: Request, fold_id: str) -> Response:
     return await asyncio.to_thread(_stored, request, fold_id, values_of)
 
 
-def _stored(
-    request: Request, fold_id: str, of: Callable[[FoldSource, Found], dict[str, Any] | None]
-) -> Response:
+@router.get("/folds/{fold_id}/steps.json")
+async def steps(request: Request, fold_id: str) -> Response:
+    """Return the steps of a fold for its pages; 204 if its plan does not rest between steps."""
+    return await asyncio.to_thread(_stored, request, fold_id, lambda _, found: steps_in(found))
+
+
+def steps_in(found: Found) -> list[dict[str, Any]] | None:
+    """Return the steps of a fold as plain values; None without steps."""
+    moments = stored_moments(found.directory)
+    return None if moments is None else moments.as_dict().get("steps")
+
+
+def _stored(request: Request, fold_id: str, of: Callable[[FoldSource, Found], object]) -> Response:
     """Return the values stored with a fold; 204 if there are none."""
     found = found_fold(request, fold_id)
     told = of(viewing_of(request).store, found)

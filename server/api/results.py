@@ -24,7 +24,7 @@ from server.files.exports import export_file
 from server.http.client_address import address_of
 from server.http.downloads import download
 from server.store.folds import FoldRow
-from words.fold import has_motion, has_steps
+from words.fold import has_motion, step_count
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
 MAX_UNQUEUED_NUMBERS: Final = 100_000
@@ -145,7 +145,7 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
 def get_exports(fold_id: str, context: Here) -> ExportList:
     """List the downloadable files for other programs, ordered as on the fold's page."""
     row = _finished(context, fold_id)
-    exports = exports_of(moving=has_motion(row.summary), resting=has_steps(row.summary))
+    exports = exports_of(moving=has_motion(row.summary), resting=step_count(row.summary) > 0)
     return ExportList(exports=[ExportBody.of(fold_id, export) for export in exports])
 
 

@@ -38,7 +38,7 @@ from server.store.tables import FoldRow, request_of
 from words import certificate as certificate_words
 from words.certificate import TableWords
 from words.failures import AttemptWords, Failure, attempts, failure, tightest_frame
-from words.fold import RUNNING_STATUSES, ShownFold, has_motion, has_steps
+from words.fold import RUNNING_STATUSES, ShownFold, has_motion, step_count
 from words.plan_choice import Choice, choice_of
 from words.properties import Properties, properties
 from words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
@@ -75,7 +75,7 @@ SHOWN_FILES: Final = (TIMELINE, CHAIN, CERTIFICATE, ATTEMPTS)
 
 SCRIPT_FACTS: Final = (
     *("id", "name", "running", "verdict", "failure", "choice", "again", "frames"),
-    *("tightest", "compare", "refold", "embed", "editable", "options"),
+    *("tightest", "steps", "compare", "refold", "embed", "editable", "options"),
 )
 """Facts that the scripts of pages use."""
 
@@ -127,6 +127,7 @@ class FoldFacts(TypedDict):
     again: Suggestion | None
     frames: int
     tightest: float | None
+    steps: int
     refoldable: bool
     refold: Form
     smoothable: bool
@@ -200,6 +201,7 @@ def fold_facts(
         "again": _again(row) if api else None,
         "frames": frames_promised(directory),
         "tightest": None if running else tightest_frame(summary),
+        "steps": 0 if running else step_count(summary),
         "refoldable": api and row.status == "verified" and row.world == FLOATING,
         "refold": _published(row),
         "smoothable": api and _smoothable(row, summary),
@@ -235,7 +237,7 @@ def _downloads(row: ShownFold, summary: FoldSummary) -> list[Download]:
     """Return the formats in which the plan of a fold can be downloaded."""
     return [
         {"label": export.label, "hint": export.hint, "href": export_href(row.id, export)}
-        for export in exports_of(moving=has_motion(summary), resting=has_steps(summary))
+        for export in exports_of(moving=has_motion(summary), resting=step_count(summary) > 0)
     ]
 
 
@@ -258,7 +260,7 @@ def _with_damage(facts: FoldFacts, damaged: list[str]) -> FoldFacts:
         "problem": damage_of(heading, damaged),
     }
     if any(name in MOTION_FILES for name in damaged):
-        changed["frames"], changed["tightest"] = 0, None
+        changed["frames"], changed["tightest"], changed["steps"] = 0, None, 0
         changed["editable"] = changed["robot"] = False
         changed["refoldable"] = changed["smoothable"] = changed["comparable"] = False
         changed["files"], changed["downloads"], changed["compare"] = [], [], []

@@ -21,7 +21,7 @@ from planner.pipeline.fold_layout import result_path
 from planner.verification.integrity import check
 from server.api.fold_lookup import find_fold, found_fold, viewing_of
 from server.api.module_values import values_of
-from server.api.player_data import view_page
+from server.api.player_data import steps_in, view_page
 from server.api.tours import tour_of
 from server.errors import Conflict
 from server.http.client_address import address_of
@@ -172,8 +172,12 @@ def _table(found: Found, timeline: TimelineView) -> TableTop | None:
 
 
 def _kept(store: FoldSource, found: Found) -> dict[str, Any]:
-    """Return the tour of a fold, and the module values that are stored with it."""
-    return {"tour": tour_of(store, found), "values": values_of(store, found)}
+    """Return the tour of a fold, the module values that are stored with it, and its steps."""
+    return {
+        "tour": tour_of(store, found),
+        "values": values_of(store, found),
+        "steps": steps_in(found),
+    }
 
 
 def _edition(facts: FoldFacts, kept: dict[str, Any]) -> str:

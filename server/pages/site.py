@@ -19,6 +19,7 @@ from planner.file_names import TIMELINE
 from planner.files import write_whole
 from planner.pipeline.fold_layout import result_path
 from planner.plan.module_values import values_in
+from server.api.player_data import steps_in
 from server.api.tours import draft_of
 from server.pages.facts import fold_facts
 from server.pages.fold import drawing_in
@@ -148,7 +149,11 @@ def _fold_page(site: Site, fold: Found) -> bytes:
     render = partial(site.rendered, "standalone.html", "../", details=True)
     timeline = TimelineView(result_path(fold.directory, TIMELINE))
     facts = fold_facts(fold, api=False)
-    kept = {"tour": draft_of(fold), "values": values_in(fold.directory, fold.row.modules)}
+    kept = {
+        "tour": draft_of(fold),
+        "values": values_in(fold.directory, fold.row.modules),
+        "steps": steps_in(fold),
+    }
     return standalone_page(fold, timeline, facts, render, view=f"../{VIEW_FILE}", kept=kept)
 
 

@@ -10,12 +10,17 @@ import numpy as np
 import pytest
 
 from planner.certificate.certificate import Certificate
+from planner.file_names import CERTIFICATE, MOMENTS, PLAN, PLAN_TEXT, TIMELINE
+from planner.files import write_json
+from planner.motion.timeline import Timeline, TimelineWriter
 from planner.pipeline import certifying
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.workspace import Workspace
+from planner.plan.moment_search import moments_of
 from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_path
+from planner.plan.steps import find_steps
 from tests.planner.chains import COIL
 
 
@@ -61,3 +66,20 @@ def falsify(monkeypatch: pytest.MonkeyPatch, times: int, **changes: Any) -> None
         return replace(found, **changes) if number <= times else found
 
     intercept(monkeypatch, certifying, "certify", certify)
+
+
+def write_resting_fold(directory: FilePath, plan: Plan) -> FilePath:
+    """Write the directory of a fold whose plan rests between steps; nothing is computed."""
+    directory.mkdir(parents=True)
+    plan = replace(plan, certificate=replace(plan.certificate, frames=len(plan.time_s)))
+    with TimelineWriter.create(directory / TIMELINE, plan.chain) as writer:
+        writer.append(plan.motion)
+    plan.save_npz(directory / PLAN)
+    plan.save_json(directory / PLAN_TEXT)
+    write_json(directory / CERTIFICATE, plan.certificate.as_dict())
+    moments = moments_of(
+        Timeline.open(directory / TIMELINE), size=0.95, direct=False, steps=find_steps(plan)
+    )
+    assert moments is not None
+    write_json(directory / MOMENTS, moments.as_dict())
+    return directory

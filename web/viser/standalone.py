@@ -84,7 +84,7 @@ def standalone_html(
         forces: Result of ``web.timeline.metrics.table_forces``, for a fold on a table.
         table: Table under the chain; None if it floats.
         view: Address of viser's client, for pages that share it; None to put it into the page.
-        kept: ``tour`` and ``values`` of the fold, each None if there are none.
+        kept: ``tour``, ``values`` and ``steps`` of the fold, each None if there are none.
 
     Raises:
         TimelineError: If the timeline is being replaced.

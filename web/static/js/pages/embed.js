@@ -13,7 +13,7 @@ const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
 const { hand, player } = view({
   over: !facts.running, tightest: () => facts.tightest, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => load(frame, at("/embed/view")),
   kept: {
-    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), id: null,
+    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), steps: () => ask(`/folds/${facts.id}/steps.json`), id: null,
   },
   onScroll: () => toast(`To zoom, click here or hold ${zoomKey}`),
 });
@@ -22,5 +22,6 @@ const yieldScrolling = () => hand.yieldScrolling(window.parent !== window && !do
 document.addEventListener("fullscreenchange", yieldScrolling);
 yieldScrolling();
 if (!facts.running) figures.begin();
+get("steps").hidden = !facts.steps;
 const checking = later(() => import("../panels/plan_check.js"), toast);
 get("check-here").onclick = () => checking(({ checkInDialog }) => checkInDialog(player, facts));

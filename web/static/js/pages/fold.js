@@ -19,7 +19,7 @@ const { timeline, player, place, bar } = view({
   over: !facts.running, tightest: () => facts.tightest, play: code ? false : undefined,
   source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => load(frame, at("/view")),
   kept: {
-    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), get id() { return facts.editable ? facts.id : null; },
+    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), steps: () => ask(`/folds/${facts.id}/steps.json`), get id() { return facts.editable ? facts.id : null; },
   },
 });
 
@@ -83,6 +83,7 @@ get("downloads")?.addEventListener("submit", (event) => {
 function show(now) {
   facts = now;
   const { choice } = now;
+  get("steps").hidden = !now.steps;
   if (now.failure) failing((it) => it.facts(now));
   if (now.options && token && rename) for (const name of /** @type {const} */ (["change-options", "change-options-too", "more-modules"])) get(name).hidden = false;
   if (choice) choosing(({ showChoice }) => showChoice(choice, drawer, player));

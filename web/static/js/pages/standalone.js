@@ -24,6 +24,7 @@ import { get } from "../lib/text.js";
  * @property {string | null} view address of the client, if pages share it
  * @property {Tour | null} tour
  * @property {KeptValues | null} values
+ * @property {PlanStep[] | null} steps
  * @property {number | null} tightest frame with the plan's smallest clearance
  */
 
@@ -87,8 +88,9 @@ function loadView(frame) {
 }
 const figures = new StoredFigures("");
 const drawer = new Drawer();
-const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: loadView, tightest: () => parts.tightest, kept: { tour: async () => parts.tour, values: async () => parts.values, id: null } });
+const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: loadView, tightest: () => parts.tightest, kept: { tour: async () => parts.tour, values: async () => parts.values, steps: async () => parts.steps, id: null } });
 figures.begin();
+get("steps").hidden = !parts.steps;
 if (parts.plan) {
   const checker = await (await fetch(import.meta.resolve("foldback/checker"))).text();
   Checking.worker = () => new Worker(URL.createObjectURL(new Blob([checker], { type: "text/javascript" })));

@@ -143,6 +143,13 @@ export class Player extends PlayerState {
     this.show(true);
   }
 
+  // Colour the part that turns in a step, and calm all others; null restores the colouring.
+  /** @param {Pick<PlanStep, "joints" | "moving"> | null} step */
+  turnPart(step) {
+    this.turning = step;
+    this.show(true);
+  }
+
   // Turn, zoom, move or set the view. Moving it switches Follow off.
   /** @param {Command & { do: "orbit" | "camera" }} message */
   look(message) {

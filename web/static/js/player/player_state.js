@@ -25,6 +25,20 @@ export function largestError({ errors }) {
   return largest < 0 ? null : largest;
 }
 
+// Return the colours of all modules during a step: calm, except for the part that moves and the
+// modules at whose joints it turns.
+/**
+ * @param {number} modules
+ * @param {Pick<PlanStep, "joints" | "moving">} step
+ * @param {{ calm: Colour, moving: Colour, joint: Colour }} colours
+ */
+export function partColours(modules, { joints, moving }, { calm, moving: turned, joint }) {
+  const colours = new Uint8Array(3 * modules);
+  for (let i = 0; i < modules; i++) colours.set(moving.some(([first, last]) => first <= i && i <= last) ? turned : calm, 3 * i);
+  for (const module of joints) colours.set(joint, 3 * module);
+  return colours;
+}
+
 export class PlayerState extends Emitter {
   /** @type {import("./colours.js").Colouring | null} */
   colouring = null;
@@ -34,6 +48,8 @@ export class PlayerState extends Emitter {
   marked = [];
   /** @type {"stuck" | "selected"} */
   markedAs = "stuck";
+  /** @type {Pick<PlanStep, "joints" | "moving"> | null} part that turns in a step, in place of the colouring */
+  turning = null;
   /** @type {{ way: number, from: Row } | null} search for a change that continues in frames that are not loaded yet */
   search = null;
   /** @type {Snapshot | null} */
@@ -152,9 +168,9 @@ export class PlayerState extends Emitter {
   // the selected module, its neighbours and the marked modules.
   colours() {
     if (!this.colouring || !this.shown) return new Uint8Array(0);
-    const colours = this.colouring.of(this.shown);
-    const { selected } = this;
-    const { selected: blue, stuck } = this.timeline.bundle.header.colours;
+    const { selected, turning } = this;
+    const { selected: blue, stuck, unknown } = this.timeline.bundle.header.colours;
+    const colours = turning ? partColours(this.timeline.chain.modules, turning, { calm: unknown, moving: blue, joint: stuck }) : this.colouring.of(this.shown);
     for (const module of this.marked) colours.set(this.markedAs === "selected" ? blue : stuck, 3 * module);
     if (selected === null) return colours;
     for (const beside of [selected - 1, selected + 1]) {

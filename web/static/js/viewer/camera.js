@@ -15,7 +15,7 @@ const MAX_ELEVATION = 1.56; // rad; at π/2 the up direction is undefined
  * @param {Vector} a
  * @param {Vector} b
  */
-const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 /**
  * @param {Vector} a
  * @param {Vector} b

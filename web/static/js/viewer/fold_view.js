@@ -48,8 +48,8 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
  * @property {() => number | null} tightest returns the frame with the plan's smallest clearance
  * @property {Details | null} [details]
  * @property {boolean} [play]
- * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>, id: string | null }} kept
- *   tour and module values stored with the fold; `id` is that of a fold that accepts new ones
+ * @property {{ tour: () => Promise<Tour | null>, values: () => Promise<KeptValues | null>, steps: () => Promise<PlanStep[] | null>, id: string | null }} kept
+ *   tour, module values and steps of the fold; `id` is that of a fold that accepts new ones
  * @property {() => void} [onScroll] called if the page around an embed scrolls instead of a zoom
  */
 
@@ -120,6 +120,12 @@ export function view({ source, figures, load, tightest, over = true, details = n
     return new TourPanel({ player, place, calm, tour, id: kiosk ? null : kept.id });
   }, (text) => { if (!kiosk) toast(text); });
   const open = offerTour(touring);
+  const stepping = later(async () => {
+    const [{ StepsPanel }, steps] = await Promise.all([import("../tour/steps.js"), kept.steps()]);
+    if (!steps) throw new Error("This fold has no steps.");
+    return new StepsPanel(player, steps, calm);
+  }, toast);
+  get("steps").onclick = () => stepping((steps) => { if (steps.open) steps.close(); else steps.begin(); });
   let begun = false;
   player.on("begun", () => {
     if (begun) return;

@@ -6,6 +6,14 @@ const RISES = [0.15, 0.5, 0.9, -0.3];
 const MOST = 12; // maximum number of modules to check
 const WIDE = 0.8; // pitches; modules nearer to the line of sight hide those behind them
 
+// Return true if other modules hide a module, seen from a direction.
+/**
+ * @param {Floats} positions
+ * @param {number} module
+ * @param {[azimuth: number, elevation: number]} from
+ */
+export const isHidden = (positions, module, [azimuth, elevation]) => before(positions, module, outward(azimuth, elevation), new Set([module])) > 0;
+
 /** @param {number[]} modules */
 const spread = (modules) => modules.filter((_, k) => k % Math.ceil(modules.length / MOST) === 0);
 
