@@ -63,7 +63,7 @@ FULL_DISK_ERRORS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 """Error numbers (errno) of a full disk, a used-up quota, and a file above the permitted size."""
 
 MUJOCO_MEMORY_ERROR: Final = "Could not allocate memory"
-"""Text of MuJoCo's error, which is no MemoryError, when memory is used up."""
+"""Text in MuJoCo's error, which is no MemoryError, when memory is used up."""
 
 
 class LazyCommands(TyperGroup):
@@ -83,7 +83,7 @@ class LazyCommands(TyperGroup):
         except OSError as error:
             _refuse(_system_error(error))
         except Exception as error:
-            if not isinstance(error, MemoryError) and str(error) != MUJOCO_MEMORY_ERROR:
+            if not is_memory_error(error):
                 raise
             _refuse(_memory_error())
 
@@ -189,6 +189,11 @@ def _system_error(error: OSError) -> InputError:
         f"a file cannot be read or written ({reason}); {remedy}.",
         where=None if path is None else os.fsdecode(path),
     )
+
+
+def is_memory_error(error: Exception) -> bool:
+    """Return whether an error says that memory is used up."""
+    return isinstance(error, MemoryError) or MUJOCO_MEMORY_ERROR in str(error)
 
 
 def _memory_error() -> InputError:

@@ -8,8 +8,10 @@ import subprocess
 import sys
 from pathlib import Path
 
+import mujoco
 import pytest
 
+from server.cli.command_line import is_memory_error
 from tests.case import case
 from tests.run_python import ROOT
 
@@ -131,3 +133,11 @@ def test_limit_of_memory_ends_a_fold_with_one_sentence(tmp_path: Path) -> None:
     assert done.returncode == 2, done.stderr
     assert "Traceback" not in done.stderr
     assert done.stderr.splitlines()[-1].startswith("this machine has too little free memory")
+
+
+def test_used_up_memory_is_recognised_in_errors_of_mujoco() -> None:
+    with pytest.raises(ValueError) as caught:
+        mujoco.MjModel.from_xml_string('<mujoco><size memory="100P"/></mujoco>')
+    assert is_memory_error(caught.value)
+    assert is_memory_error(MemoryError())
+    assert not is_memory_error(ValueError("expected 8 modules"))
