@@ -1,0 +1,118 @@
+"""Beam search: a sequence of single turns that unfolds a chain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.progress import Cancelled, never
+from planner.turns.turning import Children, Keys, Levels, Turning
+
+CONTACT_WEIGHT: Final = 0.5
+"""Weight of a pair of touching modules in the score of a state; a bent hinge counts 1. With 0.5 all
+14 gallery shapes of a first trial were unfolded."""
+MAX_JITTER: Final = 0.3
+"""Maximum random amount that is added to a score, so that equal states are taken in random order;
+less than the difference of two scores, 0.5."""
+PATIENCE_TURNS: Final = 24
+"""Number of turns without a better score after which a search ends as stuck. Searches of gallery
+shapes that succeeded did so within 8."""
+
+Outcome = Literal["straight", "blocked", "stuck", "cancelled"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Unfolded:
+    """Result of a search.
+
+    Attributes:
+        outcome: ``straight`` if a sequence was found; ``blocked`` if no hinge can turn in the
+            folded state; ``stuck`` if no state in the beam led on.
+        states: (T + 1, J) levels from folded to the last state; straight if the search succeeded.
+        expanded: Number of states whose turns were tried.
+    """
+
+    outcome: Outcome
+    states: Levels
+    expanded: int
+
+
+class _Trail:
+    """The turns by which the states of a beam were reached."""
+
+    def __init__(self) -> None:
+        self._turns: list[tuple[NDArray[np.int32], NDArray[np.int32], Levels]] = []
+
+    def add(self, parent: NDArray[np.int32], hinge: NDArray[np.int32], before: Levels) -> None:
+        """Add a turn of each state: its state before, its hinge, and the level of that before."""
+        self._turns.append((parent, hinge, before))
+
+    def to(self, state: Levels, at: int) -> Levels:
+        """Return the states from the first one to the state with this place in the beam."""
+        states = [state]
+        for parent, hinge, before in reversed(self._turns):
+            earlier = states[-1].copy()
+            earlier[hinge[at]] = before[at]
+            states.append(earlier)
+            at = int(parent[at])
+        return np.array(states[::-1])
+
+
+def unfold(
+    turning: Turning, *, room: float, width: int, seed: int, cancelled: Cancelled = never
+) -> Unfolded:
+    """Search for turns from folded to straight: fewest bent hinges and contacts first.
+
+    Args:
+        turning: Turns of the chain.
+        room: Distance that modules must keep, pitches.
+        width: Number of states that are kept after each turn.
+        seed: Seed of the order of equal states.
+        cancelled: Polled before each turn.
+    """
+    folded = turning.folded
+    hinges = np.arange(len(folded))
+    random = np.random.default_rng(seed)
+    codes = random.integers(0, 2**64, (len(folded), 3), np.uint64)
+    beam = folded[None].copy()
+    keys: Keys = np.bitwise_xor.reduce(codes[hinges, folded + 1])[None]
+    seen = set(keys.tolist())
+    trail, expanded, lowest, since = _Trail(), 0, np.inf, 0
+    while beam.any(axis=1).all():
+        if cancelled():
+            return Unfolded(outcome="cancelled", states=trail.to(beam[0], 0), expanded=expanded)
+        children = turning.expand(beam, keys, codes, room=room, weight=CONTACT_WEIGHT)
+        expanded += len(beam)
+        chosen = _best(children, seen, width, random)
+        score = float(children.score[chosen].min(initial=np.inf))
+        since = 0 if score < lowest else since + 1
+        lowest = min(lowest, score)
+        if since > PATIENCE_TURNS or not len(chosen):
+            outcome = "blocked" if expanded == 1 else "stuck"
+            return Unfolded(outcome=outcome, states=trail.to(beam[0], 0), expanded=expanded)
+        parent, hinge = children.parent[chosen], children.hinge[chosen]
+        trail.add(parent, hinge, beam[parent, hinge])
+        beam = beam[parent]
+        beam[np.arange(len(chosen)), hinge] = children.level[chosen]
+        keys = children.key[chosen]
+    at = int(np.argmin(beam.any(axis=1)))
+    return Unfolded(outcome="straight", states=trail.to(beam[at], at), expanded=expanded)
+
+
+def _best(
+    children: Children, seen: set[int], width: int, random: np.random.Generator
+) -> NDArray[np.int64]:
+    """Return the children with the lowest scores, each of a new state; note them as seen."""
+    scores = children.score + MAX_JITTER * random.random(len(children.score))
+    chosen: list[int] = []
+    for k in np.argsort(scores, kind="stable").tolist():
+        key = int(children.key[k])
+        if key not in seen:
+            seen.add(key)
+            chosen.append(k)
+            if len(chosen) == width:
+                break
+    return np.array(chosen, np.int64)

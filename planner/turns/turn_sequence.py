@@ -1,0 +1,107 @@
+"""Turn sequence: the steps by which a straight chain folds, and the search for them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.chain.chain import Chain
+from planner.progress import Cancelled, never
+from planner.turns.beam_search import Outcome, Unfolded, unfold
+from planner.turns.cube_turns import CubeTurning
+from planner.turns.merging import Merger
+from planner.turns.turning import Turning
+
+ROOM_SHARES: Final = (0.45, 0.35, 0.09, 0.01)
+"""Distances that modules must keep while they turn, as fractions of the gap between two cells; the
+first with which a sequence is found is taken. At a module size of 0.95 the largest is 0.0225 pitch,
+of which the certificate proves 0.02."""
+WIDTHS: Final = (4, 16)
+"""Widths of the beam, tried one after the other, each with all rooms."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class TurnSequence:
+    """Steps from straight to folded; in each, some hinges turn evenly from one rest to the next.
+
+    Attributes:
+        rest_angles_rad: (S + 1, J) angles at rest: straight, after each step, and folded.
+        hinges: Hinges that turn in each of the S steps.
+        turns: Number of turns of single hinges.
+        room: Distance that modules keep during each turn, pitches.
+    """
+
+    rest_angles_rad: Array
+    hinges: tuple[tuple[int, ...], ...]
+    turns: int
+    room: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class NoTurns:
+    """A search that found no sequence.
+
+    Attributes:
+        outcome: ``blocked`` if no hinge can turn in the folded state, else ``stuck`` or
+            ``cancelled``.
+        expanded: Number of states whose turns were tried.
+        last_rad: (T + 1, J) angles from folded to the last state that was reached.
+    """
+
+    outcome: Outcome
+    expanded: int
+    last_rad: Array
+
+
+def find_turns(
+    chain: Chain, *, size: float, at_once: int | None, seed: int, cancelled: Cancelled = never
+) -> TurnSequence | NoTurns:
+    """Search for the turns that fold a chain, and merge them into steps.
+
+    The search begins folded, where there is least room, and ends straight; reversed, it folds.
+
+    Args:
+        chain: The chain, of cubes on the lattice.
+        size: Module size as a fraction of the pitch.
+        at_once: Maximum number of hinges that turn in one step; None for no limit.
+        seed: Seed of the search.
+        cancelled: Polled before each turn.
+    """
+    turning: Turning = CubeTurning(chain, size)
+    found, room, expanded = _searched(turning, seed, cancelled)
+    if found.outcome != "straight":
+        angles = found.states * turning.step_rad
+        return NoTurns(outcome=found.outcome, expanded=expanded, last_rad=angles)
+    most = len(chain.folded_rad) if at_once is None else at_once
+    merger = Merger(chain, turning, room=room, at_once=most)
+    steps = merger.steps(found.states[::-1])
+    changes = np.zeros((len(steps) + 1, len(chain.folded_rad)))
+    for k, step in enumerate(steps):
+        for hinge, change in step:
+            changes[k + 1, hinge] = change
+    return TurnSequence(
+        rest_angles_rad=np.cumsum(changes, axis=0) * turning.step_rad,
+        hinges=tuple(tuple(hinge for hinge, _ in step) for step in steps),
+        turns=len(found.states) - 1,
+        room=room,
+    )
+
+
+def _searched(turning: Turning, seed: int, cancelled: Cancelled) -> tuple[Unfolded, float, int]:
+    """Return the first search that succeeds, or the last one; its room; states tried in all."""
+    expanded, room = 0, 0.0
+    found = None
+    for width in WIDTHS:
+        for share in ROOM_SHARES:
+            room = share * (1.0 - turning.size)
+            found = unfold(turning, room=room, width=width, seed=seed, cancelled=cancelled)
+            expanded += found.expanded
+            if found.outcome in ("straight", "cancelled"):
+                return found, room, expanded
+        if found is not None and found.outcome == "blocked":
+            break
+    assert found is not None
+    return found, room, expanded
