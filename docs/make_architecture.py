@@ -25,7 +25,7 @@ LAYERS: Final = (
     ("planner.shapes", "planner.motion", "planner.simulation"),
     ("planner.clearance", "planner.readers"),
     ("planner.statics",),
-    ("planner.pathfinding", "planner.playback"),
+    ("planner.pathfinding", "planner.playback", "planner.turns"),
     ("planner.table_paths",),
     ("planner.explosion", "planner.certificate"),
     ("planner.plan",),

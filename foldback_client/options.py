@@ -25,5 +25,6 @@ class PlanOptions(TypedDict, total=False):
     preset: Literal["default", "paper", "direct"]
     settings: str
     module_size: float
-    strategy: Literal["auto", "simultaneous", "blocks", "peel", "one-by-one"]
+    strategy: Literal["auto", "simultaneous", "blocks", "peel", "turns", "one-by-one"]
+    at_once: int
     prefer: Literal["computing", "time", "torque", "clearance", "margin"]

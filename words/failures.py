@@ -33,6 +33,7 @@ FAILURE_HEADINGS: Final = {
     "retries": "The simulation failed",
     "snapshots": "Stalled: too many recorded frames",
     "refusals": "Stalled: torque limit reached",
+    "turns": "No sequence of turns was found",
     "motion": "Stalled: nothing moved any more",
     "buried": "Stalled: the modules to be unfolded next were enclosed by other modules",
     "contacts": "Stalled: too many modules pressed against each other",

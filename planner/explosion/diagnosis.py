@@ -31,7 +31,7 @@ from planner.motion.failure_schemas import StuckFigures
 from planner.motion.motion import PHASES, Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import ExplosionParameters
-from planner.parameters.parameters import Parameters
+from planner.parameters.parameters import BASELINE, TURNS, Parameters
 from planner.pathfinding.knot_diagram import diagram_of
 
 Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped"]
@@ -183,7 +183,9 @@ def _blocks(
         if joint:
             before = joint - peeling.unit
             unit = ((before if before >= MIN_LAST_UNIT_MODULES else 0) + FIXED, joint + FIXED - 1)
-    elif isinstance(parameters.explosion, ExplosionParameters):
+    elif record.strategy not in (TURNS, BASELINE) and isinstance(
+        parameters.explosion, ExplosionParameters
+    ):
         size = max(size, parameters.explosion.verify_size)
     return blocked(chain, last.joint_angles_rad[0], size=size, first_hinge=first, unit=unit)
 

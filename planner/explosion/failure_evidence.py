@@ -31,6 +31,7 @@ USED_UP: Final[dict[SpentKind, str]] = {
     "retries": "the simulation failed after {used} restarts from an earlier state",
     "snapshots": "the limit of {allowed} snapshots was reached",
     "refusals": "the torque limit was exceeded {used} times; {allowed} times are allowed",
+    "turns": "the search for turns ended after it had tried those of {used} states",
     "motion": "nothing moved any more after {used} of {allowed} steps",
 }
 
@@ -185,7 +186,8 @@ class BudgetEvidence:
         spent: Kind of the limit: simulation ``steps``; ``pushes``, pulses in a row without
             progress; ``retries``, returns to the last checkpoint before an error; ``snapshots``
             taken; on a table, ``refusals`` of frames that need more than the torque limit;
-            or, as published, the ``motion`` itself, which came to rest.
+            or, as published, the ``motion`` itself, which came to rest; for turns, ``turns`` of
+            states that were tried.
         allowed, used: Limit and count. Where a count in a row is limited, the last one used is one
             too many.
         bent_hinges: Number of hinges still bent by more than a tenth of a radian.

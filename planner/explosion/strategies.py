@@ -2,7 +2,8 @@
 
 ``simultaneous`` is the paper's: all modules at once. ``blocks`` lets rigid blocks come apart first.
 ``peel`` releases one unit after the other from the chain's far end, so its cost grows linearly.
-``auto`` chooses by size and path. ``one-by-one`` is a baseline: one joint after the other.
+``auto`` chooses by size and path. ``turns`` and ``one-by-one`` need no explosion: they search for
+quarter turns, and make some of them at once, or one after the other.
 """
 
 from __future__ import annotations
@@ -14,15 +15,14 @@ from typing import Final, TypeVar
 import numpy as np
 
 from planner.chain.chain import Chain
-from planner.chain.module import LONG_CHAIN
 from planner.errors import InputError
 from planner.explosion.blocks_first import explode_blocks_first
-from planner.explosion.one_joint_at_a_time import unbend_one_by_one
 from planner.explosion.peeling import peel
 from planner.explosion.published_explosion import explode_as_published
 from planner.explosion.simultaneous import explode
 from planner.explosion.strategy_cost import by_cost
 from planner.explosion.table_explosion import explode_on_table
+from planner.explosion.turning import MAX_TURNING_MODULES, unfold_in_turns
 from planner.motion.motion import Motion
 from planner.motion.record import Record
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
@@ -30,6 +30,7 @@ from planner.parameters.parameters import (
     AUTO,
     BASELINE,
     STRATEGY_CHOICES,
+    TURNS,
     Parameters,
     unknown_strategy,
 )
@@ -99,7 +100,7 @@ def alternative_strategies(
     """
     if parameters.strategy != AUTO:
         return ranked_strategies(chain, parameters, refolds=refolds)
-    return tuple(n for n in _possible(chain, parameters, refolds) if n != BASELINE)
+    return tuple(n for n in _possible(chain, parameters, refolds) if n not in (TURNS, BASELINE))
 
 
 def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str, ...]:
@@ -108,8 +109,11 @@ def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str,
         return ("peel",) if on_lattice(chain) else ()
     if not isinstance(parameters.explosion, ExplosionParameters):
         return ("simultaneous",)  # as published, or nothing at all
-    names = ("simultaneous", "blocks", "peel") if on_lattice(chain) else ("simultaneous",)
-    return tuple(n for n in (*names, BASELINE) if not (refolds and records_windows(n)))
+    if not on_lattice(chain):
+        return ("simultaneous",)
+    turns = (TURNS, BASELINE) if len(chain) <= MAX_TURNING_MODULES else ()
+    names = ("simultaneous", "blocks", "peel", *turns)
+    return tuple(n for n in names if not (refolds and records_windows(n)))
 
 
 def _preferred(chain: Chain) -> tuple[str, ...]:
@@ -121,7 +125,7 @@ def _preferred(chain: Chain) -> tuple[str, ...]:
     ways = by_cost(modules, in_layers=analyse_removal(cells).free)
     if modules < BLOCKS_FROM_MODULES:
         return tuple(way for way in ways if way != "blocks")
-    return (*ways, BASELINE) if modules > LONG_CHAIN else ways
+    return ways
 
 
 def on_lattice(chain: Chain) -> bool:
@@ -163,8 +167,16 @@ def run_strategy(
             f"got the preset {parameters.preset!r}, which folds without an explosion, expected a "
             "preset with an explosion.",
         )
-    if strategy == BASELINE:
-        return unbend_one_by_one(chain, sink=sink)
+    if strategy in (TURNS, BASELINE):
+        return unfold_in_turns(
+            chain,
+            strategy,
+            size=parameters.module_size,
+            at_once=1 if strategy == BASELINE else parameters.at_once,
+            seed=seed,
+            sink=sink,
+            cancelled=cancelled,
+        )
     if parameters.world == "table":
         on_it = replace(parameters.table, verify_size=parameters.module_size)
         return explode_on_table(
@@ -195,4 +207,4 @@ def _suited(parameters: _Forces, module_size: float, gentle: bool) -> _Forces:
 
 def records_windows(strategy: str) -> bool:
     """Return True if a strategy's snapshots are windowed."""
-    return strategy in ("peel", BASELINE)
+    return strategy == "peel"

@@ -111,7 +111,7 @@ def turning_gap(a: int, b: int, c: int, d: int, half: float) -> float:
         x = half if k & 1 else -half
         y = half if k & 2 else -half
         gap = min(gap, _arc_gap(a + x, b + y, float(c), float(d), half))
-        # Seen from the turning square, the other one turns by −90°; mirrored at the x axis, by +90°.
+        # Seen from the turning square, the other one turns by −90°; mirrored in the x axis, +90°.
         gap = min(gap, _arc_gap(c + x, -(d + y), float(a), float(-b), half))
     return gap
 
@@ -301,13 +301,7 @@ def _turns_free(
             if c < 0 or d < 0 or c >= sizes[v] or d >= sizes[w]:
                 continue
             j = int(state.grid[cells[i, u] * strides[u] + c * strides[v] + d * strides[w]]) - 1
-            if (
-                j >= 0
-                and (j <= k) == far
-                and j - i != 1
-                and i - j != 1
-                and table.gaps[e] <= room
-            ):
+            if j >= 0 and (j <= k) == far and j - i != 1 and i - j != 1 and table.gaps[e] <= room:
                 return 0
     return 1
 
@@ -345,7 +339,11 @@ def _count_contacts(state: Scratch, sizes: NDArray[np.int64]) -> int:
     for i in range(cells.shape[0]):
         for r in range(3):
             j = _near(
-                state.grid, sizes, cells[i, 0] + (r == 0), cells[i, 1] + (r == 1), cells[i, 2] + (r == 2)
+                state.grid,
+                sizes,
+                cells[i, 0] + (r == 0),
+                cells[i, 1] + (r == 1),
+                cells[i, 2] + (r == 2),
             )
             if j >= 0 and abs(i - j) > 1:
                 total += 1
@@ -388,7 +386,9 @@ def _contacts_after(state: Scratch, sizes: NDArray[np.int64], turn: NDArray[np.i
 
 
 @njit(**INNER)
-def _turn_of(state: Scratch, levels: Levels, hinge: int, change: int, turn: NDArray[np.int64]) -> None:
+def _turn_of(
+    state: Scratch, levels: Levels, hinge: int, change: int, turn: NDArray[np.int64]
+) -> None:
     """Describe the turn of a hinge by one level, as ``_turns_free`` takes it."""
     k = hinge // 2 + 1
     count = state.cells.shape[0]

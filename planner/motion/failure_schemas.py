@@ -56,7 +56,7 @@ class BlockFigures(TypedDict):
     moves: list[MoveFigures]
 
 
-SpentKind = Literal["steps", "pushes", "retries", "snapshots", "motion", "refusals"]
+SpentKind = Literal["steps", "pushes", "retries", "snapshots", "motion", "refusals", "turns"]
 """Name of a limit that can end an explosion."""
 
 

@@ -12,7 +12,7 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
+from planner.arrays import Array, Ints
 from planner.files import written_aside
 from planner.motion.angle_encoding import packed_frames, unpacked_frames
 from planner.motion.failure_schemas import SpentKind
@@ -100,7 +100,7 @@ class Record:
         status: ``straight`` if the chain became straight, else the kind of failure.
         reason: Reason in plain English; empty if straight.
         frames: Snapshots from folded on; the last one is straight if the status says so.
-        steps: Number of simulation steps.
+        steps: Number of simulation steps; of states whose turns were tried, if no turns were found.
         seconds: Wall time, s.
         strategy: Name of the strategy, see ``planner.explosion.strategies``.
         pushes: Number of pulses in a row without progress at the end.
@@ -108,6 +108,8 @@ class Record:
         snapshots_rad: (S, J) hinge angles of all snapshots, in whole steps, where these are more
             than the frames: as published, which keeps one every few steps. Playback follows them.
         table: Refusals and bound of an explosion on a table; None for one that floats.
+        rest_frames: Frames at which the chain rests between two turns, and the first and last one;
+            between them hinges turn evenly. None if it does not rest.
         spent: Limit that ended the explosion; None if it ended straight or was cancelled, and in
             records of earlier versions.
     """
@@ -122,6 +124,7 @@ class Record:
     retries: int = 0
     snapshots_rad: Array | None = None
     table: TableRecord | None = None
+    rest_frames: Ints | None = None
     spent: Spent | None = None
 
     def summary(self) -> dict[str, Any]:
@@ -143,6 +146,7 @@ class Record:
                 **{name: np.array(getattr(self, name)) for name in _SCALARS},
                 **({} if self.table is None else self.table.arrays()),
                 **({} if self.spent is None else self.spent.arrays()),
+                **({} if self.rest_frames is None else {"rest_frames": self.rest_frames}),
                 **self.frames.columns(),
                 **(
                     {}
@@ -163,6 +167,7 @@ class Record:
                 snapshots_rad=unpacked_frames(arrays, "snapshots_rad") if packed else None,
                 table=TableRecord.of(arrays),
                 spent=Spent.from_arrays(arrays),
+                rest_frames=arrays.get("rest_frames"),
                 **{name: arrays[name].item() for name in _SCALARS if name in arrays},
             )
 

@@ -28,6 +28,7 @@ PRESET_CHOICES: Final[Choices] = {
 PRESETS: Final = tuple(PRESET_CHOICES)
 """Names of sets of parameters: foldback's own method (``default``), the published method
 (``paper``), and servos that turn straight to the shape's angles (``direct``)."""
+TURNS: Final = "turns"
 BASELINE: Final = "one-by-one"
 AUTO: Final = "auto"
 STRATEGY_CHOICES: Final[Choices] = {
@@ -35,7 +36,8 @@ STRATEGY_CHOICES: Final[Choices] = {
     "simultaneous": Choice(label="All at once"),
     "blocks": Choice(label="Blocks first"),
     "peel": Choice(label="One part at a time, from one end"),
-    BASELINE: Choice(label="One joint at a time (for comparison)"),
+    TURNS: Choice(label="Quarter turns, with rests between"),
+    BASELINE: Choice(label="One hinge at a time"),
 }
 """Explosion strategies, see ``planner.explosion.strategies``; ``auto`` chooses one of the others by
 size and path."""
@@ -67,6 +69,7 @@ class Parameters:
         table: Parameters of the explosion on a table.
         world: ``floating``, or on a ``table`` under gravity.
         strategy: One of ``STRATEGY_CHOICES``, see ``planner.explosion.strategies``.
+        at_once: Maximum number of hinges that turn in one step of turns; None for no limit.
         module_size: Size at which the plan is verified, as a fraction of the pitch.
         density_kg_m3: Density of a solid module, for torques in newton-metres.
         joint_speed_limit_rad_s: Largest speed of a hinge; sets the fold time in the certificate.
@@ -81,13 +84,17 @@ class Parameters:
     table: TableParameters = field(default_factory=TableParameters)
     world: World = "floating"
     strategy: str = "auto"
+    at_once: int | None = None
     module_size: float = 0.95
     density_kg_m3: float = 2700.0
     joint_speed_limit_rad_s: float = 1.0
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain JSON values, nested as the parameters are."""
-        return asdict(self)
+        """Return plain JSON values, nested as the parameters are; no limit is left out."""
+        values = asdict(self)
+        if self.at_once is None:
+            del values["at_once"]
+        return values
 
 
 def unknown_strategy(name: str) -> InputError:

@@ -42,6 +42,7 @@ def fold(
     module_size: float | None = None,
     settings: str = "",
     strategy: str = AUTO,
+    at_once: int | None = None,
     prefer: Preference = COMPUTING,
     world: World = FLOATING,
     directory: str | FilePath | None = None,
@@ -59,6 +60,8 @@ def fold(
         settings: Other numbers for ``paper`` or ``direct``, as ``damping=0.05,radial_gain=0.2``:
             see ``planner.parameters.settings_text``.
         strategy: Explosion strategy: ``auto``, or one of ``planner.explosion.strategies``.
+        at_once: Maximum number of hinges that turn at once, for the strategy ``turns``; None for no
+            limit.
         prefer: Preference among several verified plans; ``computing`` takes the first one.
         world: ``floating``, or on a ``table`` under gravity.
         directory: Gets the plan, the timeline and the model, when all are written; they replace
@@ -83,6 +86,7 @@ def fold(
         module_size=module_size,
         settings=settings,
         strategy=strategy,
+        at_once=at_once,
         prefer=prefer,
         world=world,
     )

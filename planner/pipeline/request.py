@@ -16,6 +16,7 @@ from planner.parameters.parameters import (
     BASELINE,
     PRESET_CHOICES,
     STRATEGY_CHOICES,
+    TURNS,
     Parameters,
     preset,
 )
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
 MODULE_SIZE_RANGE: Final = (0.1, 1.0)
 """Minimum and maximum module size that a request may ask for, as a fraction of the pitch (distance
 between neighbouring modules). Smaller modules leave more clearance. Chosen."""
+MAX_AT_ONCE: Final = 1000
+"""Maximum number of hinges at once that a request may give as a limit; the longest chain that folds
+in turns has fewer hinges."""
 MAX_SEED: Final = 2**32 - 1
 """Maximum random seed of a request, the largest unsigned integer of 32 bits; a larger one is
 refused. Chosen."""
@@ -123,10 +127,20 @@ class FoldRequest(PathOptions):
         AUTO,
         title="Explosion strategy",
         help="How the folded chain is pulled apart: all modules at once (`simultaneous`), rigid "
-        "blocks first (`blocks`), or one part at a time from one end (`peel`). `auto` "
-        "chooses by size and path; for long chains it uses `peel`. For comparison, "
-        "`one-by-one` straightens one joint at a time.",
+        "blocks first (`blocks`), or one part at a time from one end (`peel`). `turns` folds "
+        "without an explosion: in steps of quarter turns that a person can follow, with a rest "
+        "after each; `one-by-one` turns one hinge in each step. `auto` chooses among the "
+        "explosions by size and path; for long chains it uses `peel`.",
         choices=STRATEGY_CHOICES,
+    )
+    at_once: int | None = option(
+        None,
+        title="Largest number of hinges that turn at once, for the strategy turns",
+        noun="number of hinges at once",
+        help="Maximum number of hinges that turn in one step of the strategy `turns`, for example "
+        "for a weak power supply, or for two hands. Default: no limit.",
+        range=(1, MAX_AT_ONCE),
+        unit="hinges",
     )
     prefer: Preference = option(
         COMPUTING,
@@ -168,6 +182,12 @@ class FoldRequest(PathOptions):
                     f"got the preference {self.prefer!r}, expected {plain.prefer!r}, because the "
                     f"{self._one_plan} gives only one plan; use the default preset and strategy to "
                     "choose among several plans.",
+                )
+            if self.at_once is not None and self.strategy != TURNS:
+                raise InputError(
+                    "unsuited-at-once",
+                    f"got a number of hinges at once for the strategy {self.strategy!r}, expected "
+                    f"the strategy {TURNS!r}; select it, or leave the number out.",
                 )
             if self.world == "table":
                 self._check_table()
@@ -227,7 +247,7 @@ class FoldRequest(PathOptions):
             return "smoothing of a plan"
         if self.preset != FoldRequest().preset:
             return f"preset {self.preset!r}"
-        return f"strategy {self.strategy!r}" if self.strategy == BASELINE else None
+        return f"strategy {self.strategy!r}" if self.strategy in (TURNS, BASELINE) else None
 
     def canonical(self) -> FoldRequest:
         """Return the same request with its settings in the canonical form that is compared.
@@ -256,10 +276,7 @@ class FoldRequest(PathOptions):
         found = self._plain()
         if self.settings:
             found = with_settings(found, read_settings(self.settings))
-        found = replace(found, strategy=self.strategy)
-        if self.strategy == BASELINE:
-            # One joint at a time, which no smooth curve does, is played back by kinematics alone.
-            found = replace(found, playback=replace(found.playback, dynamic_up_to=1))
+        found = replace(found, strategy=self.strategy, at_once=self.at_once)
         if self.prefer == "time":
             found = replace(found, playback=replace(found.playback, paced_by="speed"))
         if self.smooth or smoothed:

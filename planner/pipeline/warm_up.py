@@ -45,6 +45,8 @@ from planner.simulation.contact_finder import robot_contacts
 from planner.simulation.engine import build_chain_model
 from planner.simulation.mujoco_models import SOLIMP
 from planner.simulation.robot import Robot
+from planner.turns.beam_search import unfold
+from planner.turns.cube_turns import CubeTurning
 
 BACKGROUND_NICENESS: Final = 10
 """Niceness (POSIX) of a process that compiles kernels in advance. A larger value leaves more of the
@@ -81,6 +83,7 @@ def warm_up(
         _many_contacts(plan.chain)
         _explode_as_published()
         _peel()
+        _turn()
         warm_up_paths()
 
 
@@ -170,6 +173,15 @@ def _peel() -> None:
     with TemporaryDirectory(prefix="foldback-") as place:
         Workspace(FilePath(place)).write_request(FoldRequest(strategy="peel"), write_path(path))
         run_stages(FilePath(place))
+
+
+def _turn() -> None:
+    """Compile the kernels of turns, with a chain whose turns all fit into one step."""
+    chain = warm_up_chains()
+    turning = CubeTurning(chain, 0.95)
+    found = unfold(turning, room=0.0, width=1, seed=0)
+    hinges = np.zeros(0, np.int64)
+    turning.clear_turns(found.states[-1], hinges, hinges, room=0.0)
 
 
 def main() -> None:

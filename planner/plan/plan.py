@@ -36,6 +36,7 @@ from planner.motion.record import Record, save_npz
 from planner.motion.timeline import chain_attributes, chain_from_attributes
 from planner.parameters.parameters import Parameters
 from planner.plan.claim import claim_of
+from planner.plan.steps import rest_frames
 from planner.playback.playback import Playback
 from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
 from planner.shapes.likeness import Likeness
@@ -200,7 +201,11 @@ class Plan:
                 "expected a plan that starts straight and ends folded; fold the shape again with "
                 "another seed or preset.",
             )
-        return Unfolding(chain=self.chain, time_s=times - times[0], folding_rad=angles)
+        begins = int(np.argmax(folding))
+        rests = tuple(k - begins for k in rest_frames(self.playback) if k >= begins)
+        return Unfolding(
+            chain=self.chain, time_s=times - times[0], folding_rad=angles, rest_frames=rests
+        )
 
     @property
     def verified(self) -> bool:

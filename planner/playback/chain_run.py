@@ -29,6 +29,8 @@ FRAME_MOVE_PITCH: Final = 0.2
 """Displacement of a module since the last frame, relative to the mean of all modules, pitches, at
 which a simulated playback records the next frame: the ends of a nearly straight chain go far while
 its hinges hardly turn. Larger values record fewer frames. Chosen."""
+RESTING_FRAME_TURN_RAD: Final = 0.08
+"""The same in a motion that rests between turns, whose frames lie on straight lines."""
 MAX_FRAME_STEPS: Final = 12
 """Maximum number of simulation steps between two recorded frames of a playback; a frame is then
 recorded even if the chain hardly moves. Larger values make smaller plans with a coarser record of
@@ -143,6 +145,7 @@ class Run(PlaybackRun):
         self.finer = trajectory.finer
         self.kept: list[Motion] = []
         self.references: list[Array] = []
+        self.rest_frames: list[int] = []
         self.plant, self.drive = build_plant(trajectory, seed)
         self.plant.place(*trajectory.begins)
         self.at_rest = trajectory.unfolding is not None or trajectory.parameters.controller in (
@@ -198,6 +201,8 @@ class Run(PlaybackRun):
                         self._last = None
                         continue
                     self._keep(phase, angles, target, sink)
+                    if phase in self.trajectory.resting:
+                        self.rest_frames.append(len(self.kept) - 1)
                     return "folded", ""
                 target = following
                 errors = np.abs(target.angles - angles)
@@ -205,8 +210,13 @@ class Run(PlaybackRun):
                 if self.largest_error > self.trajectory.lost_rad:
                     self._keep(phase, angles, target, sink)
                     return "missed", self.lost(0, errors, target.fraction)
-                if self._is_due(angles, target):
+                if self._is_due(angles, target, phase):
+                    begins = self._last is None
                     self._keep(phase, angles, target, sink)
+                    # Of a refold, the straight chain is the end of one part and begins the other.
+                    resting = {parts[part][0], parts[max(0, part - 1)][0]} & self.trajectory.resting
+                    if target.rests or (begins and resting):
+                        self.rest_frames.append(len(self.kept) - 1)
                 self.drive(target)
                 plant.end_step()
                 if self.at_rest:
@@ -225,15 +235,18 @@ class Run(PlaybackRun):
             "0.1 rad."
         )
 
-    def _is_due(self, angles: Array, target: Target) -> bool:
+    def _is_due(self, angles: Array, target: Target, phase: Phase) -> bool:
         """Return True if a frame is due: the target has moved far enough, or the chain has.
 
         With several robots the target alone decides: all keep frames at the same steps.
         """
         last, turn, way = self._last, FRAME_TURN_RAD / self.finer, FRAME_MOVE_PITCH / self.finer
-        if last is None or self.steps - last.step >= MAX_FRAME_STEPS:
+        if last is None or target.rests or self.steps - last.step >= MAX_FRAME_STEPS:
             return True
-        if np.abs(target.angles - last.target.angles).max() >= turn:
+        turned = float(np.abs(target.angles - last.target.angles).max())
+        if phase in self.trajectory.resting:
+            return turned >= RESTING_FRAME_TURN_RAD / self.finer
+        if turned >= turn:
             return True
         if self.trajectory.robots > 1:
             gone = abs(target.gone_rad - last.target.gone_rad)

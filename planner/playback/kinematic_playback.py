@@ -7,14 +7,19 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.chain.module import MAX_SMOOTH_CURVE_MODULES
 from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion, Phase
 from planner.parameters.playback import PlaybackParameters
-from planner.playback.reference_curve import clear_reference
-from planner.playback.time_scaling import SCALING_STEPS, hinge_bounded_times, smooth_scaling
+from planner.playback.reference_curve import Reference, clear_reference, resting_reference
+from planner.playback.time_scaling import (
+    RESTING_RAMP_SHARE,
+    SCALING_STEPS,
+    hinge_bounded_times,
+    smooth_scaling,
+)
 from planner.playback.unfolding import Unfolding
 
 KINEMATIC_CHUNK_FRAMES: Final = 256
@@ -32,6 +37,7 @@ def kinematic_frames(
     start_s: float,
     frame_rad: float,
     unfolding: Unfolding | None,
+    rests: Ints | None = None,
 ) -> Iterator[Motion]:
     """Yield the frames of a kinematic playback, in chunks.
 
@@ -45,21 +51,29 @@ def kinematic_frames(
         start_s: Time of the first frame, s.
         frame_rad: Approximate turn of a hinge between two frames, rad.
         unfolding: Motion by which the chain becomes straight first; None if it is straight.
+        rests: Snapshots at which the chain rests between turns; None if it does not.
     """
-    if recorded.is_windowed or (len(chain) > MAX_SMOOTH_CURVE_MODULES and unfolding is None):
+    if recorded.is_windowed or (
+        rests is None and len(chain) > MAX_SMOOTH_CURVE_MODULES and unfolding is None
+    ):
         yield _as_recorded(chain, recorded, parameters, start_s)
         return
-    reference = clear_reference(
-        chain,
-        recorded.joint_angles_rad[::-1],
-        spacing_rad=parameters.spacing_rad,
-        distance_weight=parameters.distance_weight,
-        size=module_size,
-    )
-    places = reference.places(frame_rad)
-    steps_rad = reference.steps_rad(places)
-    seconds = parameters.step_s * parameters.steps_per_rad * float(steps_rad.sum())
-    playing_s = hinge_bounded_times(steps_rad, seconds)
+    if rests is None:
+        reference = clear_reference(
+            chain,
+            recorded.joint_angles_rad[::-1],
+            spacing_rad=parameters.spacing_rad,
+            distance_weight=parameters.distance_weight,
+            size=module_size,
+        )
+        places = reference.places(frame_rad)
+        steps_rad = reference.steps_rad(places)
+        seconds = parameters.step_s * parameters.steps_per_rad * float(steps_rad.sum())
+        playing_s = hinge_bounded_times(steps_rad, seconds)
+    else:
+        reference = resting_reference(recorded.joint_angles_rad[rests][::-1])
+        s_per_rad = parameters.step_s * parameters.steps_per_rad
+        places, playing_s = _resting_places(reference, frame_rad, s_per_rad)
     if unfolding is None:
         last = recorded[-1:]
         first = last.joint_angles_rad[0]
@@ -89,6 +103,30 @@ def kinematic_frames(
         yield at_rest(
             "playback", start_s + playing_s[part], quantised(reference.spline(places[part]))
         )
+
+
+def rests_between_places(reference: Reference, frame_rad: float) -> Ints:
+    """Return the (R,) numbers of the frames at rest of a kinematic playback."""
+    assert reference.rests is not None
+    turns = np.diff(reference.rests) * reference.length_rad
+    counts = np.maximum(1, np.ceil(turns / frame_rad - 1e-9).astype(np.int64))
+    return np.concatenate([[0], np.cumsum(counts)])
+
+
+def _resting_places(
+    reference: Reference, frame_rad: float, s_per_rad: float
+) -> tuple[Array, Array]:
+    """Return (F,) parameters and times of frames, evenly spaced from one rest to the next."""
+    assert reference.rests is not None
+    rests, at = reference.rests, rests_between_places(reference, frame_rad)
+    places = np.interp(np.arange(at[-1] + 1), at, rests)
+    seconds = np.diff(rests) * reference.length_rad * s_per_rad
+    ends = np.concatenate([[0.0], np.cumsum(seconds)])
+    even = smooth_scaling(steps=SCALING_STEPS, step_s=1.0 / SCALING_STEPS, ramp=RESTING_RAMP_SHARE)
+    step = np.clip(np.searchsorted(rests, places, "right") - 1, 0, len(rests) - 2)
+    parts = (places - rests[step]) / (rests[step + 1] - rests[step])
+    shares = np.interp(parts, even.u, np.linspace(0.0, 1.0, SCALING_STEPS + 1))
+    return places, ends[step] + shares * seconds[step]
 
 
 def _as_recorded(

@@ -18,8 +18,9 @@ from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import Angles, Motion
 from planner.motion.record import Record, save_npz
 from planner.parameters.playback import PlaybackParameters
-from planner.playback.chain_run import PlaybackStatus
-from planner.playback.kinematic_playback import kinematic_frames
+from planner.playback.chain_run import PlaybackStatus, Run
+from planner.playback.kinematic_playback import kinematic_frames, rests_between_places
+from planner.playback.reference_curve import resting_reference
 from planner.playback.reference_trajectory import ReferenceTrajectory
 from planner.playback.robot_runs import simulate_robots
 from planner.playback.unfolding import Unfolding
@@ -57,6 +58,8 @@ class Playback:
             earlier version did not store it.
         robots: Number of robots with model errors that folded it, of which this is the one with
             the largest error; None for an ideal one, and if nothing was simulated.
+        rest_frames: Frames at which the chain rests: before, between and after its turns. From each
+            to the next, all hinges turn evenly. None if it does not rest.
         others_rad: (robots − 1, F, J) hinge angles of the others at the same frames, of windows
             (robots − 1, V); None if there are none.
     """
@@ -75,6 +78,7 @@ class Playback:
     torque_frames: int | None = None
     robots: int | None = None
     others_rad: Angles | None = None
+    rest_frames: tuple[int, ...] | None = None
 
     @property
     def simulated(self) -> bool:
@@ -90,7 +94,8 @@ class Playback:
 
     def summary(self) -> dict[str, Any]:
         """Return the figures without the frames."""
-        return {name: getattr(self, name) for name in _SCALARS}
+        rests = {} if self.rest_frames is None else {"rest_frames": list(self.rest_frames)}
+        return {name: getattr(self, name) for name in _SCALARS} | rests
 
     def save(self, path: FilePath) -> None:
         """Write an ``.npz`` that is either complete or absent."""
@@ -108,6 +113,7 @@ class Playback:
                 **{name: _stored(getattr(self, name)) for name in _SCALARS},
                 **packed,
                 **({} if self.others_rad is None else {"others_rad": self.others_rad}),
+                **({} if self.rest_frames is None else {"rest_frames": self.rest_frames}),
                 **frames,
             },
         )
@@ -126,6 +132,9 @@ class Playback:
                 frames=Motion.from_columns(arrays),
                 reference_rad=reference,
                 others_rad=arrays.get("others_rad"),
+                rest_frames=tuple(rests.tolist())
+                if (rests := arrays.get("rest_frames")) is not None
+                else None,
                 **{name: _loaded(arrays[name].item()) for name in _SCALARS if name in arrays},
             )
 
@@ -202,7 +211,7 @@ def play_back(
             "or use another strategy.",
         )
     if recorded is not None and not simulates(chain, recorded, parameters):
-        return _followed(chain, recorded, parameters, module_size, sink, start_s, finer, unfolding)
+        return _followed(chain, record, parameters, module_size, sink, start_s, finer, unfolding)
     if recorded is not None and windowed:
         trajectory = WindowTrajectory(chain, recorded, parameters, module_size, finer, start_s)
     else:
@@ -215,6 +224,7 @@ def play_back(
     run = failed or max(runs, key=lambda one: one.largest_error)
     others = [one.frames.stored_angles_rad for one in runs if one is not run]
     frames, largest_error = run.frames, run.largest_error
+    rest_frames = tuple(run.rest_frames) or None if isinstance(run, Run) else None
     if windowed:  # in single precision, frames may tell a little more
         largest_error = max(largest_error, float(frames.largest_errors.max()))
     if sink is not None and not streamed:
@@ -233,6 +243,7 @@ def play_back(
         rms_torque=float(np.sqrt(run.square_torque / max(1, run.steps))),
         robots=len(runs) if len(runs) > 1 else None,
         others_rad=np.array(others) if others and failed is None else None,
+        rest_frames=rest_frames,
     )
 
 
@@ -250,7 +261,7 @@ def simulates(chain: Chain, recorded: Motion, parameters: PlaybackParameters) ->
 
 def _followed(
     chain: Chain,
-    recorded: Motion,
+    record: Record | None,
     parameters: PlaybackParameters,
     module_size: float,
     sink: Callable[[Motion], None] | None,
@@ -259,7 +270,8 @@ def _followed(
     unfolding: Unfolding | None,
 ) -> Playback:
     """Play a record back kinematically."""
-    begun = time.perf_counter()
+    assert record is not None
+    begun, recorded = time.perf_counter(), record.frames
     kept: list[Motion] = []
     for frames in kinematic_frames(
         chain,
@@ -269,6 +281,7 @@ def _followed(
         start_s=start_s,
         frame_rad=FRAME_RAD / finer,
         unfolding=unfolding,
+        rests=record.rest_frames,
     ):
         kept.append(frames)
         if sink is not None:
@@ -288,4 +301,20 @@ def _followed(
         rms_torque=torques.rms if len(torques.frames) else None,
         kind="kinematic",
         torque_frames=len(torques.frames),
+        rest_frames=_rests_followed(record, unfolding, FRAME_RAD / finer),
     )
+
+
+def _rests_followed(
+    record: Record, unfolding: Unfolding | None, frame_rad: float
+) -> tuple[int, ...] | None:
+    """Return the frames at rest of a kinematic playback; None if the chain does not rest."""
+    before, rests = 0, list[int]()
+    if unfolding is not None:
+        before = len(unfolding.folding_rad) - 1
+        rests = [before - k for k in unfolding.rest_frames[::-1]]
+    if record.rest_frames is not None:
+        angles = record.frames.joint_angles_rad[record.rest_frames][::-1]
+        numbers = rests_between_places(resting_reference(angles), frame_rad)
+        rests += (before + numbers).tolist()
+    return tuple(dict.fromkeys(rests)) or None

@@ -47,17 +47,20 @@ hinges hardly turn. Smaller values take more samples. Chosen."""
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reference:
-    """Clamped cubic B-spline q(u), u from 0 (straight) to 1 (folded).
+    """Clamped B-spline q(u), u from 0 (straight) to 1 (folded); cubic unless it has rests.
 
     Attributes:
         spline, first, second: q, dq/du, d²q/du².
         length_rad: Length of the record along the curve, see ``record_lengths``.
+        rests: (R,) parameters at which the chain rests, the first and the last among them; None if
+            it moves all the way.
     """
 
     spline: Any
     first: Any
     second: Any
     length_rad: float
+    rests: Array | None = None
 
     @classmethod
     def through(
@@ -130,6 +133,28 @@ class Reference:
                 for k in range(0, len(places) - 1, REFERENCE_CHUNK_FRAMES)
             ]
         )
+
+
+def resting_reference(rests: Array) -> Reference:
+    """Return the reference that goes from one pose to the next in straight lines.
+
+    It has corners, which only a motion that rests there can follow: ``resting_scaling``.
+
+    Args:
+        rests: (R, J) configurations in the order of the playback.
+    """
+    from scipy.interpolate import BSpline  # as above
+
+    lengths = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(rests, axis=0)).max(axis=1))])
+    total = float(lengths[-1])
+    at = lengths / total if total else np.linspace(0.0, 1.0, len(rests))
+    spline = BSpline(np.concatenate([at[:1], at, at[-1:]]), rests, 1)
+    first = spline.derivative()
+
+    def second(u: Array) -> Array:
+        return 0.0 * first(u)
+
+    return Reference(spline=spline, first=first, second=second, length_rad=total, rests=at)
 
 
 def frames_around(lengths: Array, at: Array) -> tuple[Ints, Array]:

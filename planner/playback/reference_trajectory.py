@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
@@ -15,7 +15,7 @@ from planner.motion.motion import Phase
 from planner.motion.record import Record
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.kinematic_playback import root_folded
-from planner.playback.reference_curve import Reference, clear_reference
+from planner.playback.reference_curve import Reference, clear_reference, resting_reference
 from planner.playback.setpoints import (
     Backwards,
     DirectSetpoints,
@@ -29,6 +29,7 @@ from planner.playback.time_scaling import (
     MIN_PLAYBACK_STEPS,
     TimeScaling,
     hinge_bounded_scaling,
+    resting_scaling,
     torque_bounded_scaling,
 )
 from planner.playback.unfolding import Unfolding
@@ -83,6 +84,8 @@ class ReferenceTrajectory:
         self.unfolding = unfolding
         self.peak_torque = 0.0
         """Largest torque that a robot without model errors needs; 0 if it is not computed."""
+        self.resting: frozenset[Phase] = frozenset()
+        """Phases in which the chain rests between turns."""
         self.parts = self._all_parts(record, unfolding)
         folds_robots = parameters.controller == "robot"
         self.robots = parameters.robot.runs if folds_robots else 1
@@ -134,9 +137,19 @@ class ReferenceTrajectory:
                 f"got the controller {p.controller!r}, expected robot, computed-torque, paper or "
                 "direct.",
             )
-        references = [self._reference(self.chain, snapshots)]
+        rests = (
+            None if record.rest_frames is None else len(snapshots) - 1 - record.rest_frames[::-1]
+        )
+        references = [self._reference(self.chain, snapshots, rests)]
         if unfolding is not None:
-            references.append(self._reference(unfolding.chain, unfolding.folding_rad))
+            rests = np.array(unfolding.rest_frames, np.int64) if unfolding.rest_frames else None
+            references.append(self._reference(unfolding.chain, unfolding.folding_rad, rests))
+        phases: tuple[Phase, ...] = ("playback", "unfolding")
+        self.resting = frozenset(
+            phase
+            for phase, reference in zip(phases, references, strict=False)
+            if reference.rests is not None
+        )
         scalings = self._clear_scalings(references)
         timed = [self._timed("playback", references[0], scalings[0])]
         if unfolding is not None:
@@ -159,9 +172,11 @@ class ReferenceTrajectory:
             snapshots, threshold_rad2=p.threshold_rad2, least_steps=p.least_steps
         )
 
-    def _reference(self, chain: Chain, snapshots: Array) -> Reference:
-        """Return a smooth curve through configurations from straight on."""
+    def _reference(self, chain: Chain, snapshots: Array, rests: Ints | None) -> Reference:
+        """Return a curve through configurations from straight on: smooth, or with rests."""
         p = self.parameters
+        if rests is not None:
+            return resting_reference(snapshots[rests])
         return clear_reference(
             chain,
             snapshots,
@@ -181,12 +196,17 @@ class ReferenceTrajectory:
                 sweep(self.chain, one.spline(scaling.u), size=self.module_size, share=0.0).clearance
                 > 0.0
                 for one, scaling in zip(references, scalings, strict=True)
+                if one.rests is None  # a straight line is the same between any frames
             ):
                 return scalings
             self.finer *= 2
 
     def _scaling(self, reference: Reference) -> TimeScaling:
         p = self.parameters
+        if reference.rests is not None:
+            lengths = reference.length_rad * np.diff(reference.rests)
+            seconds = p.steps_per_rad * p.step_s * lengths
+            return resting_scaling(reference.rests, seconds, step_s=self.step_s)
         steps = max(MIN_PLAYBACK_STEPS, int(self.finer * p.steps_per_rad * reference.length_rad))
         samples = max(
             100,

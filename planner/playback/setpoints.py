@@ -44,6 +44,7 @@ class Target:
         fraction: Progress of the playback, 0 to 1.
         gone_rad: Arc length of the reference up to there, rad, see ``record_lengths``; 0 without.
         torques: (J,) torques that a robot without model errors needs; None if not computed.
+        rests: True at a rest between two turns.
     """
 
     angles: Array
@@ -52,6 +53,7 @@ class Target:
     fraction: float
     gone_rad: float = 0.0
     torques: Array | None = None
+    rests: bool = False
 
 
 class Setpoints(Protocol):
@@ -110,7 +112,7 @@ def _timed_motion(
 def _timed_targets(
     reference: Reference, scaling: TimeScaling, torques: Array | None
 ) -> Iterator[Target]:
-    at = 0
+    at, rests = 0, frozenset(scaling.rests)
     for angles, rates, accelerations in _timed_motion(reference, scaling):
         for k in range(len(angles)):
             yield Target(
@@ -120,6 +122,7 @@ def _timed_targets(
                 fraction=at / len(scaling),
                 gone_rad=float(scaling.u[at]) * reference.length_rad,
                 torques=None if torques is None else torques[at],
+                rests=at in rests,
             )
             at += 1
     end = reference.spline(np.rint(scaling.u[-1]))

@@ -23,11 +23,14 @@ class Unfolding:
         chain: The chain, folded as it is at the beginning.
         time_s: (F,) simulated time of the folding, from 0 on, s.
         folding_rad: (F, J) hinge angles of the folding, from straight to folded, rad.
+        rest_frames: Frames at which the chain rests between turns, the first and the last among
+            them; empty if it does not.
     """
 
     chain: Chain
     time_s: Array
     folding_rad: Array
+    rest_frames: tuple[int, ...] = ()
 
 
 def check_fits(begins: Chain, module: str, modules: int) -> None:

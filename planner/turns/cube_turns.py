@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
+from planner.arrays import Ints
 from planner.chain.chain import Chain
 from planner.kernels.cube_turns import (
     TABLE_FULL,
@@ -62,15 +62,19 @@ class CubeTurning(Turning):
             self._moves = _moves_for(most)
         moves = self._moves
         while True:
-            count = expand(
-                states, keys, codes, room, weight, self._table, self._scratch, moves
-            )
+            count = expand(states, keys, codes, room, weight, self._table, self._scratch, moves)
             if count != TABLE_FULL:
                 break
             self._table = _grown(self._table)
-        return Children(*(column[:count] for column in moves))
+        return Children(
+            parent=moves.parent[:count],
+            hinge=moves.hinge[:count],
+            level=moves.level[:count],
+            score=moves.score[:count],
+            key=moves.key[:count],
+        )
 
-    def clear_turns(self, start: Levels, hinges: Array, changes: Array, *, room: float) -> int:
+    def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, room: float) -> int:
         """Return how many turns of a sequence are clear, one by one, see ``Turning``."""
         while True:
             count = clear_turns(start, hinges, changes, room, self._table, self._scratch)

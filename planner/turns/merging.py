@@ -109,7 +109,8 @@ class Merger:
             count = self._turning.clear_turns(after, hinges, changes, room=self._room)
             if count < len(hinges):
                 return False
-        return self._proved(state * self._turning.step_rad, after * self._turning.step_rad)
+        step_rad = self._turning.step_rad
+        return self._proved(step_rad * state.astype(float), step_rad * after.astype(float))
 
     def _proved(self, start: Array, end: Array) -> bool:
         """Return True if modules keep the room while all hinges turn evenly."""

@@ -73,7 +73,7 @@ def find_turns(
     turning: Turning = CubeTurning(chain, size)
     found, room, expanded = _searched(turning, seed, cancelled)
     if found.outcome != "straight":
-        angles = found.states * turning.step_rad
+        angles = turning.step_rad * found.states.astype(float)
         return NoTurns(outcome=found.outcome, expanded=expanded, last_rad=angles)
     most = len(chain.folded_rad) if at_once is None else at_once
     merger = Merger(chain, turning, room=room, at_once=most)

@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
+from planner.arrays import Array, Ints
 
 Levels = NDArray[np.int8]
 Keys = NDArray[np.uint64]
@@ -61,9 +61,7 @@ class Turning(Protocol):
         """
         ...
 
-    def clear_turns(
-        self, start: Levels, hinges: NDArray[np.int64], changes: NDArray[np.int64], *, room: float
-    ) -> int:
+    def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, room: float) -> int:
         """Return the number of turns before the first that is not clear.
 
         Args:

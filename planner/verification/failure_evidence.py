@@ -40,6 +40,7 @@ STATUSES_BY_LIMIT: Final = {
     "retries": ("diverged",),
     "motion": ("stalled",),
     "refusals": ("stalled",),
+    "turns": ("stalled",),
 }
 """Final statuses of an explosion that fit each kind of limit that it may have used up (simulation
 steps, pushes, retries); a report with another combination is refused."""
@@ -184,6 +185,7 @@ def _counted(record: Record, spent: SpentKind) -> int:
     return {
         "steps": record.steps,
         "motion": record.steps,
+        "turns": record.steps,
         "pushes": record.pushes,
         "retries": record.retries,
         "snapshots": 0 if record.snapshots_rad is None else len(record.snapshots_rad),
@@ -194,6 +196,8 @@ def _limit(
     chain: Chain, record: Record, spent: SpentKind, parameters: Mapping[str, Any]
 ) -> int | None:
     """Return the limit that the parameters set; None for one that they do not set."""
+    if spent == "turns":
+        return None
     name = _limits_of(record)
     limits = parameters[name]
     if spent in ("steps", "motion"):

@@ -223,14 +223,14 @@ def test_strategies_by_chain_and_preset() -> None:
     bent = Chain.from_angles(small.module, np.full(6, 0.3))
     assert ranked(small, "auto") == ("simultaneous", "peel")
     assert ranked(snake((6, 6, 6)), "auto") == ("simultaneous", "blocks", "peel")
-    assert ranked(large, "auto") == ("peel", "simultaneous", "blocks", "one-by-one")
+    assert ranked(large, "auto") == ("peel", "simultaneous", "blocks")
     # Chains that cannot be peeled explode simultaneously if that is fast enough.
     assert ranked(shuffled((8, 9, 10), 20, 0), "auto")[0] == "simultaneous"
     assert ranked(small, "peel") == ("peel",)
     assert ranked(large, "simultaneous") == ("simultaneous",)
     assert ranked(large, "auto", "paper") == ranked(large, "auto", "direct") == ("simultaneous",)
     assert ranked(bent, "auto") == ("simultaneous",)
-    assert ranked(bent, "one-by-one") == ("one-by-one",)
+    assert ranked(small, "turns") == ("turns",)
     # A refold is one simulation from end to end.
     assert ranked(small, "auto", refolds=True) == ("simultaneous",)
     assert ranked(large, "auto", refolds=True) == ("simultaneous", "blocks")
@@ -243,6 +243,7 @@ def test_unsuitable_strategy_is_refused(tmp_path: FilePath) -> None:
         (small, "peel", "paper"),
         (small, "one-by-one", "direct"),
         (bent, "blocks", "default"),
+        (bent, "one-by-one", "default"),
         (small, "fastest", "default"),
     ):
         with pytest.raises(InputError, match="strategy"):

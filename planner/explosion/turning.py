@@ -1,0 +1,116 @@
+"""Turning: the record of a chain that unfolds in turns, without a simulation."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Final
+
+import numpy as np
+
+from planner.arrays import Array, Ints
+from planner.chain.chain import Chain
+from planner.motion.angle_encoding import quantised
+from planner.motion.motion import Motion
+from planner.motion.record import Record, RecordStatus, Spent
+from planner.progress import Cancelled, never
+from planner.turns.turn_sequence import NoTurns, find_turns
+
+MAX_TURNING_MODULES: Final = 500
+"""Maximum number of modules of a chain that folds in turns; the time of a search grows with about
+the third power of their number."""
+MAX_FRAME_TURN_RAD: Final = 0.4
+"""Maximum turn of a hinge between two recorded frames, rad."""
+TURNING_RATE_RAD_S: Final = 0.25
+"""Speed of the hinges that turn, rad/s. It only sets the times of the recorded frames; the folding
+motion gets its own timing."""
+
+
+def unfold_in_turns(
+    chain: Chain,
+    strategy: str,
+    *,
+    size: float,
+    at_once: int | None,
+    seed: int,
+    sink: Callable[[Motion], None] | None = None,
+    cancelled: Cancelled = never,
+) -> Record:
+    """Return the record of a chain that unfolds in steps of quarter turns.
+
+    Args:
+        chain: The chain, of cubes on the lattice.
+        strategy: Name of the strategy in the record.
+        size: Module size as a fraction of the pitch.
+        at_once: Maximum number of hinges that turn in one step; None for no limit.
+        seed: Seed of the search.
+        sink: Receives the snapshots.
+        cancelled: Polled between turns.
+    """
+    begun = time.perf_counter()
+    found = find_turns(chain, size=size, at_once=at_once, seed=seed, cancelled=cancelled)
+    status: RecordStatus = "straight"
+    reason, spent, expanded = "", None, 0
+    if isinstance(found, NoTurns):
+        status, reason, spent = _failure(chain, found)
+        frames, rests, expanded = found.last_rad, None, found.expanded
+    else:
+        frames, rests = _between(found.rest_angles_rad[::-1])
+    root = chain.folded_poses
+    motion = Motion.from_frames(
+        phase="explosion",
+        time_s=_times(frames),
+        joint_angles_rad=quantised(frames),
+        root_position=np.tile(root.positions[chain.root], (len(frames), 1)),
+        root_wxyz=np.tile(root.wxyzs[chain.root], (len(frames), 1)),
+    )
+    if sink is not None:
+        sink(motion)
+    return Record(
+        status=status,
+        reason=reason,
+        frames=motion,
+        steps=expanded,
+        seconds=time.perf_counter() - begun,
+        strategy=strategy,
+        rest_frames=rests,
+        spent=spent,
+    )
+
+
+def _failure(chain: Chain, found: NoTurns) -> tuple[RecordStatus, str, Spent | None]:
+    """Return the status, reason and used-up limit of a search without a result."""
+    if found.outcome == "cancelled":
+        return "cancelled", "the search for turns was cancelled", None
+    if found.outcome == "blocked":
+        count = len(chain.folded_rad)
+        return (
+            "stalled",
+            f"none of the {count} hinges can turn in the folded state: each was tried by 90° in "
+            "both directions, as far as its range allows",
+            None,
+        )
+    bent = int((np.abs(found.last_rad[-1]) > 0.0).sum())
+    return (
+        "stalled",
+        f"the search for turns ended with {bent} hinges still bent, after it had tried the turns "
+        f"of {found.expanded} states",
+        Spent(kind="turns", allowed=found.expanded, used=found.expanded),
+    )
+
+
+def _between(rests: Array) -> tuple[Array, Ints]:
+    """Return frames on the straight lines between rests, and the frames of the rests."""
+    turns = np.abs(np.diff(rests, axis=0)).max(axis=1)
+    counts = np.maximum(1, np.ceil(turns / MAX_FRAME_TURN_RAD).astype(np.int64))
+    at = np.concatenate([[0], np.cumsum(counts)])
+    frames = [rests[:1]]
+    for start, end, count in zip(rests[:-1], rests[1:], counts.tolist(), strict=True):
+        share = np.arange(1, count + 1)[:, None] / count
+        frames.append((1.0 - share) * start + share * end)
+    return np.concatenate(frames), at.astype(np.int64)
+
+
+def _times(frames: Array) -> Array:
+    turns = np.abs(np.diff(frames, axis=0)).max(axis=1)
+    return np.concatenate([[0.0], np.cumsum(turns)]) / TURNING_RATE_RAD_S

@@ -1,0 +1,117 @@
+"""Turns: swept cells, searches, steps, and the plans that are made of them."""
+
+from pathlib import Path as FilePath
+
+import numpy as np
+import pytest
+
+import foldback_check
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.clearance.sweep import sweep
+from planner.errors import InputError
+from planner.kernels.cube_turns import turning_gap
+from planner.pipeline.fold import fold
+from planner.pipeline.request import FoldRequest
+from planner.plan.steps import steps_of
+from planner.readers import read
+from planner.turns.turn_sequence import NoTurns, TurnSequence, find_turns
+
+SHAPES = FilePath(__file__).parents[3] / "examples" / "shapes"
+SIZE = 0.95
+
+
+def path_of(name: str) -> Path:
+    path = read((SHAPES / f"{name}.json").read_bytes())
+    assert isinstance(path, Path)
+    return path
+
+
+def chain_of(name: str) -> Chain:
+    return Chain.from_path(path_of(name))
+
+
+def sequence(chain: Chain, *, at_once: int | None = None, size: float = SIZE) -> TurnSequence:
+    found = find_turns(chain, size=size, at_once=at_once, seed=0)
+    assert isinstance(found, TurnSequence)
+    return found
+
+
+def test_gap_of_a_turning_square_is_that_of_many_samples() -> None:
+    random = np.random.default_rng(0)
+    for _ in range(300):
+        a, b, c, d = random.integers(-6, 7, 4)
+        if (a, b) == (c, d):
+            continue
+        gap, seen = turning_gap(a, b, c, d, 0.475), sampled_gap(a, b, c, d, 0.475)
+        assert gap <= seen + 1e-9
+        # Between two samples a corner goes at most its radius times half their distance.
+        assert seen - gap <= 0.5 * (np.hypot(a, b) + 0.7) * (np.pi / 2) / 400
+
+
+def sampled_gap(a: int, b: int, c: int, d: int, half: float) -> float:
+    """Return the smallest distance of two squares at 401 angles, by points of their edges."""
+    corners = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    least = np.inf
+    for angle in np.linspace(0.0, np.pi / 2, 401):
+        turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+        moved = (np.array([a, b]) + corners) @ turn.T
+        apart = np.inf
+        for points, centre, axes in (
+            (moved, np.array([c, d]), np.eye(2)),
+            (np.array([c, d]) + corners, turn @ [a, b], turn),
+        ):
+            beyond = np.maximum(np.abs((points - centre) @ axes) - half, 0.0)
+            apart = min(apart, float(np.hypot(*beyond.T).min()))
+        least = min(least, apart)
+    return least
+
+
+@pytest.mark.parametrize(
+    ("name", "turns", "most_steps"), [("wrench-24", 19, 1), ("mallet-64", 50, 8)]
+)
+def test_shapes_fold_in_turns_with_room(name: str, turns: int, most_steps: int) -> None:
+    chain = chain_of(name)
+    found = sequence(chain)
+    assert found.turns <= turns
+    assert len(found.hinges) <= most_steps
+    rests = found.rest_angles_rad
+    assert not rests[0].any()
+    assert rests[-1] == pytest.approx(chain.folded_rad, abs=1e-9)
+    assert found.room == pytest.approx(0.0225)
+    assert sweep(chain, rests, size=SIZE).clearance >= found.room
+    for hinges, change in zip(found.hinges, np.diff(rests, axis=0), strict=True):
+        assert sorted(hinges) == np.flatnonzero(change).tolist()
+
+
+def test_number_of_hinges_at_once_is_kept() -> None:
+    chain = chain_of("wrench-24")
+    for most in (1, 4):
+        found = sequence(chain, at_once=most)
+        assert max(map(len, found.hinges)) == most
+        assert sweep(chain, found.rest_angles_rad, size=SIZE).clearance >= found.room
+
+
+def test_without_a_free_hinge_it_says_so() -> None:
+    found = find_turns(chain_of("arch"), size=SIZE, at_once=None, seed=0)
+    assert isinstance(found, NoTurns)
+    assert found.outcome == "blocked"
+
+
+def test_plan_rests_at_frames_and_is_proved(tmp_path: FilePath) -> None:
+    plan = fold(path_of("wrench-24"), seed=0, strategy="turns", at_once=8)
+    assert plan.certificate.verdict == "verified (simulated)"
+    steps = steps_of(plan)
+    assert steps.turn_count == 19
+    assert max(len(step.turns) for step in steps.steps) <= 8
+    assert steps.frames[-1] == len(plan.motion) - 1
+    quarters = steps.rests_rad / (np.pi / 2)
+    assert np.abs(quarters - np.rint(quarters)).max() < 1e-6
+    plan.save_npz(tmp_path / "plan.npz")
+    assert foldback_check.check(str(tmp_path / "plan.npz"))["verdict"] == "proved"
+
+
+def test_hinges_at_once_are_for_turns_only() -> None:
+    with pytest.raises(InputError, match="hinges at once") as refused:
+        FoldRequest(at_once=4).check()
+    assert refused.value.where == "at_once"
