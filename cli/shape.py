@@ -22,7 +22,8 @@ from planner.pathfinding.path_options import table_warning
 from planner.pipeline.prepare import Preparation, prepare_in_any_order
 from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from planner.plan.shape_writers import write_chain, write_path
-from words.likeness import likeness_words
+from planner.shapes.shape import MAX_CELLS
+from words.likeness import likeness_words, reach_words
 from words.messages import count_from_one
 
 if TYPE_CHECKING:
@@ -139,14 +140,11 @@ def show(report: dict[str, Any], out: Path) -> None:
     table.add_row("Modules", str(report["modules"]))
     if (told := likeness_words(report["likeness"])) is not None:
         table.add_row("Likeness", told)
-        for larger in report["more_modules"]:
-            parts = "; keeps all parts" if larger["keeps_parts"] else ""
-            table.add_row(
-                f"With --modules {larger['modules']}", f"about {larger['iou']:.2f}{parts}"
-            )
         near = [str(n) for n in (report["below"], report["above"]) if n is not None]
         if near:
             table.add_row("Nearest possible numbers of modules", ", ".join(near))
+    if report["reach"]:
+        table.add_row("Modules needed", reach_words(report["reach"], MAX_CELLS))
     if report["method"]:
         table.add_row("Path method", f"{report['method']}, {report['candidates']} candidates")
     if report["knot"] is not None:

@@ -88,13 +88,6 @@ declare namespace Api {
     verdict: "unknot" | "knotted" | "undecided";
     determinant: number | null;
   }
-  interface LargerShape {
-    modules: number;
-    iou: number;
-    volume_kept: number;
-    tunnels: number;
-    keeps_parts: boolean;
-  }
   interface LikenessBody {
     iou: number;
     missing: number;
@@ -167,7 +160,7 @@ declare namespace Api {
     tunnels?: TunnelCounts | null;
     keeps_parts?: boolean | null;
     unused_bodies?: number[];
-    more_modules?: LargerShape[];
+    reach?: Reach[];
     pitch: number | null;
     method: string;
     possible_methods?: string[];
@@ -228,6 +221,10 @@ declare namespace Api {
     wait_s: number | null;
     remaining_s: number | null;
     preparing: PreparingBody | null;
+  }
+  interface Reach {
+    likeness: number;
+    modules: number | null;
   }
   interface Repair {
     detail: string;

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 from planner.certificate.figures import LikenessFigures
 
 LIKENESS_MEANING = "overlap of both, divided by what either covers"
@@ -20,6 +22,22 @@ def likeness_words(likeness: LikenessFigures | None) -> str | None:
     parts = [part for part in parts if part]
     more = f"; {', '.join(parts)}" if parts else ""
     return f"{iou} like the model ({LIKENESS_MEANING}){more}"
+
+
+def reach_words(reach: Sequence[Mapping[str, float | int | None]], most: int) -> str:
+    """Return about how many modules reach each likeness, in words.
+
+    Args:
+        reach: From ``planner.pipeline.prepare.Preparation.report``.
+        most: Largest number of modules.
+    """
+    told = [
+        f"about {each['modules']} for {percent(each['likeness'] or 0.0)}"
+        if each["modules"]
+        else f"more than {most} for {percent(each['likeness'] or 0.0)}"
+        for each in reach
+    ]
+    return ", ".join(told)
 
 
 def percent(share: float) -> str:

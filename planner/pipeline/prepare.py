@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
@@ -15,13 +16,13 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding import PATH_METHODS
 from planner.pathfinding.knots import Knot, knot_of
-from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from planner.pathfinding.path_options import PathOptions
 from planner.pathfinding.snake import is_box
 from planner.pathfinding.start_cell import starting_at
 from planner.plan.prepared_chains import PreparedChains
 from planner.readers import read
 from planner.shapes.likeness import Likeness
-from planner.shapes.shape import Shape
+from planner.shapes.shape import MAX_CELLS, Shape
 
 # What reads meshes and fills cells is imported for those: a path or a chain needs none of it.
 if TYPE_CHECKING:
@@ -46,10 +47,8 @@ a table."""
 PATH_SEARCH_LIMIT_S: Final = 20.0
 """Default time limit of the path search, in s. A larger value finds paths through more shapes and
 takes longer if there is none. Chosen."""
-MORE_MODULES: Final = (400, 1000, 3000)
-"""Larger numbers of modules that are offered for a mesh that its cells keep badly."""
-MIN_OFFER_RATIO: Final = 1.5
-"""Minimum ratio of an offered number of modules to the requested one."""
+MIN_MODULES: Final = 8
+"""Smallest number of modules that is suggested."""
 TIME_INDEPENDENT_METHODS: Final = ("blocks", "snake", "assembly")
 """Methods of searching a path through a shape whose result does not depend on a time limit, and so
 is the same on every machine. Only their chains may be stored by a preview and used by the fold."""
@@ -75,6 +74,8 @@ class Preparation:
         filled: Cells and their modules; None for paths and chains.
         likenesses: Likeness of each chain to the whole input, without chains that of the cells;
             empty for paths and chains, which are folded as they are.
+        reach: About how many modules reach each likeness (IoU), None if the largest number does
+            not; empty if that was not estimated.
     """
 
     kind: str
@@ -91,6 +92,7 @@ class Preparation:
     not_started: str = ""
     filled: FilledShape | None = None
     likenesses: tuple[Likeness, ...] = ()
+    reach: Mapping[float, int | None] = field(default_factory=dict[float, int | None])
 
     @property
     def likeness(self) -> Likeness | None:
@@ -186,15 +188,14 @@ class Preparation:
         }
 
     def _kept(self) -> dict[str, Any]:
-        """Return what the cells keep of a mesh, and what larger numbers of modules would."""
+        """Return what the modules keep of a mesh, and what other numbers of modules would."""
         voxels = self.voxels
         if voxels is None:
             return {
                 **dict.fromkeys(("volume_kept", "tunnels", "keeps_parts")),
                 "unused_bodies": [],
-                "more_modules": [],
+                "reach": [],
             }
-        per_cell = 1 if self.filled is None else self.filled.modules_per_cell
         return {
             "volume_kept": None if self.likeness is None else 1.0 - self.likeness.missing,
             "tunnels": None
@@ -202,15 +203,9 @@ class Preparation:
             else {"mesh": voxels.tunnels, "cells": voxels.kept.tunnels},
             "keeps_parts": voxels.kept.parts,
             "unused_bodies": list(voxels.unused),
-            "more_modules": [
-                {
-                    "modules": per_cell * kept.asked,
-                    "iou": kept.iou,
-                    "volume_kept": kept.volume,
-                    "tunnels": kept.tunnels,
-                    "keeps_parts": kept.parts,
-                }
-                for kept in voxels.larger
+            "reach": [
+                {"likeness": likeness, "modules": modules}
+                for likeness, modules in self.reach.items()
             ],
         }
 
@@ -325,8 +320,7 @@ def prepare_found(
         seed: Random seed.
         time_limit_s: Time limit of the search for a path through exact cells, s.
         searching: True to search a path for voxels and meshes; else they remain cells.
-        offering: True to estimate, for a mesh that its cells keep badly, what larger numbers of
-            modules would keep.
+        offering: True to estimate, for a mesh, how many modules reach a likeness.
 
     Returns:
         The preparation, with no chains when there is no path: it then says why.
@@ -350,21 +344,36 @@ def prepare_found(
         return _cells_alone(found, options, seed)
     if isinstance(found, Shape):
         return _from_shape("voxels", found, options, seed, time_limit_s)
-    counts = larger_counts(options) if offering else ()
-    return _from_solid(found, options, seed, time_limit_s, counts)
+    made = _from_solid(found, options, seed, time_limit_s)
+    return replace(made, reach=_reach(found, made)) if offering else made
 
 
-def larger_counts(options: PathOptions) -> tuple[int, ...]:
-    """Return the numbers of cells for the larger numbers of modules that may be offered."""
-    if options.module != CUBE.name or options.world == "table":
-        return ()
-    filling = filling_of(options)
-    asked = DEFAULT_MODULES if options.modules is None else options.modules
-    return tuple(
-        filling.cells_for(replace(options, modules=modules))
-        for modules in MORE_MODULES
-        if modules >= MIN_OFFER_RATIO * asked
-    )
+def _reach(solid: Solid, made: Preparation) -> dict[float, int | None]:
+    """Return about how many cubes reach each likeness in zero gravity.
+
+    Empty where that cannot be estimated: for other modules, on a table, and for solids of which
+    separate bodies are left out.
+    """
+    from planner.shapes.reachable_likeness import cells_reaching
+
+    options, filled, voxels = made.options, made.filled, made.voxels
+    if options.module != CUBE.name or options.world == "table" or filled is None:
+        return {}
+    if voxels is None or voxels.unused:
+        return {}
+    cubes = filled.modules_per_cell
+    fewest, most = -(-MIN_MODULES // cubes), MAX_CELLS // cubes
+    reached = cells_reaching(solid, fewest=fewest, most=most)
+    return {
+        likeness: None if cells is None else min(MAX_CELLS, _rounded_up(cubes * cells))
+        for likeness, cells in reached.items()
+    }
+
+
+def _rounded_up(count: int) -> int:
+    """Return a number rounded up to two significant digits."""
+    step = 10 ** max(0, len(str(count)) - 2)
+    return -(-count // step) * step
 
 
 def read_in_any_order(
@@ -397,7 +406,7 @@ def prepare_in_any_order(
 ) -> Preparation:
     """Read a file with ``read_in_any_order`` and run ``prepare_found``.
 
-    For meshes, larger numbers of modules are offered if they keep more.
+    For meshes, the numbers of modules that reach a likeness are estimated.
 
     Raises:
         InputError: See both.
@@ -504,13 +513,11 @@ def _from_shape(
     return _made(kind, shape.name, options, filled, notes, likenesses=likenesses)
 
 
-def _from_solid(
-    solid: Solid, options: PathOptions, seed: int, time_limit_s: float, larger: tuple[int, ...]
-) -> Preparation:
+def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:
     from planner.shapes.voxelise import voxelise
 
     filling = filling_of(options)
-    voxels = voxelise(solid, cells=filling.cells_for(options), seed=seed, larger=larger)
+    voxels = voxelise(solid, cells=filling.cells_for(options), seed=seed)
     filled = filling.fill(
         voxels.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s
     )

@@ -79,9 +79,6 @@ THOROUGH_FROM_FITS: Final = 30
 """Minimum number of fits (cell sizes and orientations of a solid) that may be tried within the
 limit of sample points for the choice to be thorough: then up to 10, instead of 4, of the best fits
 are voxelised and compared. Smaller values are thorough for larger solids, more slowly. Chosen."""
-MAX_ESTIMATE_FITS: Final = 3
-"""Maximum number of cell sizes that are tried to estimate how well another number of modules would
-keep a solid."""
 PITCHES_PER_SIDE: Final = 4
 """Number of cell sizes (pitches), 1.25 % apart, that are tried on either side of the one that is
 estimated to give the requested number of modules. Larger values find cells that fit better, more
@@ -160,28 +157,6 @@ class Chooser:
     def offers(self, cells: int) -> tuple[int | None, int | None]:
         """Return the next smaller and larger counts that requests for them give."""
         return self._offer(cells, above=False), self._offer(cells, above=True)
-
-    def estimate(self, cells: int, turn: int) -> FittedCells | None:
-        """Return cells for a count in one orientation, from a few fits; None if none comes near.
-
-        ``choose`` compares many fits, and so finds cells that are hardly ever worse.
-        """
-        ladder = self._ladder
-        fits: dict[tuple[int, float], LatticeFit] = {}
-        pitch = ladder.pitch_for(cells)
-        for _ in range(MAX_ESTIMATE_FITS):
-            near = ladder.pitch_of(ladder.step(pitch))
-            if (turn, near) in fits or not self._visit(turn, near, fits):
-                break
-            pitch = near * _count_factor(fits[turn, near], cells)
-        if not fits:
-            return None
-        entries = _entries(fits.values(), ladder.volume)
-        inside = np.flatnonzero(_near(entries.counts, cells))
-        if not len(inside):
-            return None
-        best = inside[np.argmax(entries.scores[inside])]
-        return ladder.made(*entries.at(int(best)))
 
     def _search(self, cells: int) -> ChosenVoxels:
         ladder = self._ladder

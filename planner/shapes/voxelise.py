@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -11,7 +10,6 @@ import numpy as np
 from planner.arrays import Array, Flags
 from planner.errors import InputError, checked_fraction
 from planner.shapes.lattice_fits import (
-    MAX_FINER_SAMPLES,
     MAX_FULL_EDGE_SAMPLES,
     FittedCells,
     Grid,
@@ -39,13 +37,6 @@ are lost; above it, the note says that cells are thicker than the solid. Chosen.
 PART_LOST_SHARE: Final = 0.005
 """Share of a solid's volume (0 to 1) in parts that cells leave out, above which the parts count as
 lost."""
-GOOD_IOU: Final = 0.75
-"""Overlap of cells and solid (IoU, 0 to 1) from which larger numbers of modules are not offered if
-the cells keep all parts."""
-
-MIN_OFFER_GAIN: Final = 0.05
-"""Minimum gain in overlap (IoU, 0 to 1) for a larger number of modules to be offered, unless it
-keeps lost parts."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,7 +44,6 @@ class Kept:
     """What cells keep of a solid.
 
     Attributes:
-        asked: Requested number of cells.
         iou: Intersection over union of the cells with the whole solid, all of its bodies.
         volume: Share of the whole solid's volume inside the cells, 0…1.
         lost: Share of the used body's volume in parts that the cells leave out, 0…1.
@@ -61,7 +51,6 @@ class Kept:
         parts: True if no part is lost: neither volume nor a tunnel.
     """
 
-    asked: int
     iou: float
     volume: float
     lost: float
@@ -85,7 +74,6 @@ class Voxels:
         unused: Shares of the solid's volume of the separate bodies that are not used, the largest
             first.
         tunnels: Number of tunnels of the used body, such as that of a handle; None if undecided.
-        larger: What larger numbers of cells would keep, in ascending order; estimates.
         notes: Messages about lost parts, the most important first.
         remarks: Messages about crossing surfaces, and about cells that were added or removed.
     """
@@ -100,7 +88,6 @@ class Voxels:
     above: int | None
     unused: tuple[float, ...]
     tunnels: int | None
-    larger: tuple[Kept, ...] = ()
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
 
@@ -110,7 +97,7 @@ class Voxels:
         return self.kept.iou
 
 
-def voxelise(solid: Solid, *, cells: int, seed: int = 0, larger: Sequence[int] = ()) -> Voxels:
+def voxelise(solid: Solid, *, cells: int, seed: int = 0) -> Voxels:
     """Convert a solid into about ``cells`` cells.
 
     What comes within a tenth of the count and keeps the most of the shape is taken; where nothing
@@ -120,8 +107,6 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, larger: Sequence[int] =
         solid: Solid to voxelise.
         cells: Requested number of cells.
         seed: Seed of the random orientations.
-        larger: Larger numbers of cells, ascending; if the cells lose much of the solid, the result
-            tells what these would keep, up to the first that is good enough.
 
     Raises:
         InputError: The count is out of range, or the solid has no inside.
@@ -143,7 +128,7 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, larger: Sequence[int] =
     )
     filled_cells = np.argwhere(made.joined.cells)
     at = np.array(made.offset_threshold[:3]) * (fine.size // fine.split)
-    kept = _kept(ladder, fine, made, cells)
+    kept = _kept(ladder, fine, made)
     rotation = ladder.turns[made.turn]
     offset = (fine.offset - at) / fine.size - filled_cells.min(axis=0)
     shape = Shape.from_cells(filled_cells - filled_cells.min(axis=0), name=solid.name)
@@ -166,13 +151,12 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, larger: Sequence[int] =
         above=above,
         unused=tuple(unused),
         tunnels=ladder.tunnels,
-        larger=tuple(_larger(chooser, ladder, kept, made.turn, larger)),
         notes=tuple(notes),
         remarks=tuple(_remarks(fine, made)),
     )
 
 
-def _kept(ladder: Ladder, grid: Grid, made: FittedCells, asked: int) -> Kept:
+def _kept(ladder: Ladder, grid: Grid, made: FittedCells) -> Kept:
     cells = made.joined.cells
     filled = grid.fill(made.offset_threshold).astype(np.float64)
     total = max(float(filled.sum()), np.finfo(float).tiny)
@@ -180,40 +164,12 @@ def _kept(ladder: Ladder, grid: Grid, made: FittedCells, asked: int) -> Kept:
     lost = checked_fraction(_volume_apart(cells, filled) / total, "share that is lost")
     tunnels = tunnels_of_cells(cells)
     return Kept(
-        asked=asked,
         iou=overlap(grid, made.offset_threshold, cells, share=ladder.share),
         volume=inside * ladder.share,
         lost=lost,
         tunnels=tunnels,
         parts=lost <= PART_LOST_SHARE and (ladder.tunnels is None or tunnels >= ladder.tunnels),
     )
-
-
-def _larger(
-    chooser: Chooser, ladder: Ladder, kept: Kept, turn: int, counts: Sequence[int]
-) -> Iterator[Kept]:
-    """Yield what larger numbers of cells would keep, up to the first that is good enough.
-
-    A number that seems to keep lost parts is tried in full, as a request for it would do.
-    """
-    for count in counts:
-        if kept.parts and kept.iou >= GOOD_IOU * ladder.share:
-            return
-        made = chooser.estimate(count, turn)
-        if made is None:
-            continue
-        larger = _kept(ladder, _finer_grid(ladder, made), made, count)
-        if larger.parts and not kept.parts:
-            made = chooser.choose(count).made
-            larger = _kept(ladder, _finer_grid(ladder, made), made, count)
-        if larger.iou >= kept.iou + MIN_OFFER_GAIN or larger.parts > kept.parts:
-            kept = larger
-            yield kept
-
-
-def _finer_grid(ladder: Ladder, made: FittedCells) -> Grid:
-    size = ladder.finer(made.turn, made.pitch, MAX_FINER_SAMPLES)
-    return ladder.grid(made.turn, made.pitch, size)
 
 
 def _unused(ladder: Ladder, shape: Shape, turn: Array, offset: Array) -> list[float]:

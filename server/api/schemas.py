@@ -422,15 +422,13 @@ class LikenessBody(Body):
     """Share of the modules' volume outside of the input, 0 to 1."""
 
 
-class LargerShape(Body):
-    """Estimate of what a larger number of modules would keep of a mesh."""
+class Reach(Body):
+    """Estimate of the number of modules that a likeness takes."""
 
-    modules: int
-    """Number of modules to request."""
-    iou: float
-    volume_kept: float
-    tunnels: int
-    keeps_parts: bool
+    likeness: float
+    """Overlap of the modules and the mesh (`likeness.iou`)."""
+    modules: int | None
+    """About how many modules reach it; null if the largest number that can be folded does not."""
 
 
 class Preview(Body):
@@ -461,9 +459,9 @@ class Preview(Body):
     """False if the cells leave out a thin part of the mesh or a hole through it."""
     unused_bodies: list[float] = []
     """Shares of the mesh's volume of separate bodies that are left out."""
-    more_modules: list[LargerShape] = []
-    """Estimates of what larger numbers of modules would keep; empty if they would keep little
-    more."""
+    reach: list[Reach] = []
+    """About how many modules it takes to be 60, 75 and 90 % like a mesh; empty where this is not
+    estimated (on a table, for tetrahedra, and if separate bodies are left out)."""
     pitch: float | None
     """Distance between module centres, in the solid's own units."""
     method: str

@@ -119,12 +119,12 @@ async def post_preview(
             context.previews.note_view(known, owner, viewed(options, report))
         times = expected_times(report, options.world, context.estimates.total_s)
         preparing = context.leases.preparing()
-        offered = [
-            larger
-            for larger in report.get("more_modules", [])
-            if larger["modules"] <= context.settings.max_modules
+        most = context.settings.max_modules
+        reach = [
+            {**each, "modules": None} if (each["modules"] or 0) > most else each
+            for each in report.get("reach", [])
         ]
-        report = {**report, "more_modules": offered}
+        report = {**report, "reach": reach}
         return Preview.of(known, options.key, report, times, preparing=preparing, full=full)
 
     async with asking(request, context) as asker:

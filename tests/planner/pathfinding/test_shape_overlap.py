@@ -52,8 +52,9 @@ def test_likeness_is_within_a_hundredth_of_the_exact_value() -> None:
 def test_likeness_does_not_depend_on_how_the_solid_lies() -> None:
     ball = trimesh.creation.icosphere(3, 1.5)
     cells = block(3, 3, 3) - 1
-    places = [np.eye(4)]
-    places += [trimesh.transformations.rotation_matrix(angle, (1, 2, 3)) for angle in (0.4, 2.0)]
+    places: list[NDArray[np.float64]] = [np.eye(4)]
+    for angle in (0.4, 2.0):
+        places.append(np.asarray(trimesh.transformations.rotation_matrix(angle, (1, 2, 3))))
     ious: list[float] = []
     for place in places:
         turned = ball.copy()
@@ -70,7 +71,7 @@ def voxels(cells: Any) -> bytes:
 def test_likeness_of_voxels_counts_their_repair() -> None:
     block_of_8 = block(2, 2, 2)
     loose = np.concatenate([block_of_8, [[5, 5, 5], [6, 5, 5]]])
-    for name, cells, options, expected in (
+    cases: tuple[tuple[str, Cells, dict[str, Any], Likeness], ...] = (
         ("as given", block_of_8, {}, Likeness(iou=1.0, missing=0.0, added=0.0)),
         ("in eighths", block_of_8, {"method": "blocks"}, Likeness(iou=1.0, missing=0.0, added=0.0)),
         ("repaired", loose, {"repair": True}, Likeness(iou=0.8, missing=0.2, added=0.0)),
@@ -80,9 +81,10 @@ def test_likeness_of_voxels_counts_their_repair() -> None:
             {"world": "table"},
             Likeness(iou=1.0, missing=0.0, added=0.0),
         ),
-    ):
+    )
+    for name, cells, changed, expected in cases:
         with case(name):
-            options = PathOptions(as_voxels=True, **options)
+            options = PathOptions(as_voxels=True, **changed)
             assert prepare(voxels(cells), "a.json", options).likeness == expected
 
 

@@ -77,28 +77,26 @@ def test_similarity_of_two_bodies_never_exceeds_the_share_of_the_used_one() -> N
     assert both["cells"] == alone["cells"]
 
 
-@pytest.mark.slow
-def test_lost_handle_is_reported_with_the_number_of_modules_that_keeps_it() -> None:
-    report = prepare_in_any_order(exported("stl", cup()), "cup.stl", PathOptions()).report()
+def test_lost_handle_is_reported_with_the_numbers_of_modules_for_a_likeness() -> None:
+    mesh = exported("stl", cup())
+    report = prepare_in_any_order(mesh, "cup.stl", PathOptions()).report()
     assert report["tunnels"] == {"mesh": 1, "cells": 0}
     assert report["keeps_parts"] is False
     assert any("1 hole through it" in note for note in report["notes"])
-    keeping = [larger for larger in report["more_modules"] if larger["keeps_parts"]]
-    assert keeping
-    chosen = prepare_in_any_order(
-        exported("stl", cup()), "cup.stl", PathOptions(modules=keeping[0]["modules"])
-    ).report()
-    assert chosen["tunnels"] == {"mesh": 1, "cells": 1}
-    assert chosen["keeps_parts"] is True
-    assert chosen["iou"] >= keeping[0]["iou"] - 0.02
+    assert [each["likeness"] for each in report["reach"]] == [0.6, 0.75, 0.9]
+    enough = report["reach"][2]["modules"]
+    found = prepare_in_any_order(mesh, "cup.stl", PathOptions(modules=enough)).likeness
+    assert found is not None
+    assert found.iou > 0.87
 
 
-def test_well_kept_shapes_get_no_offers() -> None:
-    report = prepare_in_any_order(
-        exported("stl", box(4, 4, 4)), "a.stl", PathOptions(modules=216)
-    ).report()
+def test_exact_fits_need_few_modules() -> None:
+    cube = exported("stl", box(4, 4, 4))
+    report = prepare_in_any_order(cube, "a.stl", PathOptions(modules=216)).report()
     assert report["keeps_parts"] is True
-    assert report["more_modules"] == []
+    assert [each["modules"] for each in report["reach"]] == [8, 8, 8]
+    for options in (PathOptions(module="tetrahedron"), PathOptions(world="table", modules=64)):
+        assert prepare_in_any_order(cube, "a.stl", options).report()["reach"] == []
 
 
 def test_snake_is_possible_only_for_boxes() -> None:

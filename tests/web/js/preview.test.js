@@ -1,6 +1,6 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { Preview, figuresOf, lossOf, nearby, notesOf, oddWords, offerOf, troubleOf, verdictOf } from "../../../web/static/js/panels/preview_state.js";
+import { Preview, figuresOf, isLossy, nearby, notesOf, oddWords, offerOf, reachOf, troubleOf, verdictOf } from "../../../web/static/js/panels/preview_state.js";
 
 const CHOICES = { module: ["cube", "tetrahedron"], method: ["auto", "blocks", "exact", "snake"], ends: ["any", "surface"], world: ["floating", "table"] };
 const FACTS = { id: "abc", most_modules: 12_000, table_modules: 64, next_scripts: [], origin: {}, options: {} };
@@ -88,7 +88,7 @@ test("the module that was clicked can become the first, which can be undone", ()
 test("a report is put into words", () => {
   assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · 99\u00a0% like your file");
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
-  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5, likeness: { iou: 0.5, missing: 0.004, added: 0.498 } })), { iou: "50\u00a0%", likeness: "Overlap of both, divided by what either covers. Less than 1\u00a0% of your file is missing, 50\u00a0% of the modules is outside of it.", candidates: "3", knotted: true, knot: "Yes", knotHint: "The knot is undone while the chain unfolds, which takes longer. The chain’s determinant, a test number for knots, is 3. Without a knot, it would be 1." });
+  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5, likeness: { iou: 0.5, missing: 0.004, added: 0.498 } })), { iou: "50\u00a0%", likeness: "Less than 1\u00a0% of your file is missing, 50\u00a0% of the modules is outside of it.", candidates: "3", knotted: true, knot: "Yes", knotHint: "The knot is undone while the chain unfolds, which takes longer. The chain’s determinant, a test number for knots, is 3. Without a knot, it would be 1." });
   assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "No"]);
   assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the closest possible number to 65" });
   assert.deepEqual(nearby(opened(), report({ below: 60, above: 72 })), { counts: [60, 72], text: "Also possible" });
@@ -117,18 +117,15 @@ test("the reason why there is no path comes with a remedy", () => {
   assert.deepEqual(offerOf(offer, 1), { text: "Add 2 cells: 72 modules", primary: false, change: { repair: true } });
 });
 
-test("a shape that loses parts offers the numbers of modules that keep more of it", () => {
-  const larger = (modules, iou, keeps) => ({ modules, iou, keeps_parts: keeps, volume_kept: iou, tunnels: 1 });
-  const loss = (more) => lossOf(opened(), report(more));
-  assert.deepEqual(loss({}), { lossy: false, offers: [] });
-  assert.ok(loss({ unused_bodies: [0.42] }).lossy && loss({ keeps_parts: false }).lossy);
-  const { offers } = loss({ keeps_parts: false, more_modules: [larger(500, 0.451, false), larger(1000, 0.55, true), larger(3000, 0.69, true), larger(15_000, 0.8, true)] });
-  assert.deepEqual(offers, [
-    { text: "500 modules: about 45\u00a0%", change: { modules: 500 } }, { text: "1\u2009000 modules: about 55\u00a0%, all parts", change: { modules: 1000 } },
+test("a report says what is lost, and about how many modules are how much like the file", () => {
+  assert.deepEqual([{}, { unused_bodies: [0.42] }, { keeps_parts: false }].map((more) => isLossy(report(more))), [false, true, true]);
+  const reach = [{ likeness: 0.6, modules: 220 }, { likeness: 0.75, modules: 2400 }, { likeness: 0.9, modules: null }];
+  assert.deepEqual(reachOf(opened(), report({ reach })), [
+    { text: "60\u00a0%: 220", label: "About 220 modules are 60\u00a0% like your file", change: { modules: 220 } },
+    { text: "75\u00a0%: 2\u2009400", label: "About 2\u2009400 modules are 75\u00a0% like your file", change: { modules: 2400 } },
+    { text: "90\u00a0%: over 12\u2009000", label: "12\u2009000 modules are too few to be 90\u00a0% like your file", change: null },
   ]);
-  const apart = loss({ unused_bodies: [0.42], more_modules: [larger(1000, 0.55, true)] });
-  assert.deepEqual(apart.offers.map(({ text }) => text), ["1\u2009000 modules: about 55\u00a0%"], "the other body stays unused");
-  assert.deepEqual(loss({ more_modules: [larger(15_000, 0.55, true)] }).offers, [], "more than this service folds");
+  assert.deepEqual(reachOf(opened(), report({})), []);
 });
 
 test("each note is shown in one place", () => {

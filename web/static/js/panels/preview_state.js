@@ -188,7 +188,7 @@ export function percent(share) {
   return `${share < 1 ? Math.min(99, Math.round(100 * share)) : 100}\u00a0%`;
 }
 
-// What a likeness means, and what is missing or outside; empty without one.
+// What is missing of the file and what is outside of it; empty without a likeness.
 /** @param {Api.Preview["likeness"]} likeness */
 export function likenessWords(likeness) {
   if (!likeness) return "";
@@ -197,7 +197,7 @@ export function likenessWords(likeness) {
     missing ? `${percent(missing)} of your file is missing` : "",
     added ? `${percent(added)} of the modules is outside of it` : "",
   ].filter(Boolean).join(", ");
-  return `Overlap of both, divided by what either covers.${parts ? ` ${sentence(parts)}.` : ""}`;
+  return parts && `${sentence(parts)}.`;
 }
 
 /** @param {Api.Preview} report */
@@ -253,20 +253,21 @@ export function oddWords({ has_path: path, feasibility }) {
   return marked ? ODD[marked.code] ?? "cells that prevent a path" : "";
 }
 
-// Return whether the cells leave out a part of the file, and numbers of modules that keep more of it:
-// the next one, and the first that keeps all parts.
+// Return whether the cells leave out a part of the file.
+/** @param {Api.Preview} report */
+export function isLossy({ unused_bodies: unused = [], keeps_parts: keeps = null }) { return unused.length > 0 || keeps === false; }
+
+// Return about how many modules it takes to be how much like the file; no change where no number is enough.
 /**
  * @param {Preview} preview
  * @param {Api.Preview} report
  */
-export function lossOf({ maxModules }, { unused_bodies: unused = [], keeps_parts: keeps = null, more_modules: larger = [] }) {
-  const possible = larger.filter(({ modules }) => modules <= maxModules);
-  const [next, full] = [possible[0], possible.find(({ keeps_parts: all }) => all)];
-  /** @type {Offer[]} */
-  const offers = [...new Set([next, full])].flatMap((each) => (each ? [{
-    text: `${whole(each.modules)} modules: about ${percent(each.iou)}${each === full && !unused.length ? ", all parts" : ""}`, change: { modules: each.modules },
-  }] : []));
-  return { lossy: unused.length > 0 || keeps === false, offers };
+export function reachOf({ maxModules }, { reach = [] }) {
+  return reach.map(({ likeness, modules }) => (modules === null ? {
+    text: `${percent(likeness)}: over ${whole(maxModules)}`, label: `${whole(maxModules)} modules are too few to be ${percent(likeness)} like your file`, change: null,
+  } : {
+    text: `${percent(likeness)}: ${whole(modules)}`, label: `About ${whole(modules)} modules are ${percent(likeness)} like your file`, change: { modules },
+  }));
 }
 
 // Return the notes on the cells: their repair, their missing order, and all others.

@@ -4,7 +4,7 @@ import { at, button, element, get, sentence, whole } from "../lib/text.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL, load } from "../viewer/scene.js";
 import { showFor } from "./paper_settings.js";
-import { figuresOf, lossOf, nearby, notesOf, oddWords, offerOf, troubleOf, verdictOf } from "./preview_state.js";
+import { figuresOf, isLossy, nearby, notesOf, oddWords, offerOf, reachOf, troubleOf, verdictOf } from "./preview_state.js";
 
 const DRAW_MS = 100;
 const NO_WEBGL = "WebGL is missing or switched off";
@@ -112,7 +112,7 @@ export function showReport(preview, report, onChange) {
   const { kind, name, has_path: path } = report;
   const { counts, text } = nearby(preview, report);
   const { iou, likeness, candidates, knot, knotHint, knotted } = figuresOf(report);
-  const { lossy, offers } = lossOf(preview, report);
+  const reach = reachOf(preview, report);
   const odd = oddWords(report);
   const { repaired, unordered, others } = notesOf(preview, report);
   const [chain, noCubes] = [kind === "chain" || onTable, options.module !== "cube"];
@@ -123,13 +123,13 @@ export function showReport(preview, report, onChange) {
     fold: foldWords(report),
   });
   hide({
-    what: chain, how: chain || kind === "path", "method-part": noCubes, "method-hint": noCubes, "modules-part": kind !== "mesh", "iou-part": !iou,
+    what: chain, how: chain || kind === "path", "method-part": noCubes, "method-hint": noCubes, "modules-part": kind !== "mesh", "iou-part": !iou, "reach-part": !reach.length, "likeness-meaning": !iou,
     trouble: path, odd: !odd, "odd-cells": !odd, "to-add": true, repaired: !repaired, unordered: !unordered,
     legend: !path, "were-added": !report.added?.length, layers: false,
   });
   get("nearest").replaceChildren(...counts.map((modules) => button("", whole(modules), () => onChange({ modules }), { title: "A nearby number of modules that may work" })));
-  get("match").dataset.tone = lossy ? "bad" : "";
-  get("more-modules").replaceChildren(...offers.map((offer) => buttonOf(offer, onChange)));
+  get("match").dataset.tone = isLossy(report) ? "bad" : "";
+  get("reach").replaceChildren(...reach.map(({ text, label, change }) => button("", text, () => { if (change) onChange(change); }, { "aria-label": label, title: label, ...(!change && { disabled: true }) })));
   get("notes").replaceChildren(...others.map((note) => element("li", {}, note)));
   get("iou-part").style.setProperty("--share", String(report.iou ?? 0));
   get("knot").title = knotHint;
@@ -171,8 +171,7 @@ export class Picture {
       pick, settled,
       shown: () => {
         this.viewing = true;
-        const complete = !this.stage.nodes.has("/missing");
-        hide({ "were-missing": complete, "missing-layer": complete });
+        hide({ "missing-layer": !this.stage.nodes.has("/missing") });
         this.stage.painted(() => { if (this.viewing) get("cover").classList.add("gone"); });
       },
       failed: () => { this.failed = true; this.viewing = false; this.draw(); },

@@ -1,0 +1,78 @@
+"""Reachable likeness: about how many cells it takes to look like a solid to a given degree.
+
+For each of many pitches and shifts of the lattice, the set of cells with the largest overlap (IoU)
+is known without a search: the fullest cells. No path through it need exist, but one that is fitted
+to the solid comes close to it (decision 0033).
+"""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.shapes.inside_points import InsidePoints, inside_points
+from planner.shapes.solid import Solid
+
+LEVELS: Final = (0.6, 0.75, 0.9)
+"""Overlaps (IoU, 0 to 1) for which numbers of cells are estimated."""
+CELL_POINTS: Final = 32
+"""Number of points for each cell by which its filled share is estimated."""
+MAX_POINTS: Final = 60_000
+"""Maximum number of points; of very many cells each has fewer."""
+BAND: Final = 4.0
+"""Ratio of the numbers of cells for which the same points are used."""
+COUNT_STEPS: Final = (1.15, 1.3)
+"""Ratio of two numbers of cells that are tried one after the other: of few, and of many."""
+SHIFT_STEP: Final = (0.8192, 0.6710, 0.5497)
+"""Difference of two shifts of the lattice that are tried one after the other, in cells: an additive
+recurrence that fills the cube evenly (M. Roberts, The unreasonable effectiveness of quasirandom
+sequences, 2018)."""
+SHIFT_COUNTS: Final = (8, 3)
+"""Number of shifts that are tried: of few cells, and of many, for which the shift matters less."""
+MANY_CELLS: Final = 600
+"""Number of cells from which they are many."""
+
+
+def cells_reaching(solid: Solid, *, fewest: int, most: int) -> dict[float, int | None]:
+    """Return about how many cells reach each of ``LEVELS``; None if ``most`` do not.
+
+    Args:
+        solid: The solid, as it shall stand.
+        fewest: Smallest number of cells that may be used.
+        most: Largest number of cells that may be used.
+    """
+    reached: dict[float, int | None] = dict.fromkeys(LEVELS)
+    count, known = float(fewest), 0.0
+    inside = InsidePoints(points=np.zeros((0, 3)), volume=0.0)
+    while count <= COUNT_STEPS[0] * most and None in reached.values():
+        if count > known and len(inside.points) < MAX_POINTS / 2:
+            known = BAND * count
+            inside = inside_points(solid, count=int(min(CELL_POINTS * known, MAX_POINTS)))
+        is_large = count > MANY_CELLS
+        some = (inside.points - inside.points.min(axis=0)) / np.cbrt(inside.volume / count)
+        shifts = np.outer(np.arange(SHIFT_COUNTS[is_large]), SHIFT_STEP) % 1.0
+        best, iou = max((_best_set(some + shift, count) for shift in shifts), key=lambda x: x[1])
+        for level, cells in reached.items():
+            if cells is None and iou >= level and best <= most:
+                reached[level] = max(best, fewest)
+        count *= COUNT_STEPS[is_large]
+    return reached
+
+
+def _best_set(points: Array, volume: float) -> tuple[int, float]:
+    """Return the size and the overlap (IoU) of the best set of cells with edge 1.
+
+    Args:
+        points: (P, 3) points spread evenly in the solid, none negative.
+        volume: Volume of the solid.
+    """
+    sizes = (points.max(axis=0) + 1.0).astype(np.int64)
+    x, y, z = points.astype(np.int64).T
+    filled = np.bincount((x * sizes[1] + y) * sizes[2] + z)
+    filled = np.sort(filled[filled > 0])[::-1] * (volume / len(points))
+    shared = np.cumsum(filled)
+    ious = shared / (volume + np.arange(1, len(filled) + 1) - shared)
+    best = int(ious.argmax())
+    return best + 1, float(ious[best])
