@@ -95,6 +95,11 @@ class Preparation:
     reach: Mapping[float, int | None] = field(default_factory=dict[float, int | None])
 
     @property
+    def sentences(self) -> tuple[str, ...]:
+        """Notes for people, each beginning with a capital letter."""
+        return tuple(f"{note[:1].upper()}{note[1:]}" for note in self.notes)
+
+    @property
     def likeness(self) -> Likeness | None:
         """Likeness of the best chain to the whole input; None for paths and chains."""
         return next(iter(self.likenesses), None)
@@ -113,7 +118,7 @@ class Preparation:
         if self.chains:
             return self.chains[0]
         problems = [] if self.feasibility is None else list(self.feasibility.problems)
-        why = " ".join(problem.detail for problem in problems) or " ".join(self.notes)
+        why = " ".join(problem.detail for problem in problems) or " ".join(self.sentences)
         remedy = ""
         on_table = self.options.world == "table"
         if on_table:
@@ -143,7 +148,7 @@ class Preparation:
         return PreparedChains(
             kind=self.kind,
             method=self.method,
-            notes=self.notes,
+            notes=self.sentences,
             knot=None if self.knot is None else self.knot.verdict,
             chains=self.chains,
             likenesses=self.likenesses,
@@ -177,7 +182,7 @@ class Preparation:
             "knot": None
             if self.knot is None
             else {"verdict": self.knot.verdict, "determinant": self.knot.determinant},
-            "notes": list(self.notes),
+            "notes": list(self.sentences),
             "added": [] if self.filled is None else [list(cell) for cell in self.filled.added],
             "as_voxels": self.options.as_voxels,
             "start": None if self.options.start is None else list(self.options.start),

@@ -83,6 +83,7 @@ def test_lost_handle_is_reported_with_the_numbers_of_modules_for_a_likeness() ->
     assert report["tunnels"] == {"mesh": 1, "cells": 0}
     assert report["keeps_parts"] is False
     assert any("1 hole through it" in note for note in report["notes"])
+    assert all(note[0] == note[0].upper() for note in report["notes"])
     assert [each["likeness"] for each in report["reach"]] == [0.6, 0.75, 0.9]
     enough = report["reach"][2]["modules"]
     found = prepare_in_any_order(mesh, "cup.stl", PathOptions(modules=enough)).likeness

@@ -57,7 +57,9 @@ def test_mesh_becomes_about_as_many_modules_as_requested(idle: Service) -> None:
     assert (found["kind"], found["method"]) == ("mesh", "blocks")
     assert found["modules"] == len(found["cells"]) == 128  # a box of 4 by 2 by 2 blocks
     assert found["has_path"] and is_path(found["cells"])
-    assert found["iou"] == pytest.approx(1.0, abs=0.02)
+    assert found["iou"] == found["likeness"]["iou"] == pytest.approx(1.0, abs=0.02)
+    assert found["missing"]["faces"] == []
+    assert [each["likeness"] for each in found["reach"]] == [0.6, 0.75, 0.9]
     assert found["knot"]["verdict"] == "unknot"
     assert found["expected_as_published_s"] > found["expected_s"] > 0
     # The mesh and the cells fill the same box.
