@@ -179,7 +179,8 @@ def _turn() -> None:
     """Compile the kernels of turns, with a chain whose turns all fit into one step."""
     chain = warm_up_chains()
     turning = CubeTurning(chain, 0.95)
-    found = unfold(turning, room=0.0, width=1, seed=0)
+    found = unfold(turning, turning.folded, room=0.0, width=1, seed=0)
+    turning.pairs(turning.folded)
     hinges = np.zeros(0, np.int64)
     turning.clear_turns(found.states[-1], hinges, hinges, room=0.0)
 

@@ -31,7 +31,8 @@ class Unfolded:
     Attributes:
         outcome: ``straight`` if a sequence was found; ``blocked`` if no hinge can turn in the
             folded state; ``stuck`` if no state in the beam led on.
-        states: (T + 1, J) levels from folded to the last state; straight if the search succeeded.
+        states: (T + 1, J) levels from the start to the best state: the straight one if the search
+            succeeded.
         expanded: Number of states whose turns were tried.
     """
 
@@ -62,25 +63,32 @@ class _Trail:
 
 
 def unfold(
-    turning: Turning, *, room: float, width: int, seed: int, cancelled: Cancelled = never
+    turning: Turning,
+    start: Levels,
+    *,
+    room: float,
+    width: int,
+    seed: int,
+    cancelled: Cancelled = never,
 ) -> Unfolded:
-    """Search for turns from folded to straight: fewest bent hinges and contacts first.
+    """Search for turns from a state to straight: fewest bent hinges and contacts first.
 
     Args:
         turning: Turns of the chain.
+        start: (J,) levels at first.
         room: Distance that modules must keep, pitches.
         width: Number of states that are kept after each turn.
         seed: Seed of the order of equal states.
         cancelled: Polled before each turn.
     """
-    folded = turning.folded
-    hinges = np.arange(len(folded))
+    hinges = np.arange(len(start))
     random = np.random.default_rng(seed)
-    codes = random.integers(0, 2**64, (len(folded), 3), np.uint64)
-    beam = folded[None].copy()
-    keys: Keys = np.bitwise_xor.reduce(codes[hinges, folded + 1])[None]
+    codes = random.integers(0, 2**64, (len(start), 3), np.uint64)
+    beam = start[None].copy()
+    keys: Keys = np.bitwise_xor.reduce(codes[hinges, start + 1])[None]
     seen = set(keys.tolist())
     trail, expanded, lowest, since = _Trail(), 0, np.inf, 0
+    nearest = beam[:1]
     while beam.any(axis=1).all():
         if cancelled():
             return Unfolded(outcome="cancelled", states=trail.to(beam[0], 0), expanded=expanded)
@@ -88,16 +96,20 @@ def unfold(
         expanded += len(beam)
         chosen = _best(children, seen, width, random)
         score = float(children.score[chosen].min(initial=np.inf))
-        since = 0 if score < lowest else since + 1
+        improves = score < lowest
+        since = 0 if improves else since + 1
         lowest = min(lowest, score)
         if since > PATIENCE_TURNS or not len(chosen):
             outcome = "blocked" if expanded == 1 else "stuck"
-            return Unfolded(outcome=outcome, states=trail.to(beam[0], 0), expanded=expanded)
+            return Unfolded(outcome=outcome, states=nearest, expanded=expanded)
         parent, hinge = children.parent[chosen], children.hinge[chosen]
         trail.add(parent, hinge, beam[parent, hinge])
         beam = beam[parent]
         beam[np.arange(len(chosen)), hinge] = children.level[chosen]
         keys = children.key[chosen]
+        if improves:
+            best = int(children.score[chosen].argmin())
+            nearest = trail.to(beam[best], best)
     at = int(np.argmin(beam.any(axis=1)))
     return Unfolded(outcome="straight", states=trail.to(beam[at], at), expanded=expanded)
 

@@ -15,6 +15,7 @@ from planner.kernels.cube_turns import (
     SweptCells,
     clear_turns,
     expand,
+    without_overlaps,
 )
 from planner.turns.turning import Children, Keys, Levels, Turning
 
@@ -73,6 +74,16 @@ class CubeTurning(Turning):
             score=moves.score[:count],
             key=moves.key[:count],
         )
+
+    def pairs(self, state: Levels) -> Levels:
+        """Return states with two more straight hinges, without overlaps, see ``Turning``."""
+        bent = np.flatnonzero(state)
+        first, second = np.triu_indices(len(bent), 1)
+        order = np.argsort(bent[second] - bent[first], kind="stable")
+        pairs = np.stack([bent[first], bent[second]], axis=1)[order]
+        states = np.repeat(state[None], len(pairs), axis=0)
+        np.put_along_axis(states, pairs, 0, axis=1)
+        return states[without_overlaps(states, self._scratch)]
 
     def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, room: float) -> int:
         """Return how many turns of a sequence are clear, one by one, see ``Turning``."""

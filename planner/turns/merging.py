@@ -23,6 +23,31 @@ Turn = tuple[int, int]
 """A hinge, and the change of its level."""
 
 
+class RoomProof:
+    """Proof that modules keep a distance while all hinges turn evenly from one pose to another.
+
+    Args:
+        chain: The chain.
+        turning: Its turns.
+        room: Distance that modules must keep, pitches.
+    """
+
+    def __init__(self, chain: Chain, turning: Turning, room: float) -> None:
+        self._step_rad = turning.step_rad
+        # Cubes that are larger by the room on all sides keep apart where the cubes keep that room.
+        self._between = Between(chain, turning.size + room)
+
+    def holds(self, before: Levels, after: Levels) -> bool:
+        """Return True if the motion between two states with these (J,) levels is proved clear."""
+        start, end = self._step_rad * before.astype(float), self._step_rad * after.astype(float)
+        places = np.linspace(0.0, 1.0, len(PIECE_ORDER) + 1)[:, None]
+        poses: Array = start + places * (end - start)
+        return all(
+            self._between.clearance(poses[k], poses[k + 1], ALLOWANCE_CAP) > 0.0
+            for k in PIECE_ORDER
+        )
+
+
 class Merger:
     """Merges turns of a chain into steps.
 
@@ -37,8 +62,7 @@ class Merger:
         self._turning = turning
         self._room = room
         self._at_once = at_once
-        # Cubes that are larger by the room on all sides keep apart where the cubes keep that room.
-        self._between = Between(chain, turning.size + room)
+        self._proof = RoomProof(chain, turning, room)
 
     def steps(self, states: Levels) -> list[list[Turn]]:
         """Return the turns of each step, from the first state to the last.
@@ -47,8 +71,18 @@ class Merger:
         may pass it if all turns that are left stay clear, one by one.
 
         Args:
-            states: (T + 1, J) levels; neighbours differ in one hinge by 1.
+            states: (T + 1, J) levels; neighbours differ in one hinge by 1, or in two that must turn
+                at once: these are a step of their own.
         """
+        pairs = np.flatnonzero((np.diff(states, axis=0) != 0).sum(axis=1) > 1).tolist()
+        steps: list[list[Turn]] = []
+        for begin, end in zip([0, *(k + 1 for k in pairs)], [*pairs, len(states) - 1], strict=True):
+            steps += self._steps_of_single_turns(states[begin : end + 1])
+            if end < len(states) - 1:
+                steps.append(_turns(states[end : end + 2]))
+        return steps
+
+    def _steps_of_single_turns(self, states: Levels) -> list[list[Turn]]:
         left = _turns(states)
         state = states[0].copy()
         steps: list[list[Turn]] = []
@@ -109,24 +143,14 @@ class Merger:
             count = self._turning.clear_turns(after, hinges, changes, room=self._room)
             if count < len(hinges):
                 return False
-        step_rad = self._turning.step_rad
-        return self._proved(step_rad * state.astype(float), step_rad * after.astype(float))
-
-    def _proved(self, start: Array, end: Array) -> bool:
-        """Return True if modules keep the room while all hinges turn evenly."""
-        places = np.linspace(0.0, 1.0, len(PIECE_ORDER) + 1)[:, None]
-        poses = start + places * (end - start)
-        return all(
-            self._between.clearance(poses[k], poses[k + 1], ALLOWANCE_CAP) > 0.0
-            for k in PIECE_ORDER
-        )
+        return self._proof.holds(state, after)
 
 
 def _turns(states: Levels) -> list[Turn]:
-    """Return the turn between neighbouring states."""
+    """Return the turns between neighbouring states."""
     differences: NDArray[np.int8] = np.diff(states, axis=0)
-    _, hinges = np.nonzero(differences)
-    changes = differences[np.arange(len(hinges)), hinges]
+    rows, hinges = np.nonzero(differences)
+    changes = differences[rows, hinges]
     return list(zip(hinges.tolist(), changes.tolist(), strict=True))
 
 

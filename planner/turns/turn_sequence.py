@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -12,7 +13,7 @@ from planner.chain.chain import Chain
 from planner.progress import Cancelled, never
 from planner.turns.beam_search import Outcome, Unfolded, unfold
 from planner.turns.cube_turns import CubeTurning
-from planner.turns.merging import Merger
+from planner.turns.merging import Merger, RoomProof
 from planner.turns.turning import Turning
 
 ROOM_SHARES: Final = (0.45, 0.35, 0.09, 0.01)
@@ -20,7 +21,15 @@ ROOM_SHARES: Final = (0.45, 0.35, 0.09, 0.01)
 first with which a sequence is found is taken. At a module size of 0.95 the largest is 0.0225 pitch,
 of which the certificate proves 0.02."""
 WIDTHS: Final = (4, 16)
-"""Widths of the beam, tried one after the other, each with all rooms."""
+"""Widths of the beam: at first, with all rooms, and if that fails, with the least."""
+
+
+MAX_PAIRS: Final = 6
+"""Maximum number of times that two hinges turn at once because no single one leads on."""
+MAX_TRIED_PAIRS: Final = 4
+"""Maximum number of such pairs from which a search goes on, to take the one that gets farthest."""
+MAX_PAIR_PROOFS: Final = 4000
+"""Maximum number of pairs of hinges whose motion is checked in one search for turns."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -71,7 +80,12 @@ def find_turns(
         cancelled: Polled before each turn.
     """
     turning: Turning = CubeTurning(chain, size)
-    found, room, expanded = _searched(turning, seed, cancelled)
+    found, room, expanded = _searched(turning, WIDTHS[0], ROOM_SHARES, seed, cancelled)
+    if found.outcome in ("blocked", "stuck") and at_once != 1:
+        found = _beyond(turning, RoomProof(chain, turning, room), found, room, seed)
+    if found.outcome == "stuck":
+        found, room, more = _searched(turning, WIDTHS[1], ROOM_SHARES[-1:], seed, cancelled)
+        expanded += more
     if found.outcome != "straight":
         angles = turning.step_rad * found.states.astype(float)
         return NoTurns(outcome=found.outcome, expanded=expanded, last_rad=angles)
@@ -85,23 +99,61 @@ def find_turns(
     return TurnSequence(
         rest_angles_rad=np.cumsum(changes, axis=0) * turning.step_rad,
         hinges=tuple(tuple(hinge for hinge, _ in step) for step in steps),
-        turns=len(found.states) - 1,
+        turns=sum(map(len, steps)),
         room=room,
     )
 
 
-def _searched(turning: Turning, seed: int, cancelled: Cancelled) -> tuple[Unfolded, float, int]:
-    """Return the first search that succeeds, or the last one; its room; states tried in all."""
+def _searched(
+    turning: Turning, width: int, shares: Sequence[float], seed: int, cancelled: Cancelled
+) -> tuple[Unfolded, float, int]:
+    """Return the first search that succeeds, or the best one; its room; states tried in all."""
     expanded, room = 0, 0.0
-    found = None
-    for width in WIDTHS:
-        for share in ROOM_SHARES:
-            room = share * (1.0 - turning.size)
-            found = unfold(turning, room=room, width=width, seed=seed, cancelled=cancelled)
-            expanded += found.expanded
-            if found.outcome in ("straight", "cancelled"):
-                return found, room, expanded
-        if found is not None and found.outcome == "blocked":
-            break
-    assert found is not None
-    return found, room, expanded
+    best: Unfolded | None = None
+    for share in shares:
+        room = share * (1.0 - turning.size)
+        found = unfold(
+            turning, turning.folded, room=room, width=width, seed=seed, cancelled=cancelled
+        )
+        expanded += found.expanded
+        if found.outcome in ("straight", "cancelled"):
+            return found, room, expanded
+        if best is None or _bent(found) <= _bent(best):
+            best = found
+    assert best is not None
+    return best, room, expanded
+
+
+def _beyond(
+    turning: Turning, proof: RoomProof, found: Unfolded, room: float, seed: int
+) -> Unfolded:
+    """Return a search that goes on where one has ended, by turning two hinges at once there."""
+    proofs = 0
+    for _ in range(MAX_PAIRS):
+        state, further = found.states[-1], found
+        tried = 0
+        for pair in turning.pairs(state):
+            proofs += 1
+            if proofs > MAX_PAIR_PROOFS or tried == MAX_TRIED_PAIRS:
+                break
+            if not proof.holds(state, pair):
+                continue
+            tried += 1
+            after = unfold(turning, pair, room=room, width=WIDTHS[0], seed=seed)
+            states = np.concatenate([found.states, after.states])
+            outcome = "straight" if after.outcome == "straight" else "stuck"
+            expanded = further.expanded + after.expanded
+            longer = Unfolded(outcome=outcome, states=states, expanded=expanded)
+            if _bent(longer) < _bent(further):
+                further = longer
+            if outcome == "straight":
+                return further
+        if further is found:
+            return found
+        found = further
+    return found
+
+
+def _bent(found: Unfolded) -> int:
+    """Return the number of bent hinges where a search has ended."""
+    return int(np.count_nonzero(found.states[-1]))

@@ -61,6 +61,17 @@ class Turning(Protocol):
         """
         ...
 
+    def pairs(self, state: Levels) -> Levels:
+        """Return states that differ from one in two hinges that get straight, without overlaps.
+
+        Args:
+            state: (J,) levels.
+
+        Returns:
+            (M, J) levels, those of hinges that are near each other along the chain first.
+        """
+        ...
+
     def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, room: float) -> int:
         """Return the number of turns before the first that is not clear.
 

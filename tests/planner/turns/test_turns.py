@@ -92,8 +92,15 @@ def test_number_of_hinges_at_once_is_kept() -> None:
         assert sweep(chain, found.rest_angles_rad, size=SIZE).clearance >= found.room
 
 
+def test_two_hinges_turn_at_once_where_no_single_one_can() -> None:
+    chain = chain_of("arrow")
+    found = sequence(chain)
+    assert found.turns <= 1.05 * np.count_nonzero(chain.folded_rad)
+    assert sweep(chain, found.rest_angles_rad, size=SIZE).clearance >= found.room
+
+
 def test_without_a_free_hinge_it_says_so() -> None:
-    found = find_turns(chain_of("arch"), size=SIZE, at_once=None, seed=0)
+    found = find_turns(chain_of("arrow"), size=SIZE, at_once=1, seed=0)
     assert isinstance(found, NoTurns)
     assert found.outcome == "blocked"
 
