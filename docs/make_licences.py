@@ -46,8 +46,9 @@ build is in the Debian source package `ffmpeg`. `make run` installs no FFmpeg. T
 `foldback[movies]` installs a build of FFmpeg under the GNU General Public License, version 3 or
 later. The extra `foldback[ipctk]` installs the IPC Toolkit, under the MIT licence.
 
-Text in pictures uses a subset of the font DejaVu Sans (`web/pictures/dejavu-sans.ttf`). The
-font's permissive licence, by Bitstream and Tavmjong Bah, is in the font file.
+Text in pictures and leaflets uses a subset of the font DejaVu Sans
+(`planner/exports/dejavu-sans.ttf`). The font's permissive licence, by Bitstream and Tavmjong Bah,
+is in the font file.
 
 | package | version | licence | contains other libraries |
 |---|---|---|---|

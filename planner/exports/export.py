@@ -7,6 +7,7 @@ import unicodedata
 from collections.abc import Callable
 from dataclasses import dataclass
 from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
 from planner.display_names import clean_name
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
 Write = Callable[["Plan"], bytes]
+FONT_FILE: Final = Path(__file__).with_name("dejavu-sans.ttf")
+"""Font of leaflets and of texts in pictures: the Latin, Greek and Cyrillic letters of DejaVu Sans,
+with punctuation and some signs."""
 MAX_EXPORT_NAME_CHARACTERS: Final = 100
 """Maximum length, in characters, of a chain's name in an exported file; the rest is cut off.
 Chosen."""

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
     from planner.plan.plan import Plan
 
 
-def _by(module: str) -> Write:
+def _by(module: str, function: str = "write") -> Write:
     def write(plan: Plan) -> bytes:
-        return import_module(f"planner.exports.{module}").write(plan)
+        return getattr(import_module(f"planner.exports.{module}"), function)(plan)
 
     return write
 
@@ -61,6 +61,36 @@ EXPORTS: Final = (
         media_type="application/json",
         filename="steps.json",
         write=_by("steps"),
+        moving=True,
+        resting=True,
+    ),
+    Export(
+        name="leaflet",
+        label="Leaflet, A4",
+        hint="PDF with drawings of all steps, for folding by hand; readable in black and white",
+        media_type="application/pdf",
+        filename="leaflet-a4.pdf",
+        write=_by("leaflet_pdf"),
+        moving=True,
+        resting=True,
+    ),
+    Export(
+        name="leaflet-letter",
+        label="Leaflet, Letter",
+        hint="The same PDF for Letter paper",
+        media_type="application/pdf",
+        filename="leaflet-letter.pdf",
+        write=_by("leaflet_pdf", "write_letter"),
+        moving=True,
+        resting=True,
+    ),
+    Export(
+        name="leaflet-html",
+        label="Leaflet, HTML",
+        hint="The same drawings as one HTML file, for screens and printers",
+        media_type="text/html; charset=utf-8",
+        filename="leaflet.html",
+        write=_by("leaflet_html"),
         moving=True,
         resting=True,
     ),

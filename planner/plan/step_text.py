@@ -45,15 +45,21 @@ def turn_text(module: Module, turn: Turn) -> str:
     return f"{ordinal(turn.module + 1)} {module_word(module)}, {angle_text(turn)}{axis}"
 
 
-def step_text(module: Module, step: Step) -> str:
-    """Return what to do in a step: Turn at the 7th cube, +90° (z). Hold cubes 8 to 24."""
+def step_text(module: Module, step: Step, *, most: int = MAX_LISTED_TURNS) -> str:
+    """Return what to do in a step: Turn at the 7th cube, +90° (z). Hold cubes 8 to 24.
+
+    Args:
+        module: Kind of the modules.
+        step: The step.
+        most: Maximum number of turns that are listed.
+    """
     hold = f"Hold {modules_text(module, step.held)}."
     turns = [turn_text(module, turn) for turn in step.turns]
     # The hinge of a cube is at its centre, that of a tetrahedron is at its edge to the next one.
     where = "at" if module is CUBE else "after"
     if len(turns) == 1:
         return f"Turn {where} the {turns[0]}. {hold}"
-    more = len(turns) - MAX_LISTED_TURNS
-    listed = "; ".join(turns[:MAX_LISTED_TURNS] if more > 1 else turns)
+    more = len(turns) - most
+    listed = "; ".join(turns[:most] if more > 1 else turns)
     rest = f"; and {more} more" if more > 1 else ""
     return f"Make {len(turns)} turns together, {where} the {listed}{rest}. {hold}"

@@ -49,3 +49,14 @@ def resting(chain: Chain, rests_rad: Array, *, frames_per_step: int = 4) -> Plan
     plan = unverified(chain, motion, Parameters())
     rests = np.arange(0, len(at), frames_per_step).tolist()
     return replace(plan, playback={"status": "folded", "rest_frames": rests})
+
+
+def turn_by_turn(chain: Chain, at_once: int) -> Array:
+    """Return the rests of a fold of so many hinges at once, from the middle of the chain on."""
+    bent = np.flatnonzero(chain.folded_rad)
+    order = bent[np.argsort(np.abs(bent - len(chain.folded_rad) / 2), kind="stable")]
+    rests = [np.zeros_like(chain.folded_rad)]
+    for k in range(0, len(order), at_once):
+        rests.append(rests[-1].copy())
+        rests[-1][order[k : k + at_once]] = chain.folded_rad[order[k : k + at_once]]
+    return np.array(rests)

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cache, lru_cache
-from pathlib import Path
 from typing import Final
 
 from PIL import Image, ImageDraw, ImageFont
+
+from planner.exports.export import FONT_FILE
 
 VERIFIED_RGB: Final = (30, 122, 60)
 FAILED_RGB: Final = (190, 24, 30)
@@ -30,8 +31,6 @@ smaller. Chosen."""
 VERDICT_PX: Final = 30
 """Font size of the fold's result (such as *verified*) in the caption of a preview picture, in
 pixels. A larger value leaves less room for the fold's name. Chosen."""
-FONT_FILE: Final = Path(__file__).with_name("dejavu-sans.ttf")
-"""The Latin, Greek and Cyrillic letters of DejaVu Sans, with punctuation and some signs."""
 STRIP_FONT: Final = 1 / 26
 """Size of a caption's font in a movie, as a fraction of the shorter side. A larger value is easier
 to read and leaves less room for the chain. Chosen."""

@@ -18,22 +18,11 @@ from planner.plan.plan import Plan
 from planner.plan.step_text import ordinal
 from planner.plan.steps import steps_between, steps_of
 from planner.readers.angle_strings import read_angle_string
-from tests.planner.chains import Array, coil
-from tests.planner.plans import resting
+from tests.planner.chains import coil
+from tests.planner.plans import resting, turn_by_turn
 
 RING = read_angle_string("- - - + - - - + - - -", name="ring")
 CHAINS = {"cube": coil(12), "tetrahedron": RING}
-
-
-def rests_of(chain: Chain, at_once: int) -> Array:
-    """Return the rests of a fold of so many hinges at once, from the middle of the chain on."""
-    bent = np.flatnonzero(chain.folded_rad)
-    order = bent[np.argsort(np.abs(bent - len(chain.folded_rad) / 2), kind="stable")]
-    rests = [np.zeros_like(chain.folded_rad)]
-    for k in range(0, len(order), at_once):
-        rests.append(rests[-1].copy())
-        rests[-1][order[k : k + at_once]] = chain.folded_rad[order[k : k + at_once]]
-    return np.array(rests)
 
 
 def document(plan: Plan) -> dict[str, Any]:
@@ -64,7 +53,7 @@ def test_all_but_the_largest_part_move_in_a_merged_step() -> None:
 @pytest.mark.parametrize("at_once", [1, 3])
 @pytest.mark.parametrize("chain", CHAINS.values(), ids=CHAINS)
 def test_turns_of_the_document_lead_from_straight_to_folded(chain: Chain, at_once: int) -> None:
-    plan = resting(chain, rests_of(chain, at_once))
+    plan = resting(chain, turn_by_turn(chain, at_once))
     steps = document(plan)["steps"]
     placed = [poses.positions for poses in steps_of(plan).poses()]
     points, angles = placed[0].copy(), np.zeros(len(chain.folded_rad))
@@ -85,7 +74,7 @@ def test_turns_of_the_document_lead_from_straight_to_folded(chain: Chain, at_onc
 
 def test_document_names_joints_angles_and_times() -> None:
     chain = CHAINS["cube"]
-    plan = resting(chain, rests_of(chain, 3), frames_per_step=5)
+    plan = resting(chain, turn_by_turn(chain, 3), frames_per_step=5)
     told = document(plan)
     assert (told["format"], told["module"], told["modules"]) == ("foldback-steps/1", "cube", 12)
     assert told["turns"] == np.count_nonzero(chain.folded_rad)
@@ -103,12 +92,12 @@ def test_document_names_joints_angles_and_times() -> None:
 
 def test_step_texts_count_modules_from_one() -> None:
     chain = CHAINS["cube"]
-    single = document(resting(chain, rests_of(chain, 1)))["steps"][0]
+    single = document(resting(chain, turn_by_turn(chain, 1)))["steps"][0]
     assert single["text"] == "Turn at the 7th cube, +90° (z). Hold cubes 1 to 7."
-    merged = document(resting(chain, rests_of(chain, 20)))["steps"][0]
+    merged = document(resting(chain, turn_by_turn(chain, 20)))["steps"][0]
     assert merged["text"].startswith("Make 10 turns together, at the 2nd cube, ")
     assert merged["text"].endswith("; and 5 more. Hold cubes 1 and 2.")
-    (text,) = [step["text"] for step in document(resting(RING, rests_of(RING, 20)))["steps"]]
+    (text,) = [step["text"] for step in document(resting(RING, turn_by_turn(RING, 20)))["steps"]]
     assert text.startswith("Make 11 turns together, after the 1st tetrahedron, −90°; ")
     assert [ordinal(n) for n in (1, 2, 3, 4, 11, 12, 13, 21, 111, 122)] == [
         *("1st", "2nd", "3rd", "4th", "11th", "12th", "13th", "21st", "111th", "122nd")
@@ -117,7 +106,7 @@ def test_step_texts_count_modules_from_one() -> None:
 
 def test_tables_and_scenes_mark_the_steps() -> None:
     chain = CHAINS["cube"]
-    plan = resting(chain, rests_of(chain, 4), frames_per_step=3)
+    plan = resting(chain, turn_by_turn(chain, 4), frames_per_step=3)
     rows = list(csv.DictReader(io.StringIO(export_named("csv").write(plan).decode())))
     assert [int(row["step"]) for row in rows] == [0, 1, 1, 1, 2, 2, 2, 3, 3, 3]
     scene = pygltflib.GLTF2.load_from_bytes(export_named("glb").write(plan))

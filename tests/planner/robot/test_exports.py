@@ -389,6 +389,9 @@ def test_hostile_name_of_a_plan_leaves_exports_valid(ring: Plan, export: Export)
         length = struct.unpack_from("<I", data, 12)[0]
         name = json.loads(data[20 : 20 + length])["nodes"][-1]["name"]
         assert name.isprintable()
+    elif export.name == "leaflet-html":
+        assert b"<robot" not in data
+        assert b"</robot" not in data
     elif export.name == "steps":
         assert json.loads(data)["name"].isprintable()
     elif export.name == "mcap":

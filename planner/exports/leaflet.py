@@ -1,0 +1,137 @@
+"""Leaflet: the content and the layout of printed steps, for the PDF and the HTML file."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+from planner.chain.module import CUBE
+from planner.errors import InputError
+from planner.exports.export import export_name, require_frames
+from planner.exports.step_drawing import Drawing, draw_shape, draw_step
+from planner.plan.plan import Plan
+from planner.plan.step_text import step_text
+from planner.plan.steps import Steps, steps_of
+
+LEGEND: Final = (
+    ("held-1", "hold still"),
+    ("moving-1", "turn"),
+    ("joint", "joint that turns"),
+    ("first", "first module"),
+    ("last", "last module"),
+)
+"""Styles of the drawings that a leaflet explains, and their meanings."""
+MAX_DRAWN_MODULES: Final = 250_000
+"""Maximum number of modules in all drawings of a leaflet; drawing so many takes about 25 s."""
+MAX_LARGE_STEPS: Final = 24
+"""Maximum number of steps that are drawn large; more steps are drawn small, on fewer pages."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LeafletStep:
+    """One step of a leaflet.
+
+    Attributes:
+        number: Its number, from 1.
+        text: What to do.
+        drawing: The chain before the step.
+        turned: True if it is seen from another side than the step before.
+    """
+
+    number: int
+    text: str
+    drawing: Drawing
+    turned: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Leaflet:
+    """Content of a leaflet.
+
+    Attributes:
+        title: Name of the shape.
+        summary: Numbers of modules, turns and steps.
+        hints: Sentences that explain the drawings.
+        shape: Drawing of the folded shape.
+        steps: The steps.
+    """
+
+    title: str
+    summary: str
+    hints: tuple[str, ...]
+    shape: Drawing
+    steps: tuple[LeafletStep, ...]
+
+    @property
+    def columns(self) -> int:
+        """Number of steps side by side."""
+        return 2 if len(self.steps) <= MAX_LARGE_STEPS else 3
+
+    @property
+    def rows(self) -> int:
+        """Number of rows of steps on a page."""
+        return 3 if len(self.steps) <= MAX_LARGE_STEPS else 4
+
+
+def leaflet_of(plan: Plan) -> Leaflet:
+    """Return the content of a plan's leaflet.
+
+    Raises:
+        InputError: ``no-frames``, ``too-many-steps``, or ``no-steps`` if the plan does not rest
+            between steps.
+    """
+    require_frames(plan)
+    steps = steps_of(plan)
+    chain = steps.chain
+    if (drawn := len(steps.steps) * len(chain)) > MAX_DRAWN_MODULES:
+        raise InputError(
+            "too-many-steps",
+            f"got {len(steps.steps)} steps of {len(chain)} modules, which are {drawn} modules to "
+            f"draw, expected at most {MAX_DRAWN_MODULES}; use the step document instead.",
+        )
+    plural = "cubes" if chain.module is CUBE else "tetrahedra"
+    return Leaflet(
+        title=export_name(chain.name),
+        summary=f"{len(chain)} {plural}, {_count(steps.turn_count, 'turn')} in "
+        f"{_count(len(steps.steps), 'step')}",
+        hints=_hints(steps, plural),
+        shape=draw_shape(chain.module, chain.folded_poses),
+        steps=_drawn(steps),
+    )
+
+
+def _count(number: int, word: str) -> str:
+    return f"{number} {word}" if number == 1 else f"{number} {word}s"
+
+
+def _hints(steps: Steps, plural: str) -> tuple[str, ...]:
+    hints = [
+        f"Start with the straight chain of {len(steps.chain)} {plural}. Count from the end with "
+        "the white dot; the dark dot marks the last one.",
+        "Each drawing shows the chain before its step. Hold the light part still, and turn the "
+        "dark part at the black dot, as the arrow shows.",
+        "The number at a black dot is that of the module. The dashed line is the axis of the turn.",
+        "Where a straight end is cut off, the number says how many modules are left out.",
+    ]
+    if any(len(step.turns) > 1 for step in steps.steps):
+        hints.append(
+            "If a step has several black dots, turn there together and evenly: making these turns "
+            "one after the other may not be possible."
+        )
+    return tuple(hints)
+
+
+def _drawn(steps: Steps) -> tuple[LeafletStep, ...]:
+    module, drawn, eye = steps.chain.module, list[LeafletStep](), 0
+    for step, poses in zip(steps.steps, steps.poses()[:-1], strict=True):
+        drawing = draw_step(module, step, poses, eye)
+        drawn.append(
+            LeafletStep(
+                number=step.number,
+                text=step_text(module, step, most=len(step.turns)),
+                drawing=drawing,
+                turned=drawing.eye != eye,
+            )
+        )
+        eye = drawing.eye
+    return tuple(drawn)

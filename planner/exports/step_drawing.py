@@ -1,0 +1,360 @@
+"""Drawings of steps for paper: the chain at rest, its moving part shaded, an arrow for the turn.
+
+A drawing is a list of shapes in a plane, in pitches, x to the right and y down, that any writer of
+vector graphics can draw in order. It is isometric: one view for a whole leaflet, unless the joint
+of a step is hidden.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from planner.arrays import Array, Flags, Ints
+from planner.chain.kinematics import Poses
+from planner.chain.module import Module
+from planner.plan.steps import Step, Turn, hinge_axis
+
+EYES: Final = (
+    (1.0, -1.0, 1.0),
+    (1.0, 1.0, 1.0),
+    (-1.0, -1.0, 1.0),
+    (-1.0, 1.0, 1.0),
+    (1.0, -1.0, -1.0),
+    (1.0, 1.0, -1.0),
+)
+"""Directions towards the eye, in the order of preference; the first one is that of the 3D view."""
+KEPT_TAIL_MODULES: Final = 6
+"""Number of modules that are drawn of a straight tail that is cut short."""
+MIN_CUT_MODULES: Final = 4
+"""Minimum number of modules that are left out where a straight tail is cut short."""
+LINE_OF_SIGHT_PITCH: Final = 0.8
+"""Distance from the line of sight of a module below which a module in front hides it, in pitches;
+as on the fold's page."""
+ARROW_RADIUS_PITCH: Final = (1.5, 2.2)
+"""Minimum and maximum radius of an arrow, in pitches."""
+MAX_SMALL_WIDTH_PITCH: Final = 14.0
+"""Width or height of a drawing, in pitches, from which on arrows grow with it: it is scaled down to
+fit on the paper."""
+MAX_ARROWS: Final = 8
+"""Maximum number of turns of one step that get arrows; more arrows would hide the chain."""
+MAX_SCALE_MM: Final = 6.0
+"""Maximum length of a pitch on paper in the drawing of a step, in mm."""
+MIN_LINE_MM: Final = 0.1
+"""Minimum width of a line on paper, in mm; arrows are at least four times as wide."""
+MIN_RADIUS_MM: Final = 0.8
+"""Minimum radius of a dot on paper, in mm."""
+TONE_LIMITS: Final = (-0.4, 0.4)
+"""Brightness between the three tones of faces: those of a cube all differ."""
+
+Style = str
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Ink:
+    """Paint of a style. Tones are 0 for black to 1 for white; None leaves it out.
+
+    Attributes:
+        fill: Tone of the area.
+        line: Tone of the line.
+        width: Width of the line, in pitches.
+        dash: Length of dashes and gaps, in pitches; 0 for a continuous line.
+    """
+
+    fill: float | None = None
+    line: float | None = None
+    width: float = 0.0
+    dash: float = 0.0
+
+
+INKS: Final[dict[Style, Ink]] = {
+    "held-0": Ink(fill=0.88, line=0.55, width=0.04),
+    "held-1": Ink(fill=0.95, line=0.55, width=0.04),
+    "held-2": Ink(fill=1.0, line=0.55, width=0.04),
+    "moving-0": Ink(fill=0.4, line=0.0, width=0.07),
+    "moving-1": Ink(fill=0.55, line=0.0, width=0.07),
+    "moving-2": Ink(fill=0.72, line=0.0, width=0.07),
+    "halo": Ink(line=1.0, width=0.42),
+    "arrow": Ink(line=0.0, width=0.17),
+    "head": Ink(fill=0.0, line=1.0, width=0.08),
+    "axis": Ink(line=0.0, width=0.08, dash=0.25),
+    "joint": Ink(fill=0.0, line=1.0, width=0.1),
+    "first": Ink(fill=1.0, line=0.0, width=0.08),
+    "last": Ink(fill=0.25, line=0.0, width=0.08),
+    "cut": Ink(line=0.0, width=0.1),
+    "label": Ink(fill=0.0),
+}
+"""Paint of each style: the held part light, the moving part dark with thick lines."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Shape:
+    """One shape of a drawing.
+
+    Attributes:
+        style: Key of ``INKS``.
+        points: Corners; the centre of a dot or the start of a label is the only one.
+        closed: True for a polygon, false for a line.
+        radius: Radius of a dot, in pitches; 0 for other shapes.
+        text: Text of a label.
+        ends: True if a label ends at its point instead of beginning there.
+    """
+
+    style: Style
+    points: tuple[Point, ...]
+    closed: bool = True
+    radius: float = 0.0
+    text: str = ""
+    ends: bool = False
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drawing:
+    """Shapes in the order in which they are drawn, and the eye that sees them so.
+
+    Attributes:
+        shapes: The shapes.
+        eye: Index into ``EYES``.
+    """
+
+    shapes: tuple[Shape, ...]
+    eye: int
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """Left, top, right and bottom of the drawing, in pitches."""
+        points = np.array([point for shape in self.shapes for point in shape.points])
+        (left, top), (right, bottom) = points.min(axis=0) - 0.5, points.max(axis=0) + 0.5
+        return float(left), float(top), float(right), float(bottom)
+
+
+def line_width(ink: Ink, scale_mm: float) -> float:
+    """Return the width of a line on paper in mm, where a pitch is ``scale_mm`` long."""
+    bold = {"arrow": 4.0, "halo": 9.0}
+    least = next((k for style, k in bold.items() if ink is INKS[style]), 1.0) * MIN_LINE_MM
+    return max(ink.width * scale_mm, least)
+
+
+def radius_of(shape: Shape, scale_mm: float) -> float:
+    """Return the radius of a dot on paper in mm, where a pitch is ``scale_mm`` long."""
+    return max(shape.radius * scale_mm, MIN_RADIUS_MM)
+
+
+def draw_shape(module: Module, poses: Poses, eye: int = 0) -> Drawing:
+    """Draw a chain at rest, all of it light."""
+    view = _View(eye)
+    modules = np.arange(len(poses.positions))
+    return Drawing(
+        shapes=(*_faces(view, module, poses, modules, set()), *_ends(view, poses)), eye=eye
+    )
+
+
+def draw_step(module: Module, step: Step, poses: Poses, eye: int = 0) -> Drawing:
+    """Draw a chain at the rest before a step.
+
+    Args:
+        module: Kind of the modules.
+        step: The step.
+        poses: Poses of all modules.
+        eye: Index into ``EYES`` of the drawing before, which is kept if the joints are visible.
+    """
+    moving = {i for first, last in step.moving for i in range(first, last + 1)}
+    eye = _clear_eye(step, poses, eye)
+    view = _View(eye)
+    first, last = _shown_modules(step, poses)
+    shown = np.arange(first, last + 1)
+    shapes = [*_faces(view, module, poses, shown, moving), *_ends(view, poses, first, last)]
+    few = len(step.turns) <= MAX_ARROWS
+    width = float(np.ptp(view.flat(poses.positions[shown]), axis=0).max())
+    growth = max(1.0, width / MAX_SMALL_WIDTH_PITCH)
+    for turn in step.turns:
+        shapes += _turn(view, module, turn, poses, growth=growth if few else None)
+    return Drawing(shapes=tuple(shapes), eye=eye)
+
+
+class _View:
+    """Projection along the direction to an eye."""
+
+    def __init__(self, eye: int) -> None:
+        self.out = np.array(EYES[eye]) / np.sqrt(3.0)
+        self.right = np.cross([0.0, 0.0, 1.0], self.out)
+        self.right /= np.linalg.norm(self.right)
+        self.up = np.cross(self.out, self.right)
+
+    def flat(self, points: Array) -> Array:
+        """Return the (..., 2) places of (..., 3) points on paper."""
+        return np.stack([points @ self.right, -(points @ self.up)], axis=-1)
+
+    def points(self, points: Array) -> tuple[Point, ...]:
+        """Return the places of (N, 3) points on paper."""
+        return tuple((x, y) for x, y in np.round(self.flat(points), 3).tolist())
+
+
+def _faces(
+    view: _View, module: Module, poses: Poses, shown: Ints, moving: set[int]
+) -> Iterable[Shape]:
+    """Return the visible faces of some modules, from back to front."""
+    corners, normals = _hull_faces(module)
+    rotations, positions = poses.rotations[shown], poses.positions[shown]
+    facing = np.einsum("nij,fj->nfi", rotations, normals)
+    placed = positions[:, None, None] + np.einsum("nij,fcj->nfci", rotations, corners)
+    # Light comes from above and from the right.
+    brightness = facing @ view.up + 0.4 * (facing @ view.right)
+    tones = np.digitize(brightness, TONE_LIMITS)
+    index, face = np.nonzero((facing @ view.out > 1e-6) & _outer(placed))
+    # Cubes hide each other by their centres; faces of one module never hide each other.
+    depth = (
+        (positions @ view.out)[index]
+        if module.geom == "box"
+        else (placed[index, face].mean(axis=1) @ view.out)
+    )
+    for k in np.argsort(np.round(depth, 6), kind="stable").tolist():
+        i, f = int(index[k]), int(face[k])
+        part = "moving" if int(shown[i]) in moving else "held"
+        yield Shape(style=f"{part}-{tones[i, f]}", points=view.points(placed[i, f]))
+
+
+def _hull_faces(module: Module) -> tuple[Array, Array]:
+    """Return (F, C, 3) corners around each face of a module, and (F, 3) outward normals."""
+    faces: list[Array] = []
+    normals: list[Array] = []
+    for line in module.face_normals:
+        for normal in (line, -line):
+            heights = module.vertices @ normal
+            corners = module.vertices[heights > heights.max() - 1e-6]
+            if len(corners) < 3:
+                continue
+            middle = corners.mean(axis=0)
+            across = corners[0] - middle
+            aside = np.cross(normal, across)
+            turns = np.arctan2((corners - middle) @ aside, (corners - middle) @ across)
+            faces.append(corners[np.argsort(turns)])
+            normals.append(normal)
+    return np.array(faces), np.array(normals)
+
+
+def _outer(placed: Array) -> Flags:
+    """Return (n, F) True for faces that belong to one module only."""
+    keys = np.rint(placed.mean(axis=2) * 8.0).astype(np.int64).reshape(-1, 3)
+    _, inverse, counts = np.unique(keys, axis=0, return_inverse=True, return_counts=True)
+    return (counts[inverse.reshape(-1)] == 1).reshape(placed.shape[:2])
+
+
+def _turn(
+    view: _View, module: Module, turn: Turn, poses: Poses, *, growth: float | None
+) -> Iterable[Shape]:
+    """Return the axis, the arrow, the dot and the number of a joint that turns.
+
+    Args:
+        view: Projection of the drawing.
+        module: Kind of the modules.
+        turn: The turn.
+        poses: Poses of all modules before it.
+        growth: Size of the axis and the arrow, 1 or more; None to leave both out.
+    """
+    axis, pivot = hinge_axis(module, turn, poses)
+    if growth is not None:
+        yield Shape(
+            style="axis",
+            points=view.points(pivot + np.outer((-1.1 * growth, 1.1 * growth), axis)),
+            closed=False,
+        )
+        arc = _arc(turn, poses, axis, pivot, growth)
+        line = view.points(arc[:-1])
+        yield Shape(style="halo", points=line, closed=False)
+        yield Shape(style="arrow", points=line, closed=False)
+        yield Shape(style="head", points=_arrow_head(view.flat(arc), growth))
+    (dot,) = view.points(pivot[None])
+    yield Shape(style="joint", points=(dot,), radius=0.26)
+    yield Shape(style="label", points=((dot[0] + 0.35, dot[1] - 0.35),), text=str(turn.module + 1))
+
+
+def _arc(turn: Turn, poses: Poses, axis: Array, pivot: Array, growth: float) -> Array:
+    """Return points along the arrow of a turn, which begins at the part that moves."""
+    low, high = turn.moves
+    outwards = range(low, high + 1) if low > turn.module else range(high, low - 1, -1)
+    away = poses.positions[list(outwards)] - pivot
+    away = away - np.outer(away @ axis, axis)
+    reach = np.linalg.norm(away, axis=1)
+    far = np.flatnonzero(reach > 0.9)
+    if len(far):
+        start = away[far[0]] / reach[far[0]]
+        radius = float(np.clip(reach.max(), ARROW_RADIUS_PITCH[0], ARROW_RADIUS_PITCH[1] * growth))
+    else:  # all that moves is on the axis
+        start = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+        start, radius = start / np.linalg.norm(start), ARROW_RADIUS_PITCH[0]
+    angles = np.linspace(0.08, 0.96, 16) * turn.angle_rad
+    beside = np.cross(axis, start)
+    return pivot + radius * (np.outer(np.cos(angles), start) + np.outer(np.sin(angles), beside))
+
+
+def _arrow_head(flat: Array, growth: float) -> tuple[Point, ...]:
+    """Return the triangle at the end of a line on paper."""
+    tip, before = flat[-1], flat[-3]
+    along = (tip - before) / max(float(np.linalg.norm(tip - before)), 1e-9) * growth
+    aside = np.array([-along[1], along[0]])
+    corners = (
+        tip + 0.3 * along,
+        tip - 0.45 * along + 0.38 * aside,
+        tip - 0.45 * along - 0.38 * aside,
+    )
+    return tuple((float(x), float(y)) for x, y in np.round(corners, 3))
+
+
+def _ends(view: _View, poses: Poses, first: int = 0, last: int | None = None) -> Iterable[Shape]:
+    """Return the marks of both ends: white and dark dots, or where a tail is cut short."""
+    end = len(poses.positions) - 1
+    last = end if last is None else last
+    for style, module, shown, inwards in (("first", 0, first, 1), ("last", end, last, -1)):
+        at = poses.positions[shown]
+        (dot,) = view.points(at[None])
+        if module == shown:
+            yield Shape(style=style, points=(dot,), radius=0.3)
+            continue
+        outside = view.flat(at + 0.75 * (at - poses.positions[shown + inwards]))
+        aside = np.array([-(outside - dot)[1], (outside - dot)[0]])
+        aside /= max(float(np.linalg.norm(aside)), 1e-9)
+        zigzag = [
+            outside + k * aside * 0.35 + 0.2 * (-1) ** k * np.array([aside[1], -aside[0]])
+            for k in (-2, -1, 0, 1, 2)
+        ]
+        points = tuple((float(x), float(y)) for x, y in np.round(zigzag, 3))
+        yield Shape(style="cut", points=points, closed=False)
+        text = f"{abs(module - shown)} more to {module + 1}"
+        place = (float(outside[0]), float(outside[1]) - 0.7)
+        yield Shape(style="label", points=(place,), text=text, ends=bool(outside[0] > dot[0]))
+
+
+def _shown_modules(step: Step, poses: Poses) -> tuple[int, int]:
+    """Return the first and the last module to draw: long straight tails are cut short."""
+    count = len(poses.positions)
+    along = np.diff(poses.positions, axis=0)
+    bends = np.flatnonzero(np.abs(np.diff(along, axis=0)).max(axis=1) > 0.1) + 1
+    joints = [turn.module for turn in step.turns]
+    inner = [*bends.tolist(), *joints]
+    first, last = min(inner) - KEPT_TAIL_MODULES, max(inner) + KEPT_TAIL_MODULES + 1
+    first = first if first >= MIN_CUT_MODULES else 0
+    last = last if count - 1 - last >= MIN_CUT_MODULES else count - 1
+    return first, last
+
+
+def _clear_eye(step: Step, poses: Poses, eye: int) -> int:
+    """Return the eye from which the fewest joints are hidden; the given one if it is as good."""
+    joints = sorted({turn.module for turn in step.turns})
+    hidden = [_hidden(poses.positions, joints, np.array(way) / np.sqrt(3.0)) for way in EYES]
+    return eye if hidden[eye] == min(hidden) else int(np.argmin(hidden))
+
+
+def _hidden(positions: Array, modules: Sequence[int], out: Array) -> int:
+    """Return how many of some modules others hide from an eye in a direction."""
+    count = 0
+    for module in modules:
+        away = positions - positions[module]
+        depth = away @ out
+        beside = (away**2).sum(axis=1) - depth**2
+        count += bool(((depth > 0.5) & (beside < LINE_OF_SIGHT_PITCH**2)).any())
+    return count
