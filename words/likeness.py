@@ -17,7 +17,7 @@ def likeness_words(likeness: LikenessFigures | None) -> str | None:
     iou, missing, added = (percent(likeness[key]) for key in ("iou", "missing", "added"))
     parts = [
         f"{missing} of the model is missing" if likeness["missing"] else "",
-        f"{added} of the modules is outside of it" if likeness["added"] else "",
+        f"{added} of the modules' volume is outside of it" if likeness["added"] else "",
     ]
     parts = [part for part in parts if part]
     more = f"; {', '.join(parts)}" if parts else ""

@@ -4,7 +4,7 @@ from words.likeness import likeness_words, percent, reach_words
 def test_likeness_names_what_is_missing_and_what_is_added() -> None:
     assert likeness_words({"iou": 0.71, "missing": 0.123, "added": 0.2}) == (
         "71 % like the model (overlap of both, divided by what either covers); "
-        "12 % of the model is missing, 20 % of the modules is outside of it"
+        "12 % of the model is missing, 20 % of the modules' volume is outside of it"
     )
     assert likeness_words({"iou": 1.0, "missing": 0.0, "added": 0.0}) == (
         "100 % like the model (overlap of both, divided by what either covers)"

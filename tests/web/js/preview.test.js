@@ -88,7 +88,7 @@ test("the module that was clicked can become the first, which can be undone", ()
 test("a report is put into words", () => {
   assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · 99\u00a0% like your file");
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
-  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5, likeness: { iou: 0.5, missing: 0.004, added: 0.498 } })), { iou: "50\u00a0%", likeness: "Less than 1\u00a0% of your file is missing, 50\u00a0% of the modules is outside of it.", candidates: "3", knotted: true, knot: "Yes", knotHint: "The knot is undone while the chain unfolds, which takes longer. The chain’s determinant, a test number for knots, is 3. Without a knot, it would be 1." });
+  assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5, likeness: { iou: 0.5, missing: 0.004, added: 0.498 } })), { iou: "50\u00a0%", likeness: "Less than 1\u00a0% of your file is missing, 50\u00a0% of the modules’ volume is outside of it.", candidates: "3", knotted: true, knot: "Yes", knotHint: "The knot is undone while the chain unfolds, which takes longer. The chain’s determinant, a test number for knots, is 3. Without a knot, it would be 1." });
   assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "No"]);
   assert.deepEqual(nearby(opened(), report({ asked: 65, below: 60, above: 64 })), { counts: [60], text: "64 is the closest possible number to 65" });
   assert.deepEqual(nearby(opened(), report({ below: 60, above: 72 })), { counts: [60, 72], text: "Also possible" });
@@ -119,7 +119,7 @@ test("the reason why there is no path comes with a remedy", () => {
 
 test("a report says what is lost, and about how many modules are how much like the file", () => {
   assert.deepEqual([{}, { unused_bodies: [0.42] }, { keeps_parts: false }].map((more) => isLossy(report(more))), [false, true, true]);
-  const reach = [{ likeness: 0.6, modules: 220 }, { likeness: 0.75, modules: 2400 }, { likeness: 0.9, modules: null }];
+  const reach = [{ likeness: 0.6, modules: 220 }, { likeness: 0.75, modules: 2400 }, { likeness: 0.9, modules: null }, { likeness: 0.95, modules: null }];
   assert.deepEqual(reachOf(opened(), report({ reach })), [
     { text: "60\u00a0%: 220", label: "About 220 modules are 60\u00a0% like your file", change: { modules: 220 } },
     { text: "75\u00a0%: 2\u2009400", label: "About 2\u2009400 modules are 75\u00a0% like your file", change: { modules: 2400 } },

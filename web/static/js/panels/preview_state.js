@@ -195,7 +195,7 @@ export function likenessWords(likeness) {
   const { missing, added } = likeness;
   const parts = [
     missing ? `${percent(missing)} of your file is missing` : "",
-    added ? `${percent(added)} of the modules is outside of it` : "",
+    added ? `${percent(added)} of the modules’ volume is outside of it` : "",
   ].filter(Boolean).join(", ");
   return parts && `${sentence(parts)}.`;
 }
@@ -257,13 +257,16 @@ export function oddWords({ has_path: path, feasibility }) {
 /** @param {Api.Preview} report */
 export function isLossy({ unused_bodies: unused = [], keeps_parts: keeps = null }) { return unused.length > 0 || keeps === false; }
 
-// Return about how many modules it takes to be how much like the file; no change where no number is enough.
+// Return about how many modules it takes to be how much like the file.
+// No number is enough for the last entry if it changes nothing.
 /**
  * @param {Preview} preview
  * @param {Api.Preview} report
  */
 export function reachOf({ maxModules }, { reach = [] }) {
-  return reach.map(({ likeness, modules }) => (modules === null ? {
+  const tooMuch = reach.findIndex(({ modules }) => modules === null);
+  const told = tooMuch < 0 ? reach : reach.slice(0, tooMuch + 1);
+  return told.map(({ likeness, modules }) => (modules === null ? {
     text: `${percent(likeness)}: over ${whole(maxModules)}`, label: `${whole(maxModules)} modules are too few to be ${percent(likeness)} like your file`, change: null,
   } : {
     text: `${percent(likeness)}: ${whole(modules)}`, label: `About ${whole(modules)} modules are ${percent(likeness)} like your file`, change: { modules },

@@ -129,7 +129,7 @@ export function showReport(preview, report, onChange) {
   });
   get("nearest").replaceChildren(...counts.map((modules) => button("", whole(modules), () => onChange({ modules }), { title: "A nearby number of modules that may work" })));
   get("match").dataset.tone = isLossy(report) ? "bad" : "";
-  get("reach").replaceChildren(...reach.map(({ text, label, change }) => button("", text, () => { if (change) onChange(change); }, { "aria-label": label, title: label, ...(!change && { disabled: true }) })));
+  get("reach").replaceChildren(...reach.map(({ text: words, label, change }) => button("", words, () => { if (change) onChange(change); }, { "aria-label": label, title: label, ...(!change && { disabled: true }) })));
   get("notes").replaceChildren(...others.map((note) => element("li", {}, note)));
   get("iou-part").style.setProperty("--share", String(report.iou ?? 0));
   get("knot").title = knotHint;
