@@ -115,7 +115,11 @@ def feasibility(
         known = {"found": True, "infeasible": False, "undecided": None}[search.status]
         if known is False:
             problems = (
-                Problem(code="no-path", detail="the search proved that no path visits all cells."),
+                Problem(
+                    code="no-path",
+                    detail="a complete search found no path. There is no simpler reason: the cells "
+                    "have neither too many ends nor too many of one colour.",
+                ),
             )
     if known:
         return Feasibility(feasible=True)

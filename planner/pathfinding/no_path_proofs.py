@@ -1,4 +1,4 @@
-"""No-path proofs: proofs in linear time that no path visits all cells of a shape."""
+"""No-path proofs: proofs, quickly found and easily checked, that no path visits all cells."""
 
 from __future__ import annotations
 
@@ -11,11 +11,15 @@ import numpy as np
 from planner.arrays import Ints
 from planner.chain.path import MIN_CELLS
 from planner.pathfinding import Cell
+from planner.pathfinding.end_proofs import PATH_ENDS, EndProof, end_proof
 from planner.pathfinding.lattice import colours, neighbours, parts
 
 MAX_NAMED_CELLS: Final = 200
 """Maximum number of cells that the report of a shape without a path lists as the cause of one
-problem; further ones are left out. Larger values make larger reports. Chosen."""
+problem; further ones are left out. Sets that need too many ends are listed whole."""
+MAX_MATCHED_CELLS: Final = 2_000
+"""Maximum number of cells among which a set that needs too many ends is searched, by a maximum flow
+of about 10 µs of processor time for each cell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,10 +27,11 @@ class Problem:
     """Proof that there is no path.
 
     Attributes:
-        code: ``too-few``, ``disconnected``, ``parity``, ``dead-ends``, ``cut-cells`` or
-            ``no-path``.
+        code: ``too-few``, ``disconnected``, ``parity``, ``dead-ends``, ``cut-cells``, ``ends``
+            (``planner.pathfinding.end_proofs``) or ``no-path``.
         detail: One sentence: the observation and the need of a path.
-        cells: Affected cells, at most ``MAX_NAMED_CELLS``.
+        cells: Affected cells, at most ``MAX_NAMED_CELLS``; of ``ends`` all, so that the proof can
+            be checked by counting.
         amount: Severity, roughly the cells by which a path is missed; larger is worse.
     """
 
@@ -42,7 +47,8 @@ def obstacles(cells: Ints) -> tuple[Problem, ...]:
     Args:
         cells: (n, 3) distinct cells.
     """
-    return tuple(_obstacles(cells))
+    problems = tuple(_obstacles(cells))
+    return problems or tuple(_ends(cells))
 
 
 def _obstacles(cells: Ints) -> Iterator[Problem]:
@@ -92,9 +98,9 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
     yield from _cut_cells(cells, near, balance)
 
 
-def tuples(cells: Ints) -> tuple[Cell, ...]:
-    """Return the first ``MAX_NAMED_CELLS`` cells as tuples."""
-    return tuple((int(x), int(y), int(z)) for x, y, z in cells[:MAX_NAMED_CELLS])
+def tuples(cells: Ints, most: int = MAX_NAMED_CELLS) -> tuple[Cell, ...]:
+    """Return the first ``most`` cells as tuples."""
+    return tuple((int(x), int(y), int(z)) for x, y, z in cells[:most])
 
 
 def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
@@ -136,6 +142,37 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
             cells=tuples(cells[sorted(cell for cell, _ in uneven)]),
             amount=max(amount for _, amount in uneven),
         )
+
+
+def _ends(cells: Ints) -> Iterator[Problem]:
+    """Yield the proof that degrees give, for cells without any simpler problem."""
+    if len(cells) > MAX_MATCHED_CELLS:
+        return
+    proof = end_proof(neighbours(cells), 1 - 2 * colours(cells))
+    if proof is not None:
+        yield Problem(
+            code="ends",
+            detail=_ends_detail(proof),
+            cells=tuples(cells[proof.members], most=len(proof.members)),
+            amount=proof.missed,
+        )
+
+
+def _ends_detail(proof: EndProof) -> str:
+    count, needed = len(proof.members), proof.needed
+    ends = f"{needed} end{'s' * (needed != 1)}"
+    limit = "A path has only two ends."
+    if proof.allowed < PATH_ENDS:
+        limit = (
+            "But a path alternates between the two colours of a chessboard, and because of the "
+            f"numbers of both, {('no end', 'only one end')[proof.allowed]} can have their colour."
+        )
+    return (
+        f"{count} cells, of which no two touch, share faces with only {proof.around} others. A "
+        f"path joins each of the {count} to two of those, unless it ends there: {2 * count} "
+        f"links. There is room for {proof.places}: one on each shared face, at most two on each "
+        f"of the {proof.around}. So {ends} of the path would lie among the {count} cells. {limit}"
+    )
 
 
 def _beyond_two(sizes: list[int]) -> int:

@@ -92,8 +92,8 @@ def test_seed_decides_the_path() -> None:
 # Random search found these cells: they are connected and have balanced colours, and no dead ends or
 # cut cells rule out a path.
 WITHOUT_PATH = (
-    *((-1, 0, 0), (-1, 1, 0), (0, -1, 0), (0, 0, 0), (0, 0, 1), (0, 1, 0), (0, 1, 1)),
-    (1, 1, 0),
+    *((0, 0, 1), (0, 0, 2), (0, 1, 2), (1, 0, 1), (2, 0, 1), (2, 0, 2), (2, 1, 2), (2, 2, 1)),
+    *((2, 2, 2), (3, 0, 0), (3, 0, 1), (3, 1, 0), (3, 1, 1), (3, 1, 2), (3, 2, 2)),
 )
 
 

@@ -1,0 +1,83 @@
+import numpy as np
+from hypothesis import given
+
+from planner.pathfinding.end_proofs import end_proof
+from planner.pathfinding.feasibility import apply_repair, feasibility
+from planner.pathfinding.lattice import colours, neighbours
+from planner.pathfinding.no_path_proofs import obstacles
+from planner.shapes.shape import Shape
+from tests.planner.lattice import NEIGHBOURS, Ints, walks
+from tests.planner.pathfinding.test_exact_search import (
+    has_path,
+    small_sets,
+)
+
+Cell = tuple[int, int, int]
+
+
+CROWDED = [
+    (-1, 0, 0),
+    (-1, 1, 0),
+    (0, -1, 0),
+    (0, 0, 0),
+    (0, 0, 1),
+    (0, 1, 0),
+    (0, 1, 1),
+    (1, 1, 0),
+]
+
+
+def missing_ends(cells: list[Cell], named: tuple[Cell, ...]) -> int:
+    """Count the ends beyond those that a path has, by nothing but the named cells."""
+    shape, marked = set(cells), set(named)
+    assert marked <= shape
+    black = {cell for cell in shape if sum(cell) % 2 == 0}
+    mine = black if marked <= black else shape - black
+    assert marked <= mine
+    touched: dict[Cell, int] = {}
+    for x, y, z in marked:
+        for dx, dy, dz in NEIGHBOURS:
+            beside = (x + dx, y + dy, z + dz)
+            if beside in shape:
+                touched[beside] = touched.get(beside, 0) + 1
+    places = sum(min(count, 2) for count in touched.values())
+    allowed = 1 + 2 * len(mine) - len(shape)
+    return 2 * len(marked) - places - allowed
+
+
+def test_sets_that_need_too_many_ends_are_named() -> None:
+    rng = np.random.default_rng(0)
+    proved = 0
+    for _ in range(400):
+        cells = np.argwhere(rng.random((5, 5, 3)) < 0.7)
+        for problem in obstacles(cells):
+            if problem.code == "ends":
+                ordered = [(x, y, z) for x, y, z in cells.tolist()]
+                assert missing_ends(ordered, problem.cells) > 0
+                proved += 1
+    assert proved > 10
+
+
+@given(cells=small_sets)
+def test_no_set_with_a_path_is_refused(cells: set[Cell]) -> None:
+    ordered = sorted(cells)
+    for problem in obstacles(np.array(ordered)):
+        if problem.code == "ends":
+            assert missing_ends(ordered, problem.cells) > 0
+            assert not has_path(np.array(ordered))
+
+
+@given(walk=walks(most=120))
+def test_cells_of_a_walk_have_no_proof(walk: Ints) -> None:
+    assert end_proof(neighbours(walk), 1 - 2 * colours(walk)) is None
+
+
+def test_refusal_counts_and_offers_the_nearest_cells() -> None:
+    shape = Shape.from_cells(CROWDED)
+    found = feasibility(shape)
+    (problem,) = found.problems
+    assert problem.code == "ends"
+    assert "3 cells, of which no two touch, share faces with only 3 others" in problem.detail
+    nearest = found.repairs[0]
+    assert not nearest.doubled and len(nearest.add) + len(nearest.drop) == 1
+    assert feasibility(apply_repair(shape, nearest)).feasible
