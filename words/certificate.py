@@ -86,6 +86,7 @@ MOTION_FIGURES: Final = (
         of_simulation=True,
     ),
     Figure("Largest joint rotation per frame", "max_joint_step_rad", "rad"),
+    Figure("Average number of hinges moving at once", "hinges_moving_mean", ""),
     Figure("Largest number of hinges moving at once", "hinges_moving_most", ""),
 )
 
@@ -131,6 +132,22 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
         ("Simulated robots", robots(certificate)),
         *margin_rows(certificate),
         *(_row(certificate, figure) for figure in MOTION_FIGURES),
+        *_calm_rows(certificate),
+    ]
+
+
+def _calm_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
+    """Return how far the hinges travel, and how often they turn back."""
+    travel, reversals = certificate.get("travel_ratio"), certificate.get("reversals_mean")
+    count, largest = certificate.get("detours"), certificate.get("largest_detour_rad")
+    travel_words = None if travel is None else f"{travel:.2f} times the least possible"
+    detours = None
+    if count is not None and largest is not None:
+        detours = f"{count}, by up to {math.degrees(largest):.0f}°" if count else "none"
+    return [
+        ("Travel of all hinges", travel_words),
+        ("Average number of reversals of a hinge", quantity(reversals, "", CERTIFICATE_DIGITS)),
+        ("Hinges that move and return to where they began", detours),
     ]
 
 

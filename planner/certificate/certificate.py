@@ -75,6 +75,9 @@ class Certificate:
         joint_speed_limit_rad_s: Speed limit of the hinges of a robot.
         fold_time_s: Duration of the fold under that limit.
         hinges_moving_mean, hinges_moving_most: Number of hinges that move at the same time.
+        travel_ratio, reversals_mean, detours, largest_detour_rad: See
+            ``planner.certificate.motion_figures.MotionFigures``; None of very long plans, and in
+            certificates of earlier versions.
         peak_torque_nm, rms_torque_nm: Largest and RMS torque in that time, floating, without
             gravity, at the frames of ``torque_source``: other frames may need more.
         torque_source: ``simulation, every step`` or ``inverse dynamics at N of F frames,
@@ -113,6 +116,10 @@ class Certificate:
     fold_time_s: float | None = None
     hinges_moving_mean: float | None = None
     hinges_moving_most: int | None = None
+    travel_ratio: float | None = None
+    reversals_mean: float | None = None
+    detours: int | None = None
+    largest_detour_rad: float | None = None
     peak_torque_nm: float | None = None
     rms_torque_nm: float | None = None
     torque_source: str | None = None

@@ -93,6 +93,10 @@ class CertificateFigures(TypedDict, total=False):
     fold_time_s: float | None
     hinges_moving_mean: float | None
     hinges_moving_most: int | None
+    travel_ratio: float | None
+    reversals_mean: float | None
+    detours: int | None
+    largest_detour_rad: float | None
     peak_torque_nm: float | None
     rms_torque_nm: float | None
     torque_source: str | None

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Any, Final
 
 import numpy as np
 
 from planner.arrays import Array
 from planner.certificate.figures import RobotFigures
+from planner.certificate.motion_figures import MotionFigures
 from planner.certificate.swept_motions import Sweeps, followed
 from planner.chain.cantilever_statics import GRAVITY_M_S2, static_torque
 from planner.chain.chain import Chain
@@ -38,6 +40,8 @@ def plan_figures(chain: Chain, playback: Playback | None, parameters: Parameters
     fastest = steps / np.maximum(np.diff(times), 1e-12)
     moving = moving[fastest > 1e-9]
     slower = float(fastest.max()) / parameters.joint_speed_limit_rad_s
+    if (calm := MotionFigures.of(chain, plan)) is not None:
+        figures |= asdict(calm)
     figures["max_joint_step_rad"] = float(steps.max())
     figures["fold_time_s"] = float(times[-1] - times[0]) * slower
     figures["hinges_moving_mean"] = float(moving.mean()) if len(moving) else 0.0

@@ -4,12 +4,15 @@ Motors are off. Each module is pulled from the centre of mass (eq. 1, 2) and pus
 modules that are not linked to it (eq. 3). Gains, time step and drag adapt: the radial gain so that
 the force that adds up along the chain stays within what the joints' springs can order, the step so
 that no contact goes deeper than the module size that the plan is verified at allows.
+
+A *calm* explosion has stiffer springs and larger rotor inertias, and hinges that end straight are
+nearly locked, so that hinges make few detours: docs/decisions/0034-calm-motion.md.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -71,6 +74,16 @@ MAX_EXPLOSION_DEPTH_PITCH: Final = 0.02
 """Maximum depth of contacts while all modules are pulled apart at once, pitches; the limit is lower
 if the required clearance leaves less room. Larger values allow faster steps and leave less
 clearance. Chosen."""
+CALM_SPRING_SCALE: Final = 3.0
+"""Factor of the stiffness of all hinges' springs in a calm explosion: the experiments are in
+docs/decisions/0034-calm-motion.md."""
+CALM_ARMATURE_SCALE: Final = 6.0
+"""Factor of all hinges' rotor inertias in a calm explosion: see ``CALM_SPRING_SCALE``."""
+STRAIGHT_HINGE_SCALE: Final = 10.0
+"""Further factor of both, for the hinges that are straight in the folded chain: see
+``CALM_SPRING_SCALE``."""
+MAX_STRAIGHT_HINGE_RAD: Final = 1e-4
+"""Maximum angle of a hinge of the folded chain that counts as straight, rad: rounding."""
 
 
 def explode(
@@ -78,6 +91,7 @@ def explode(
     parameters: ExplosionParameters,
     *,
     seed: int = 0,
+    calm: bool = False,
     sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
@@ -88,6 +102,7 @@ def explode(
         chain: The chain, starting in its folded configuration.
         parameters: Parameters of the explosion.
         seed: Seed of the slight unevenness of the radial gain.
+        calm: True if hinges are to make few detours.
         sink: Receives the snapshots as they are made.
         progress: Receives the progress, a few times a second.
         cancelled: Returns True to stop; called every few steps.
@@ -96,8 +111,25 @@ def explode(
         The record, whether straight or not.
     """
     watch = Watch(progress, cancelled, "exploding")
+    if calm:
+        parameters = replace(
+            parameters,
+            spring=CALM_SPRING_SCALE * parameters.spring,
+            armature=CALM_ARMATURE_SCALE * parameters.armature,
+        )
     explosion = Simultaneous.from_parameters(chain, parameters, seed=seed, sink=sink, watch=watch)
+    if calm:
+        _lock_straight_hinges(explosion.world)
     return run(explosion, "simultaneous")
+
+
+def _lock_straight_hinges(world: WholeChain) -> None:
+    """Make the hinges that are straight in the folded chain stiffer and heavier."""
+    straight = np.abs(world.chain.folded_rad) < MAX_STRAIGHT_HINGE_RAD
+    scale = np.where(straight, STRAIGHT_HINGE_SCALE, 1.0)
+    assert isinstance(world.engine, Segments)
+    world.engine.set_stiffness(scale * world.material.stiffness)
+    world.engine.set_rotor_inertias(scale * world.material.armature)
 
 
 @dataclass(slots=True)

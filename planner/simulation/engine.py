@@ -245,7 +245,7 @@ def _finite(accelerations: Accelerations) -> Accelerations:
 
 
 class SpringChain(Engine):
-    """Chain whose hinges have springs towards straight and equal rotor inertias.
+    """Chain whose hinges have springs towards straight and rotor inertias.
 
     Args:
         chain: The chain.
@@ -265,6 +265,10 @@ class SpringChain(Engine):
     def set_stiffness(self, stiffness: Array) -> None:
         """Set the stiffness of the springs of (J,) hinges."""
         self._stiffness = stiffness
+
+    def set_rotor_inertias(self, inertias: Array) -> None:
+        """Set the rotor inertias of (J,) hinges, module mass · pitch²."""
+        self._rotor_inertias = inertias
 
     def free_accelerations(self, state: State, forces: Array) -> Acceleration:
         """Return the acceleration of a state without contacts, no hinge at its stop.

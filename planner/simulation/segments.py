@@ -98,6 +98,11 @@ class Segments(SpringChain):
         super().set_stiffness(stiffness)
         self.model.jnt_stiffness[self._hinge_ids] = stiffness
 
+    def set_rotor_inertias(self, inertias: Array) -> None:
+        """Set the rotor inertias of (J,) hinges, module mass · pitch²."""
+        super().set_rotor_inertias(inertias)
+        self.model.dof_armature[self.hinge_dofs] = inertias
+
     def accelerations(self, state: State, forces: Array) -> Acceleration:
         """Return the acceleration of a state under forces on the modules, by MuJoCo.
 

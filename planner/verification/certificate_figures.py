@@ -9,6 +9,7 @@ import numpy as np
 
 from planner.certificate.certificate import Certificate
 from planner.certificate.figures import RobotFigures
+from planner.certificate.motion_figures import MotionFigures
 from planner.clearance.exempt_pairs import Place
 from planner.clearance.sweep import clearance_at
 from planner.motion.motion import Motion
@@ -85,6 +86,8 @@ class ReportedFigures:
                 "The certificate is from an earlier version. Its figures clearance_bound and "
                 "in_betweens were not compared."
             )
+        # Certificates of earlier versions lack the figures of the hinges' motion.
+        aside |= {f.name for f in fields(MotionFigures)} - set(self.certificate)
         names = [f.name for f in fields(Certificate) if f.name not in aside]
         yield from figure_differences(
             {name: mine.get(name) for name in names},

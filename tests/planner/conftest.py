@@ -46,7 +46,7 @@ def folded(tmp_path_factory: pytest.TempPathFactory) -> Folded:
         if not directory.exists():
             making = directory.with_suffix(".making")
             shutil.rmtree(making, ignore_errors=True)
-            run_fold(making, (SHAPES / "wrench-24.json").read_bytes())
+            run_fold(making, (SHAPES / "wrench-24.json").read_bytes(), strategy="simultaneous")
             making.rename(directory)
     plan = Plan.load(directory / "plan.npz")
     return Folded(

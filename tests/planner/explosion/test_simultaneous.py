@@ -9,8 +9,10 @@ import pytest
 from planner.clearance.sweep import sweep
 from planner.errors import SimulationError
 from planner.explosion.simultaneous import explode
+from planner.explosion.strategies import run_strategy
 from planner.explosion.whole_chain import WholeChain
 from planner.parameters.explosion import ExplosionParameters
+from planner.parameters.parameters import Parameters
 from planner.pathfinding.knots import knot_of
 from planner.simulation.reduced_state import Acceleration
 from tests.planner.chains import Array, coil, knotted, line
@@ -115,3 +117,21 @@ def test_chain_that_does_not_move_stalls(monkeypatch: pytest.MonkeyPatch) -> Non
     assert "stuck" in record.reason
     assert "another seed" in record.reason
     assert "90°" in record.reason
+
+
+def test_auto_releases_all_modules_calmly_and_simultaneous_as_before(folded: Any) -> None:
+    chain = folded.chain
+    usual, calm = explode(chain, DEFAULT), explode(chain, DEFAULT, calm=True)
+    straight = np.abs(chain.folded_rad) < 1e-6
+
+    def travel(record: Any) -> Array:
+        return np.abs(np.diff(record.frames.joint_angles_rad, axis=0)).sum(axis=0)
+
+    assert calm.status == "straight"
+    assert travel(calm).sum() < travel(usual).sum()
+    assert travel(calm)[straight].sum() < 0.5 * travel(usual)[straight].sum()
+    for strategy, expected in (("auto", calm), ("simultaneous", usual)):
+        found = run_strategy(chain, "simultaneous", Parameters(strategy=strategy))
+        np.testing.assert_array_equal(
+            found.frames.joint_angles_rad, expected.frames.joint_angles_rad
+        )

@@ -90,7 +90,7 @@ def test_plan_made_in_memory_is_the_same_for_any_number_of_workers(
 ) -> None:
     # Modules as large as their cells always touch, which causes further attempts.
     monkeypatch.setattr("planner.pipeline.next_step.MAX_REFUSED_EXPLOSIONS", 2)
-    too_large = partial(fold, CORNER, module_size=1.0, settings=ONE_ROBOT)
+    too_large = partial(fold, CORNER, module_size=1.0, strategy="simultaneous", settings=ONE_ROBOT)
     plan = too_large()
     assert len(plan.attempts) > 1 and len(plan.motion) > 10
     assert "overlap" in plan.certificate.verdict

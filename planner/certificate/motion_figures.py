@@ -1,0 +1,113 @@
+"""Motion figures: how calmly the hinges of a plan move, from its angles alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from planner.arrays import Array
+from planner.chain.chain import Chain
+from planner.motion.motion import PHASES, Motion
+
+MIN_COUNTED_MOTION_RAD: Final = float(np.deg2rad(1.0))
+"""Minimum motion of a hinge that counts as a reversal, or as a detour, rad: one degree, below which
+nobody sees it."""
+MAX_COUNTED_ANGLES: Final = 2**26
+"""Maximum number of hinge angles in all frames of a motion whose figures are computed. A dense
+motion of this size would take 512 MB."""
+CHUNK_FRAMES: Final = 256
+"""Number of frames whose angles are expanded at once, if a motion is stored in windows."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotionFigures:
+    """Figures of the hinges' motion over all frames.
+
+    Attributes:
+        travel_ratio: Σ|Δq| over frames and hinges, divided by the least possible value: Σ|Δq| from
+            the first to the last frame; for a refold, from the first frame to straight plus from
+            straight to the last. None if nothing has to move.
+        reversals_mean: Mean number of changes of direction of a hinge, counted when it has gone
+            back by one degree.
+        detours: Number of hinges that move by more than one degree although they end where they
+            began; for a refold, in either of its two parts.
+        largest_detour_rad: Largest distance of such a hinge from where it began, rad.
+    """
+
+    travel_ratio: float | None
+    reversals_mean: float
+    detours: int
+    largest_detour_rad: float
+
+    @classmethod
+    def of(cls, chain: Chain, motion: Motion) -> MotionFigures | None:
+        """Return the figures of a plan's motion; None if it is too long or has one frame."""
+        hinges = len(chain.folded_rad)
+        if len(motion) < 2 or len(motion) * hinges > MAX_COUNTED_ANGLES:
+            return None
+        straight = int((motion.phase == PHASES.index("unfolding")).sum())
+        ends = [0, straight, len(motion) - 1] if straight else [0, len(motion) - 1]
+        travel = np.zeros(hinges)
+        least = np.zeros(hinges)
+        detour = np.zeros(hinges)
+        reversals = np.zeros(hinges, dtype=np.int64)
+        for first, last in zip(ends[:-1], ends[1:], strict=True):
+            begin, end = (motion.angles_at(chain, frame) for frame in (first, last))
+            least += np.abs(end - begin)
+            part = _Part(begin)
+            for start in range(first + 1, last + 1, CHUNK_FRAMES):
+                stop = min(start + CHUNK_FRAMES, last + 1)
+                part.add(_angles(chain, motion, start, stop))
+            travel += part.travel
+            reversals += part.reversals
+            returns = np.abs(end - begin) < MIN_COUNTED_MOTION_RAD
+            detour = np.maximum(detour, np.where(returns, part.largest, 0.0))
+        counted = detour > MIN_COUNTED_MOTION_RAD
+        needed = float(least.sum())
+        return cls(
+            travel_ratio=float(travel.sum()) / needed if needed > MIN_COUNTED_MOTION_RAD else None,
+            reversals_mean=float(reversals.mean()),
+            detours=int(counted.sum()),
+            largest_detour_rad=float(detour[counted].max(initial=0.0)),
+        )
+
+
+class _Part:
+    """Sums over the frames of one part of a motion.
+
+    Args:
+        begin: (J,) angles of its first frame, rad.
+    """
+
+    def __init__(self, begin: Array) -> None:
+        self._begin = begin
+        self._last = begin
+        self._turn = begin.copy()
+        self._way = np.zeros(len(begin), dtype=np.int64)
+        self.travel = np.zeros(len(begin))
+        self.largest = np.zeros(len(begin))
+        self.reversals = np.zeros(len(begin), dtype=np.int64)
+
+    def add(self, angles: Array) -> None:
+        """Add (F, J) angles of the next frames, rad."""
+        steps = np.abs(np.diff(angles, axis=0, prepend=self._last[None]))
+        self.travel += steps.sum(axis=0)
+        self.largest = np.maximum(self.largest, np.abs(angles - self._begin).max(axis=0))
+        self._last = angles[-1]
+        for row in angles:
+            # The turning point is the farthest angle so far in the present direction.
+            forward = self._way * (row - self._turn) > 0.0
+            back = np.abs(row - self._turn) >= MIN_COUNTED_MOTION_RAD
+            turned = back & ~forward
+            self.reversals += turned & (self._way != 0)
+            self._way = np.where(turned, np.sign(row - self._turn), self._way).astype(np.int64)
+            self._turn = np.where(forward | turned, row, self._turn)
+
+
+def _angles(chain: Chain, motion: Motion, start: int, stop: int) -> Array:
+    """Return (F, J) angles of some frames, rad."""
+    if motion.is_windowed:
+        return motion.dense(chain, start, stop).joint_angles_rad
+    return motion.joint_angles_rad[start:stop]
