@@ -17,6 +17,9 @@ from words.quantities import sentence, spacings
 
 LINKS: Final = ("none", "one", "two", "three", "four")
 """Small numbers as words."""
+MAX_STEP_STOPS: Final = 40
+"""Maximum number of stops that a draft has for the steps of a plan that rests between steps; of a
+plan with more steps, each stop stands for several of them."""
 
 
 def draft_tour(row: ShownFold, frames: int, moments: Moments | None = None) -> Tour | None:
@@ -34,6 +37,9 @@ def draft_tour(row: ShownFold, frames: int, moments: Moments | None = None) -> T
     if row.status == "failed" or not certificate.get("frames"):
         return Tour(title=title, stops=_failed(row, frames))
     known = moments or _bare(certificate, frames)
+    if known.steps:
+        last = _done(certificate, title, frames)
+        return Tour(title=title, stops=(*_start(row, known), *_steps(known), last))
     between = [
         stop
         for stop in (
@@ -70,6 +76,30 @@ def _start(row: ShownFold, moments: Moments) -> list[Stop]:
     if moments.straight == moments.plan:  # the frame at which it is straight is unknown
         return [first]
     return [first, _stop(straight, moments.straight)]
+
+
+def _steps(moments: Moments) -> list[Stop]:
+    """Return a stop at the end of each step, or of each group of steps if there are many."""
+    count = len(moments.steps)
+    size = -(-count // MAX_STEP_STOPS)
+    stops: list[Stop] = []
+    for start in range(0, count, size):
+        group = moments.steps[start : start + size]
+        end = start + len(group)
+        joints = tuple(dict.fromkeys(joint + 1 for step in group for joint in step.joints))
+        if len(group) == 1:
+            text = f"Step {end} of {count}. {group[0].text}"
+        else:
+            text = f"Steps {start + 1} to {end} of {count}: turns at modules {_listed(joints)}."
+        stops.append(_stop(text, group[-1].end, modules=joints[:MAX_STOP_MODULES]))
+    return stops
+
+
+def _listed(modules: tuple[int, ...]) -> str:
+    """Return numbers of modules, with the number of those that are left out."""
+    listed = ", ".join(map(str, modules[:MAX_STOP_MODULES]))
+    more = len(modules) - MAX_STOP_MODULES
+    return f"{listed} and {more} more" if more > 0 else listed
 
 
 def _contact(moments: Moments) -> Stop | None:

@@ -9,7 +9,7 @@ import pytest
 
 from planner.certificate.figures import CertificateFigures, FoldSummary
 from planner.errors import InputError
-from planner.plan.moments import Meeting, Moments
+from planner.plan.moments import Meeting, Moments, StepMoment
 from planner.plan.tour import MAX_CAPTION, MAX_STOPS, TOUR_FORMAT, Tour
 from tests.case import case
 from tests.words.test_certificate import SIMULATED
@@ -144,3 +144,26 @@ def test_longest_name_leaves_a_tour() -> None:
     assert long is not None
     assert Tour.from_dict(long.as_dict()) == long
     assert max(len(stop.caption) for stop in long.stops) <= MAX_CAPTION
+
+
+def test_draft_of_a_plan_that_rests_shows_its_steps() -> None:
+    for count in (3, 90):
+        steps = tuple(
+            StepMoment(
+                start=1000 + 10 * k, end=1010 + 10 * k, text="Turn.", joints=(k,), moving=((0, k),)
+            )
+            for k in range(count)
+        )
+        drafted = draft_tour(FOLD, 5000, replace(MOMENTS, steps=steps))
+        assert drafted is not None
+        assert len(drafted.stops) <= MAX_STOPS
+        assert Tour.from_dict(drafted.as_dict(), frames=5000, modules=160) == drafted
+        shown = drafted.stops[1:-1]
+        if count == 3:
+            assert [stop.caption for stop in shown] == [f"Step {k} of 3. Turn." for k in (1, 2, 3)]
+            assert [(stop.frame, stop.modules) for stop in shown] == [
+                (1011 + 10 * k, (k + 1,)) for k in range(3)
+            ]
+        else:
+            assert shown[0].caption == "Steps 1 to 3 of 90: turns at modules 1, 2, 3."
+            assert (len(shown), shown[-1].frame) == (30, 1000 + 10 * 90 + 1)
