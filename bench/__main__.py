@@ -43,6 +43,7 @@ from bench.table.playback import table_playback
 from bench.table.statics import statics
 from bench.table.tetrahedra import table_tetrahedra
 from bench.tetrahedra import tetrahedra
+from bench.turns import turns
 
 SECTIONS = {
     "first": first_minutes,
@@ -67,6 +68,7 @@ SECTIONS = {
     "table-tetrahedra": table_tetrahedra,
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
+    "turns": turns,
     "statics": statics,
     "plan-files": plan_files,
     "page": page_speed,

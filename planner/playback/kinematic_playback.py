@@ -15,7 +15,6 @@ from planner.motion.motion import Motion, Phase
 from planner.parameters.playback import PlaybackParameters
 from planner.playback.reference_curve import Reference, clear_reference, resting_reference
 from planner.playback.time_scaling import (
-    RESTING_RAMP_SHARE,
     SCALING_STEPS,
     hinge_bounded_times,
     smooth_scaling,
@@ -122,7 +121,7 @@ def _resting_places(
     places = np.interp(np.arange(at[-1] + 1), at, rests)
     seconds = np.diff(rests) * reference.length_rad * s_per_rad
     ends = np.concatenate([[0.0], np.cumsum(seconds)])
-    even = smooth_scaling(steps=SCALING_STEPS, step_s=1.0 / SCALING_STEPS, ramp=RESTING_RAMP_SHARE)
+    even = smooth_scaling(steps=SCALING_STEPS, step_s=1.0 / SCALING_STEPS)
     step = np.clip(np.searchsorted(rests, places, "right") - 1, 0, len(rests) - 2)
     parts = (places - rests[step]) / (rests[step + 1] - rests[step])
     shares = np.interp(parts, even.u, np.linspace(0.0, 1.0, SCALING_STEPS + 1))

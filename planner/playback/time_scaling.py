@@ -21,9 +21,6 @@ RAMP_SHARE: Final = 0.08
 """Fraction of the duration in which a playback speeds up, and again in which it slows down, if its
 speed is even in between (kinematic, or paced by hinges, or preset ``direct``). Smaller values need
 larger torques at both ends. Chosen."""
-RESTING_RAMP_SHARE: Final = 0.2
-"""The same from one rest to the next. With 0.2 the peak torque is a third of that with 0.08, and a
-fold takes 15 % longer at the same speed limit."""
 STRAIGHT_SHARE: Final = 0.35
 """Fraction of a curve, from its straight end on, along which the torque bound of a patient playback
 rises to that of the rest: docs/decisions/0034-calm-motion.md."""
@@ -271,18 +268,18 @@ def hinge_bounded_times(steps_rad: Array, seconds: float) -> Array:
     return seconds * shares
 
 
-def smooth_scaling(*, steps: int, step_s: float, ramp: float = RAMP_SHARE) -> TimeScaling:
-    """Return the time scaling of even speed with quintic ramps over a share of the time."""
+def smooth_scaling(*, steps: int, step_s: float) -> TimeScaling:
+    """Return the time scaling of even speed with quintic ramps over ``RAMP_SHARE`` of the time."""
     x = np.linspace(0.0, 1.0, steps + 1)
-    top = 1.0 / (1.0 - ramp)
-    y = np.clip(np.minimum(x, 1.0 - x) / ramp, 0.0, 1.0)
+    top = 1.0 / (1.0 - RAMP_SHARE)
+    y = np.clip(np.minimum(x, 1.0 - x) / RAMP_SHARE, 0.0, 1.0)
     rate = top * y**3 * (10.0 - 15.0 * y + 6.0 * y**2)
-    slope = top / ramp * 30.0 * (y * (1.0 - y)) ** 2 * np.where(x < 0.5, 1.0, -1.0)
-    risen = top * ramp * y**4 * (2.5 - 3.0 * y + y**2)
+    slope = top / RAMP_SHARE * 30.0 * (y * (1.0 - y)) ** 2 * np.where(x < 0.5, 1.0, -1.0)
+    risen = top * RAMP_SHARE * y**4 * (2.5 - 3.0 * y + y**2)
     u = np.where(
-        x < ramp,
+        x < RAMP_SHARE,
         risen,
-        np.where(x > 1.0 - ramp, 1.0 - risen, top * (x - 0.5 * ramp)),
+        np.where(x > 1.0 - RAMP_SHARE, 1.0 - risen, top * (x - 0.5 * RAMP_SHARE)),
     )
     total = steps * step_s
     return TimeScaling(u=u, rate=rate / total, acceleration=slope / total**2, step_s=step_s)
@@ -299,7 +296,7 @@ def resting_scaling(rests: Array, seconds: Array, *, step_s: float) -> TimeScali
     counts = np.maximum(2, np.ceil(seconds / step_s - 1e-9).astype(np.int64))
     u, rates, accelerations = [rests[:1]], [np.zeros(1)], [np.zeros(1)]
     for start, end, count in zip(rests[:-1], rests[1:], counts.tolist(), strict=True):
-        part = smooth_scaling(steps=count, step_s=step_s, ramp=RESTING_RAMP_SHARE)
+        part = smooth_scaling(steps=count, step_s=step_s)
         u.append(start + (end - start) * part.u[1:])
         rates.append((end - start) * part.rate[1:])
         accelerations.append((end - start) * part.acceleration[1:])

@@ -91,7 +91,10 @@ def find_turns(
         return NoTurns(outcome=found.outcome, expanded=expanded, last_rad=angles)
     most = len(chain.folded_rad) if at_once is None else at_once
     merger = Merger(chain, turning, room=room, at_once=most)
-    steps = merger.steps(found.states[::-1])
+    folding, unfolding = merger.steps(found.states[::-1]), merger.steps(found.states)
+    steps = folding
+    if len(unfolding) < len(folding):
+        steps = [[(hinge, -change) for hinge, change in step] for step in unfolding[::-1]]
     changes = np.zeros((len(steps) + 1, len(chain.folded_rad)))
     for k, step in enumerate(steps):
         for hinge, change in step:

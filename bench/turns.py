@@ -1,0 +1,92 @@
+"""Turns: how many chains of cubes fold in turns, in how many steps, with how much travel."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from bench.measured_tables import Section
+from planner.chain.chain import Chain
+from planner.chain.module import CUBE
+from planner.chain.path import Path
+from planner.kernels.backbite import grow
+from planner.pathfinding.lattice import neighbours
+from planner.readers import read
+from planner.readers.gallery import gallery
+from planner.turns.turn_sequence import NoTurns, find_turns
+
+SIZES = (0.95, 0.9)
+"""Module sizes at which random paths are folded."""
+RANDOM_BOXES = ((4, 4, 4), (3, 4, 6), (2, 6, 8), (4, 5, 6))
+"""Boxes with a random path each."""
+MOVES_PER_CELL = 100
+"""Largest number of moves per cell in which a random path is searched for."""
+SHORT_MODULES = 160
+"""Number of modules of the longest chains of the smaller set."""
+
+
+def turns(reference_seconds: float) -> Section:
+    """Fold all gallery shapes of cubes, and random paths through boxes, in turns."""
+    section = Section(name="turns")
+    shapes = [shape for shape in gallery() if shape.module == CUBE.name]
+    chains: list[Chain] = []
+    for shape in shapes:
+        path = read(shape.data)
+        assert isinstance(path, Path)
+        chains.append(Chain.from_path(path))
+    find_turns(chains[0], size=0.95, at_once=None, seed=0)  # compile first
+    rows = [_row(chain, 0.95, reference_seconds) for chain in chains]
+    short = [row for row in rows if row["modules"] <= SHORT_MODULES]
+    _add_share(section, f"gallery to {SHORT_MODULES} cubes", short, 0.95)
+    _add_share(section, "gallery of cubes", rows, 0.85)
+    folded = [row for row in rows if row["steps"]]
+    for name, bar in (("turns_per_bent_hinge", 1.05), ("travel_per_least", 1.05)):
+        median = float(np.median([row[name] for row in folded]))
+        section.add(f"{name}, median", f"{median:.3f}", f"at most {bar}", median <= bar)
+    rows += [
+        _row(Chain.from_path(_random_path(box)), size, reference_seconds)
+        for box in RANDOM_BOXES
+        for size in SIZES
+    ]
+    section.rows = rows
+    return section
+
+
+def _random_path(box: tuple[int, int, int]) -> Path:
+    """Return a random path through all cells of a box."""
+    cells = np.argwhere(np.ones(box, bool))
+    moves = MOVES_PER_CELL * len(cells)
+    length, order = grow(neighbours(cells), np.ones(len(cells), bool), -1, moves, 0)
+    assert length == len(cells)
+    return Path.from_cells(cells[order].tolist(), name="×".join(map(str, box)))
+
+
+def _row(chain: Chain, size: float, reference_seconds: float) -> dict[str, object]:
+    begun = time.process_time()
+    found = find_turns(chain, size=size, at_once=None, seed=0)
+    seconds = time.process_time() - begun
+    bent = int(np.count_nonzero(chain.folded_rad))
+    row: dict[str, object] = {
+        "name": chain.name,
+        "modules": len(chain),
+        "size": size,
+        "bent": bent,
+        "seconds": round(seconds, 2),
+        "ratio": round(seconds / reference_seconds, 2),
+    }
+    if isinstance(found, NoTurns):
+        return row | {"steps": 0, "outcome": found.outcome}
+    travel = float(np.abs(np.diff(found.rest_angles_rad, axis=0)).sum())
+    return row | {
+        "steps": len(found.hinges),
+        "turns": found.turns,
+        "turns_per_bent_hinge": round(found.turns / bent, 3),
+        "travel_per_least": round(travel / float(np.abs(chain.folded_rad).sum()), 3),
+        "room": round(found.room, 4),
+    }
+
+
+def _add_share(section: Section, name: str, rows: list[dict[str, object]], bar: float) -> None:
+    count = sum(bool(row["steps"]) for row in rows)
+    section.add(name, f"{count} of {len(rows)}", f"{bar:.0%}", count >= bar * len(rows))
