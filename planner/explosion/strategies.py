@@ -2,8 +2,8 @@
 
 ``simultaneous`` is the paper's: all modules at once. ``blocks`` lets rigid blocks come apart first.
 ``peel`` releases one unit after the other from the chain's far end, so its cost grows linearly.
-``auto`` chooses by size and path, and explodes all modules calmly. ``turns`` and ``one-by-one`` need
-no explosion: they search for quarter turns, and make some of them at once, or one after the other.
+``auto`` chooses by size and path, and explodes all modules calmly. ``turns`` and ``one-by-one``
+need no explosion: they search for quarter turns, and make some at once, or one after the other.
 """
 
 from __future__ import annotations

@@ -137,7 +137,7 @@ def _beyond(
         tried = 0
         for pair in turning.pairs(state):
             proofs += 1
-            if proofs > MAX_PAIR_PROOFS or tried == MAX_TRIED_PAIRS:
+            if proofs > MAX_PAIR_PROOFS or tried >= MAX_TRIED_PAIRS:
                 break
             if not proof.holds(state, pair):
                 continue
