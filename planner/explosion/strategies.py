@@ -109,10 +109,9 @@ def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str,
         return ("peel",) if on_lattice(chain) else ()
     if not isinstance(parameters.explosion, ExplosionParameters):
         return ("simultaneous",)  # as published, or nothing at all
-    if not on_lattice(chain):
-        return ("simultaneous",)
-    turns = (TURNS, BASELINE) if len(chain) <= MAX_TURNING_MODULES else ()
-    names = ("simultaneous", "blocks", "peel", *turns)
+    turns = (TURNS, BASELINE) if len(chain) <= MAX_TURNING_MODULES and _square(chain) else ()
+    names = ("simultaneous", "blocks", "peel") if on_lattice(chain) else ("simultaneous",)
+    names = (*names, *turns)
     return tuple(n for n in names if not (refolds and records_windows(n)))
 
 
@@ -130,9 +129,13 @@ def _preferred(chain: Chain) -> tuple[str, ...]:
 
 def on_lattice(chain: Chain) -> bool:
     """Return True if a chain consists of cubes that fold into cells."""
+    return _square(chain) and chain.module.fills_cell and chain.module.rigid_links == 1
+
+
+def _square(chain: Chain) -> bool:
+    """Return True if all hinges of a folded chain are straight or at right angles."""
     quarters = chain.folded_rad / (np.pi / 2)
-    square = bool((np.abs(quarters - np.rint(quarters)) < RIGHT_ANGLE_TOLERANCE).all())
-    return square and chain.module.fills_cell and chain.module.rigid_links == 1
+    return bool((np.abs(quarters - np.rint(quarters)) < RIGHT_ANGLE_TOLERANCE).all())
 
 
 def run_strategy(

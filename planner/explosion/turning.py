@@ -39,7 +39,7 @@ def unfold_in_turns(
     """Return the record of a chain that unfolds in steps of quarter turns.
 
     Args:
-        chain: The chain, of cubes on the lattice.
+        chain: The chain: cubes on the lattice, or tetrahedra in the honeycomb.
         strategy: Name of the strategy in the record.
         size: Module size as a fraction of the pitch.
         at_once: Maximum number of hinges that turn in one step; None for no limit.

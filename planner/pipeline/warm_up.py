@@ -15,7 +15,7 @@ from planner.certificate.frame_metrics import clearances_of
 from planner.certificate.table_certificate import table_certificate
 from planner.chain.chain import Chain
 from planner.chain.floating_torques import floating_torques
-from planner.chain.module import CUBE
+from planner.chain.module import CUBE, TETRAHEDRON
 from planner.chain.path import Path
 from planner.clearance.exempt_pairs import exempt_pairs
 from planner.clearance.sweep import sweep
@@ -47,6 +47,7 @@ from planner.simulation.mujoco_models import SOLIMP
 from planner.simulation.robot import Robot
 from planner.turns.beam_search import unfold
 from planner.turns.cube_turns import CubeTurning
+from planner.turns.tetrahedron_turns import TetrahedronTurning
 
 BACKGROUND_NICENESS: Final = 10
 """Niceness (POSIX) of a process that compiles kernels in advance. A larger value leaves more of the
@@ -176,13 +177,13 @@ def _peel() -> None:
 
 
 def _turn() -> None:
-    """Compile the kernels of turns, with a chain whose turns all fit into one step."""
-    chain = warm_up_chains()
-    turning = CubeTurning(chain, 0.95)
-    found = unfold(turning, turning.folded, room=0.0, width=1, seed=0)
-    turning.pairs(turning.folded)
-    hinges = np.zeros(0, np.int64)
-    turning.clear_turns(found.states[-1], hinges, hinges, room=0.0)
+    """Compile the kernels of turns, with chains whose turns all fit into one step."""
+    bent = Chain.from_angles(TETRAHEDRON, np.full(2, np.pi / 2))
+    for turning in (CubeTurning(warm_up_chains(), 0.95), TetrahedronTurning(bent, 0.95)):
+        found = unfold(turning, turning.folded, room=0.0, width=1, seed=0)
+        turning.pairs(turning.folded)
+        hinges = np.zeros(0, np.int64)
+        turning.clear_turns(found.states[-1], hinges, hinges, room=0.0)
 
 
 def main() -> None:

@@ -39,6 +39,7 @@ class CubeTurning(Turning):
 
     def __init__(self, chain: Chain, size: float) -> None:
         self.size = size
+        self.cell_gap = 1.0 - size
         self.step_rad = QUARTER_RAD
         self.folded = np.rint(chain.folded_rad / QUARTER_RAD).astype(np.int8)
         modules = len(chain)

@@ -34,8 +34,9 @@ class RoomProof:
 
     def __init__(self, chain: Chain, turning: Turning, room: float) -> None:
         self._step_rad = turning.step_rad
-        # Cubes that are larger by the room on all sides keep apart where the cubes keep that room.
-        self._between = Between(chain, turning.size + room)
+        # Modules so much larger that they use up the room in front of a face keep apart only where
+        # the modules keep about that room.
+        self._between = Between(chain, turning.size + room / (2.0 * chain.module.inner_radius))
 
     def holds(self, before: Levels, after: Levels) -> bool:
         """Return True if the motion between two states with these (J,) levels is proved clear."""

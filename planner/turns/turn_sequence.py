@@ -14,6 +14,7 @@ from planner.progress import Cancelled, never
 from planner.turns.beam_search import Outcome, Unfolded, unfold
 from planner.turns.cube_turns import CubeTurning
 from planner.turns.merging import Merger, RoomProof
+from planner.turns.tetrahedron_turns import TetrahedronTurning
 from planner.turns.turning import Turning
 
 ROOM_SHARES: Final = (0.45, 0.35, 0.09, 0.01)
@@ -73,13 +74,14 @@ def find_turns(
     The search begins folded, where there is least room, and ends straight; reversed, it folds.
 
     Args:
-        chain: The chain, of cubes on the lattice.
+        chain: The chain: cubes on the lattice, or tetrahedra in the honeycomb.
         size: Module size as a fraction of the pitch.
         at_once: Maximum number of hinges that turn in one step; None for no limit.
         seed: Seed of the search.
         cancelled: Polled before each turn.
     """
-    turning: Turning = CubeTurning(chain, size)
+    kind = CubeTurning if chain.module.fills_cell else TetrahedronTurning
+    turning: Turning = kind(chain, size)
     found, room, expanded = _searched(turning, WIDTHS[0], ROOM_SHARES, seed, cancelled)
     if found.outcome in ("blocked", "stuck") and at_once != 1:
         found = _beyond(turning, RoomProof(chain, turning, room), found, room, seed)
@@ -114,7 +116,7 @@ def _searched(
     expanded, room = 0, 0.0
     best: Unfolded | None = None
     for share in shares:
-        room = share * (1.0 - turning.size)
+        room = share * turning.cell_gap
         found = unfold(
             turning, turning.folded, room=room, width=width, seed=seed, cancelled=cancelled
         )

@@ -40,11 +40,13 @@ class Turning(Protocol):
         folded: (J,) levels of the folded chain.
         step_rad: Angle of a turn, rad.
         size: Module size as a fraction of the pitch.
+        cell_gap: Gap between modules in neighbouring cells, pitches.
     """
 
     folded: Levels
     step_rad: float
     size: float
+    cell_gap: float
 
     def expand(
         self, states: Levels, keys: Keys, codes: Keys, *, room: float, weight: float
