@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from typing import Any
 
 import numpy as np
 
@@ -62,12 +63,12 @@ def _random_path(box: tuple[int, int, int]) -> Path:
     return Path.from_cells(cells[order].tolist(), name="×".join(map(str, box)))
 
 
-def _row(chain: Chain, size: float, reference_seconds: float) -> dict[str, object]:
+def _row(chain: Chain, size: float, reference_seconds: float) -> dict[str, Any]:
     begun = time.process_time()
     found = find_turns(chain, size=size, at_once=None, seed=0)
     seconds = time.process_time() - begun
     bent = int(np.count_nonzero(chain.folded_rad))
-    row: dict[str, object] = {
+    row: dict[str, Any] = {
         "name": chain.name,
         "modules": len(chain),
         "size": size,
@@ -87,6 +88,6 @@ def _row(chain: Chain, size: float, reference_seconds: float) -> dict[str, objec
     }
 
 
-def _add_share(section: Section, name: str, rows: list[dict[str, object]], bar: float) -> None:
+def _add_share(section: Section, name: str, rows: list[dict[str, Any]], bar: float) -> None:
     count = sum(bool(row["steps"]) for row in rows)
     section.add(name, f"{count} of {len(rows)}", f"{bar:.0%}", count >= bar * len(rows))
