@@ -26,6 +26,7 @@ LAYERS: Final = (
     ("planner.clearance", "planner.readers"),
     ("planner.statics",),
     ("planner.pathfinding", "planner.playback", "planner.turns"),
+    ("planner.path_fit",),
     ("planner.table_paths",),
     ("planner.explosion", "planner.certificate"),
     ("planner.plan",),

@@ -1,4 +1,4 @@
-"""Architecture: components of 5 to 27 files, each of which imports from lower layers only."""
+"""Architecture: components of 5 to 29 files, each of which imports from lower layers only."""
 
 import re
 
@@ -7,7 +7,7 @@ import pytest
 from docs import make_architecture as made
 from tests.case import case
 
-MIN_FILES, MAX_FILES = 5, 27
+MIN_FILES, MAX_FILES = 5, 29
 UNLIMITED = ("__pycache__", "shapes", "snapshots", "decisions")
 FOLDERS = [
     c for c in made.LAYER_OF if c not in made.COLUMNS and made.modules()[c].name == "__init__.py"
@@ -26,7 +26,7 @@ def test_imports_point_to_lower_layers() -> None:
     assert up == []
 
 
-def test_packages_have_a_purpose_and_5_to_27_files() -> None:
+def test_packages_have_a_purpose_and_5_to_29_files() -> None:
     for component in FOLDERS:
         with case(component):
             files = [path for path in made.modules()[component].parent.iterdir() if path.is_file()]
@@ -41,7 +41,7 @@ def test_all_packages_have_a_layer() -> None:
 
 
 @pytest.mark.parametrize("folder", ["tests", "bench", "examples", "docs", "web/static/js"])
-def test_other_folders_have_at_most_27_files(folder: str) -> None:
+def test_other_folders_have_at_most_26_files(folder: str) -> None:
     for path in (made.ROOT / folder, *(made.ROOT / folder).rglob("*")):
         if path.is_dir() and path.name not in UNLIMITED:
             assert len([p for p in path.iterdir() if p.is_file()]) <= MAX_FILES, path

@@ -19,6 +19,11 @@ PATH_METHODS: Final[Choices] = {
         hint="Splits each cell of the shape into 2×2×2 modules. A path always exists, and the "
         "chain folds most reliably.",
     ),
+    "fitted": Choice(
+        label="Fitted",
+        hint="For meshes: chooses the cells together with the path through them. Looks most like "
+        "the mesh.",
+    ),
     "exact": Choice(
         label="Exact",
         hint="Uses one module for each cell of the shape: finer detail for the same number of "

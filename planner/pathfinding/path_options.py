@@ -63,7 +63,8 @@ class PathOptions:
         "auto",
         title="Path method",
         help="Method that finds the path. `blocks` splits each voxel into 2×2×2 modules, "
-        "`exact` uses one module for each voxel, and `snake` works only for boxes.",
+        "`fitted` chooses the cells of a mesh together with the path, `exact` uses one module for "
+        "each voxel, and `snake` works only for boxes.",
         label="Path",
         choices=PATH_METHODS,
     )

@@ -11,12 +11,12 @@ import numpy as np
 
 from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
-from planner.chain.module import CUBE
+from planner.chain.module import CUBE, LONG_CHAIN
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding import PATH_METHODS
 from planner.pathfinding.knots import Knot, knot_of
-from planner.pathfinding.path_options import PathOptions
+from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
 from planner.pathfinding.snake import is_box
 from planner.pathfinding.start_cell import starting_at
 from planner.plan.prepared_chains import PreparedChains
@@ -49,7 +49,10 @@ PATH_SEARCH_LIMIT_S: Final = 20.0
 takes longer if there is none. Chosen."""
 MIN_MODULES: Final = 8
 """Smallest number of modules that is suggested."""
-TIME_INDEPENDENT_METHODS: Final = ("blocks", "snake", "assembly")
+MIN_FITTED_GAIN: Final = 0.02
+"""Smallest gain in IoU for which a fitted path is taken instead of blocks, along which chains fold
+most reliably."""
+TIME_INDEPENDENT_METHODS: Final = ("blocks", "fitted", "snake", "assembly")
 """Methods of searching a path through a shape whose result does not depend on a time limit, and so
 is the same on every machine. Only their chains may be stored by a preview and used by the fold."""
 
@@ -216,9 +219,13 @@ class Preparation:
 
     def _possible_methods(self) -> list[str]:
         """Return the methods that may find a path through the shape."""
-        if self.shape is None or self.options.world == "table":
+        if self.shape is None:
             return list(PATH_METHODS)
-        methods = [method for method in PATH_METHODS if method != "snake"]
+        if self.options.world == "table":
+            return [method for method in PATH_METHODS if method != "fitted"]
+        may_fit = self.solid is not None and self.options.module == CUBE.name
+        unsuited = {"snake"} if may_fit else {"snake", "fitted"}
+        methods = [method for method in PATH_METHODS if method not in unsuited]
         solid = self.solid
         if is_box(self.shape) or (solid is not None and solid.fills_its_box):
             methods.append("snake")
@@ -345,6 +352,8 @@ def prepare_found(
     if isinstance(found, Path):
         # The cells of a path are a shape to other modules.
         found = Shape.from_cells(found.cells, name=found.name, pitch_m=found.pitch_m)
+    if options.method == "fitted":
+        _check_for_fitted(found, options)
     if not searching:
         return _cells_alone(found, options, seed)
     if isinstance(found, Shape):
@@ -518,7 +527,67 @@ def _from_shape(
     return _made(kind, shape.name, options, filled, notes, likenesses=likenesses)
 
 
+def _check_for_fitted(found: Shape | Solid, options: PathOptions) -> None:
+    """Refuse the method 'fitted' where it chooses nothing."""
+    if isinstance(found, Shape):
+        got, remedy = "cells", "Use the method 'exact' or 'blocks', as the cells are given."
+    elif options.module != CUBE.name:
+        got, remedy = f"{options.module} modules", "Use the method 'auto' or cubes."
+    elif options.world == "table":
+        got, remedy = "a fold on a table", "Use the method 'auto'."
+    else:
+        return
+    raise InputError(
+        "unsuited-method",
+        f"got the method 'fitted' for {got}, expected a mesh that is folded from cubes in zero "
+        f"gravity. {remedy}",
+        where="method",
+    )
+
+
 def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:
+    """Return the better of a fitted path and the path through voxels; see ``MIN_FITTED_GAIN``."""
+    if options.method == "fitted":
+        return _fitted(solid, options, seed)
+    # A requested start is a cell of the path that is chosen without it, as a preview shows it.
+    anywhere = replace(options, start=None)
+    modules = DEFAULT_MODULES if options.modules is None else options.modules
+    may_fit = options.method == "auto" and options.module == CUBE.name
+    if not may_fit or options.world == "table" or modules >= LONG_CHAIN:
+        return _voxelised(solid, options, seed, time_limit_s)
+    voxelised = _voxelised(solid, anywhere, seed, time_limit_s)
+    fitted = _fitted(solid, anywhere, seed)
+    if not _is_better(fitted, voxelised):
+        if options.start is None:
+            return voxelised
+        return _voxelised(solid, options, seed, time_limit_s)
+    if options.start is not None:
+        return _fitted(solid, options, seed)
+    return replace(
+        fitted,
+        chains=(*fitted.chains, *voxelised.chains[:1]),
+        likenesses=(*fitted.likenesses, *voxelised.likenesses[: len(voxelised.chains[:1])]),
+    )
+
+
+def _is_better(fitted: Preparation, voxelised: Preparation) -> bool:
+    """Return True if a fitted path is clearly more like the solid, with the requested ends."""
+    if not voxelised.chains or voxelised.likeness is None:
+        return True
+    if fitted.likeness is None or fitted.not_started:
+        return False
+    return fitted.likeness.iou >= voxelised.likeness.iou + MIN_FITTED_GAIN
+
+
+def _fitted(solid: Solid, options: PathOptions, seed: int) -> Preparation:
+    from planner.path_fit.fill_fitted import fill_fitted
+
+    voxels, filled = fill_fitted(solid, options, seed=seed)
+    notes = (*voxels.notes, *solid.notes)
+    return _of_solid(solid, options, voxels, filled, notes)
+
+
+def _voxelised(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:
     from planner.shapes.voxelise import voxelise
 
     filling = filling_of(options)
@@ -527,6 +596,16 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
         voxels.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s
     )
     notes = (*voxels.notes, *solid.notes, *voxels.remarks, *filled.notes)
+    return _of_solid(solid, options, voxels, filled, notes)
+
+
+def _of_solid(
+    solid: Solid,
+    options: PathOptions,
+    voxels: Voxels,
+    filled: FilledShape,
+    notes: tuple[str, ...],
+) -> Preparation:
     likenesses = _likenesses(_in_cells(solid, voxels), filled)
     return _made(
         "mesh",

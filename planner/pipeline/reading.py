@@ -89,6 +89,8 @@ def read_shape(
         prepared = prepare(data, request.filename, request.path_options(), seed=seed).prepared()
     chain, chains, likenesses = prepared.chains[0], prepared.chains, prepared.likenesses
     if start is not None:
+        # A fitted path may have fewer modules; the path through blocks may still fit.
+        chain = next((each for each in chains if len(each) == len(start)), chain)
         check_fits(start, chain.module.name, len(chain))
         # It is the same chain, whatever size the other shape was drawn in.
         fitting = [k for k, each in enumerate(chains) if len(each) == len(start)]

@@ -9,8 +9,10 @@ import numpy as np
 
 from planner.chain.chain import Chain
 from planner.chain.path import Path
+from planner.path_fit.fill_fitted import fill_fitted
 from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.knots import knot_of
+from planner.pathfinding.path_options import PathOptions
 from planner.pathfinding.trail_search import find_trails
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
@@ -39,6 +41,7 @@ def warm_up_paths() -> None:
     find_trails(box)
     solid = _tetrahedron()
     voxelise(solid, cells=8)
+    fill_fitted(solid, PathOptions(modules=8), seed=0)
     # One whose faces don't agree about what is outside is filled in another way.
     voxelise(replace(solid, oriented=False), cells=8)
 

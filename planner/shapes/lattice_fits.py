@@ -169,6 +169,7 @@ class Ladder:
             for a solid in one piece.
         share: Share of the whole solid's volume that cells are fitted to, 0…1.
         tunnels: Number of tunnels of the largest body; None if that is undecided.
+        apart: True if ``solid`` still has other bodies, because its surfaces do not separate them.
     """
 
     def __init__(self, solid: Solid, turns: tuple[Array, ...]) -> None:
@@ -179,7 +180,7 @@ class Ladder:
         self.bodies: tuple[SeparateBody, ...] = ()
         self.tunnels: int | None = None
         self.share = 1.0
-        self._apart = False
+        self.apart = False
         self._fits: dict[tuple[int, float], LatticeFit | None] = {}
         self._made: dict[tuple[int, float, OffsetThreshold], FittedCells] = {}
         self._grids: dict[tuple[int, float, int], Grid] = {}
@@ -216,8 +217,8 @@ class Ladder:
         self.share = checked_fraction(self.bodies[0].share, "share of the largest body")
         self.volume *= float(sizes.max() / sizes.sum())
         body = _around(self.solid, sampling, main)
-        self._apart = len(body) == len(self.solid)
-        if not self._apart:
+        self.apart = len(body) == len(self.solid)
+        if not self.apart:
             self.solid = body
             self._bounds = _bounds(body, self.turns)
             if body.oriented:
@@ -276,7 +277,7 @@ class Ladder:
         """Estimate the work of a fit, in samples."""
         samples = self.samples(turn, pitch, self.size(turn, pitch) or BASE_CELL_SAMPLES // 2)
         triangles = len(self._roughened(pitch)[1])
-        several = 4.0 if self._apart else 1.0
+        several = 4.0 if self.apart else 1.0
         return several * samples + (40.0 if self.solid.oriented else 120.0) * triangles
 
     def fit(self, turn: int, pitch: float) -> LatticeFit | None:
@@ -302,7 +303,7 @@ class Ladder:
             turned=turned,
             bounds=self._bounds[turn],
         )
-        if self._apart:
+        if self.apart:
             sampling = _largest_body(sampling)
         split = min(OFFSETS_PER_AXIS, self.size(turn, pitch))
         grid = Grid(

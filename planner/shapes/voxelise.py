@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -126,45 +126,99 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0) -> Voxels:
         ladder.finer(made.turn, made.pitch, 2 * MAX_FULL_EDGE_SAMPLES),
         exact=True,
     )
-    filled_cells = np.argwhere(made.joined.cells)
     at = np.array(made.offset_threshold[:3]) * (fine.size // fine.split)
-    kept = _kept(ladder, fine, made)
-    rotation = ladder.turns[made.turn]
-    offset = (fine.offset - at) / fine.size - filled_cells.min(axis=0)
-    shape = Shape.from_cells(filled_cells - filled_cells.min(axis=0), name=solid.name)
-    unused = _unused(ladder, shape, rotation / made.pitch, offset)
     body_iou = overlap(fine, made.offset_threshold, made.joined.cells)
     better = below is not None and chooser.choose(below).made.iou > body_iou + MIN_IOU_GAIN
-    notes = _notes(ladder, kept, body_iou)
-    if unused:
-        notes.insert(0, bodies_note([body.share for body in ladder.bodies], unused))
-    if better:
-        notes.append("use fewer modules; then the cells would match the shape better.")
-    return Voxels(
-        shape=shape,
-        kept=kept,
+    kept = _kept(ladder, fine, made)
+    laid = LaidCells(
+        cells=made.joined.cells,
         pitch=made.pitch,
-        rotation=rotation,
-        offset=offset,
-        asked=cells,
+        rotation=ladder.turns[made.turn],
+        offset=(fine.offset - at) / fine.size,
+    )
+    voxels = voxels_of(ladder, laid, kept, body_iou, asked=cells)
+    advice = ("use fewer modules; then the cells would match the shape better.",) if better else ()
+    return replace(
+        voxels,
         below=below,
         above=above,
-        unused=tuple(unused),
-        tunnels=ladder.tunnels,
-        notes=tuple(notes),
+        notes=(*voxels.notes, *advice),
         remarks=tuple(_remarks(fine, made)),
     )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class LaidCells:
+    """Cells over a solid: a point x of it lies in the cell ``floor(R x / pitch + offset)``.
+
+    Attributes:
+        cells: (X, Y, Z) True for the cells.
+        pitch: Edge of a cell in the solid's units.
+        rotation: (3, 3) rotation of the solid, R.
+        offset: (3,) shift in cells.
+    """
+
+    cells: Flags
+    pitch: float
+    rotation: Array
+    offset: Array
+
+
+def voxels_of(
+    ladder: Ladder, laid: LaidCells, kept: Kept, body_iou: float, *, asked: int
+) -> Voxels:
+    """Return cells as voxels of a solid, with notes about what they lose.
+
+    Args:
+        ladder: The solid.
+        laid: The cells.
+        kept: What they keep.
+        body_iou: Intersection over union with the used body.
+        asked: Requested number of cells.
+    """
+    cells = np.argwhere(laid.cells)
+    offset = laid.offset - cells.min(axis=0)
+    shape = Shape.from_cells(cells - cells.min(axis=0), name=ladder.solid.name)
+    unused = _unused(ladder, shape, laid.rotation / laid.pitch, offset)
+    notes = _notes(ladder, kept, body_iou)
+    if unused:
+        notes.insert(0, bodies_note([body.share for body in ladder.bodies], unused))
+    return Voxels(
+        shape=shape,
+        kept=kept,
+        pitch=laid.pitch,
+        rotation=laid.rotation,
+        offset=offset,
+        asked=asked,
+        below=None,
+        above=None,
+        unused=tuple(unused),
+        tunnels=ladder.tunnels,
+        notes=tuple(notes),
+    )
+
+
 def _kept(ladder: Ladder, grid: Grid, made: FittedCells) -> Kept:
-    cells = made.joined.cells
+    iou = overlap(grid, made.offset_threshold, made.joined.cells, share=ladder.share)
     filled = grid.fill(made.offset_threshold).astype(np.float64)
+    return kept_of(ladder, made.joined.cells, filled, iou)
+
+
+def kept_of(ladder: Ladder, cells: Flags, filled: Array, iou: float) -> Kept:
+    """Return what cells keep of a solid.
+
+    Args:
+        ladder: The solid.
+        cells: (X, Y, Z) True for the cells.
+        filled: (X, Y, Z) volume of the used body in each cell of the lattice, in any unit.
+        iou: Intersection over union of the cells with the whole solid.
+    """
     total = max(float(filled.sum()), np.finfo(float).tiny)
     inside = checked_fraction(float(filled[cells].sum()) / total, "share of the volume")
     lost = checked_fraction(_volume_apart(cells, filled) / total, "share that is lost")
     tunnels = tunnels_of_cells(cells)
     return Kept(
-        iou=overlap(grid, made.offset_threshold, cells, share=ladder.share),
+        iou=iou,
         volume=inside * ladder.share,
         lost=lost,
         tunnels=tunnels,

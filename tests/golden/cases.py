@@ -99,7 +99,7 @@ CASES: Final = {
     "refold": _case(write_path(HAIRPIN), _begin_refold, refold=True),
     "smooth": _case(FLAT, _begin_smooth),
     "prefer-time": _case(HOOK, prefer="time", strategy="simultaneous", settings="robots=0"),
-    "mesh": _case(MESH, filename="block.stl", modules=12),
+    "mesh": _case(MESH, filename="block.stl", modules=12, method="blocks"),
     "table-free": _case(TILE, **_ON_TABLE, settings="table_friction=0.1"),
     "table-clamped": _case(TILE, **_ON_TABLE, settings="table_friction=0.1,table_base=clamped"),
     "table-stuck": _case(BOX, **_ON_TABLE, settings="table_torque=0.5"),

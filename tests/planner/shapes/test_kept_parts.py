@@ -79,16 +79,21 @@ def test_similarity_of_two_bodies_never_exceeds_the_share_of_the_used_one() -> N
 
 def test_lost_handle_is_reported_with_the_numbers_of_modules_for_a_likeness() -> None:
     mesh = exported("stl", cup())
-    report = prepare_in_any_order(mesh, "cup.stl", PathOptions()).report()
+    report = prepare_in_any_order(mesh, "cup.stl", PathOptions(method="blocks")).report()
     assert report["tunnels"] == {"mesh": 1, "cells": 0}
     assert report["keeps_parts"] is False
     assert any("1 hole through it" in note for note in report["notes"])
     assert all(note[0] == note[0].upper() for note in report["notes"])
     assert [each["likeness"] for each in report["reach"]] == [0.6, 0.75, 0.9]
     enough = report["reach"][2]["modules"]
-    found = prepare_in_any_order(mesh, "cup.stl", PathOptions(modules=enough)).likeness
+    found = prepare_in_any_order(
+        mesh, "cup.stl", PathOptions(method="blocks", modules=enough)
+    ).likeness
     assert found is not None
     assert found.iou > 0.87
+    # A fitted path keeps the handle with as many modules as blocks that lose it.
+    fitted = prepare_in_any_order(mesh, "cup.stl", PathOptions()).report()
+    assert (fitted["method"], fitted["tunnels"]) == ("fitted", {"mesh": 1, "cells": 1})
 
 
 def test_exact_fits_need_few_modules() -> None:
@@ -106,7 +111,7 @@ def test_snake_is_possible_only_for_boxes() -> None:
         for mesh in (box(4, 4, 4), torus())
     )
     assert "snake" in cube["possible_methods"]
-    assert ring["possible_methods"] == ["auto", "blocks", "exact"]
+    assert ring["possible_methods"] == ["auto", "blocks", "fitted", "exact"]
 
 
 def test_volume_note_adds_up() -> None:

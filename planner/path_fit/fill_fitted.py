@@ -1,0 +1,140 @@
+"""Filling of a solid with cubes whose cells are chosen together with the path through them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from planner.arrays import Flags, Ints
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.errors import InputError
+from planner.kernels.backbite import grow
+from planner.path_fit.fit import FittedPath, PathFit, fit_path
+from planner.pathfinding.filled_shape import FilledShape
+from planner.pathfinding.knots import knot_of
+from planner.pathfinding.lattice import index_of, neighbours, surface
+from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from planner.shapes.lattice_fits import Ladder
+from planner.shapes.orientations import candidates
+from planner.shapes.shape import Shape
+from planner.shapes.solid import Solid
+from planner.shapes.voxelise import LaidCells, Voxels, kept_of, voxels_of
+
+METHOD: Final = "fitted"
+MAX_FITTED_MODULES: Final = 2_000
+"""Maximum number of modules of a fitted path: annealing longer ones takes too long."""
+MIN_FITTED_MODULES: Final = 8
+REROUTED_MOVES: Final = 400
+"""Moves for each cell of a search for a path through fitted cells with other ends."""
+REROUTES: Final = 8
+"""Number of searches for a path through fitted cells with other ends."""
+
+
+def fill_fitted(
+    solid: Solid, options: PathOptions, *, seed: int, quick: bool = False
+) -> tuple[Voxels, FilledShape]:
+    """Fit a path to a solid.
+
+    Args:
+        solid: The solid.
+        options: Number of modules, ends and start of the chain.
+        seed: Random seed.
+        quick: True for the first result; False for the best.
+
+    Returns:
+        The cells of the path, and the chains; all of them lie in the same lattice.
+
+    Raises:
+        InputError: ``wrong-count`` for more modules than can be fitted; ``not-a-cell`` for a start
+            that is no cell of the path.
+    """
+    modules = DEFAULT_MODULES if options.modules is None else options.modules
+    if modules > MAX_FITTED_MODULES:
+        raise InputError(
+            "wrong-count",
+            f"got {modules} modules with the method 'fitted', expected at most "
+            f"{MAX_FITTED_MODULES}; use fewer modules or the method 'blocks'.",
+        )
+    ladder = Ladder(solid, candidates(solid, np.random.default_rng(seed)))
+    fit = _last(ladder, modules, seed, quick=quick)
+    best = fit.paths[0]
+    voxels = _voxels(ladder, best, modules)
+    low = best.cells.min(axis=0)
+    orders = [fitted.cells - low for fitted in fit.paths]
+    routed, not_started = _with_ends(orders[0], options, seed)
+    orders = [routed] if routed is not None else orders
+    chains = tuple(
+        Chain.from_path(Path.from_cells(cells, name=solid.name, pitch_m=voxels.shape.pitch_m))
+        for cells in orders
+    )
+    return voxels, FilledShape(
+        chains=chains,
+        shape=Shape.from_cells(orders[0], name=solid.name, pitch_m=voxels.shape.pitch_m),
+        method=METHOD,
+        feasibility=None,
+        cells=orders[0],
+        line=orders[0].astype(np.float64),
+        knot=knot_of(orders[0]),
+        notes=(),
+        not_started=not_started,
+        scale=1.0,
+        shift=-0.5,
+        modules_per_cell=1,
+    )
+
+
+def _last(ladder: Ladder, modules: int, seed: int, *, quick: bool) -> PathFit:
+    stages = fit_path(ladder, modules, seed=seed)
+    fit = next(stages)
+    if quick:
+        return fit
+    for later in stages:
+        fit = later
+    return fit
+
+
+def _voxels(ladder: Ladder, fitted: FittedPath, modules: int) -> Voxels:
+    """Return the cells of a path as voxels."""
+    place = fitted.placement
+    cells: Flags = np.zeros(place.fill.shape, dtype=np.bool_)
+    cells[tuple(fitted.cells.T)] = True
+    filled = np.maximum(place.fill, 0).astype(np.float64)
+    shared = fitted.iou * (place.volume + len(fitted.cells)) / (1.0 + fitted.iou)
+    iou = shared / (place.volume / ladder.share + len(fitted.cells) - shared)
+    laid = LaidCells(
+        cells=cells, pitch=place.pitch, rotation=place.turn.rotation, offset=place.offset
+    )
+    kept = kept_of(ladder, cells, filled, iou)
+    return voxels_of(ladder, laid, kept, fitted.iou, asked=modules)
+
+
+def _with_ends(cells: Ints, options: PathOptions, seed: int) -> tuple[Ints | None, str]:
+    """Return a path through the same cells with the requested ends; None if that is not needed.
+
+    Returns:
+        The path, and the reason why none has the requested ends; empty if one has.
+    """
+    start = index_of(cells, options.start)
+    ends: Flags = np.ones(len(cells), dtype=np.bool_)
+    if options.ends == "surface":
+        ends = surface(cells)
+    for order in (cells, cells[::-1]):
+        at_start = start is None or tuple(order[0].tolist()) == options.start
+        if at_start and ends[[0, -1]].all():
+            return (None if order is cells else np.ascontiguousarray(order)), ""
+    near = neighbours(cells)
+    for attempt in range(REROUTES):
+        length, path = grow(
+            near,
+            ends,
+            -1 if start is None else start,
+            REROUTED_MOVES * len(cells),
+            REROUTES * seed + attempt,
+        )
+        if length == len(cells):
+            return cells[path], ""
+    if options.start is None:
+        return None, "No path with both ends on the surface was found."
+    return None, f"No path that starts in the cell {options.start} was found."

@@ -1,0 +1,230 @@
+"""Fit: a path whose cells look like a solid, found by annealing paths in a few placements."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+
+from planner.arrays import Array, Ints
+from planner.kernels.path_annealing import (
+    BACKBITE,
+    CORNER,
+    CUT,
+    DETOUR,
+    FULL,
+    GROW,
+    PARALLEL,
+    RETRACT,
+    SLITHER,
+    Field,
+    Schedule,
+    anneal,
+)
+from planner.path_fit.cloud import Cloud, cloud
+from planner.path_fit.placements import Counts, Placement, Turn, best_placements
+from planner.pathfinding.knots import knot_of
+from planner.pathfinding.lattice import spread
+from planner.shapes.lattice_fits import Ladder
+
+MIN_SHARE: Final = 0.9
+"""Smallest number of cells of a path, relative to the requested one."""
+HOT, COLD = 1.0, 0.04
+"""First and last temperature of an annealing, in cells."""
+KINDS: Final = {
+    DETOUR: 45,
+    CUT: 45,
+    CORNER: 60,
+    GROW: 22,
+    RETRACT: 10,
+    SLITHER: 10,
+    BACKBITE: 60,
+    PARALLEL: 4,
+}
+"""How often each kind of move is tried, of 256 times (decision 0031)."""
+RACE_MOVES: Final = 600
+"""Moves for each cell in the first annealing of a placement; each round of the race has twice as
+many."""
+FINAL_MOVES: Final = 2_000
+"""Moves for each cell in each of the last annealings."""
+FINALISTS: Final = 2
+"""Number of placements in the last annealings."""
+FINAL_RUNS: Final = 3
+"""Number of last annealings of each finalist."""
+PITCH_FACTORS: Final = tuple(0.8 + 0.04 * k for k in range(11))
+"""Pitches that are tried, relative to that of N cells with the volume of the solid."""
+MIN_TILT_GAIN: Final = 0.03
+"""Smallest gain in IoU for which the solid is turned: people expect a model upright."""
+SAME_IOU: Final = 0.004
+"""Difference in IoU below which the path is taken that unfolds more easily."""
+AIR_FILL: Final = FULL // 50
+"""Fill below which a cell counts as air, in 1/``FULL``."""
+AIR_COST: Final = 0.0
+"""Further energy of a cell in the air, in cells."""
+ROUGH_CLOUD: Final = 24_000
+"""Number of points by which placements are compared."""
+FINE_CLOUD: Final = 300_000
+"""Number of points by which the cells of a placement are filled."""
+MAX_CANDIDATES: Final = 3
+"""Maximum number of paths of a fit."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class FittedPath:
+    """A path in a placement.
+
+    Attributes:
+        placement: The lattice.
+        cells: (n, 3) cells in the order of the path.
+        iou: Intersection over union with the solid, by the fine cloud.
+    """
+
+    placement: Placement
+    cells: Ints
+    iou: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PathFit:
+    """Result of a fit.
+
+    Attributes:
+        paths: Paths in one placement, the best first; at least one.
+        is_final: True for the last result; False for one that is improved.
+    """
+
+    paths: tuple[FittedPath, ...]
+    is_final: bool
+
+
+def thresholds() -> Array:
+    """Return the (1024,) thresholds of acceptance, −ln u, rounded alike on all machines."""
+    shares = np.linspace(0.5, 1023.5, 1024) / 1024.0
+    return np.asarray(np.round(-np.log(shares), 12), dtype=np.float64)
+
+
+def schedule(moves: int, *, hot: float = HOT, cold: float = COLD) -> Schedule:
+    """Return the moves of an annealing that cools geometrically."""
+    kinds = np.repeat(np.array(list(KINDS)), np.array(list(KINDS.values())))
+    cooling = round(float((cold / hot) ** (1.0 / max(1, moves // 256))), 12)
+    return Schedule(moves, hot, cooling, thresholds(), kinds)
+
+
+def field_of(placement: Placement, counts: Counts) -> Field:
+    """Return the cells of a placement and the goal of a path."""
+    fill = placement.fill.reshape(-1)
+    cost = np.where((fill >= 0) & (fill < AIR_FILL), round(AIR_COST * FULL), 0)
+    return Field(
+        fill=fill,
+        cost=cost.astype(np.int64),
+        steps=placement.steps(),
+        volume=placement.volume,
+        target=float(counts.high),
+        low=counts.low,
+        high=counts.high,
+    )
+
+
+def first_step(field: Field, *, rises: bool = False) -> Ints:
+    """Return a path of two cells, of the fullest cell and its fullest neighbour."""
+    at = int(np.argmax(field.fill))
+    near = at + (field.steps[:4] if rises else field.steps)
+    return np.array([at, near[int(np.argmax(field.fill[near]))]], dtype=np.int64)
+
+
+def fit_path(ladder: Ladder, modules: int, *, seed: int = 0) -> Iterator[PathFit]:
+    """Fit a path to a solid: a first result soon, then the final one.
+
+    Moves are counted, not seconds: a seed gives the same paths on every machine.
+
+    Args:
+        ladder: The solid with its orientations, the upright one first.
+        modules: Largest number of cells.
+        seed: Random seed.
+    """
+    counts = Counts(low=int(np.ceil(MIN_SHARE * modules)), high=modules)
+    runs = [
+        _annealed(placement, counts, RACE_MOVES * modules, [seed, 0, number])
+        for number, placement in enumerate(_placements(ladder, counts, seed))
+    ]
+    runs = _ranked(runs)
+    yield PathFit(paths=(runs[0],), is_final=False)
+    moves, number = RACE_MOVES * modules, 1
+    while len(runs) > FINALISTS:
+        moves *= 2
+        runs = runs[: max(FINALISTS, len(runs) // 2)]
+        again = [
+            _annealed(run.placement, counts, moves, [seed, number, k]) for k, run in enumerate(runs)
+        ]
+        runs = _ranked([max(pair, key=_worth) for pair in zip(runs, again, strict=True)])
+        number += 1
+    finals = list(runs)
+    for k, run in enumerate(runs):
+        for attempt in range(FINAL_RUNS):
+            moves = FINAL_MOVES * modules
+            finals.append(_annealed(run.placement, counts, moves, [seed, 100 + k, attempt]))
+    yield PathFit(paths=_chosen(_ranked(finals)), is_final=True)
+
+
+def _placements(ladder: Ladder, counts: Counts, seed: int) -> list[Placement]:
+    """Return the placements of the race: upright ones, and turned ones that may pay."""
+    clouds = (_cloud(ladder, ROUGH_CLOUD, 2 * seed), _cloud(ladder, FINE_CLOUD, 2 * seed + 1))
+    rng = np.random.default_rng(seed)
+    pitch = ladder.pitch_for(counts.high)
+    placements: list[Placement] = []
+    for number, rotation in enumerate(ladder.turns):
+        pitches = (*(pitch * factor for factor in PITCH_FACTORS), *ladder.dividing(number, pitch))
+        turn = Turn(rotation=rotation, pitches=pitches, is_upright=number == 0)
+        least = placements[0].bound if placements else 0.0
+        for placement in best_placements(clouds, counts, turn, least=least, rng=rng):
+            if turn.is_upright or placement.bound >= least + MIN_TILT_GAIN:
+                placements.append(placement)
+    return placements
+
+
+def _cloud(ladder: Ladder, count: int, seed: int) -> Cloud:
+    return cloud(
+        *(ladder.solid, ladder.volume, count),
+        turns=ladder.turns,
+        largest=ladder.apart,
+        seed=seed,
+    )
+
+
+def _annealed(placement: Placement, counts: Counts, moves: int, seed: list[int]) -> FittedPath:
+    field = field_of(placement, counts)
+    number = int(np.random.SeedSequence(seed).generate_state(1)[0])
+    path, _, _ = anneal(field, schedule(moves), first_step(field), number, False)
+    return FittedPath(
+        placement=placement, cells=placement.cells_of(path), iou=placement.overlap(path)
+    )
+
+
+def _worth(run: FittedPath) -> float:
+    """Return the IoU, less what a turned solid must gain."""
+    return run.iou - (0.0 if run.placement.turn.is_upright else MIN_TILT_GAIN)
+
+
+def _ranked(runs: list[FittedPath]) -> list[FittedPath]:
+    return sorted(runs, key=lambda run: -_worth(run))
+
+
+def _chosen(runs: list[FittedPath]) -> tuple[FittedPath, ...]:
+    """Return the unknotted paths that unfold most easily of the nearly best ones; else the best.
+
+    All are in one placement.
+    """
+    sound: list[tuple[float, FittedPath]] = []
+    for run in runs:
+        if sound and _worth(run) < _worth(sound[0][1]) - SAME_IOU:
+            break
+        if knot_of(run.cells).verdict == "unknot":
+            sound.append((spread(run.cells), run))
+    if not sound:
+        return (runs[0],)
+    best = min(sound, key=lambda pair: pair[0])[1]
+    others = [run for _, run in sorted(sound, key=lambda pair: pair[0]) if run is not best]
+    same = [run for run in others if run.placement is best.placement]
+    return (best, *same[: MAX_CANDIDATES - 1])

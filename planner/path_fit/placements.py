@@ -1,0 +1,199 @@
+"""Placements: ways in which a lattice can be laid over a solid, the most promising first.
+
+They are compared by the best set of cells, which need not have a path: no path is better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import product
+from typing import Final
+
+import numpy as np
+
+from planner.arrays import Array, Ints
+from planner.kernels.path_annealing import CLOSED, FULL
+from planner.kernels.pose_bounds import best_overlap, count_points
+from planner.path_fit.cloud import Cloud, turned
+
+MARGIN: Final = 2
+"""Number of empty cells around a solid that a path may use."""
+SHIFTS: Final = tuple(np.array(shift) / 4.0 for shift in product(range(4), repeat=3))
+"""Shifts of the lattice that are tried for the upright solid, in cells."""
+FEW_SHIFTS: Final = tuple(np.array(shift) / 2.0 for shift in product(range(2), repeat=3))
+"""Shifts of the lattice that are tried for other orientations, in cells."""
+ROUGH_POINTS: Final = 6_000
+"""Number of points by which all pitches and shifts are compared."""
+CLIMBED: Final = 4
+"""Number of placements for each orientation whose pitch and shift are improved step by step."""
+CLIMBS: Final = 60
+"""Number of random steps of an improvement."""
+CLIMB_PITCH, CLIMB_SHIFT = 0.025, 0.25
+"""Largest random steps of the pitch, relative, and of each shift, in cells, at first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Turn:
+    """Rotation of a solid.
+
+    Attributes:
+        rotation: (3, 3) rotation.
+        pitches: Edges of cells that are tried, in the solid's units.
+        is_upright: True if the solid stands as in its file.
+    """
+
+    rotation: Array
+    pitches: tuple[float, ...]
+    is_upright: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Placement:
+    """A lattice over a solid: a point x lies in the cell ``floor(R x / pitch + offset)``.
+
+    Attributes:
+        turn: Rotation of the solid, R.
+        pitch: Edge of a cell, in the solid's units.
+        offset: (3,) shift, in cells.
+        fill: (X, Y, Z) share of each cell inside the solid, in 1/``FULL``; ``CLOSED`` at the rim.
+        volume: Volume of the solid, in cells.
+        bound: IoU of the best set of cells.
+    """
+
+    turn: Turn
+    pitch: float
+    offset: Array
+    fill: Ints
+    volume: float
+    bound: float
+
+    def cells_of(self, path: Ints) -> Ints:
+        """Return the (n, 3) cells of flat indices."""
+        return np.stack(np.unravel_index(path, self.fill.shape), axis=1).astype(np.int64)
+
+    def steps(self) -> Ints:
+        """Return the (6,) differences of flat indices to the neighbours; +z and −z come last."""
+        _, y, z = self.fill.shape
+        return np.array([y * z, -y * z, z, -z, 1, -1], dtype=np.int64)
+
+    def overlap(self, path: Ints) -> float:
+        """Return the intersection over union of a path's cells with the solid."""
+        shared = float(self.fill.reshape(-1)[path].sum()) / FULL
+        return shared / (self.volume + len(path) - shared)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Pose:
+    """Pitch, (3,) shift of the lattice from the corner of the solid's box in cells, and bound."""
+
+    pitch: float
+    shift: Array
+    bound: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Counts:
+    """Numbers of cells that a path may have.
+
+    Attributes:
+        low: Smallest number.
+        high: Largest number.
+    """
+
+    low: int
+    high: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _TurnedCloud:
+    """Points of a turned solid whose box begins at 0."""
+
+    points: Array
+    extents: Array
+    each: float
+    counts: Counts
+
+    def bound(self, pitch: float, shift: Array, stride: int = 1) -> float:
+        """Return the IoU of the best cells of a pose, by every ``stride``-th point."""
+        span = np.ceil(self.extents / pitch).astype(np.int64) + 2
+        tally = count_points(self.points, stride, pitch, shift, span)
+        counted = -(-len(self.points) // stride)
+        full = pitch**3 / self.each * counted / len(self.points)
+        return best_overlap(tally, full, float(counted), self.counts.low, self.counts.high)
+
+
+def best_placements(
+    clouds: tuple[Cloud, Cloud],
+    counts: Counts,
+    turn: Turn,
+    *,
+    least: float,
+    rng: np.random.Generator,
+) -> Iterator[Placement]:
+    """Yield placements of a turned solid, the best first.
+
+    Args:
+        clouds: Cloud by which poses are compared, and cloud by which the cells are filled.
+        counts: Numbers of cells.
+        turn: The rotation and its pitches.
+        least: Smallest bound of the best pose before it is improved; else there are none.
+        rng: Random numbers.
+    """
+    rough, fine = clouds
+    points = turned(rough.points, turn.rotation)
+    points -= points.min(axis=0)
+    extents = points.max(axis=0)
+    cloud = _TurnedCloud(points=points, extents=extents, each=rough.each, counts=counts)
+    stride = max(1, len(points) // ROUGH_POINTS)
+    shifts = SHIFTS if turn.is_upright else FEW_SHIFTS
+    poses: list[_Pose] = []
+    for pitch in turn.pitches:
+        bounds = [cloud.bound(pitch, shift, stride) for shift in shifts]
+        best = int(np.argmax(bounds))
+        poses.append(_Pose(pitch=pitch, shift=shifts[best], bound=bounds[best]))
+    poses.sort(key=lambda pose: -pose.bound)
+    if poses[0].bound < least:
+        return
+    climbed = [_climbed(cloud, pose, rng) for pose in poses[: CLIMBED if turn.is_upright else 1]]
+    points = turned(fine.points, turn.rotation)
+    for pose in sorted(climbed, key=lambda pose: -pose.bound):
+        yield _filled(points, fine.each, counts, turn, pose)
+
+
+def _climbed(cloud: _TurnedCloud, pose: _Pose, rng: np.random.Generator) -> _Pose:
+    """Improve a pitch and shift by random steps, which get smaller."""
+    best = _Pose(pitch=pose.pitch, shift=pose.shift, bound=cloud.bound(pose.pitch, pose.shift))
+    width = 1.0
+    for k in range(CLIMBS):
+        steps = rng.uniform(-width, width, 4)
+        pitch = best.pitch * (1.0 + CLIMB_PITCH * float(steps[0]))
+        shift = (best.shift + CLIMB_SHIFT * steps[1:]) % 1.0
+        bound = cloud.bound(pitch, shift)
+        if bound > best.bound:
+            best = _Pose(pitch=pitch, shift=shift, bound=bound)
+        elif k % 12 == 11:
+            width = max(0.15, 0.8 * width)
+    return best
+
+
+def _filled(points: Array, each: float, counts: Counts, turn: Turn, pose: _Pose) -> Placement:
+    """Fill the cells of a pose by (p, 3) turned points."""
+    pitch, corner = pose.pitch, points.min(axis=0)
+    offset = pose.shift - corner / pitch + MARGIN + 1
+    span = np.ceil((points.max(axis=0) - corner) / pitch).astype(np.int64) + 2 * MARGIN + 4
+    tally = count_points(points, 1, pitch, offset, span)
+    full = pitch**3 / each
+    fill = np.minimum(np.rint(tally * (FULL / full)), FULL).astype(np.int64)
+    fill = fill.reshape(tuple(span.tolist()))
+    for axis in range(3):
+        rim = np.moveaxis(fill, axis, 0)
+        rim[0] = rim[-1] = CLOSED
+    return Placement(
+        turn=turn,
+        pitch=pitch,
+        offset=offset,
+        fill=fill,
+        volume=len(points) / full,
+        bound=best_overlap(tally, full, float(len(points)), counts.low, counts.high),
+    )

@@ -1,0 +1,71 @@
+"""Fitted paths: they look more like a mesh than blocks, and blocks stay where they are as good."""
+
+import numpy as np
+import pytest
+import trimesh
+
+from planner.errors import InputError
+from planner.pathfinding.path_options import PathOptions
+from planner.pipeline.prepare import MIN_FITTED_GAIN, Preparation, prepare_found
+from planner.readers import read
+from tests.case import case
+from tests.planner.solids_made import box, solid_of, torus
+
+
+def prepared(mesh: trimesh.Trimesh, **options: object) -> Preparation:
+    return prepare_found(solid_of(mesh), PathOptions(**{"modules": 64, **options}))  # type: ignore[arg-type]
+
+
+def iou(made: Preparation) -> float:
+    assert made.likeness is not None
+    return made.likeness.iou
+
+
+def test_auto_takes_a_fitted_path_where_it_pays() -> None:
+    ring, blocks = prepared(torus()), prepared(torus(), method="blocks")
+    assert ring.method == "fitted" and blocks.method == "blocks"
+    assert iou(ring) >= iou(blocks) + MIN_FITTED_GAIN
+    assert ring.knot is not None and ring.knot.verdict == "unknot"
+    assert 0.9 * 64 <= len(ring.chain) <= 64
+    assert len(ring.chains) == len(ring.likenesses) > 1
+    # The path through blocks comes last, with its own likeness.
+    assert ring.likenesses[-1] == blocks.likenesses[0]
+    assert (ring.chains[-1].folded_rad == blocks.chain.folded_rad).all()
+    again = prepared(torus())
+    assert (again.cells == ring.cells).all()
+
+
+def test_auto_keeps_blocks_for_a_box() -> None:
+    assert prepared(box(4, 4, 4)).method == "blocks"
+
+
+def test_the_ends_and_the_start_are_as_requested() -> None:
+    for name, wanted in {"start": None, "ends": "surface"}.items():
+        with case(name):
+            first = prepared(torus(), method="fitted")
+            start = tuple(first.cells[len(first.cells) // 2].tolist())
+            options = {"start": start} if wanted is None else {"ends": wanted}
+            made = prepared(torus(), method="fitted", **options)
+            assert sorted(made.cells.tolist()) == sorted(first.cells.tolist())
+            assert made.not_started or wanted or tuple(made.cells[0].tolist()) == start
+
+
+def test_the_method_fitted_needs_a_mesh_of_cubes() -> None:
+    cells = read(b"[[0,0,0],[1,0,0],[1,1,0]]", filename="a.json", as_voxels=True)
+    refused = {
+        "cells": (cells, {}),
+        "tetrahedra": (solid_of(torus()), {"module": "tetrahedron"}),
+        "table": (solid_of(torus()), {"world": "table"}),
+        "too many": (solid_of(torus()), {"modules": 5000}),
+    }
+    for name, (found, options) in refused.items():
+        with case(name), pytest.raises(InputError, match="got .*fitted"):
+            prepare_found(found, PathOptions(method="fitted", **options))  # type: ignore[arg-type]
+
+
+def test_cells_are_where_the_mesh_is() -> None:
+    made = prepared(torus(), method="fitted")
+    assert made.voxels is not None and made.filled is not None
+    mesh = made.report()["mesh"]
+    middle = np.array(mesh["vertices"]).mean(axis=0)
+    assert np.abs(middle - made.chain.folded_poses.positions.mean(axis=0)).max() < 0.5
