@@ -58,7 +58,7 @@ def fill_fitted(
             f"{MAX_FITTED_MODULES}; use fewer modules or the method 'blocks'.",
         )
     ladder = Ladder(solid, candidates(solid, np.random.default_rng(seed)))
-    fit = _last(ladder, modules, seed, quick=quick)
+    fit = _last(ladder, modules, seed, quick=quick, exact=options.method == "exact")
     best = fit.paths[0]
     voxels = _voxels(ladder, best, modules)
     low = best.cells.min(axis=0)
@@ -85,8 +85,8 @@ def fill_fitted(
     )
 
 
-def _last(ladder: Ladder, modules: int, seed: int, *, quick: bool) -> PathFit:
-    stages = fit_path(ladder, modules, seed=seed)
+def _last(ladder: Ladder, modules: int, seed: int, *, quick: bool, exact: bool) -> PathFit:
+    stages = fit_path(ladder, modules, seed=seed, exact=exact)
     fit = next(stages)
     if quick:
         return fit

@@ -134,7 +134,9 @@ def first_step(field: Field, *, rises: bool = False) -> Ints:
     return np.array([at, near[int(np.argmax(field.fill[near]))]], dtype=np.int64)
 
 
-def fit_path(ladder: Ladder, modules: int, *, seed: int = 0) -> Iterator[PathFit]:
+def fit_path(
+    ladder: Ladder, modules: int, *, seed: int = 0, exact: bool = False
+) -> Iterator[PathFit]:
     """Fit a path to a solid: a first result soon, then the final one.
 
     Moves are counted, not seconds: a seed gives the same paths on every machine.
@@ -143,8 +145,10 @@ def fit_path(ladder: Ladder, modules: int, *, seed: int = 0) -> Iterator[PathFit
         ladder: The solid with its orientations, the upright one first.
         modules: Largest number of cells.
         seed: Random seed.
+        exact: True for exactly this number of cells, False for up to a tenth fewer.
     """
-    counts = Counts(low=int(np.ceil(MIN_SHARE * modules)), high=modules)
+    low = modules if exact else int(np.ceil(MIN_SHARE * modules))
+    counts = Counts(low=low, high=modules)
     runs = [
         _annealed(placement, counts, RACE_MOVES * modules, [seed, 0, number])
         for number, placement in enumerate(_placements(ladder, counts, seed))

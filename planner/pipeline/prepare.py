@@ -546,14 +546,17 @@ def _check_for_fitted(found: Shape | Solid, options: PathOptions) -> None:
 
 
 def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:
-    """Return the better of a fitted path and the path through voxels; see ``MIN_FITTED_GAIN``."""
-    if options.method == "fitted":
+    """Return the better of a fitted path and the path through voxels; see ``MIN_FITTED_GAIN``.
+
+    With the method ``exact`` a fitted path has exactly the requested number of modules.
+    """
+    modules = DEFAULT_MODULES if options.modules is None else options.modules
+    can_fit = options.module == CUBE.name and options.world != "table" and modules < LONG_CHAIN
+    if options.method == "fitted" or (options.method == "exact" and can_fit):
         return _fitted(solid, options, seed)
     # A requested start is a cell of the path that is chosen without it, as a preview shows it.
     anywhere = replace(options, start=None)
-    modules = DEFAULT_MODULES if options.modules is None else options.modules
-    may_fit = options.method == "auto" and options.module == CUBE.name
-    if not may_fit or options.world == "table" or modules >= LONG_CHAIN:
+    if options.method != "auto" or not can_fit:
         return _voxelised(solid, options, seed, time_limit_s)
     voxelised = _voxelised(solid, anywhere, seed, time_limit_s)
     fitted = _fitted(solid, anywhere, seed)

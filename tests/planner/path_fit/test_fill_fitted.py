@@ -35,6 +35,11 @@ def test_auto_takes_a_fitted_path_where_it_pays() -> None:
     assert (again.cells == ring.cells).all()
 
 
+def test_the_method_exact_meets_the_number_of_modules() -> None:
+    for modules in (63, 64):
+        assert len(prepared(torus(), method="exact", modules=modules).chain) == modules
+
+
 def test_auto_keeps_blocks_for_a_box() -> None:
     assert prepared(box(4, 4, 4)).method == "blocks"
 
