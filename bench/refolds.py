@@ -45,7 +45,7 @@ PAIRS = (
     "sponge:axe",
     "fish:umbrella",
     "cat:dumbbell",
-    "tetra-letter-f:tetra-mallet",
+    "mallet-80:letter-e",
 )
 """Pairs of shapes with equal numbers of modules: from the first into the second."""
 SEEDS = (0, 1, 2)
