@@ -76,10 +76,26 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 
 @pytest.hookimpl(tryfirst=True)  # before tests are selected by their marks
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests that start programs; ``make test-fast`` leaves them out."""
+    """Mark tests that start programs, which ``make test-fast`` leaves out, and put files that share
+    a service first.
+
+    Processes that run tests begin with consecutive tests, and later take others' last ones: in this
+    order few processes start a service and a browser of their own, and short tests come last.
+    """
+    sharing: set[Path] = set()
     for item in items:
-        if PROCESSES & set(getattr(item, "fixturenames", ())):
+        fixtures = set(getattr(item, "fixturenames", ()))
+        if PROCESSES & fixtures:
             item.add_marker("processes")
+        if "service" in fixtures and "browser" not in item.path.parts:
+            sharing.add(item.path)
+    tests = Path(__file__).parent
+
+    def rank(item: pytest.Item) -> int:
+        folder = item.path.relative_to(tests).parts[0]
+        return 1 if item.path in sharing else {"browser": 0, "server": 2}.get(folder, 3)
+
+    items.sort(key=rank)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -115,14 +115,9 @@ def test_readme_in_python(monkeypatch: pytest.MonkeyPatch) -> None:
     assert plan.verified
 
 
-def test_api_page_in_python_and_shell(
-    finished: FinishedFold, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_api_page_in_shell(finished: FinishedFold, tmp_path: Path) -> None:
+    """Its Python runs in tests/server/api/test_client.py."""
     page, address = ROOT / "docs" / "api.md", str(finished.http.base_url).rstrip("/")
-    monkeypatch.chdir(tmp_path)
-    run_python_blocks([text.replace(SERVICE_ADDRESS, address) for text in blocks(page, "python")])
-    assert (tmp_path / "plan.npz").exists()
-    (tmp_path / "plan.npz").unlink()
     script = "set -e\n" + "".join(blocks(page, "sh")).replace(SERVICE_ADDRESS, address)
     done = shell(script, tmp_path)
     assert done.returncode == 0, done.stderr

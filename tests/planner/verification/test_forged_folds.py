@@ -249,7 +249,10 @@ FORGERIES = {
 """Forgeries by name; ``test_verify`` has those of motions and models."""
 
 
-FAMILIES = (("input",), ("attempts",), ("moments", "plots"), ("margin",))
+FAMILIES = (
+    *(("input",), ("attempts",), ("moments", "plots"), ("margin",)),
+    *(("certificate",), ("candidates", "claim")),
+)
 """Kinds of forgeries that different checks find: one of each shares a directory, to save time."""
 
 

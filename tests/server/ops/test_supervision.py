@@ -57,7 +57,7 @@ def test_stop_signal_ends_a_starting_worker(tmp_path: Path) -> None:
         worker.wait(60)
 
 
-@pytest.mark.slow
+@pytest.mark.long
 @pytest.mark.processes
 def test_stopped_worker_is_replaced_and_its_fold_continues(tmp_path: Path) -> None:
     with Service(tmp_path / "data", lease_s=LEASE_S).start() as service:
@@ -105,7 +105,7 @@ def test_health_is_answered_with_few_open_files(tmp_path: Path) -> None:
     host, port = service.http.base_url.host, service.http.base_url.port
     assert port is not None
     with service, ExitStack() as stack:
-        for k in range(400):
+        for k in range(280):
             client = socket.create_connection((host, port), source_address=(f"127.0.1.{k % 8}", 0))
             stack.enter_context(client)
             with suppress(ConnectionError):  # beyond the limit
