@@ -11,7 +11,7 @@ class PreviewOptions(TypedDict, total=False):
     seed: int
     module: Literal["cube", "tetrahedron"]
     modules: int
-    method: Literal["auto", "blocks", "exact", "snake"]
+    method: Literal["auto", "blocks", "fitted", "exact", "snake"]
     repair: bool
     ends: Literal["any", "surface"]
     as_voxels: bool
