@@ -41,6 +41,7 @@ FAILURE_HEADINGS: Final = {
     "broken": "The simulation failed",
     "limit": "Not finished",
     "stopped": "Not finished",
+    "blocked": "No single joint can turn",
     "overlap": "Modules overlap",
     "off": "The chain does not end in its target shape",
     "refused": "Not verified",

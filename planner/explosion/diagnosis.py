@@ -34,7 +34,7 @@ from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import BASELINE, TURNS, Parameters
 from planner.pathfinding.knot_diagram import diagram_of
 
-Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped"]
+Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped", "blocked"]
 SLIGHT_BEND_RAD: Final = 0.1
 """Angle, rad, up to which a hinge counts as straight in the report on a failed unfolding. Larger
 values report fewer bent hinges. Chosen."""
@@ -63,6 +63,7 @@ STALL_TEXTS: Final[dict[str, str]] = {
     "broken": "the simulation failed",
     "limit": "the chain was still unfolding when the step limit was reached",
     "stopped": "the chain was still unfolding",
+    "blocked": "no hinge can make a quarter turn by itself in the folded state",
 }
 
 
@@ -73,7 +74,8 @@ class Diagnosis:
     Attributes:
         kind: Kind of the reason, by which the next attempt is chosen: a ``knot``, a ``buried``
             unit, a cluster of ``contacts``, stuck ``joints``, a simulation that is ``broken`` off,
-            or a ``limit`` that came first; ``stopped`` if the run was ended from outside.
+            or a ``limit`` that came first; ``stopped`` if the run was ended from outside;
+            ``blocked`` if no hinge of the folded chain can turn by itself, whatever the seed.
         modules: Modules whose joint is still bent, some of them at least.
         evidence: The reason, as another program can test it; None if the run was ended from
             outside, or an earlier version wrote the file.
@@ -138,6 +140,8 @@ def _where(chain: Chain, record: Record, last: Motion) -> tuple[Kind, Ints]:
         if not len(beside):
             beside = _most_bent(bent[core:])
         return _kind_beside(core, record), beside + core + first
+    if record.strategy in (TURNS, BASELINE) and record.status == "stalled" and not record.spent:
+        return "blocked", stuck
     if record.status == "diverged":
         return "broken", stuck if len(stuck) else _most_bent(bent) + first
     if not len(stuck):

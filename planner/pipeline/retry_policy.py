@@ -13,7 +13,7 @@ from typing import Final, Literal
 from planner.explosion.diagnosis import Diagnosis
 from planner.explosion.strategies import alternative_strategies, ranked_strategies
 from planner.parameters.explosion import ExplosionParameters
-from planner.parameters.parameters import BASELINE
+from planner.parameters.parameters import BASELINE, TURNS
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.preference import COMPUTING
@@ -33,6 +33,7 @@ FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
     "limit": ("strategy", "path"),
     "refused": ("path", "seed", "strategy", "forces"),
     "stopped": ("strategy", "path"),
+    "blocked": ("path",),
 }
 """What a fold changes for its next attempt, tried from left to right, by the reason why the last
 explosion failed (for example ``knot``: the chain is knotted). Measured."""
@@ -45,12 +46,11 @@ DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
 """Assumed reason of a failed explosion by the strategy that stalled, if the explosion reports none:
 the most frequent one. All other strategies assume ``joints``."""
 
-DIRECTIONAL_STRATEGIES: Final = ("peel", BASELINE)
+DIRECTIONAL_STRATEGIES: Final = ("peel",)
 """Explosion strategies that release a chain from one of its ends; to begin at the other end is one
 of the changes that a fold tries after a failure."""
-SEED_INDEPENDENT_STRATEGIES: Final = (BASELINE,)
-"""Explosion strategies without random forces; a retry with another seed would only repeat their
-result, so none is made."""
+FORCELESS_STRATEGIES: Final = (TURNS, BASELINE)
+"""Strategies that search for turns and pull at nothing: gentler forces would repeat their result."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,9 +173,9 @@ class RetryPolicy:
             if self.two_ended and here.strategy in DIRECTIONAL_STRATEGIES:
                 yield replace(here, other_end=not here.other_end)
         elif change == "forces":
-            if self.forces and here.strategy not in SEED_INDEPENDENT_STRATEGIES:
+            if self.forces and here.strategy not in FORCELESS_STRATEGIES:
                 yield replace(here, gentle=True)
-        elif here.strategy not in SEED_INDEPENDENT_STRATEGIES:
+        else:
             for k in range(self.seeds):
                 yield replace(here, seed=(self.seed + k) % (MAX_SEED + 1))
 

@@ -109,12 +109,18 @@ def test_attempts_from_the_other_end_and_gentle_ones_depend_on_the_strategy() ->
     assert trials(forces, "refused")[3] == Trial(0, 2, "peel")
     alone = RetryPolicy(strategies=(("simultaneous",),), seed=0, forces=True)
     assert trials(alone, "refused")[3] == Trial(0, 2, "simultaneous", gentle=True)
-    # One-by-one plans do not depend on the seed.
-    rows = RetryPolicy(strategies=(("peel", "one-by-one"),), seed=0, two_ended=True, forces=True)
-    laid = [found for found in trials(rows, "buried") if found.strategy == "one-by-one"]
-    assert {found.seed for found in laid} == {0}
-    assert {found.other_end for found in laid} == {True, False}
-    assert not any(found.gentle for found in laid)
+    # A search for turns has neither forces nor a first end.
+    for strategy in ("turns", "one-by-one"):
+        search = RetryPolicy(strategies=((strategy,),), seed=0, two_ended=True, forces=True)
+        for kind in ("contacts", "joints"):
+            assert trials(search, kind) == [Trial(0, seed, strategy) for seed in range(3)]
+
+
+def test_a_search_for_turns_that_is_blocked_is_repeated_only_for_other_paths() -> None:
+    alone = RetryPolicy(strategies=(("one-by-one",),), seed=0, two_ended=True, forces=True)
+    assert trials(alone, "blocked") == [Trial(0, 0, "one-by-one")]
+    two = replace(alone, strategies=(("one-by-one",), ("one-by-one",)))
+    assert trials(two, "blocked") == [Trial(0, 0, "one-by-one"), Trial(1, 0, "one-by-one")]
 
 
 def test_chain_from_its_other_end_fills_the_same_cells() -> None:

@@ -99,10 +99,11 @@ def test_two_hinges_turn_at_once_where_no_single_one_can() -> None:
     assert sweep(chain, found.rest_angles_rad, size=SIZE).clearance >= found.room
 
 
-def test_without_a_free_hinge_it_says_so() -> None:
-    found = find_turns(chain_of("arrow"), size=SIZE, at_once=1, seed=0)
-    assert isinstance(found, NoTurns)
-    assert found.outcome == "blocked"
+def test_without_a_free_hinge_it_says_so_once() -> None:
+    plan = fold(path_of("arrow"), strategy="one-by-one")
+    (attempt,) = plan.attempts
+    assert "none of the 204 hinges can turn in the folded state" in attempt["reason"]
+    assert (attempt["diagnosis"] or {})["kind"] == "blocked"
 
 
 def test_plan_rests_at_frames_and_is_proved(tmp_path: FilePath) -> None:
