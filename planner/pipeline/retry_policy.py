@@ -50,7 +50,7 @@ DIRECTIONAL_STRATEGIES: Final = ("peel",)
 """Explosion strategies that release a chain from one of its ends; to begin at the other end is one
 of the changes that a fold tries after a failure."""
 FORCELESS_STRATEGIES: Final = (TURNS, BASELINE)
-"""Strategies that search for turns and pull at nothing: gentler forces would repeat their result."""
+"""Strategies that search for turns, without forces: gentler ones would repeat their result."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

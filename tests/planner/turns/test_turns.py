@@ -15,7 +15,7 @@ from planner.pipeline.fold import fold
 from planner.pipeline.request import FoldRequest
 from planner.plan.steps import steps_of
 from planner.readers import read
-from planner.turns.turn_sequence import NoTurns, TurnSequence, find_turns
+from planner.turns.turn_sequence import TurnSequence, find_turns
 
 SHAPES = FilePath(__file__).parents[3] / "examples" / "shapes"
 SIZE = 0.95
