@@ -98,7 +98,9 @@ def test_lossy_shape_says_so_at_first_sight(visit: Visit, service: Service) -> N
     assert not lossy["keeps_parts"] and len(lossy["reach"]) == 3
     page = visit(lossy["links"]["page"], view=False)
     wait_for_preview(page)
-    expect(page.locator("#notes li").first).to_contain_text(re.compile("use more modules", re.IGNORECASE))
+    expect(page.locator("#notes li").first).to_contain_text(
+        re.compile("use more modules", re.IGNORECASE)
+    )
     for width, height in FIRST_SIGHT:
         resize(page, width, height)
         assert page.evaluate(OUT_OF_SIGHT, LOSSES) == []
