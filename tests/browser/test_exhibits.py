@@ -44,7 +44,7 @@ def test_kiosk_plays_on_without_network_and_returns_from_a_visitor(
     page.locator("#next").click()
     expect(page.locator("iframe")).to_have_count(1)  # the next one failed to load
     expect(page.locator("#trouble")).to_be_hidden()
-    expect(shown.locator(".tour-count")).to_have_text(re.compile("^[2-9] of"))  # still plays
+    expect(shown.locator("#tour-count")).to_have_text(re.compile("^[2-9] of"))  # still plays
     page.context.set_offline(False)
     expect(page.locator(second)).to_be_visible()
 

@@ -38,7 +38,7 @@ def test_element_shows_a_fold_and_obeys_its_messages(
         "() => { driven.setAttribute('controls', ''); driven.setAttribute('tour', '2'); }"
     )
     expect(driven.content_frame.locator("#bar")).to_be_visible()
-    expect(driven.content_frame.locator(".tour-count")).to_have_text(re.compile("^2 of"))
+    expect(driven.content_frame.locator("#tour-count")).to_have_text(re.compile("^2 of"))
     page.evaluate("() => driven.setAttribute('tour', '0')")
     page.locator("#frame").fill(str(last - 1))
     page.locator("#play").click()

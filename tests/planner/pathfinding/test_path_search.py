@@ -107,7 +107,7 @@ def test_no_path_is_explained() -> None:
 
 def test_options_out_of_range_are_refused() -> None:
     assert tuple(PATH_METHODS) == ("auto", "blocks", "fitted", "exact", "snake")
-    with pytest.raises(InputError, match="expected one of: auto, blocks, exact, snake"):
+    with pytest.raises(InputError, match="expected one of: auto, blocks, fitted, exact, snake"):
         find_paths(BOX, method="magic")
     with pytest.raises(InputError, match="expected 'any' or 'surface'"):
         find_paths(BOX, ends="inside")
