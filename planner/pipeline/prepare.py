@@ -49,6 +49,8 @@ PATH_SEARCH_LIMIT_S: Final = 20.0
 takes longer if there is none. Chosen."""
 MIN_MODULES: Final = 8
 """Smallest number of modules that is suggested."""
+REACH_STEP: Final = 10
+"""Step of suggested numbers of modules below ``LONG_CHAIN``."""
 MIN_FITTED_GAIN: Final = 0.02
 """Smallest gain in IoU for which a fitted path is taken instead of blocks, along which chains fold
 most reliably."""
@@ -365,22 +367,30 @@ def prepare_found(
 def _reach(solid: Solid, made: Preparation) -> dict[float, int | None]:
     """Return about how many cubes reach each likeness in zero gravity.
 
-    Empty where that cannot be estimated: for other modules, on a table, and for solids of which
-    separate bodies are left out.
+    It is the smaller number of a fitted path, below ``LONG_CHAIN``, and of blocks. Empty where that
+    cannot be estimated: for other modules, on a table, and for solids of which separate bodies are
+    left out.
     """
+    from planner.pathfinding.fill_cubes import BLOCK_CELLS
     from planner.shapes.reachable_likeness import cells_reaching
 
-    options, filled, voxels = made.options, made.filled, made.voxels
-    if options.module != CUBE.name or options.world == "table" or filled is None:
+    options, voxels = made.options, made.voxels
+    if options.module != CUBE.name or options.world == "table" or made.filled is None:
         return {}
     if voxels is None or voxels.unused:
         return {}
-    cubes = filled.modules_per_cell
-    fewest, most = -(-MIN_MODULES // cubes), MAX_CELLS // cubes
-    reached = cells_reaching(solid, fewest=fewest, most=most)
+    blocks = cells_reaching(solid, fewest=MIN_MODULES // BLOCK_CELLS, most=MAX_CELLS // BLOCK_CELLS)
+    reach = {
+        level: cells and min(MAX_CELLS, _rounded_up(BLOCK_CELLS * cells))
+        for level, cells in blocks.items()
+    }
+    if options.method == "blocks":
+        return reach
+    most = LONG_CHAIN - REACH_STEP
+    fitted = cells_reaching(solid, fewest=MIN_MODULES, most=most, in_path=True)
     return {
-        likeness: None if cells is None else min(MAX_CELLS, _rounded_up(cubes * cells))
-        for likeness, cells in reached.items()
+        level: min(filter(None, (count, cells and _rounded_up(cells))), default=None)
+        for (level, count), cells in zip(reach.items(), fitted.values(), strict=True)
     }
 
 

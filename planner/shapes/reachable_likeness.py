@@ -33,15 +33,21 @@ SHIFT_COUNTS: Final = (8, 3)
 """Number of shifts that are tried: of few cells, and of many, for which the shift matters less."""
 MANY_CELLS: Final = 600
 """Number of cells from which they are many."""
+PATH_LOSS: Final = (0.02, 0.5)
+"""Overlap (IoU) by which fitted paths fall short of the best cells, and the further overlap of one
+cell, which is shared by all: short paths miss more of a solid that branches (decision 0033)."""
 
 
-def cells_reaching(solid: Solid, *, fewest: int, most: int) -> dict[float, int | None]:
+def cells_reaching(
+    solid: Solid, *, fewest: int, most: int, in_path: bool = False
+) -> dict[float, int | None]:
     """Return about how many cells reach each of ``LEVELS``; None if ``most`` do not.
 
     Args:
         solid: The solid, as it shall stand.
         fewest: Smallest number of cells that may be used.
         most: Largest number of cells that may be used.
+        in_path: True if the cells are those of a path that is fitted to the solid.
     """
     reached: dict[float, int | None] = dict.fromkeys(LEVELS)
     count, known = float(fewest), 0.0
@@ -54,8 +60,9 @@ def cells_reaching(solid: Solid, *, fewest: int, most: int) -> dict[float, int |
         some = (inside.points - inside.points.min(axis=0)) / np.cbrt(inside.volume / count)
         shifts = np.outer(np.arange(SHIFT_COUNTS[is_large]), SHIFT_STEP) % 1.0
         best, iou = max((_best_set(some + shift, count) for shift in shifts), key=lambda x: x[1])
+        loss = PATH_LOSS[0] + PATH_LOSS[1] / best if in_path else 0.0
         for level, cells in reached.items():
-            if cells is None and iou >= level and best <= most:
+            if cells is None and iou - loss >= level and best <= most:
                 reached[level] = max(best, fewest)
         count *= COUNT_STEPS[is_large]
     return reached

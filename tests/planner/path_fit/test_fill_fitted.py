@@ -44,6 +44,18 @@ def test_auto_keeps_blocks_for_a_box() -> None:
     assert prepared(box(4, 4, 4)).method == "blocks"
 
 
+def test_a_fitted_path_needs_fewer_modules_for_a_likeness() -> None:
+    fitted, blocks = (
+        prepare_found(
+            solid_of(torus()), PathOptions(modules=24, method=method), offering=True
+        ).reach[0.75]
+        for method in ("auto", "blocks")
+    )
+    assert fitted is not None and blocks is not None
+    assert 2 * fitted < blocks
+    assert iou(prepared(torus(), modules=fitted)) >= 0.75
+
+
 def test_the_ends_and_the_start_are_as_requested() -> None:
     for name, wanted in {"start": None, "ends": "surface"}.items():
         with case(name):
