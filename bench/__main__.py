@@ -11,6 +11,7 @@ from bench.clearance.sweeps import sweeps
 from bench.first_minutes import first_minutes
 from bench.folds import folds, gallery
 from bench.hard_paths import hard_paths
+from bench.likeness import likeness, likeness_folds
 from bench.long_folds import long_folds
 from bench.machine import machine
 from bench.measured_tables import write_sections
@@ -51,6 +52,8 @@ SECTIONS = {
     "gallery": gallery,
     "seeds": seeds,
     "meshes": meshes,
+    "likeness": likeness,
+    "likeness-folds": likeness_folds,
     "paths": paths,
     "peeling": peeling,
     "scaling": scaling,

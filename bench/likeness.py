@@ -1,0 +1,147 @@
+"""Likeness: how much chains look like thirty meshes, at what cost, and whether they fold."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from multiprocessing import get_context
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+
+from bench.command import fold
+from bench.held_out_meshes import HELD_OUT
+from bench.measured_tables import Section
+from bench.meshes import MESHES, Mesh
+from bench.thin_meshes import THIN
+from planner.path_fit.fill_fitted import fill_fitted
+from planner.path_fit.fit import fit_path
+from planner.pathfinding.path_options import PathOptions
+from planner.pipeline.prepare import prepare_found
+from planner.shapes.lattice_fits import Ladder
+from planner.shapes.orientations import candidates
+from planner.shapes.solid import Solid
+
+FORMS: Final[dict[str, Callable[[], Mesh]]] = {**MESHES, **HELD_OUT, **THIN}
+"""Thirty meshes by their names."""
+MORE_MODULES: Final = ("mug", "bowl", "chair", "trefoil", "rabbit", *tuple(THIN)[:5])
+"""Ten meshes that are measured with more modules, too."""
+FOLDED: Final = ("mug", "chair", "bowl", "spring", "rings", "teapot")
+"""Meshes whose chains the section ``likeness`` folds; ``likeness-folds`` folds all."""
+MODULES: Final = 160
+PROCESSES: Final = 2
+BARS: Final = {160: (0.73, 1.2), 500: (0.77, 4.0)}
+"""Targets for each number of modules: mean IoU, and processor time of a fit, s."""
+MIN_THIN_IOU: Final = 0.55
+"""Target for the IoU of the worst mesh with thin parts."""
+MAX_PATH_LOSS: Final = 0.02
+"""Target for the mean IoU that a path costs against the best cells of its placement."""
+MIN_VERIFIED: Final = 28 / 30
+"""Target for the share of chains that are verified at the first attempt."""
+
+
+def likeness(reference_seconds: float) -> Section:
+    """Compare fitted chains with blocks and with the best cells, and fold a few."""
+    section = Section(name="likeness")
+    fill_fitted(_solid("torus"), PathOptions(modules=32), seed=0)  # compile first
+    for modules, names in ((MODULES, tuple(FORMS)), (500, MORE_MODULES)):
+        rows = [_row(name, modules, reference_seconds) for name in names]
+        section.rows += rows
+        _figures(section, modules, rows)
+    return _with_folds(section, FOLDED)
+
+
+def likeness_folds(reference_seconds: float) -> Section:
+    """Fold chains of 160 modules for all thirty meshes."""
+    del reference_seconds
+    return _with_folds(Section(name="likeness-folds"), tuple(FORMS))
+
+
+def _solid(name: str) -> Solid:
+    mesh = FORMS[name]()
+    return Solid.from_triangles(mesh.vertices, mesh.faces, name=name)
+
+
+def _row(name: str, modules: int, reference_seconds: float) -> dict[str, Any]:
+    solid = _solid(name)
+    chosen, blocks = (
+        prepare_found(solid, PathOptions(modules=modules, method=method))
+        for method in ("auto", "blocks")
+    )
+    begun = time.process_time()
+    ladder = Ladder(solid, candidates(solid, np.random.default_rng(0)))
+    *_, fit = fit_path(ladder, modules)
+    seconds = time.process_time() - begun
+    assert chosen.likeness is not None and blocks.likeness is not None
+    best = max(fit.paths, key=lambda path: path.iou)
+    return {
+        "mesh": name,
+        "asked": modules,
+        "modules": len(chosen.cells),
+        "method": chosen.method,
+        "iou": chosen.likeness.iou,
+        "iou of blocks": blocks.likeness.iou,
+        "best cells": best.placement.bound,
+        "path loss": best.placement.bound - best.iou,
+        "fit s": seconds,
+        "ratio": seconds / reference_seconds,
+    }
+
+
+def _figures(section: Section, modules: int, rows: list[dict[str, Any]]) -> None:
+    def mean(name: str) -> float:
+        return float(np.mean([row[name] for row in rows]))
+
+    least, most_s = BARS[modules]
+    what = f"{len(rows)} meshes, {modules} modules"
+    iou, seconds, loss = mean("iou"), mean("fit s"), mean("path loss")
+    thin = [row for row in rows if row["mesh"] in (*THIN, "mug", "chair")]
+    worst = min(thin, key=lambda row: row["iou"])
+    section.add(f"IoU, mean of {what}", f"{iou:.3f}", f"≥ {least}", iou >= least)
+    section.add(f"IoU of blocks, {what}", f"{mean('iou of blocks'):.3f}")
+    section.add(
+        f"IoU that the path costs, {what}",
+        f"{loss:.3f}",
+        f"≤ {MAX_PATH_LOSS}",
+        loss <= MAX_PATH_LOSS,
+    )
+    section.add(
+        f"IoU of the worst thin mesh ({worst['mesh']}), {modules} modules",
+        f"{worst['iou']:.3f}",
+        f"≥ {MIN_THIN_IOU}",
+        worst["iou"] >= MIN_THIN_IOU,
+    )
+    section.add(
+        f"processor time of the fit, mean of {what}",
+        f"{seconds:.2f} s",
+        f"≤ {most_s} s",
+        seconds <= most_s,
+    )
+
+
+def _with_folds(section: Section, names: Sequence[str]) -> Section:
+    with (
+        tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory,
+        ProcessPoolExecutor(PROCESSES, mp_context=get_context("spawn")) as pool,
+    ):
+        first = list(pool.map(partial(_folds_at_once, directory), names))
+    failed = [name for name, verified in zip(names, first, strict=True) if not verified]
+    section.add(
+        f"verified at the first attempt, {MODULES} modules",
+        f"{sum(first)} of {len(first)}" + (f"; not: {', '.join(failed)}" if failed else ""),
+        f"≥ {MIN_VERIFIED:.0%}",
+        sum(first) >= MIN_VERIFIED * len(first),
+    )
+    return section
+
+
+def _folds_at_once(directory: str, name: str) -> bool:
+    """Return True if the first attempt at folding a mesh is verified."""
+    file = Path(directory) / f"{name}.stl"
+    FORMS[name]().export(file, file_type="stl")
+    run = fold(str(file), "--modules", str(MODULES), "--workers", "1")
+    return run.code == 0 and run.summary["attempts"] == 1
