@@ -35,7 +35,12 @@ from planner.pipeline.compiling_lock import FIRST_LOCK, PATHS_LOCK, REST_LOCK, C
 from planner.pipeline.fold import fold, smooth_plan
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up_paths import WARM_UP_CELLS, warm_up_chains, warm_up_paths
+from planner.pipeline.warm_up_paths import (
+    WARM_UP_CELLS,
+    warm_up_chains,
+    warm_up_fit,
+    warm_up_paths,
+)
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_path
@@ -84,8 +89,9 @@ def warm_up(
         _many_contacts(plan.chain)
         _explode_as_published()
         _peel()
-        _turn()
         warm_up_paths()
+        warm_up_fit()
+        _turn()
 
 
 def warm_up_folding(
@@ -203,6 +209,9 @@ def main() -> None:
     if part == "paths-and-motions":
         with Compiling(lock=CompilingLock(place / FIRST_LOCK), joined=True):
             warm_up_motions(warm_up_chains())
+    else:
+        os.nice(BACKGROUND_NICENESS)  # the first fold needs no fit
+        warm_up_fit()
 
 
 def _locks_in(directory: FilePath | None) -> FilePath:

@@ -280,7 +280,7 @@ def _reader(*, warm: bool) -> Task:
 
 
 def _preparer(*, warm: bool) -> Task:
-    from planner.pipeline.warm_up_paths import warm_up_paths
+    from planner.pipeline.warm_up_paths import warm_up_fit, warm_up_paths
 
     # So that the first preview does not wait for these imports.
     _load(
@@ -292,6 +292,7 @@ def _preparer(*, warm: bool) -> Task:
     )
     if warm:
         warm_up_paths()
+        warm_up_fit()
     return _reader(warm=warm)
 
 

@@ -124,7 +124,7 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
 
     first = ["warm_up_clearance", "warm_up_torques", "warm_up_motions"]
     rest = ["retime", "smooth_plan", "table_certificate", "_many_contacts"]
-    rest += ["_explode_as_published", "_peel", "warm_up_paths"]
+    rest += ["_explode_as_published", "_peel", "warm_up_paths", "warm_up_fit", "_turn"]
     for name in first + rest:
         monkeypatch.setattr(module, name, lambda *_, name=name, **__: calls.append(name))
     plan = SimpleNamespace(chain=None, motion=None)

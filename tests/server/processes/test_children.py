@@ -55,7 +55,7 @@ stand_in("numba.core.event", "Event", Listener=object, install_listener=lambda *
 stand_in("planner.kernels", __path__=[])
 staging = stand_in("planner.pipeline.stages", "run_stage")
 warming = stand_in("planner.pipeline.warm_up", "warm_up warm_up_folding")
-finding = stand_in("planner.pipeline.warm_up_paths", "warm_up_paths")
+finding = stand_in("planner.pipeline.warm_up_paths", "warm_up_fit warm_up_paths")
 reading = stand_in("server.processes.read_task", "check offers preview warm_up")
 retiming = stand_in("server.processes.retime_task", "clearance motors retime warm_up")
 """
