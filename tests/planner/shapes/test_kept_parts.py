@@ -65,7 +65,7 @@ def test_bodies_that_overlap_or_lie_in_cavities_are_not_separate() -> None:
 
 def test_similarity_of_two_bodies_never_exceeds_the_share_of_the_used_one() -> None:
     alone, both = (
-        prepare(exported("stl", mesh), "a.stl", PathOptions(modules=216)).report(full=False)
+        prepare(exported("stl", mesh), "a.stl", PathOptions(modules=64)).report(full=False)
         for mesh in (
             boxes(((3, 3, 3), (0, 0, 0))),
             boxes(((3, 3, 3), (0, 0, 0)), ((2, 3, 3), (9, 0, 0))),

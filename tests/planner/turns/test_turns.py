@@ -39,7 +39,7 @@ def sequence(chain: Chain, *, at_once: int | None = None, size: float = SIZE) ->
 
 def test_gap_of_a_turning_square_is_that_of_many_samples() -> None:
     random = np.random.default_rng(0)
-    for _ in range(300):
+    for _ in range(80):
         a, b, c, d = random.integers(-6, 7, 4)
         if (a, b) == (c, d):
             continue
