@@ -70,7 +70,7 @@ def _random_path(box: tuple[int, int, int]) -> Path:
 
 def _row(chain: Chain, size: float, reference_seconds: float) -> dict[str, Any]:
     begun = time.process_time()
-    found = find_turns(chain, size=size, at_once=None, seed=0)
+    sequence = find_turns(chain, size=size, at_once=None, seed=0)
     seconds = time.process_time() - begun
     bent = int(np.count_nonzero(chain.folded_rad))
     row: dict[str, Any] = {
@@ -81,15 +81,15 @@ def _row(chain: Chain, size: float, reference_seconds: float) -> dict[str, Any]:
         "seconds": round(seconds, 2),
         "ratio": round(seconds / reference_seconds, 2),
     }
-    if isinstance(found, NoTurns):
-        return row | {"steps": 0, "outcome": found.outcome}
-    travel = float(np.abs(np.diff(found.rest_angles_rad, axis=0)).sum())
+    if isinstance(sequence, NoTurns):
+        return row | {"steps": 0, "outcome": sequence.outcome}
+    travel = float(np.abs(np.diff(sequence.rest_angles_rad, axis=0)).sum())
     return row | {
-        "steps": len(found.hinges),
-        "turns": found.turns,
-        "turns_per_bent_hinge": round(found.turns / bent, 3),
+        "steps": len(sequence.hinges),
+        "turns": sequence.turns,
+        "turns_per_bent_hinge": round(sequence.turns / bent, 3),
         "travel_per_least": round(travel / float(np.abs(chain.folded_rad).sum()), 3),
-        "room": round(found.room, 4),
+        "room": round(sequence.room, 4),
     }
 
 

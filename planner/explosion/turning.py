@@ -48,14 +48,14 @@ def unfold_in_turns(
         cancelled: Polled between turns.
     """
     begun = time.perf_counter()
-    found = find_turns(chain, size=size, at_once=at_once, seed=seed, cancelled=cancelled)
+    turns = find_turns(chain, size=size, at_once=at_once, seed=seed, cancelled=cancelled)
     status: RecordStatus = "straight"
     reason, spent, expanded = "", None, 0
-    if isinstance(found, NoTurns):
-        status, reason, spent = _failure(chain, found)
-        frames, rests, expanded = found.last_rad, None, found.expanded
+    if isinstance(turns, NoTurns):
+        status, reason, spent = _failure(chain, turns)
+        frames, rests, expanded = turns.last_rad, None, turns.expanded
     else:
-        frames, rests = _between(found.rest_angles_rad[::-1])
+        frames, rests = _between(turns.rest_angles_rad[::-1])
     root = chain.folded_poses
     motion = Motion.from_frames(
         phase="explosion",

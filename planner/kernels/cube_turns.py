@@ -529,18 +529,18 @@ def without_overlaps(states: Levels, scratch: Scratch) -> NDArray[np.bool_]:
         states: (B, J) levels.
         scratch: Arrays for the work.
     """
-    found = np.ones(states.shape[0], np.bool_)
+    apart = np.ones(states.shape[0], np.bool_)
     sizes = np.zeros(3, np.int64)
     for s in range(states.shape[0]):
         _place(states[s], scratch.cells, scratch.axes)
         if not _fill(scratch, sizes):
-            found[s] = False
+            apart[s] = False
             continue
         # Of two modules in one cell, only the number of the later one is still there.
         for i in range(scratch.cells.shape[0]):
             cell = scratch.cells[i]
             if _near(scratch.grid, sizes, cell[0], cell[1], cell[2]) != i:
-                found[s] = False
+                apart[s] = False
                 break
         _clear(scratch, sizes)
-    return found
+    return apart

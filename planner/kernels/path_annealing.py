@@ -49,7 +49,7 @@ _MASK: Final = (1 << 48) - 1
 
 
 class Field(NamedTuple):
-    """Where a path may lie, and the goal.
+    """Cells that a path may use, and its goal.
 
     Attributes:
         fill: (m,) fill of each cell of a flat grid, 0…``FULL``, or ``CLOSED``; its rim is closed.

@@ -649,11 +649,11 @@ def _likenesses(points: InsidePoints, filled: FilledShape) -> tuple[Likeness, ..
     placed = points.moved(filled.turn, filled.scale, filled.shift)
     if not filled.chains:
         return () if filled.method == "rings" else (likeness_of(placed, filled.shape.cells),)
-    known: dict[bytes, Likeness] = {}
+    likenesses: dict[bytes, Likeness] = {}
     for chain in filled.chains:
-        if (key := _places(chain)) not in known:
-            known[key] = likeness_of(placed, chain)
-    return tuple(known[_places(chain)] for chain in filled.chains)
+        if (key := _places(chain)) not in likenesses:
+            likenesses[key] = likeness_of(placed, chain)
+    return tuple(likenesses[_places(chain)] for chain in filled.chains)
 
 
 def _places(chain: Chain) -> bytes:

@@ -186,10 +186,10 @@ def _turn() -> None:
     """Compile the kernels of turns, with chains whose turns all fit into one step."""
     bent = Chain.from_angles(TETRAHEDRON, np.full(2, np.pi / 2))
     for turning in (CubeTurning(warm_up_chains(), 0.95), TetrahedronTurning(bent, 0.95)):
-        found = unfold(turning, turning.folded, room=0.0, width=1, seed=0)
+        unfolded = unfold(turning, turning.folded, room=0.0, width=1, seed=0)
         turning.pairs(turning.folded)
         hinges = np.zeros(0, np.int64)
-        turning.clear_turns(found.states[-1], hinges, hinges, room=0.0)
+        turning.clear_turns(unfolded.states[-1], hinges, hinges, room=0.0)
 
 
 def main() -> None:

@@ -449,7 +449,7 @@ class Preview(Body):
     iou: float | None
     """Same as `likeness.iou`."""
     likeness: LikenessBody | None = None
-    """How much the modules look like the whole input, all of its bodies; null for paths and chains,
+    """Likeness of the modules to the whole input with all its bodies; null for paths and chains,
     which are folded as they are."""
     volume_kept: float | None = None
     """Share of the mesh's volume inside the modules, 0 to 1."""

@@ -32,9 +32,9 @@ def chain_of(name: str) -> Chain:
 
 
 def sequence(chain: Chain, *, at_once: int | None = None, size: float = SIZE) -> TurnSequence:
-    found = find_turns(chain, size=size, at_once=at_once, seed=0)
-    assert isinstance(found, TurnSequence)
-    return found
+    turns = find_turns(chain, size=size, at_once=at_once, seed=0)
+    assert isinstance(turns, TurnSequence)
+    return turns
 
 
 def test_gap_of_a_turning_square_is_that_of_many_samples() -> None:
