@@ -98,9 +98,14 @@ def beside(part: str, directory: Path | None) -> subprocess.Popen[bytes]:
         [sys.executable, "-P", "-m", "planner.pipeline.warm_up", part, *place],
         stdin=subprocess.PIPE,
     )
-    assert process.stdin is not None
-    # A fork of this process shall not keep the pipe open.
-    os.register_at_fork(after_in_child=process.stdin.close)
+
+    def close_in_fork() -> None:
+        assert process.stdin is not None
+        process.stdin.close()
+
+    # A fork of this process shall not keep the pipe open. This also keeps the process from being
+    # dropped while it runs.
+    os.register_at_fork(after_in_child=close_in_fork)
     return process
 
 

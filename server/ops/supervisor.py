@@ -65,12 +65,8 @@ class Supervisor:
         for worker in self._workers:
             worker.release()
         deadline = time.monotonic() + STOP_TIMEOUT_S
-        for process in [w.process for w in self._workers if w.process is not None]:
-            try:
-                process.wait(max(0.0, deadline - time.monotonic()))
-            except subprocess.TimeoutExpired:
-                process.kill()
-                process.wait()
+        for worker in self._workers:
+            worker.stop(max(0.0, deadline - time.monotonic()))
 
     def _look_after(self) -> None:
         while not self._stopping.is_set():
@@ -123,6 +119,17 @@ class SupervisedWorker:
         """Close the leash: the worker ends."""
         if self.leash is not None:
             self.leash.close()
+
+    def stop(self, timeout_s: float) -> None:
+        """Release the worker and wait for its end; kill it after ``timeout_s``."""
+        self.release()
+        if self.process is None:
+            return
+        try:
+            self.process.wait(timeout_s)
+        except subprocess.TimeoutExpired:
+            self.process.kill()
+            self.process.wait()
 
     def _start(self, environment: dict[str, str], now: float) -> None:
         self._started = self._looked_at = now
