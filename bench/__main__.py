@@ -38,6 +38,7 @@ from bench.speed import speed
 from bench.success_map.published import published
 from bench.success_map.seeds import seeds
 from bench.table.folds import table_folds, table_long_folds
+from bench.table.meshes import table_meshes
 from bench.table.offers import table_offers_section
 from bench.table.paths import table_path_section
 from bench.table.playback import table_playback
@@ -65,6 +66,7 @@ SECTIONS = {
     "checking": checking,
     "table-folds": table_folds,
     "table-long-folds": table_long_folds,
+    "table-meshes": table_meshes,
     "table-offers": table_offers_section,
     "table-paths": table_path_section,
     "table-playback": table_playback,

@@ -12,6 +12,7 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.kernels.backbite import grow
 from planner.path_fit.fit import FittedPath, PathFit, fit_path
+from planner.path_fit.fit_table import SIDES, fit_on_table
 from planner.pathfinding.filled_shape import FilledShape
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import index_of, neighbours, surface
@@ -21,6 +22,7 @@ from planner.shapes.orientations import candidates
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import LaidCells, Voxels, kept_of, voxels_of
+from planner.table_paths.base_sides import SIDE_NAMES
 
 METHOD: Final = "fitted"
 MAX_FITTED_MODULES: Final = 2_000
@@ -47,37 +49,98 @@ def fill_fitted(
         The cells of the path, and the chains; all of them lie in the same lattice.
 
     Raises:
-        InputError: ``wrong-count`` for more modules than can be fitted; ``not-a-cell`` for a start
-            that is no cell of the path.
+        InputError: ``wrong-count`` for more modules than can be fitted; ``no-path`` if no path was
+            found with exactly the requested number; ``not-a-cell`` for a start that is no cell of
+            the path.
     """
+    modules = _modules(options)
+    ladder = Ladder(solid, candidates(solid, np.random.default_rng(seed)))
+    fit = _last(ladder, modules, seed, quick=quick, exact=options.method == "exact")
+    if options.method == "exact":
+        check_exact(len(fit.paths[0].cells), modules)
+    voxels = _voxels(ladder, fit.paths[0], modules)
+    orders = _orders(fit.paths)
+    routed, not_started = _with_ends(orders[0], options, seed)
+    orders = [routed] if routed is not None else orders
+    return voxels, _filled(voxels, orders, not_started=not_started)
+
+
+def fill_for_table(
+    solid: Solid, options: PathOptions, *, seed: int
+) -> tuple[Voxels, FilledShape] | None:
+    """Fit a path for a table to a solid.
+
+    Args:
+        solid: The solid, of which the last axis points up.
+        options: Number of modules.
+        seed: Random seed.
+
+    Returns:
+        The cells of the path, and the chains, the one that should fold most easily first; all of
+        them lie in the same lattice. None if no path for a table was found.
+
+    Raises:
+        InputError: ``wrong-count`` for more modules than can be fitted.
+    """
+    modules = _modules(options)
+    ladder = Ladder(solid, SIDES)
+    fits = fit_on_table(ladder, modules, seed=seed)
+    if not fits:
+        return None
+    down = fits[0].down
+    notes = () if down == "-z" else (f"The shape lies on its {SIDE_NAMES[down]} side.",)
+    paths = tuple(fit.fitted for fit in fits)
+    voxels = _voxels(ladder, paths[0], modules)
+    return voxels, _filled(voxels, _orders(paths), notes=notes)
+
+
+def _modules(options: PathOptions) -> int:
     modules = DEFAULT_MODULES if options.modules is None else options.modules
     if modules > MAX_FITTED_MODULES:
         raise InputError(
             "wrong-count",
-            f"got {modules} modules with the method 'fitted', expected at most "
+            f"got {modules} modules with the method '{METHOD}', expected at most "
             f"{MAX_FITTED_MODULES}; use fewer modules or the method 'blocks'.",
         )
-    ladder = Ladder(solid, candidates(solid, np.random.default_rng(seed)))
-    fit = _last(ladder, modules, seed, quick=quick, exact=options.method == "exact")
-    best = fit.paths[0]
-    voxels = _voxels(ladder, best, modules)
-    low = best.cells.min(axis=0)
-    orders = [fitted.cells - low for fitted in fit.paths]
-    routed, not_started = _with_ends(orders[0], options, seed)
-    orders = [routed] if routed is not None else orders
-    chains = tuple(
-        Chain.from_path(Path.from_cells(cells, name=solid.name, pitch_m=voxels.shape.pitch_m))
-        for cells in orders
-    )
-    return voxels, FilledShape(
-        chains=chains,
-        shape=Shape.from_cells(orders[0], name=solid.name, pitch_m=voxels.shape.pitch_m),
+    return modules
+
+
+def check_exact(count: int, modules: int) -> None:
+    """Refuse a path of another number of cells than was asked for.
+
+    Raises:
+        InputError: ``no-path``.
+    """
+    if count != modules:
+        raise InputError(
+            "no-path",
+            f"got a path of {count} cells, expected one of exactly {modules}. Ask for {count} "
+            "modules, or use the method 'auto', which may use fewer.",
+        )
+
+
+def _orders(paths: tuple[FittedPath, ...]) -> list[Ints]:
+    """Return the cells of paths in one placement, from the lowest corner of the first one."""
+    low = paths[0].cells.min(axis=0)
+    return [fitted.cells - low for fitted in paths]
+
+
+def _filled(
+    voxels: Voxels, orders: list[Ints], *, notes: tuple[str, ...] = (), not_started: str = ""
+) -> FilledShape:
+    """Return the chains along paths of one lattice, the best first."""
+    name, pitch_m = voxels.shape.name, voxels.shape.pitch_m
+    return FilledShape(
+        chains=tuple(
+            Chain.from_path(Path.from_cells(cells, name=name, pitch_m=pitch_m)) for cells in orders
+        ),
+        shape=Shape.from_cells(orders[0], name=name, pitch_m=pitch_m),
         method=METHOD,
         feasibility=None,
         cells=orders[0],
         line=orders[0].astype(np.float64),
         knot=knot_of(orders[0]),
-        notes=(),
+        notes=notes,
         not_started=not_started,
         scale=1.0,
         shift=-0.5,

@@ -145,7 +145,8 @@ def fit_path(
         ladder: The solid with its orientations, the upright one first.
         modules: Largest number of cells.
         seed: Random seed.
-        exact: True for exactly this number of cells, False for up to a tenth fewer.
+        exact: True for exactly this number of cells, False for up to a tenth fewer. Annealing may
+            miss the smallest number; then the paths are shorter.
     """
     low = modules if exact else int(np.ceil(MIN_SHARE * modules))
     counts = Counts(low=low, high=modules)
@@ -153,7 +154,7 @@ def fit_path(
         _annealed(placement, counts, RACE_MOVES * modules, [seed, 0, number])
         for number, placement in enumerate(_placements(ladder, counts, seed))
     ]
-    runs = _ranked(runs)
+    runs = ranked(runs, low)
     yield PathFit(paths=(runs[0],), is_final=False)
     moves, number = RACE_MOVES * modules, 1
     while len(runs) > FINALISTS:
@@ -162,14 +163,14 @@ def fit_path(
         again = [
             _annealed(run.placement, counts, moves, [seed, number, k]) for k, run in enumerate(runs)
         ]
-        runs = _ranked([max(pair, key=_worth) for pair in zip(runs, again, strict=True)])
+        runs = ranked([ranked(list(pair), low)[0] for pair in zip(runs, again, strict=True)], low)
         number += 1
     finals = list(runs)
     for k, run in enumerate(runs):
         for attempt in range(FINAL_RUNS):
             moves = FINAL_MOVES * modules
             finals.append(_annealed(run.placement, counts, moves, [seed, 100 + k, attempt]))
-    yield PathFit(paths=_chosen(_ranked(finals)), is_final=True)
+    yield PathFit(paths=_chosen(ranked(finals, low), low), is_final=True)
 
 
 def _placements(ladder: Ladder, counts: Counts, seed: int) -> list[Placement]:
@@ -211,17 +212,20 @@ def _worth(run: FittedPath) -> float:
     return run.iou - (0.0 if run.placement.turn.is_upright else MIN_TILT_GAIN)
 
 
-def _ranked(runs: list[FittedPath]) -> list[FittedPath]:
-    return sorted(runs, key=lambda run: -_worth(run))
+def ranked(runs: list[FittedPath], low: int) -> list[FittedPath]:
+    """Return the best paths first; those that annealing left shorter than ``low`` come last."""
+    return sorted(runs, key=lambda run: (len(run.cells) < low, -_worth(run)))
 
 
-def _chosen(runs: list[FittedPath]) -> tuple[FittedPath, ...]:
+def _chosen(runs: list[FittedPath], low: int) -> tuple[FittedPath, ...]:
     """Return the unknotted paths that unfold most easily of the nearly best ones; else the best.
 
-    All are in one placement.
+    All are in one placement, and none has fewer cells than ``low`` if the first has not.
     """
     sound: list[tuple[float, FittedPath]] = []
     for run in runs:
+        if len(run.cells) < low <= len(runs[0].cells):
+            break
         if sound and _worth(run) < _worth(sound[0][1]) - SAME_IOU:
             break
         if knot_of(run.cells).verdict == "unknot":

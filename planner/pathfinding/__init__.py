@@ -27,7 +27,7 @@ PATH_METHODS: Final[Choices] = {
     "exact": Choice(
         label="Exact",
         hint="Uses one module for each cell of the shape: finer detail for the same number of "
-        "modules, but there may be no path.",
+        "modules, but there may be no path. For meshes: meets the number of modules exactly.",
     ),
     "snake": Choice(
         label="Snake", hint="Goes back and forth, layer by layer. Works only for boxes."

@@ -558,10 +558,15 @@ def _check_for_fitted(found: Shape | Solid, options: PathOptions) -> None:
 def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:
     """Return the better of a fitted path and the path through voxels; see ``MIN_FITTED_GAIN``.
 
-    With the method ``exact`` a fitted path has exactly the requested number of modules.
+    With the method ``exact`` a fitted path has exactly the requested number of modules. On a table
+    the path is taken that should fold more easily.
     """
     modules = DEFAULT_MODULES if options.modules is None else options.modules
-    can_fit = options.module == CUBE.name and options.world != "table" and modules < LONG_CHAIN
+    can_fit = options.module == CUBE.name and modules < LONG_CHAIN
+    if options.world == "table":
+        voxelised = _voxelised(solid, options, seed, time_limit_s)
+        may_fit = can_fit and options.method == "auto" and not options.repair
+        return _easier_on_table(solid, voxelised, seed) if may_fit else voxelised
     if options.method == "fitted" or (options.method == "exact" and can_fit):
         return _fitted(solid, options, seed)
     # A requested start is a cell of the path that is chosen without it, as a preview shows it.
@@ -576,11 +581,38 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
         return _voxelised(solid, options, seed, time_limit_s)
     if options.start is not None:
         return _fitted(solid, options, seed)
+    return _with_first_of(fitted, voxelised)
+
+
+def _with_first_of(chosen: Preparation, other: Preparation) -> Preparation:
+    """Return a preparation with the first chain of another one as its last."""
     return replace(
-        fitted,
-        chains=(*fitted.chains, *voxelised.chains[:1]),
-        likenesses=(*fitted.likenesses, *voxelised.likenesses[: len(voxelised.chains[:1])]),
+        chosen,
+        chains=(*chosen.chains, *other.chains[:1]),
+        likenesses=(*chosen.likenesses, *other.likenesses[: len(other.chains[:1])]),
     )
+
+
+def _easier_on_table(solid: Solid, voxelised: Preparation, seed: int) -> Preparation:
+    """Return a fitted path for a table, or the one through voxels if that should fold more easily.
+
+    A path through voxels must also look nearly as much like the solid.
+    """
+    from planner.path_fit.fill_fitted import fill_for_table
+    from planner.path_fit.fit_table import MAX_IOU_LOSS, difficulty_of
+
+    found = fill_for_table(solid, voxelised.options, seed=seed)
+    if found is None:
+        return voxelised
+    voxels, filled = found
+    notes = (*voxels.notes, *solid.notes, *filled.notes)
+    fitted = _of_solid(solid, voxelised.options, voxels, filled, notes)
+    if fitted.likeness is None or voxelised.likeness is None or not voxelised.chains:
+        return fitted
+    is_easier = difficulty_of(voxelised.cells) < difficulty_of(fitted.cells)
+    if is_easier and voxelised.likeness.iou >= fitted.likeness.iou - MAX_IOU_LOSS:
+        return voxelised
+    return _with_first_of(fitted, voxelised)
 
 
 def _is_better(fitted: Preparation, voxelised: Preparation) -> bool:

@@ -5,9 +5,18 @@ import pytest
 import trimesh
 
 from planner.errors import InputError
+from planner.path_fit.fill_fitted import check_exact
+from planner.path_fit.fit import FittedPath, fit_path, ranked
+from planner.path_fit.fit_table import SIDES, difficulty_of
 from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.prepare import MIN_FITTED_GAIN, Preparation, prepare_found
+from planner.pipeline.prepare import (
+    MIN_FITTED_GAIN,
+    Preparation,
+    check_for_table,
+    prepare_found,
+)
 from planner.readers import read
+from planner.shapes.lattice_fits import Ladder
 from tests.case import case
 from tests.planner.solids_made import box, solid_of, torus
 
@@ -38,6 +47,39 @@ def test_auto_takes_a_fitted_path_where_it_pays() -> None:
 def test_the_method_exact_meets_the_number_of_modules() -> None:
     for modules in (63, 64):
         assert len(prepared(torus(), method="exact", modules=modules).chain) == modules
+
+
+def test_a_path_that_misses_the_exact_number_is_ranked_last_and_refused() -> None:
+    fit = next(fit_path(Ladder(solid_of(torus()), SIDES[:1]), 32))
+    (path,) = fit.paths
+    short = FittedPath(placement=path.placement, cells=path.cells[:-1], iou=1.0)
+    assert ranked([short, path], len(path.cells)) == [path, short]
+    assert ranked([short, path], len(short.cells)) == [short, path]
+    check_exact(32, 32)
+    with pytest.raises(InputError, match="got a path of 31 cells, expected one of exactly 32"):
+        check_exact(31, 32)
+
+
+def test_auto_fits_a_path_for_a_table() -> None:
+    # The cells that look most like it have no path that rises from the floor.
+    ring = {"modules": 32, "world": "table"}
+    assert not prepared(torus(), method="exact", **ring).chains
+    made = prepared(torus(), **ring)
+    assert made.method == "fitted" and 0.9 * 32 <= len(made.chain) <= 32
+    assert len(made.chains) == len(made.likenesses)
+    for chain in made.chains:
+        check_for_table(chain)
+    scores = [
+        difficulty_of(np.rint(chain.folded_poses.positions).astype(np.int64))
+        for chain in made.chains
+    ]
+    assert scores == sorted(scores)
+    assert (prepared(torus(), **ring).cells == made.cells).all()
+
+
+def test_on_a_table_an_easier_path_through_voxels_stays() -> None:
+    made = prepared(box(4, 4, 2), modules=32, world="table")
+    assert made.method == "table" and iou(made) > 0.95
 
 
 def test_auto_keeps_blocks_for_a_box() -> None:
