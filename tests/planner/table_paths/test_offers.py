@@ -63,7 +63,7 @@ def test_offers_of_cells_too_many_for_a_table_are_no_blocks() -> None:
 
 
 def test_first_offer_for_a_torus_has_a_path() -> None:
-    options = PathOptions(modules=30, world="table")
+    options = PathOptions(modules=30, method="exact", world="table")
     assert not prepare(TORUS, "torus.stl", options).chains
     solid = read(TORUS, filename="torus.stl")
     assert isinstance(solid, Solid)
