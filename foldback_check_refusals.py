@@ -8,9 +8,11 @@ confirmed for modules as the plan describes them, not foldback's, 1: not proved 
 no plan.
 
 The record of a search that failed is proved like a plan: folded at first, no contact. Its
-last frame then shows one of two things. BLOCKS: cubes or tetrahedra overlap if no face and no two
+last frame then shows one of three things. BLOCKS: cubes or tetrahedra overlap if no face and no two
 edges give a separating axis. Edges parallel to 1e-6 are left out, so overlaps count from 1e-4 on. A
 hinge, or a group, that makes modules overlap somewhere on its way cannot pass there by itself.
+QUARTER TURNS: the record is the folded state alone, and each hinge makes modules overlap somewhere
+on its way by a quarter turn, in each direction that its limit allows.
 KNOT: the line through all centres, lengthened at both ends and closed outside, is knotted. Look at
 it along any direction and give a number to each arc, so that 2 over = before + after wherever one
 passes under another (Fox). The matrix of these equations, less a row and a column, has the same
@@ -27,7 +29,9 @@ import sys
 import numpy as np
 
 from foldback_check import (
+    MODULES_AT_ONCE,
     OTHER_MODULE,
+    SLIP,
     File,
     NotProved,
     Plan,
@@ -112,6 +116,31 @@ def blocks(plan, told, _):
         f"{first // hinges + 1} on can straighten by itself"][: len(turns)] + [
         f"modules {low + 1} to {high + 1} as one cannot move by a pitch along any axis"
     ][: len(moves)])
+
+
+def quarter_turns(plan, told, _):
+    """Prove that modules stop each quarter turn of one hinge of the folded chain."""
+    module, pad, turns, quarter = plan.module, plan.pad, told["turns"], math.pi / 2
+    q, hinges = plan.folded, len(module.names)
+    off = np.abs(plan.angles(plan.frames - 1, 0, len(q)) - q).max()
+    require(plan.known, "modules whose separating axes are not known")
+    require(off <= SLIP, f"the search has left the folded state by {off:.6f} rad")
+    all_turns = [(slot, sign) for slot in range(pad, len(q)) for sign in (-1, 1)
+                 if abs(q[slot] + sign * quarter) <= module.limit]
+    require([(turn["hinge"] + pad, np.sign(turn["turned_rad"])) for turn in turns] == all_turns,
+            f"other turns than the {len(all_turns)} that the hinges' limits allow")
+    batch, start = max(1, MODULES_AT_ONCE // plan.count), np.eye(4, 3, -1)[:, :, None]
+    for at in range(0, len(turns), batch):
+        few, slots = turns[at : at + batch], [slot for slot, _ in all_turns[at : at + batch]]
+        by = np.array([turn["turned_rad"] for turn in few])
+        require(np.abs(by).max() <= quarter, "a turn by more than 90 degrees")
+        tried = np.repeat(q[:, None], len(few), axis=1)
+        tried[slots, range(len(few))] += by
+        poses = module.poses(tried.reshape(-1, hinges, len(few)), np.repeat(start, len(few), 2))
+        for k, (slot, turn) in enumerate(zip(slots, few, strict=True)):
+            stopped(module, turn, slot // hinges + 1, plan.count, poses[:, k])
+    return (f"none of the {len(turns)} quarter turns of its {len(q) - pad} hinges, each by itself, "
+            "is free")
 
 
 def crossings(p, b):
@@ -200,7 +229,7 @@ def knot(plan, told, b):
             "ends being led out along free straight lines and joined outside")
 
 
-REASONS = {"knot": knot, "blocks": blocks}
+REASONS = {"knot": knot, "blocks": blocks, "quarter_turns": quarter_turns}
 
 
 def check(path, record):

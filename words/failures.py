@@ -18,7 +18,7 @@ from planner.certificate.figures import (
 )
 from planner.errors import DamagedError
 from planner.file_names import ATTEMPTS
-from planner.motion.failure_schemas import BlockFigures, EvidenceFigures
+from planner.motion.failure_schemas import EvidenceFigures
 from planner.verification.integrity import check
 from web.pictures.knot_drawing import KnotDrawing, drawing_of
 from words.fold import ShownFold
@@ -42,6 +42,7 @@ FAILURE_HEADINGS: Final = {
     "limit": "Not finished",
     "stopped": "Not finished",
     "blocked": "No single joint can turn",
+    "quarter_turns": "No single joint can turn",
     "overlap": "Modules overlap",
     "off": "The chain does not end in its target shape",
     "refused": "Not verified",
@@ -127,21 +128,26 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
         "text": f"{text}.",
         "modules": modules,
         "frame": frame,
-        "blocks": _blocks(evidence) if evidence and evidence["kind"] == "blocks" else [],
+        "blocks": _blocks(evidence) if evidence else [],
         "knot": drawing_of(evidence) if evidence and evidence["kind"] == "knot" else None,
     }
 
 
-def _blocks(told: BlockFigures) -> list[str]:
-    """Return a line for each blocked turn and each blocked move."""
+def _blocks(told: EvidenceFigures) -> list[str]:
+    """Return a line for each blocked turn and each blocked move; none for another reason."""
     lines: list[str] = []
+    if told["kind"] == "knot" or told["kind"] == "budget":
+        return lines
     for turn in told["turns"]:
-        degrees, (a, b) = abs(np.rad2deg(turn["turned_rad"])), turn["modules"]
+        degrees, (a, b) = float(np.rad2deg(turn["turned_rad"])), turn["modules"]
+        # A hinge that must straighten can turn in one direction only.
+        sign = "" if told["kind"] == "blocks" else "−" if degrees < 0.0 else "+"
         lines.append(
-            f"If hinge {turn['hinge']} at module {turn['module'] + 1} turns by {degrees:.0f}°, "
+            f"If hinge {turn['hinge']} at module {turn['module'] + 1} turns by "
+            f"{sign}{abs(degrees):.0f}°, "
             f"modules {a + 1} and {b + 1} overlap by {spacings(turn['overlap'], 2)}"
         )
-    for move in told["moves"]:
+    for move in told["moves"] if told["kind"] == "blocks" else ():
         axis = next(k for k, step in enumerate(move["direction"]) if step)
         way = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}"
         a, b = move["modules"]

@@ -1,8 +1,9 @@
 """Blocking: a test of a stalled chain for modules that block each other, and in which directions.
 
 Each bent hinge is turned towards straight by itself, and the unit that a peeling lets go next is
-moved along the lattice. That all of it is blocked does not prove that no motion of many hinges at
-once leads on; it says what lies in the way of each.
+moved along the lattice. In a folded chain, each hinge makes a quarter turn by itself. That all of
+it is blocked does not prove that no motion of many hinges at once leads on; it says what lies in
+the way of each.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ import numpy as np
 from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
-from planner.explosion.failure_evidence import BlockEvidence, Move, Turn
+from planner.explosion.failure_evidence import BlockEvidence, Move, QuarterTurnEvidence, Turn
 from planner.kernels.clearance import least_separation
 from planner.kernels.pairs import near_pairs
 
@@ -25,6 +26,10 @@ TRIAL_TURNS_RAD: Final = tuple(np.deg2rad([1.0, 2.0, 3.0, 4.0, 5.0]).tolist())
 """Angles, rad, by which each bent hinge of a stalled chain is turned towards straight, one after
 the other, until modules overlap. A hinge that can make the largest turn is free. A larger last
 value finds obstacles that are farther away. Chosen."""
+QUARTER_RAD: Final = float(np.pi / 2)
+QUARTER_TRIALS: Final = tuple((k + 0.5) / 2**m for m in range(6) for k in range(2**m))
+"""Fractions of a quarter turn at which overlaps are looked for: in the middle first, where modules
+that turn meet most others, then in the middles of the halves, and so on, every 1.4° at last."""
 TRIAL_MOVE_PITCH: Final = 0.5
 """Distance, pitches, by which the next modules to be released are moved along each lattice
 direction, to test which folded modules block them. Values below the play between folded modules
@@ -64,7 +69,8 @@ def blocked(
     before = _overlapping(chain, angles_rad, size) if len(bent) else set[tuple[int, int]]()
     turns: list[Turn] = []
     for hinge in bent.tolist():
-        turn = _turn(chain, angles_rad, hinge, size, before)
+        changes = -np.sign(angles_rad[hinge]) * np.array(TRIAL_TURNS_RAD)
+        turn = _turn(chain, angles_rad, hinge, changes, size, before)
         if turn is None:
             return None
         turns.append(turn)
@@ -81,14 +87,39 @@ def blocked(
     )
 
 
+def no_quarter_turn(chain: Chain, *, size: float) -> QuarterTurnEvidence | None:
+    """Find the modules that block each quarter turn of a folded chain; None if one may be free.
+
+    Args:
+        chain: The chain.
+        size: Module size at which they overlap, as a fraction of the pitch.
+    """
+    angles, turns = chain.folded_rad, list[Turn]()
+    before = _overlapping(chain, angles, size)
+    for hinge in range(len(angles)):
+        for change in (-QUARTER_RAD, QUARTER_RAD):
+            if abs(angles[hinge] + change) > chain.module.angle_limit_rad:
+                continue
+            turn = _turn(chain, angles, hinge, change * np.array(QUARTER_TRIALS), size, before)
+            if turn is None:
+                return None
+            turns.append(turn)
+    return QuarterTurnEvidence(module_size=size, turns=tuple(turns)) if turns else None
+
+
 def _turn(
-    chain: Chain, angles: Array, hinge: int, size: float, before: set[tuple[int, int]]
+    chain: Chain,
+    angles: Array,
+    hinge: int,
+    changes: Array,
+    size: float,
+    before: set[tuple[int, int]],
 ) -> Turn | None:
-    """Find the first overlap of one hinge on its way towards straight; None if it is free."""
+    """Find the first overlap when one hinge is turned by some angles; None if it is free."""
     module = hinge // chain.module.hinges_per_joint + chain.module.rigid_links
-    for turned in TRIAL_TURNS_RAD:
+    for change in changes.tolist():
         now = angles.copy()
-        now[hinge] -= np.sign(angles[hinge]) * turned
+        now[hinge] += change
         poses = forward_kinematics(chain.module, now)
         pairs = near_pairs(poses.positions, 2.0 * chain.module.radius * size, chain.module.apart)
         across = (pairs.min(axis=1) <= module) & (pairs.max(axis=1) > module)

@@ -14,7 +14,7 @@ import numpy as np
 
 from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
-from planner.explosion.blocking import STUCK_JOINT_BEND_RAD, blocked
+from planner.explosion.blocking import STUCK_JOINT_BEND_RAD, blocked, no_quarter_turn
 from planner.explosion.failure_evidence import (
     BlockEvidence,
     BudgetEvidence,
@@ -121,11 +121,12 @@ def diagnose(chain: Chain, record: Record, parameters: Parameters) -> Diagnosis 
         return None
     last = record.frames[-1:].dense(chain)
     kind, modules = _where(chain, record, last)
-    knot = _knot(chain, last)
+    turns = no_quarter_turn(chain, size=parameters.module_size) if kind == "blocked" else None
+    knot = None if turns else _knot(chain, last)
     return Diagnosis(
         kind=kind if knot is None else "knot",
         modules=tuple(modules[:MAX_DIAGNOSED_MODULES].tolist()),
-        evidence=knot or _blocks(chain, record, last, parameters) or _budget(record, last),
+        evidence=turns or knot or _blocks(chain, record, last, parameters) or _budget(record, last),
     )
 
 

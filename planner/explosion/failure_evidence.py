@@ -17,6 +17,7 @@ from planner.motion.failure_schemas import (
     BudgetFigures,
     EvidenceFigures,
     KnotFigures,
+    QuarterTurnFigures,
     SpentKind,
 )
 from planner.plain_values import from_plain, plain_lists
@@ -93,12 +94,12 @@ class KnotEvidence:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Turn:
-    """One hinge turned towards straight, alone, and the modules that then overlap.
+    """One hinge turned alone, and the modules that then overlap.
 
     Attributes:
         hinge: Index into the joint angles.
         module: The module that carries its joint.
-        turned_rad: Change of its angle, rad; its sign is that of the way towards straight.
+        turned_rad: Change of its angle, rad.
         modules: Two modules that then overlap, and had not before.
         overlap: Depth of that overlap, in pitches.
     """
@@ -179,6 +180,33 @@ class BlockEvidence:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class QuarterTurnEvidence:
+    """No hinge of the folded chain can make a quarter turn by itself.
+
+    Attributes:
+        module_size: Size at which modules overlap, as a fraction of the pitch.
+        turns: Each quarter turn that a hinge's range allows, in the order of the hinges, negative
+            ones first: an angle on its way at which two modules overlap.
+    """
+
+    module_size: float
+    turns: tuple[Turn, ...]
+
+    @property
+    def words(self) -> str:
+        """Evidence as a phrase in plain English."""
+        return (
+            f"none of the {len(self.turns)} quarter turns of single hinges is free in the folded "
+            f"state: {_pairs(self.turns)} (at a module size of {self.module_size:g})"
+        )
+
+    def as_dict(self) -> QuarterTurnFigures:
+        """Return plain JSON values."""
+        values = {"kind": "quarter_turns", **plain_lists(asdict(self))}
+        return cast("QuarterTurnFigures", values)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class BudgetEvidence:
     """Limit of an explosion that was used up before the chain was straight.
 
@@ -217,7 +245,7 @@ class BudgetEvidence:
         return cast("BudgetFigures", {"kind": "budget", **plain_lists(asdict(self))})
 
 
-Evidence = KnotEvidence | BlockEvidence | BudgetEvidence
+Evidence = KnotEvidence | BlockEvidence | QuarterTurnEvidence | BudgetEvidence
 
 
 def evidence_from(values: EvidenceFigures | None) -> Evidence | None:
@@ -228,7 +256,11 @@ def evidence_from(values: EvidenceFigures | None) -> Evidence | None:
     """
     if values is None:
         return None
-    kinds = {"knot": KnotEvidence, "blocks": BlockEvidence}
+    kinds = {
+        "knot": KnotEvidence,
+        "blocks": BlockEvidence,
+        "quarter_turns": QuarterTurnEvidence,
+    }
     return from_plain(values, kinds.get(values["kind"], BudgetEvidence))
 
 

@@ -84,10 +84,10 @@ def _failure(chain: Chain, found: NoTurns) -> tuple[RecordStatus, str, Spent | N
         return "cancelled", "the search for turns was cancelled", None
     if found.outcome == "blocked":
         count = len(chain.folded_rad)
+        turns = 2 * count - np.count_nonzero(chain.folded_rad)
         return (
             "stalled",
-            f"none of the {count} hinges can turn in the folded state: each was tried by 90° in "
-            "both directions, as far as its range allows",
+            f"none of the {turns} quarter turns of the {count} hinges is free in the folded state",
             None,
         )
     bent = int((np.abs(found.last_rad[-1]) > 0.0).sum())

@@ -56,6 +56,14 @@ class BlockFigures(TypedDict):
     moves: list[MoveFigures]
 
 
+class QuarterTurnFigures(TypedDict):
+    """``planner.explosion.failure_evidence.QuarterTurnEvidence``."""
+
+    kind: Literal["quarter_turns"]
+    module_size: float
+    turns: list[TurnFigures]
+
+
 SpentKind = Literal["steps", "pushes", "retries", "snapshots", "motion", "refusals", "turns"]
 """Name of a limit that can end an explosion."""
 
@@ -71,7 +79,7 @@ class BudgetFigures(TypedDict):
     largest_bend_rad: float
 
 
-EvidenceFigures = KnotFigures | BlockFigures | BudgetFigures
+EvidenceFigures = KnotFigures | BlockFigures | QuarterTurnFigures | BudgetFigures
 
 
 class StuckFigures(TypedDict):

@@ -1,4 +1,4 @@
-"""Block evidence: a check that modules block each turn and move in the evidence.
+"""Block evidence: a check that modules block each turn and move in the evidence of a failure.
 
 Overlaps are found by separating axes in plain NumPy, apart from the compiled checks.
 """
@@ -12,12 +12,13 @@ import numpy as np
 from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
-from planner.motion.failure_schemas import BlockFigures
+from planner.motion.failure_schemas import BlockFigures, QuarterTurnFigures, TurnFigures
 from planner.plan.value_differences import Differences
 
 MAX_BLOCKED_TURN_RAD: Final = float(np.deg2rad(5.0))
 """Maximum turn, in rad, by which the evidence of a jam may show that a hinge collides. A hinge that
 can turn further counts as free, so larger values accept weaker evidence. Chosen."""
+QUARTER_RAD: Final = float(np.pi / 2)
 MAX_UNREPORTED_BEND_RAD: Final = float(np.deg2rad(60.0))
 """Maximum bend, in rad, of hinges that the evidence of a jam may leave out as straight; evidence
 that leaves out more is refused. Larger values accept evidence with fewer hinges. Chosen."""
@@ -46,7 +47,7 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
         told: The evidence.
         size: Module size at which the explosion keeps clear.
     """
-    first, per_joint = told["first_hinge"], chain.module.hinges_per_joint
+    first = told["first_hinge"]
     if told["module_size"] != size:
         yield f"module_size: got {told['module_size']:g}, expected {size:g}"
     if told["bent_above_rad"] > MAX_UNREPORTED_BEND_RAD:
@@ -70,22 +71,69 @@ def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: flo
         yield "turns and moves: got none, expected at least one blocked turn or move"
     before = forward_kinematics(chain.module, angles_rad)
     for turn in told["turns"]:
-        hinge, turned, (i, j) = turn["hinge"], turn["turned_rad"], sorted(turn["modules"])
-        name = f"hinge {hinge}"
-        module = hinge // per_joint + chain.module.rigid_links
-        if turn["module"] != module or not i <= module < j:
-            yield f"{name}: got modules {i} and {j}, expected one on each side of module {module}"
+        hinge, turned = turn["hinge"], turn["turned_rad"]
         if turned * angles_rad[hinge] >= 0.0 or abs(turned) > MAX_BLOCKED_TURN_RAD + AXIS_ROUNDING:
             most = MAX_BLOCKED_TURN_RAD
             yield (
-                f"{name}: got a turn of {turned:.3g} rad, expected a turn of at most "
+                f"hinge {hinge}: got a turn of {turned:.3g} rad, expected a turn of at most "
                 f"{most:.3g} rad towards the straight position"
             )
-        now = angles_rad.copy()
-        now[hinge] += turned
-        poses = forward_kinematics(chain.module, now)
-        yield from _overlap_differs(chain, poses, before, (i, j), size, turn["overlap"], name)
+        yield from _turn_differs(chain, angles_rad, before, turn, size)
     yield from _moves_differ(chain, told, size)
+
+
+def quarter_turns_differ(
+    chain: Chain, angles_rad: Array, told: QuarterTurnFigures, size: float
+) -> Differences:
+    """Yield the differences between reported and computed overlaps in quarter turns.
+
+    Args:
+        chain: The chain.
+        angles_rad: (J,) hinge angles where the search for turns stopped, rad.
+        told: The evidence.
+        size: Module size of the fold.
+    """
+    if told["module_size"] != size:
+        yield f"module_size: got {told['module_size']:g}, expected {size:g}"
+    off = float(np.abs(angles_rad - chain.folded_rad).max(initial=0.0))
+    if off > SINGLE_PRECISION_ANGLE_RAD:
+        yield f"the search has left the folded state: a hinge is off by {off:.3g} rad"
+    expected = [
+        (hinge, sign)
+        for hinge, angle in enumerate(chain.folded_rad.tolist())
+        for sign in (-1, 1)
+        if abs(angle + sign * QUARTER_RAD) <= chain.module.angle_limit_rad
+    ]
+    turns = told["turns"]
+    if [(turn["hinge"], np.sign(turn["turned_rad"])) for turn in turns] != expected:
+        yield (
+            f"turns: got {len(turns)} turns, expected {len(expected)}: one for each quarter turn "
+            "within a hinge's range, in the order of the hinges, negative ones first"
+        )
+        return
+    before = forward_kinematics(chain.module, chain.folded_rad)
+    for turn in turns:
+        if abs(turn["turned_rad"]) > QUARTER_RAD:
+            yield (
+                f"hinge {turn['hinge']}: got a turn of {turn['turned_rad']:.3g} rad, expected one "
+                f"of at most {QUARTER_RAD:.3g} rad"
+            )
+        yield from _turn_differs(chain, chain.folded_rad, before, turn, size)
+
+
+def _turn_differs(
+    chain: Chain, angles_rad: Array, before: Poses, turn: TurnFigures, size: float
+) -> Differences:
+    """Yield the reasons why the modules of a turn are no obstacle to it as reported."""
+    hinge, (i, j) = turn["hinge"], sorted(turn["modules"])
+    name = f"hinge {hinge}"
+    module = hinge // chain.module.hinges_per_joint + chain.module.rigid_links
+    if turn["module"] != module or not i <= module < j:
+        yield f"{name}: got modules {i} and {j}, expected one on each side of module {module}"
+    now = angles_rad.copy()
+    now[hinge] += turn["turned_rad"]
+    poses = forward_kinematics(chain.module, now)
+    yield from _overlap_differs(chain, poses, before, (i, j), size, turn["overlap"], name)
 
 
 def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:

@@ -24,7 +24,7 @@ from planner.motion.failure_schemas import (
 from planner.motion.record import Record
 from planner.parameters.explosion import PeelingParameters
 from planner.plan.value_differences import Differences
-from planner.verification.block_evidence import blocks_differ
+from planner.verification.block_evidence import blocks_differ, quarter_turns_differ
 from planner.verification.knot_evidence import knot_differs
 
 MAX_STRAIGHT_HINGE_RAD: Final = 0.1
@@ -47,6 +47,7 @@ steps, pushes, retries); a report with another combination is refused."""
 REASON_KINDS: Final = {
     "knot": "a knot",
     "blocks": "modules that block each other",
+    "quarter_turns": "modules that block each quarter turn",
     "budget": "a budget",
 }
 
@@ -56,7 +57,7 @@ class ReasonCheck:
     """Result of the check of a reason.
 
     Attributes:
-        kind: ``knot``, ``blocks`` or ``budget``.
+        kind: One of ``REASON_KINDS``.
         words: The reason, in plain English.
         differences: Contradictions, in plain English; empty if the reason is confirmed.
     """
@@ -124,6 +125,8 @@ def _differences(
             how: dict[str, Any] = parameters[_limits_of(record)] or {}
             size = max(size, float(how.get("verify_size", 0.0)))
         yield from blocks_differ(chain, angles, told, size)
+    elif told["kind"] == "quarter_turns":
+        yield from quarter_turns_differ(chain, angles, told, float(parameters["module_size"]))
     elif told["kind"] == "budget":
         yield from _spent_differs(chain, record, told, parameters)
         yield from _bends_differ(angles, told)

@@ -82,6 +82,10 @@ def test_failure_lists_blocks_and_budgets() -> None:
     many = {**evidence, "turns": 30 * [turn]}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
     assert shown is not None and shown["blocks"][-1] == "7 more motions are blocked in the same way"
+    turns = {"kind": "quarter_turns", "turns": [{**turn, "turned_rad": -0.785}, turn]}
+    shown = failure(row(), {"stuck": {**KNOT, "kind": "blocked", "evidence": turns}})
+    assert shown is not None and shown["heading"] == "No single joint can turn"
+    assert shown["blocks"][0].startswith("If hinge 7 at module 5 turns by −45°, modules 5 and 10")
     budget = {"kind": "budget", "spent": "steps"}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
     assert shown is not None and shown["heading"] == "Stalled: too many simulation steps"

@@ -10,12 +10,15 @@ from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
+from planner.explosion.blocking import no_quarter_turn
 from planner.kernels.cube_turns import turning_gap
 from planner.pipeline.fold import fold
 from planner.pipeline.request import FoldRequest
 from planner.plan.steps import steps_of
 from planner.readers import read
+from planner.turns.cube_turns import CubeTurning
 from planner.turns.turn_sequence import TurnSequence, find_turns
+from tests.planner.chains import shuffled
 
 SHAPES = FilePath(__file__).parents[3] / "examples" / "shapes"
 SIZE = 0.95
@@ -102,8 +105,22 @@ def test_two_hinges_turn_at_once_where_no_single_one_can() -> None:
 def test_without_a_free_hinge_it_says_so_once() -> None:
     plan = fold(path_of("arrow"), strategy="one-by-one")
     (attempt,) = plan.attempts
-    assert "none of the 204 hinges can turn in the folded state" in attempt["reason"]
+    assert "none of the 327 quarter turns of the 204 hinges is free" in attempt["reason"]
     assert (attempt["diagnosis"] or {})["kind"] == "blocked"
+
+
+def test_no_turn_is_free_where_the_search_offers_none() -> None:
+    blocked = 0
+    for seed in range(6):
+        chain = shuffled((3, 3, 3), 50, seed)
+        turning = CubeTurning(chain, SIZE)
+        codes = np.zeros((len(chain.folded_rad), 3), np.uint64)
+        free = turning.expand(
+            turning.folded[None], np.zeros(1, np.uint64), codes, room=0.0, weight=0.5
+        )
+        assert (no_quarter_turn(chain, size=SIZE) is None) is (len(free.hinge) > 0)
+        blocked += not len(free.hinge)
+    assert 0 < blocked < 6
 
 
 def test_plan_rests_at_frames_and_is_proved(tmp_path: FilePath) -> None:

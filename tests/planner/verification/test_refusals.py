@@ -17,6 +17,7 @@ from planner.chain.kinematics import Poses, forward_kinematics
 from planner.explosion.diagnosis import diagnose
 from planner.explosion.peeling import peel
 from planner.explosion.simultaneous import explode
+from planner.explosion.turning import unfold_in_turns
 from planner.motion.record import Record
 from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.parameters.parameters import Parameters
@@ -26,6 +27,7 @@ from planner.pipeline.stages import run_stages
 from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_chain
 from planner.verification.block_evidence import overlap
+from planner.verification.failure_evidence import check_reason
 from planner.verification.knot_invariants import invariants_of
 from planner.verification.plan_failure import reason_of
 from tests.planner.chains import anchored, coil, knotted, shuffled
@@ -63,6 +65,14 @@ def jam(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """Plan and record of a box whose modules block each other, in the window and in the core."""
     chain = shuffled((4, 4, 4), 50, 1)
     return store(tmp_path_factory.mktemp("jam"), chain, peel(chain, TIGHT.peeling), TIGHT)
+
+
+@pytest.fixture(scope="module")
+def held(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+    """Plan and record of a cube of 27 modules in which no hinge can make a quarter turn."""
+    chain = shuffled((3, 3, 3), 50, 4)
+    record = unfold_in_turns(chain, "turns", size=0.95, at_once=1, seed=0)
+    return store(tmp_path_factory.mktemp("held"), chain, record, replace(Parameters(), at_once=1))
 
 
 def store(directory: FilePath, chain: Chain, record: Record, parameters: Parameters) -> FilePath:
@@ -250,6 +260,54 @@ def test_forged_blocks_with_true_overlaps_are_not_confirmed(jam: FilePath) -> No
     ):
         found = check(jam, lambda e, _, name=name, forged=forged: swap(e, name, **forged))
         assert found["verdict"] == "not proved" and words in found["reason"], (forged, found)
+
+
+def test_held_hinges_are_confirmed(held: FilePath) -> None:
+    plan, notes = Plan.load(held / "plan.npz"), list[str]()
+    found = check(held)
+    assert found["verdict"] == "refusal confirmed", found
+    assert "none of the 79 quarter turns of its 50 hinges, each by itself" in found["because"]
+    reason = reason_of(held, plan, notes)
+    assert reason is not None and reason.confirmed, reason
+    assert reason.words.startswith("none of the 79 quarter turns of single hinges is free")
+
+
+FORGED_TURNS: Final[dict[str, Change]] = {
+    "modules that do not meet": lambda e, t: swap(e, "turns", modules=[0, 26]),
+    "modules on one side": lambda e, t: swap(e, "turns", modules=[5, 9]),
+    "an angle without overlap": lambda e, t: swap(e, "turns", turned_rad=-1e-3),
+    "another angle": lambda e, t: swap(e, "turns", turned_rad=1.1 * e["turns"][0]["turned_rad"]),
+    "more than a quarter": lambda e, t: swap(e, "turns", turned_rad=-2.0),
+    "another overlap": lambda e, t: swap(e, "turns", overlap=0.2),
+    "a hinge left out": lambda e, t: e.update(turns=[v for v in e["turns"] if v["hinge"] != 7]),
+    "a direction left out": lambda e, t: e["turns"].pop(),
+    "one direction twice": lambda e, t: e["turns"].__setitem__(1, e["turns"][0]),
+    "no turns": lambda e, t: e.update(turns=[]),
+    "larger modules": lambda e, t: e.update(module_size=1.0),
+    "other modules": lambda e, t: e.update(module_size=0.9),
+    "no numbers": lambda e, t: swap(e, "turns", turned_rad=None),
+    "another shape": lambda e, t: t["chain"]["folded_rad"].__setitem__(7, 0.1),
+}
+
+
+@pytest.mark.parametrize("forgery", FORGED_TURNS)
+def test_forged_turns_are_not_confirmed(forgery: str, held: FilePath) -> None:
+    found = check(held, FORGED_TURNS[forgery])
+    assert found["verdict"] in ("not proved", "no plan"), found
+    plan, notes = Plan.load(held / "forged.npz"), list[str]()
+    plain = {**plan.attempts[0]["diagnosis"]}
+    record = Record.load(held / "record.npz")
+    reason = check_reason(plan.chain, record, plain, plan.parameters)  # type: ignore[arg-type]
+    assert reason is not None and not reason.confirmed, notes
+
+
+def test_true_overlaps_are_no_evidence_after_the_search_has_moved(tmp_path: FilePath) -> None:
+    chain = shuffled((3, 3, 3), 50, 4)
+    record = unfold_in_turns(chain, "turns", size=0.95, at_once=1, seed=0)
+    moved = np.array([chain.folded_rad, 0.999 * chain.folded_rad])
+    later = replace(record, frames=anchored("explosion", moved))
+    found = check(store(tmp_path, chain, later, replace(Parameters(), at_once=1)))
+    assert found["verdict"] == "not proved" and "has left the folded state" in found["reason"]
 
 
 def test_free_hinges_and_limits_of_the_search_are_no_reasons(tmp_path: FilePath) -> None:
