@@ -78,11 +78,11 @@ def unfold_in_turns(
     )
 
 
-def _failure(chain: Chain, found: NoTurns) -> tuple[RecordStatus, str, Spent | None]:
+def _failure(chain: Chain, search: NoTurns) -> tuple[RecordStatus, str, Spent | None]:
     """Return the status, reason and used-up limit of a search without a result."""
-    if found.outcome == "cancelled":
+    if search.outcome == "cancelled":
         return "cancelled", "the search for turns was cancelled", None
-    if found.outcome == "blocked":
+    if search.outcome == "blocked":
         count = len(chain.folded_rad)
         turns = 2 * count - np.count_nonzero(chain.folded_rad)
         return (
@@ -90,12 +90,12 @@ def _failure(chain: Chain, found: NoTurns) -> tuple[RecordStatus, str, Spent | N
             f"none of the {turns} quarter turns of the {count} hinges is free in the folded state",
             None,
         )
-    bent = int((np.abs(found.last_rad[-1]) > 0.0).sum())
+    bent = int((np.abs(search.last_rad[-1]) > 0.0).sum())
     return (
         "stalled",
         f"the search for turns ended with {bent} hinges still bent, after it had tried the turns "
-        f"of {found.expanded} states",
-        Spent(kind="turns", allowed=found.expanded, used=found.expanded),
+        f"of {search.expanded} states",
+        Spent(kind="turns", allowed=search.expanded, used=search.expanded),
     )
 
 

@@ -11,7 +11,13 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any, Final, cast
 
 import numpy as np
+from numpy.typing import NDArray
 
+Levels = NDArray[np.int8]
+"""Levels of the hinges of a chain that turns by right angles: −1, 0 or 1 quarter turns each."""
+
+TABLE_FULL: Final = -1
+"""Result of a kernel whose table has no room for more."""
 ZERO: Final = cast(int, np.int64(0))
 """The number 0 as a 64-bit integer, for arguments and counters of compiled functions. A plain
 Python 0 could have another type, for which a second version would be compiled."""

@@ -9,19 +9,13 @@ cube stays in its layer, and the question whether two cubes meet is one of two s
 from __future__ import annotations
 
 from math import sqrt
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL, ZERO
-
-Levels = NDArray[np.int8]
-Keys = NDArray[np.uint64]
-
-TABLE_FULL: Final = -1
-"""Number of moves that ``expand`` returns if the table of swept cells has no room for more."""
+from planner.kernels import INNER, KERNEL, TABLE_FULL, ZERO, Levels
 
 
 class SweptCells(NamedTuple):
@@ -149,7 +143,7 @@ def _enter_row(table: SweptCells, a: int, b: int) -> bool:
 
 
 class Scratch(NamedTuple):
-    """Arrays that ``expand`` uses for one state at a time.
+    """Arrays that the kernels use for one state at a time.
 
     Attributes:
         cells: (N, 3) cell of each module.
@@ -166,16 +160,6 @@ class Scratch(NamedTuple):
     contacts: NDArray[np.int64]
     nearest: NDArray[np.float64]
     farthest: NDArray[np.float64]
-
-
-class Moves(NamedTuple):
-    """Moves that ``expand`` writes: (M,) parent state, hinge, new level, score and key of each."""
-
-    parent: NDArray[np.int32]
-    hinge: NDArray[np.int32]
-    level: NDArray[np.int8]
-    score: NDArray[np.float64]
-    key: Keys
 
 
 @njit(**INNER)
@@ -417,71 +401,44 @@ def _turn_of(
 
 
 @njit(**KERNEL)
-def expand(
-    states: Levels,
-    keys: Keys,
-    codes: Keys,
-    room: float,
-    weight: float,
-    table: SweptCells,
-    scratch: Scratch,
-    moves: Moves,
+def try_turns(
+    levels: Levels, room: float, table: SweptCells, scratch: Scratch, contacts: NDArray[np.int64]
 ) -> int:
-    """Find all clear quarter turns of some states.
+    """Find all clear quarter turns of a state, and the number of touching pairs after each.
 
     Args:
-        states: (B, J) levels.
-        keys: (B,) key of each state.
-        codes: (J, 3) random bits of each level of each hinge; a key is the exclusive or of those
-            of a state's levels.
+        levels: (J,) levels of the state.
         room: Distance that modules must keep, pitches.
-        weight: Weight of a pair of touching modules in the score; a bent hinge counts 1.
         table: Swept cells; missing rows are entered.
         scratch: Arrays for the work.
-        moves: Receives the moves.
+        contacts: (J, 2) receives the number of touching pairs that are not linked after each hinge
+            has turned by −90° and by 90°; −1 if that turn is not clear.
 
     Returns:
-        Number of moves, or ``TABLE_FULL``.
+        0, or ``TABLE_FULL``.
     """
-    count = 0
     sizes = np.zeros(3, np.int64)
     turn = np.zeros(5, np.int64)
-    hinges = states.shape[1]
-    for s in range(states.shape[0]):
-        levels = states[s]
-        _place(levels, scratch.cells, scratch.axes)
-        if not _fill(scratch, sizes):
-            continue
-        touching = _count_contacts(scratch, sizes)
-        bent = 0
-        for h in range(hinges):
-            bent += abs(levels[h])
-        for h in range(hinges):
-            for change in (-1, 1):
-                level = levels[h] + change
-                if level < -1 or level > 1:
-                    continue
-                _turn_of(scratch, levels, h, change, turn)
-                free = _turns_free(scratch, sizes, turn, table, room)
-                if free == TABLE_FULL:
-                    _clear(scratch, sizes)
-                    return TABLE_FULL
-                if free == 0:
-                    continue
-                after = _contacts_after(scratch, sizes, turn)
-                moves.parent[count] = s
-                moves.hinge[count] = h
-                moves.level[count] = level
-                moves.score[count] = (
-                    bent
-                    + abs(level)
-                    - abs(levels[h])
-                    + weight * (touching - scratch.contacts[turn[0]] + after)
+    contacts[:] = -1
+    _place(levels, scratch.cells, scratch.axes)
+    if not _fill(scratch, sizes):
+        return 0
+    touching = _count_contacts(scratch, sizes)
+    for hinge in range(len(levels)):
+        for change in (-1, 1):
+            if abs(levels[hinge] + change) > 1:
+                continue
+            _turn_of(scratch, levels, hinge, change, turn)
+            free = _turns_free(scratch, sizes, turn, table, room)
+            if free == TABLE_FULL:
+                _clear(scratch, sizes)
+                return TABLE_FULL
+            if free:
+                contacts[hinge, (change + 1) // 2] = (
+                    touching - scratch.contacts[turn[0]] + _contacts_after(scratch, sizes, turn)
                 )
-                moves.key[count] = keys[s] ^ codes[h, levels[h] + 1] ^ codes[h, level + 1]
-                count += 1
-        _clear(scratch, sizes)
-    return count
+    _clear(scratch, sizes)
+    return 0
 
 
 @njit(**KERNEL)
@@ -498,7 +455,7 @@ def clear_turns(
     Args:
         start: (J,) levels of the state.
         hinges, changes: (T,) hinge of each turn, and −1 or 1.
-        room, table, scratch: As in ``expand``.
+        room, table, scratch: As in ``try_turns``.
 
     Returns:
         Number of turns before the first that is not clear, T if all are; or ``TABLE_FULL``.

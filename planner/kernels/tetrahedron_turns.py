@@ -18,17 +18,13 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
+from planner.kernels import INNER, KERNEL, TABLE_FULL, Levels
 from planner.kernels.clearance import pair_separation
 from planner.kernels.module import Hull
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-Levels = NDArray[np.int8]
-Keys = NDArray[np.uint64]
 
-TABLE_FULL: Final = -1
-"""Number of moves that ``expand`` returns if the table of turning gaps has no room for more."""
 GAP_TOLERANCE: Final = 2e-3
 """Maximum amount, pitches, by which a stored gap is below the smallest distance of a turn."""
 MAX_INTERVALS: Final = 64
@@ -59,7 +55,7 @@ class TurningGaps(NamedTuple):
 
 
 class Scratch(NamedTuple):
-    """Arrays that ``expand`` uses for one state at a time.
+    """Arrays that the kernels use for one state at a time.
 
     Attributes:
         nodes: (N + 1, 3) nodes of the trail.
@@ -76,16 +72,6 @@ class Scratch(NamedTuple):
     cells: Ints
     modules: NDArray[np.int32]
     contacts: Ints
-
-
-class Moves(NamedTuple):
-    """Moves that ``expand`` writes: (M,) parent state, hinge, new level, score and key of each."""
-
-    parent: NDArray[np.int32]
-    hinge: NDArray[np.int32]
-    level: NDArray[np.int8]
-    score: Array
-    key: Keys
 
 
 @njit(**INNER)
@@ -452,67 +438,41 @@ def _contacts_after(state: Scratch, hinge: int, change: int) -> int:
 
 
 @njit(**KERNEL)
-def expand(
-    states: Levels,
-    keys: Keys,
-    codes: Keys,
-    room: float,
-    weight: float,
-    table: TurningGaps,
-    scratch: Scratch,
-    moves: Moves,
+def try_turns(
+    levels: Levels, room: float, table: TurningGaps, scratch: Scratch, contacts: Ints
 ) -> int:
-    """Find all clear quarter turns of some states.
+    """Find all clear quarter turns of a state, and the number of touching pairs after each.
 
     Args:
-        states: (B, J) levels.
-        keys: (B,) key of each state.
-        codes: (J, 3) random bits of each level of each hinge; a key is the exclusive or of those
-            of a state's levels.
+        levels: (J,) levels of the state.
         room: Distance that modules must keep, pitches.
-        weight: Weight of a pair of touching modules in the score; a bent hinge counts 1.
         table: Turning gaps; missing ones are entered.
         scratch: Arrays for the work.
-        moves: Receives the moves.
+        contacts: (J, 2) receives the number of touching pairs that are not linked after each hinge
+            has turned by −90° and by 90°; −1 if that turn is not clear.
 
     Returns:
-        Number of moves, or ``TABLE_FULL``.
+        0, or ``TABLE_FULL``.
     """
-    count = 0
     pair = np.zeros((2, 3), np.int64)
-    for s in range(states.shape[0]):
-        levels = states[s]
-        _place(levels, scratch)
-        if not _fill(scratch):
-            continue
-        touching = _count_contacts(scratch)
-        bent = 0
-        for h in range(levels.shape[0]):
-            bent += abs(levels[h])
-        for h in range(levels.shape[0]):
-            _see(scratch, h)
-            for change in (-1, 1):
-                level = levels[h] + change
-                if level < -1 or level > 1:
-                    continue
-                free = _turns_free(scratch, h, change, table, room, pair)
-                if free == TABLE_FULL:
-                    return TABLE_FULL
-                if free == 0:
-                    continue
-                after = _contacts_after(scratch, h, change)
-                moves.parent[count] = s
-                moves.hinge[count] = h
-                moves.level[count] = level
-                moves.score[count] = (
-                    bent
-                    + abs(level)
-                    - abs(levels[h])
-                    + weight * (touching - scratch.contacts[h] + after)
+    contacts[:] = -1
+    _place(levels, scratch)
+    if not _fill(scratch):
+        return 0
+    touching = _count_contacts(scratch)
+    for hinge in range(len(levels)):
+        _see(scratch, hinge)
+        for change in (-1, 1):
+            if abs(levels[hinge] + change) > 1:
+                continue
+            free = _turns_free(scratch, hinge, change, table, room, pair)
+            if free == TABLE_FULL:
+                return TABLE_FULL
+            if free:
+                contacts[hinge, (change + 1) // 2] = (
+                    touching - scratch.contacts[hinge] + _contacts_after(scratch, hinge, change)
                 )
-                moves.key[count] = keys[s] ^ codes[h, levels[h] + 1] ^ codes[h, level + 1]
-                count += 1
-    return count
+    return 0
 
 
 @njit(**KERNEL)
@@ -529,7 +489,7 @@ def clear_turns(
     Args:
         start: (J,) levels of the state.
         hinges, changes: (T,) hinge of each turn, and −1 or 1.
-        room, table, scratch: As in ``expand``.
+        room, table, scratch: As in ``try_turns``.
 
     Returns:
         Number of turns before the first that is not clear, T if all are; or ``TABLE_FULL``.
@@ -546,3 +506,18 @@ def clear_turns(
             return t
         levels[hinges[t]] += changes[t]
     return len(hinges)
+
+
+@njit(**KERNEL)
+def without_overlaps(states: Levels, scratch: Scratch) -> NDArray[np.bool_]:
+    """Return (B,) True for states in which no two modules are in the same cell.
+
+    Args:
+        states: (B, J) levels.
+        scratch: Arrays for the work.
+    """
+    apart = np.zeros(states.shape[0], np.bool_)
+    for s in range(states.shape[0]):
+        _place(states[s], scratch)
+        apart[s] = _fill(scratch)
+    return apart

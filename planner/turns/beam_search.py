@@ -6,10 +6,11 @@ from dataclasses import dataclass
 from typing import Final, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 
+from planner.arrays import Ints
+from planner.kernels import Levels
 from planner.progress import Cancelled, never
-from planner.turns.turning import Children, Keys, Levels, Turning
+from planner.turns.turning import Children, Keys, Turning
 
 CONTACT_WEIGHT: Final = 0.5
 """Weight of a pair of touching modules in the score of a state; a bent hinge counts 1. With 0.5 all
@@ -45,9 +46,9 @@ class _Trail:
     """The turns by which the states of a beam were reached."""
 
     def __init__(self) -> None:
-        self._turns: list[tuple[NDArray[np.int32], NDArray[np.int32], Levels]] = []
+        self._turns: list[tuple[Ints, Ints, Levels]] = []
 
-    def add(self, parent: NDArray[np.int32], hinge: NDArray[np.int32], before: Levels) -> None:
+    def add(self, parent: Ints, hinge: Ints, before: Levels) -> None:
         """Add a turn of each state: its state before, its hinge, and the level of that before."""
         self._turns.append((parent, hinge, before))
 
@@ -86,7 +87,7 @@ def unfold(
     codes = random.integers(0, 2**64, (len(start), 3), np.uint64)
     beam = start[None].copy()
     keys: Keys = np.bitwise_xor.reduce(codes[hinges, start + 1])[None]
-    seen = set(keys.tolist())
+    visited = set(keys.tolist())
     trail, expanded, lowest, since = _Trail(), 0, np.inf, 0
     nearest = beam[:1]
     while beam.any(axis=1).all():
@@ -94,7 +95,7 @@ def unfold(
             return Unfolded(outcome="cancelled", states=trail.to(beam[0], 0), expanded=expanded)
         children = turning.expand(beam, keys, codes, room=room, weight=CONTACT_WEIGHT)
         expanded += len(beam)
-        chosen = _best(children, seen, width, random)
+        chosen = _best(children, visited, width, random)
         score = float(children.score[chosen].min(initial=np.inf))
         improves = score < lowest
         since = 0 if improves else since + 1
@@ -114,16 +115,14 @@ def unfold(
     return Unfolded(outcome="straight", states=trail.to(beam[at], at), expanded=expanded)
 
 
-def _best(
-    children: Children, seen: set[int], width: int, random: np.random.Generator
-) -> NDArray[np.int64]:
-    """Return the children with the lowest scores, each of a new state; note them as seen."""
+def _best(children: Children, visited: set[int], width: int, random: np.random.Generator) -> Ints:
+    """Return the children with the lowest scores, each of a new state; note them as visited."""
     scores = children.score + MAX_JITTER * random.random(len(children.score))
     chosen: list[int] = []
     for k in np.argsort(scores, kind="stable").tolist():
         key = int(children.key[k])
-        if key not in seen:
-            seen.add(key)
+        if key not in visited:
+            visited.add(key)
             chosen.append(k)
             if len(chosen) == width:
                 break

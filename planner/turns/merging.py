@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.clearance.sweep import ALLOWANCE_CAP, Between
-from planner.turns.turning import Levels, Turning
+from planner.kernels import Levels
+from planner.turns.turning import QUARTER_RAD, Turning
 
 PIECE_ORDER: Final = (4, 2, 6, 1, 3, 5, 7, 0)
 """Order in which the eighths of a step are checked: where turns get in each other's way, it is most
@@ -33,14 +34,13 @@ class RoomProof:
     """
 
     def __init__(self, chain: Chain, turning: Turning, room: float) -> None:
-        self._step_rad = turning.step_rad
         # Modules so much larger that they use up the room in front of a face keep apart only where
         # the modules keep about that room.
         self._between = Between(chain, turning.size + room / (2.0 * chain.module.inner_radius))
 
     def holds(self, before: Levels, after: Levels) -> bool:
         """Return True if the motion between two states with these (J,) levels is proved clear."""
-        start, end = self._step_rad * before.astype(float), self._step_rad * after.astype(float)
+        start, end = QUARTER_RAD * before.astype(float), QUARTER_RAD * after.astype(float)
         places = np.linspace(0.0, 1.0, len(PIECE_ORDER) + 1)[:, None]
         poses: Array = start + places * (end - start)
         return all(

@@ -15,7 +15,7 @@ from planner.turns.beam_search import Outcome, Unfolded, unfold
 from planner.turns.cube_turns import CubeTurning
 from planner.turns.merging import Merger, RoomProof
 from planner.turns.tetrahedron_turns import TetrahedronTurning
-from planner.turns.turning import Turning
+from planner.turns.turning import QUARTER_RAD, Turning
 
 ROOM_SHARES: Final = (0.45, 0.35, 0.09, 0.01)
 """Distances that modules must keep while they turn, as fractions of the gap between two cells; the
@@ -82,18 +82,18 @@ def find_turns(
     """
     kind = CubeTurning if chain.module.fills_cell else TetrahedronTurning
     turning: Turning = kind(chain, size)
-    found, room, expanded = _searched(turning, WIDTHS[0], ROOM_SHARES, seed, cancelled)
-    if found.outcome in ("blocked", "stuck") and at_once != 1:
-        found = _beyond(turning, RoomProof(chain, turning, room), found, room, seed)
-    if found.outcome == "stuck":
-        found, room, more = _searched(turning, WIDTHS[1], ROOM_SHARES[-1:], seed, cancelled)
+    search, room, expanded = _searched(turning, WIDTHS[0], ROOM_SHARES, seed, cancelled)
+    if search.outcome in ("blocked", "stuck") and at_once != 1:
+        search = _beyond(turning, RoomProof(chain, turning, room), search, room, seed)
+    if search.outcome == "stuck":
+        search, room, more = _searched(turning, WIDTHS[1], ROOM_SHARES[-1:], seed, cancelled)
         expanded += more
-    if found.outcome != "straight":
-        angles = turning.step_rad * found.states.astype(float)
-        return NoTurns(outcome=found.outcome, expanded=expanded, last_rad=angles)
+    if search.outcome != "straight":
+        angles = QUARTER_RAD * search.states.astype(float)
+        return NoTurns(outcome=search.outcome, expanded=expanded, last_rad=angles)
     most = len(chain.folded_rad) if at_once is None else at_once
     merger = Merger(chain, turning, room=room, at_once=most)
-    folding, unfolding = merger.steps(found.states[::-1]), merger.steps(found.states)
+    folding, unfolding = merger.steps(search.states[::-1]), merger.steps(search.states)
     steps = folding
     if len(unfolding) < len(folding):
         steps = [[(hinge, -change) for hinge, change in step] for step in unfolding[::-1]]
@@ -102,7 +102,7 @@ def find_turns(
         for hinge, change in step:
             changes[k + 1, hinge] = change
     return TurnSequence(
-        rest_angles_rad=np.cumsum(changes, axis=0) * turning.step_rad,
+        rest_angles_rad=np.cumsum(changes, axis=0) * QUARTER_RAD,
         hinges=tuple(tuple(hinge for hinge, _ in step) for step in steps),
         turns=sum(map(len, steps)),
         room=room,
@@ -117,25 +117,25 @@ def _searched(
     best: Unfolded | None = None
     for share in shares:
         room = share * turning.cell_gap
-        found = unfold(
+        search = unfold(
             turning, turning.folded, room=room, width=width, seed=seed, cancelled=cancelled
         )
-        expanded += found.expanded
-        if found.outcome in ("straight", "cancelled"):
-            return found, room, expanded
-        if best is None or _bent(found) <= _bent(best):
-            best = found
+        expanded += search.expanded
+        if search.outcome in ("straight", "cancelled"):
+            return search, room, expanded
+        if best is None or _bent(search) <= _bent(best):
+            best = search
     assert best is not None
     return best, room, expanded
 
 
 def _beyond(
-    turning: Turning, proof: RoomProof, found: Unfolded, room: float, seed: int
+    turning: Turning, proof: RoomProof, search: Unfolded, room: float, seed: int
 ) -> Unfolded:
     """Return a search that goes on where one has ended, by turning two hinges at once there."""
     proofs = 0
     for _ in range(MAX_PAIRS):
-        state, further = found.states[-1], found
+        state, further = search.states[-1], search
         tried = 0
         for pair in turning.pairs(state):
             proofs += 1
@@ -145,7 +145,7 @@ def _beyond(
                 continue
             tried += 1
             after = unfold(turning, pair, room=room, width=WIDTHS[0], seed=seed)
-            states = np.concatenate([found.states, after.states])
+            states = np.concatenate([search.states, after.states])
             outcome = "straight" if after.outcome == "straight" else "stuck"
             expanded = further.expanded + after.expanded
             longer = Unfolded(outcome=outcome, states=states, expanded=expanded)
@@ -153,12 +153,12 @@ def _beyond(
                 further = longer
             if outcome == "straight":
                 return further
-        if further is found:
-            return found
-        found = further
-    return found
+        if further is search:
+            return search
+        search = further
+    return search
 
 
-def _bent(found: Unfolded) -> int:
+def _bent(search: Unfolded) -> int:
     """Return the number of bent hinges where a search has ended."""
-    return int(np.count_nonzero(found.states[-1]))
+    return int(np.count_nonzero(search.states[-1]))

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple, Protocol
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Ints
+from planner.arrays import Array, Flags, Ints
+from planner.chain.chain import Chain
+from planner.kernels import TABLE_FULL, Levels
 
-Levels = NDArray[np.int8]
 Keys = NDArray[np.uint64]
+
+QUARTER_RAD: Final = np.pi / 2
+"""Angle of a turn by one level, rad."""
 
 
 class Children(NamedTuple):
@@ -24,34 +30,38 @@ class Children(NamedTuple):
         key: (M,) key of the new state.
     """
 
-    parent: NDArray[np.int32]
-    hinge: NDArray[np.int32]
-    level: NDArray[np.int8]
+    parent: Ints
+    hinge: Ints
+    level: Levels
     score: Array
     key: Keys
 
 
-class Turning(Protocol):
+class Turning(ABC):
     """Turns by one level of one hinge of a chain, with the shorter part as a rigid body.
 
-    A state has one level for each hinge: −1, 0 or 1 times ``step_rad``.
+    A state has one level for each hinge: −1, 0 or 1 times ``QUARTER_RAD``. What is known of the
+    distances of turning modules is kept in a table, which grows when it is full.
+
+    Args:
+        chain: The chain.
+        size: Module size as a fraction of the pitch.
 
     Attributes:
         folded: (J,) levels of the folded chain.
-        step_rad: Angle of a turn, rad.
         size: Module size as a fraction of the pitch.
         cell_gap: Gap between modules in neighbouring cells, pitches.
     """
 
-    folded: Levels
-    step_rad: float
-    size: float
-    cell_gap: float
+    def __init__(self, chain: Chain, size: float) -> None:
+        self.size = size
+        self.cell_gap = 2.0 * chain.module.inner_radius * (1.0 - size)
+        self.folded: Levels = np.rint(chain.folded_rad / QUARTER_RAD).astype(np.int8)
 
     def expand(
         self, states: Levels, keys: Keys, codes: Keys, *, room: float, weight: float
     ) -> Children:
-        """Return all clear turns of some states; valid until the next call.
+        """Return all clear turns of some states.
 
         Args:
             states: (B, J) levels.
@@ -61,7 +71,20 @@ class Turning(Protocol):
             room: Distance that modules must keep, pitches.
             weight: Weight of a pair of touching modules in the score; a bent hinge counts 1.
         """
-        ...
+        contacts: Ints = np.empty((*states.shape, 2), np.int64)
+        for k in range(len(states)):
+            self._with_table(lambda k=k: self._try_turns(states[k], room, contacts[k]))
+        parent, hinge, up = np.nonzero(contacts >= 0)
+        before = states[parent, hinge]
+        level = (before + 2 * up - 1).astype(np.int8)
+        bent = np.count_nonzero(states, axis=1)[parent] + np.abs(level) - np.abs(before)
+        return Children(
+            parent=parent,
+            hinge=hinge,
+            level=level,
+            score=bent + weight * contacts[parent, hinge, up],
+            key=keys[parent] ^ codes[hinge, before + 1] ^ codes[hinge, level + 1],
+        )
 
     def pairs(self, state: Levels) -> Levels:
         """Return states that differ from one in two hinges that get straight, without overlaps.
@@ -72,7 +95,13 @@ class Turning(Protocol):
         Returns:
             (M, J) levels, those of hinges that are near each other along the chain first.
         """
-        ...
+        bent = np.flatnonzero(state)
+        first, second = np.triu_indices(len(bent), 1)
+        order = np.argsort(bent[second] - bent[first], kind="stable")
+        hinges = np.stack([bent[first], bent[second]], axis=1)[order]
+        states = np.repeat(state[None], len(hinges), axis=0)
+        np.put_along_axis(states, hinges, 0, axis=1)
+        return states[self._without_overlaps(states)]
 
     def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, room: float) -> int:
         """Return the number of turns before the first that is not clear.
@@ -82,4 +111,26 @@ class Turning(Protocol):
             hinges, changes: (T,) hinge of each turn, and −1 or 1.
             room: Distance that modules must keep, pitches.
         """
-        ...
+        return self._with_table(lambda: self._clear_turns(start, hinges, changes, room))
+
+    def _with_table(self, compute: Callable[[], int]) -> int:
+        """Return a result for which the table has room, after it has grown if need be."""
+        while (result := compute()) == TABLE_FULL:
+            self._grow_table()
+        return result
+
+    @abstractmethod
+    def _try_turns(self, state: Levels, room: float, contacts: Ints) -> int:
+        """Write the number of touching pairs after each turn, as the kernels ``try_turns`` do."""
+
+    @abstractmethod
+    def _clear_turns(self, start: Levels, hinges: Ints, changes: Ints, room: float) -> int:
+        """Return the number of clear turns, as the kernels ``clear_turns`` do."""
+
+    @abstractmethod
+    def _without_overlaps(self, states: Levels) -> Flags:
+        """Return (B,) True for states in which no two modules share a cell."""
+
+    @abstractmethod
+    def _grow_table(self) -> None:
+        """Double the table; entries may be lost."""

@@ -75,31 +75,31 @@ def sampled_gap(a: int, b: int, c: int, d: int, half: float) -> float:
 )
 def test_shapes_fold_in_turns_with_room(name: str, turns: int, most_steps: int) -> None:
     chain = chain_of(name)
-    found = sequence(chain)
-    assert found.turns <= turns
-    assert len(found.hinges) <= most_steps
-    rests = found.rest_angles_rad
+    folding = sequence(chain)
+    assert folding.turns <= turns
+    assert len(folding.hinges) <= most_steps
+    rests = folding.rest_angles_rad
     assert not rests[0].any()
     assert rests[-1] == pytest.approx(chain.folded_rad, abs=1e-9)
-    assert found.room == pytest.approx(0.0225)
-    assert sweep(chain, rests, size=SIZE).clearance >= found.room
-    for hinges, change in zip(found.hinges, np.diff(rests, axis=0), strict=True):
+    assert folding.room == pytest.approx(0.0225)
+    assert sweep(chain, rests, size=SIZE).clearance >= folding.room
+    for hinges, change in zip(folding.hinges, np.diff(rests, axis=0), strict=True):
         assert sorted(hinges) == np.flatnonzero(change).tolist()
 
 
 def test_number_of_hinges_at_once_is_kept() -> None:
     chain = chain_of("wrench-24")
     for most in (1, 4):
-        found = sequence(chain, at_once=most)
-        assert max(map(len, found.hinges)) == most
-        assert sweep(chain, found.rest_angles_rad, size=SIZE).clearance >= found.room
+        folding = sequence(chain, at_once=most)
+        assert max(map(len, folding.hinges)) == most
+        assert sweep(chain, folding.rest_angles_rad, size=SIZE).clearance >= folding.room
 
 
 def test_two_hinges_turn_at_once_where_no_single_one_can() -> None:
     chain = chain_of("arrow")
-    found = sequence(chain)
-    assert found.turns <= 1.05 * np.count_nonzero(chain.folded_rad)
-    assert sweep(chain, found.rest_angles_rad, size=SIZE).clearance >= found.room
+    folding = sequence(chain)
+    assert folding.turns <= 1.05 * np.count_nonzero(chain.folded_rad)
+    assert sweep(chain, folding.rest_angles_rad, size=SIZE).clearance >= folding.room
 
 
 def test_without_a_free_hinge_it_says_so_once() -> None:
