@@ -78,7 +78,7 @@ def exact_path(
     first = index_of(cells, start)
     problems = obstacles(cells)
     if problems:
-        reason = " ".join(_sentence(problem.detail) for problem in problems)
+        reason = " ".join(problem.sentence for problem in problems)
         return ExactSearch(status="infeasible", cells=None, reason=reason)
     ends = surface(cells) if ends_on_surface else np.ones(len(cells), dtype=np.bool_)
     refused = _refused_ends(cells, ends, first)
@@ -102,10 +102,6 @@ _REASONS: Final[dict[str, Callable[[float], str]]] = {
         "repair the shape, or split each cell into 2×2×2 cells."
     ),
 }
-
-
-def _sentence(text: str) -> str:
-    return text[:1].upper() + text[1:]
 
 
 def _refused_ends(cells: Ints, ends: Flags, start: int | None) -> str | None:

@@ -17,7 +17,7 @@ from planner.pathfinding import Cell
 from planner.pathfinding.block_merging import halved
 from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.lattice import STEPS, colours, neighbours, parts
-from planner.pathfinding.no_path_proofs import Problem, obstacles
+from planner.pathfinding.no_path_proofs import Problem, obstacles, written
 from planner.pathfinding.snake import is_box
 from planner.shapes.shape import Shape
 
@@ -47,6 +47,8 @@ and change them more. Chosen."""
 MAX_COMPARED_CELLS: Final = 60
 """Maximum number of candidate cells that are compared for each cell that a repair adds or drops.
 Larger values find smaller repairs, more slowly. Chosen."""
+MAX_NAMED_CHANGES: Final = 3
+"""Maximum number of cells that a repair names; it gives the number of more cells."""
 REPAIR_CHECK_LIMIT_S: Final = 0.5
 """Wall-clock limit, in s, of the search for a path through a repaired shape; without one in that
 time the repair is not offered. Larger values offer more repairs, more slowly. Chosen."""
@@ -231,14 +233,17 @@ def _has_path(cells: Cells, seed: int) -> bool:
 
 
 def _repair(before: Cells, after: Cells) -> Repair:
-    add, drop = sorted(after - before), sorted(before - after)
-    words = [
-        f"{word} {_count(len(cells), 'cell')}"
-        for word, cells in (("add", add), ("remove", drop))
-        if cells
-    ]
+    add, drop = tuple(sorted(after - before)), tuple(sorted(before - after))
+    words = [f"{word} {_named(cells)}" for word, cells in (("add", add), ("remove", drop)) if cells]
     detail = " and ".join(words)
-    return Repair(detail=f"{detail[:1].upper()}{detail[1:]}.", add=tuple(add), drop=tuple(drop))
+    return Repair(detail=f"{detail[:1].upper()}{detail[1:]}.", add=add, drop=drop)
+
+
+def _named(cells: tuple[Cell, ...]) -> str:
+    """Return a few cells by name, more by number."""
+    if len(cells) > MAX_NAMED_CHANGES:
+        return _count(len(cells), "cell")
+    return f"the cell{'s' * (len(cells) > 1)} {written(cells)}"
 
 
 def _doubling(before: Cells, whole: Cells) -> Repair:

@@ -107,10 +107,12 @@ class Cubes:
             if requested_repair(shape, state, options) is not None:
                 return
             raise InputError("no-path", only_doubling(shape, state.repairs[0]))
-        why = [f"{problem.detail[:1].upper()}{problem.detail[1:]}" for problem in state.problems]
+        why = [problem.sentence for problem in state.problems]
         ways: list[str] = []
         if state.repairs:
-            ways.append(f"Use the option 'repair' to change the shape: {state.repairs[0].as_step}")
+            ways.append(
+                f"Use the option 'repair' to change the shape: {repair_words(shape, state)}"
+            )
         if not any(problem.code == "disconnected" for problem in state.problems):
             ways.append(
                 f"{'Or use' if ways else 'Use'} the method 'blocks', which splits each cell into "
@@ -161,6 +163,20 @@ def requested_repair(shape: Shape, state: Feasibility, options: PathOptions) -> 
     return repair if wanted or not repair.doubled else None
 
 
+def repair_words(shape: Shape, state: Feasibility) -> str:
+    """Return the nearest sets of cells that have a path, to follow a colon.
+
+    They are the first repair, and another one that does not split cells.
+    """
+    first, *others = state.repairs
+    near = [first, *(repair for repair in others[:1] if not repair.doubled)]
+    steps = [
+        f"{repair.as_step.rstrip('.')}, for {modules_after(shape, repair)} modules"
+        for repair in near
+    ]
+    return first.as_step if first.doubled else f"{', or '.join(steps)}."
+
+
 def modules_after(shape: Shape, repair: Repair) -> int:
     """Return the number of modules after a repair."""
     cells = len(shape) + len(repair.add) - len(repair.drop)
@@ -183,4 +199,11 @@ def doubled(shape: Shape) -> Shape:
     return Shape.from_cells(cells, name=shape.name, pitch_m=0.5 * shape.pitch_m)
 
 
-__all__ = ["Cubes", "doubled", "modules_after", "only_doubling", "requested_repair"]
+__all__ = [
+    "Cubes",
+    "doubled",
+    "modules_after",
+    "only_doubling",
+    "repair_words",
+    "requested_repair",
+]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -17,6 +17,10 @@ from planner.pathfinding.lattice import colours, neighbours, parts
 MAX_NAMED_CELLS: Final = 200
 """Maximum number of cells that the report of a shape without a path lists as the cause of one
 problem; further ones are left out. Sets that need too many ends are listed whole."""
+MAX_WRITTEN_CELLS: Final = 8
+"""Maximum number of cells of a problem that its sentence lists."""
+COUNTED: Final = ("dead-ends", "cut-cells", "ends")
+"""Codes of the problems whose cells a reader needs to check them by counting."""
 MAX_MATCHED_CELLS: Final = 2_000
 """Maximum number of cells among which a set that needs too many ends is searched, by a maximum flow
 of about 10 µs of processor time for each cell."""
@@ -39,6 +43,21 @@ class Problem:
     detail: str
     cells: tuple[Cell, ...] = ()
     amount: int = 1
+
+    @property
+    def sentence(self) -> str:
+        """The detail; with its cells where they are few and a reader needs them to check it."""
+        text = f"{self.detail[:1].upper()}{self.detail[1:]}"
+        if self.code not in COUNTED or not 0 < len(self.cells) <= MAX_WRITTEN_CELLS:
+            return text
+        which = "The cells are" if len(self.cells) > 1 else "The cell is"
+        return f"{text} {which} {written(self.cells)}."
+
+
+def written(cells: Sequence[Cell]) -> str:
+    """Return cells as words: (1, 0, 2), (3, 0, 2) and (4, 0, 2)."""
+    *first, last = map(str, cells)
+    return f"{', '.join(first)} and {last}" if first else last
 
 
 def obstacles(cells: Ints) -> tuple[Problem, ...]:

@@ -123,18 +123,26 @@ class Preparation:
         if self.chains:
             return self.chains[0]
         problems = [] if self.feasibility is None else list(self.feasibility.problems)
-        why = " ".join(problem.detail for problem in problems) or " ".join(self.sentences)
+        why = " ".join([problem.sentence for problem in problems] or self.sentences)
         remedy = ""
         on_table = self.options.world == "table"
         if on_table:
             remedy = f" {TABLE_REMEDY}"
         elif self.feasibility is not None and self.feasibility.repairs:
-            remedy = f" Possible repair: {self.feasibility.repairs[0].detail}"
+            remedy = f" Possible repair: {self._nearest(self.feasibility)}"
         got = "no path through these cells was found"
         if on_table:
             got = "no path along which a chain can fold on a table was found through these cells"
-        got += f": {why}" if why else "."
+        got += f". {why}" if why else "."
         raise InputError("no-path", got + remedy)
+
+    def _nearest(self, state: Feasibility) -> str:
+        """Return the nearest sets of cells that have a path, to follow a colon."""
+        from planner.pathfinding.fill_cubes import repair_words
+
+        if self.shape is None or self.options.module != CUBE.name:
+            return state.repairs[0].as_step
+        return repair_words(self.shape, state)
 
     @property
     def repeatable(self) -> bool:

@@ -1,10 +1,17 @@
+import json
+
 import numpy as np
+import pytest
 from hypothesis import given
 
+from planner.errors import InputError
 from planner.pathfinding.end_proofs import end_proof
 from planner.pathfinding.feasibility import apply_repair, feasibility
+from planner.pathfinding.fill_cubes import Cubes
 from planner.pathfinding.lattice import colours, neighbours
 from planner.pathfinding.no_path_proofs import obstacles
+from planner.pathfinding.path_options import PathOptions
+from planner.pipeline.prepare import prepare
 from planner.shapes.shape import Shape
 from tests.planner.lattice import NEIGHBOURS, Ints, walks
 from tests.planner.pathfinding.test_exact_search import (
@@ -81,3 +88,18 @@ def test_refusal_counts_and_offers_the_nearest_cells() -> None:
     nearest = found.repairs[0]
     assert not nearest.doubled and len(nearest.add) + len(nearest.drop) == 1
     assert feasibility(apply_repair(shape, nearest)).feasible
+
+
+def test_refusal_names_the_cells_to_count_and_the_cells_to_change() -> None:
+    shape = Shape.from_cells(CROWDED)
+    data = json.dumps(CROWDED).encode()
+    options = PathOptions(method="exact", as_voxels=True)
+    with pytest.raises(InputError) as refusal:
+        Cubes().check(shape, options)
+    with pytest.raises(InputError) as later:
+        _ = prepare(data, "crowded.json", options).chain
+    near = feasibility(shape).repairs[:2]
+    for error in (refusal.value, later.value):
+        assert "The cells are (-1, 1, 0), (0, 1, 1) and (1, 1, 0)." in error.detail
+        assert f"the cell {near[0].add[0]}, for 9 modules" in error.detail
+        assert f"the cell {near[1].drop[0]}, for 7 modules" in error.detail
