@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import product
 from typing import Final, TypeAlias
@@ -25,7 +25,7 @@ _PAST: Final = {"add": "added", "remove": "removed", "keep": "kept"}
 """Verbs of repairs, and their past forms."""
 _IMPERATIVE: Final = re.compile(r"\b(?:add|remove|keep)\b")
 
-__all__ = ["Feasibility", "Problem", "Repair", "apply_repair", "feasibility"]
+__all__ = ["Feasibility", "Problem", "Repair", "apply_repair", "feasibility", "named_cells"]
 
 Cells: TypeAlias = frozenset[Cell]
 
@@ -234,12 +234,14 @@ def _has_path(cells: Cells, seed: int) -> bool:
 
 def _repair(before: Cells, after: Cells) -> Repair:
     add, drop = tuple(sorted(after - before)), tuple(sorted(before - after))
-    words = [f"{word} {_named(cells)}" for word, cells in (("add", add), ("remove", drop)) if cells]
+    words = [
+        f"{word} {named_cells(cells)}" for word, cells in (("add", add), ("remove", drop)) if cells
+    ]
     detail = " and ".join(words)
     return Repair(detail=f"{detail[:1].upper()}{detail[1:]}.", add=add, drop=drop)
 
 
-def _named(cells: tuple[Cell, ...]) -> str:
+def named_cells(cells: Sequence[Cell]) -> str:
     """Return a few cells by name, more by number."""
     if len(cells) > MAX_NAMED_CHANGES:
         return _count(len(cells), "cell")

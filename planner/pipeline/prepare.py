@@ -127,7 +127,7 @@ class Preparation:
         remedy = ""
         on_table = self.options.world == "table"
         if on_table:
-            remedy = f" {TABLE_REMEDY}"
+            remedy = f"{self._nearest_on_table()} {TABLE_REMEDY}"
         elif self.feasibility is not None and self.feasibility.repairs:
             remedy = f" Possible repair: {self._nearest(self.feasibility)}"
         got = "no path through these cells was found"
@@ -135,6 +135,14 @@ class Preparation:
             got = "no path along which a chain can fold on a table was found through these cells"
         got += f". {why}" if why else "."
         raise InputError("no-path", got + remedy)
+
+    def _nearest_on_table(self) -> str:
+        """Return a sentence on the nearest of given cells with a path for a table, or nothing."""
+        from planner.table_paths.mending import nearest_words
+
+        if self.shape is None or self.solid is not None or self.options.repair:
+            return ""
+        return nearest_words(self.shape.cells)
 
     def _nearest(self, state: Feasibility) -> str:
         """Return the nearest sets of cells that have a path, to follow a colon."""

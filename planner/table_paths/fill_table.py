@@ -17,7 +17,7 @@ from planner.pathfinding.no_path_proofs import tuples
 from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
 from planner.shapes.shape import Shape
 from planner.table_paths.base_sides import SIDE_NAMES, sides_of
-from planner.table_paths.mending import added_words, cells_to_add, with_cells
+from planner.table_paths.mending import added_words, cells_to_add, nearest_words, with_cells
 from planner.table_paths.no_table_path_proofs import NoPath, closest, most_telling, ruled_out
 from planner.table_paths.table_paths import paths_or_reasons
 
@@ -88,7 +88,8 @@ class TableCubes:
         reasons = [ruled_out(side) for side in sides_of(shape.cells)]
         proved = tuple(reason for reason in reasons if reason is not None and not reason.may_fall)
         if len(proved) == len(reasons):
-            raise InputError(*most_telling(proved))
+            code, detail = most_telling(proved)
+            raise InputError(code, f"{detail}{nearest_words(shape.cells)}")
 
 
 def _doubles(shape: Shape, options: PathOptions, *, of_solid: bool) -> bool:

@@ -8,8 +8,10 @@ import numpy as np
 
 from planner.arrays import Ints
 from planner.pathfinding import Cell
+from planner.pathfinding.feasibility import named_cells
 from planner.pathfinding.lattice import colours, parts
 from planner.pathfinding.no_path_proofs import obstacles
+from planner.pathfinding.path_options import MAX_TABLE_MODULES
 from planner.shapes.shape import Shape
 from planner.table_paths.table_paths import paths_or_reasons
 
@@ -67,7 +69,22 @@ def with_cells(shape: Shape, added: list[Cell]) -> Shape:
 
 def added_words(added: list[Cell]) -> str:
     """Return what a repair did, to follow a colon."""
-    return f"added {len(added)} cell{'s' * (len(added) != 1)}."
+    return f"added {named_cells(added)}."
+
+
+def nearest_words(cells: Ints, seed: int = 0) -> str:
+    """Return a sentence on the nearest cells with a path for a table; empty if none were found.
+
+    Shapes of more than ``MAX_TABLE_MODULES`` cells, which rarely fold on a table, are not searched.
+
+    Args:
+        cells: (n, 3) distinct cells.
+        seed: Seed of the path searches.
+    """
+    added = cells_to_add(cells, seed) if len(cells) < MAX_TABLE_MODULES else []
+    if not added:
+        return ""
+    return f" Possible repair: add {named_cells(added)}, for {len(cells) + len(added)} modules."
 
 
 def _with(cells: Ints, added: list[Cell]) -> Ints:

@@ -3,8 +3,10 @@
 from typing import cast
 
 import numpy as np
+import pytest
 import trimesh
 
+from planner.errors import InputError
 from planner.pathfinding.fill_cubes import BLOCK_CELLS
 from planner.pathfinding.path_options import MAX_TABLE_MODULES, PathOptions
 from planner.pipeline.prepare import prepare
@@ -46,6 +48,19 @@ def test_offers_of_cells_are_a_repair_and_blocks_with_paths() -> None:
         assert not rule_violations(made.cells)
         assert set(made.filled.added if made.filled else ()) == set(offer.added)
         assert set(offer.added) <= set(map(tuple, made.cells.tolist()))
+
+
+def test_refusal_for_a_table_names_the_nearest_cells_with_a_path() -> None:
+    shape = Shape.from_cells(SMALL)
+    (added,) = cells_to_add(SMALL)
+    words = f"Possible repair: add the cell {added}, for {len(SMALL) + 1} modules."
+    options = PathOptions(world="table", as_voxels=True)
+    with pytest.raises(InputError) as refusal:
+        TableCubes().check(shape, options)
+    with pytest.raises(InputError) as later:
+        _ = prepare(str(SMALL.tolist()).encode(), "slab.json", options).chain
+    assert words in refusal.value.detail
+    assert words in later.value.detail
 
 
 def test_repaired_cells_of_a_mesh_stay_in_place() -> None:
