@@ -18,7 +18,7 @@ from words import certificate as certificate_words
 from words.failures import reason_for_people
 from words.likeness import likeness_words
 from words.messages import verdict_for_people
-from words.plan_choice import PLAN_COLUMNS, Choice
+from words.plan_choice import Choice
 from words.quantities import sentence
 
 
@@ -43,7 +43,7 @@ def show_choice(choice: Choice | None) -> None:
     if choice is None:
         return
     console = Console(highlight=False)
-    table = Table(*PLAN_COLUMNS, box=None, pad_edge=False)
+    table = Table(*choice["columns"], box=None, pad_edge=False)
     table.columns[0].no_wrap = True
     for column in table.columns[1:]:
         column.justify = "right"

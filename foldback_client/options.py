@@ -27,4 +27,4 @@ class PlanOptions(TypedDict, total=False):
     module_size: float
     strategy: Literal["auto", "simultaneous", "blocks", "peel", "turns", "one-by-one"]
     at_once: int
-    prefer: Literal["computing", "time", "torque", "clearance", "margin"]
+    prefer: Literal["computing", "time", "torque", "clearance", "margin", "calm"]

@@ -309,7 +309,7 @@ type FigureRow = Partial<Record<FigureName, Floats>>;
 
 type Form = Record<string, string | number | boolean | Blob | null>;
 interface Failing { frame: number | null; modules: number[] }
-interface PlanDot { label: string; time_s: number | null; torque_mnm: number | null; room: number | null; verified: boolean; chosen: boolean }
+interface PlanDot { label: string; time_s: number | null; torque_mnm: number | null; room: number | null; moving: number | null; verified: boolean; chosen: boolean }
 interface Choice { prefer: string; seconds: number; plans: PlanDot[] }
 interface Again { text: string; form: Form }
 interface Way { text: string; hint: string; form: Form; id?: string; settable?: string }

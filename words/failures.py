@@ -254,6 +254,8 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     how = [path, f"seed {attempt['seed']}"]
     if attempt.get("gentle"):
         how.append("with half the force")
+    if attempt.get("plain"):
+        how.append("with hinges that turn more freely")
     if (smooths := attempt.get("smooths")) is not None:
         how.append(f"smoothed version of attempt {smooths + 1}")
     if "finer" in attempt:

@@ -10,23 +10,18 @@ from typing import Final, TypedDict, cast
 from planner.certificate.figures import AttemptFigures
 from planner.errors import DamagedError
 from planner.file_names import ATTEMPTS, CHAIN, PLANS_DIR
-from planner.pipeline.preference import COMPUTING, PREFERENCES, PlanFigures, Preference
+from planner.pipeline.preference import CALM, COMPUTING, PREFERENCES, PlanFigures, Preference
 from planner.robot import RECORDED, SMOOTHED, SOFTENED
 from planner.verification.integrity import check
 from words.certificate import degrees_down, rounded_down
 from words.quantities import STRATEGY_LABELS, number, quantity
 
-PLAN_COLUMNS: Final = (
-    "Plan",
-    "Folding time, s",
-    "Torque",
-    "Torque at the same folding time",
-    "Clearance, pitch",
-    "Computing time, s",
-)
-"""Column headings of the table that compares several plans of one fold: folding time, largest
-torque, largest torque if all plans took as long as the slowest one, proved clearance between
-modules, and computing time."""
+TORQUE_COLUMNS: Final = ("Torque", "Torque at the same folding time")
+"""Column headings of the largest torque, and of the largest torque if all plans took as long as the
+slowest one."""
+CALM_COLUMNS: Final = ("Travel / least", "Hinges at once")
+"""Column headings, in place of ``TORQUE_COLUMNS``, where the calmest motion is preferred: travel of
+all hinges divided by the least possible, and mean number of hinges that move at once."""
 PREFERENCE_WORDS: Final[dict[Preference, str]] = {
     name: choice.label for name, choice in PREFERENCES.items()
 }
@@ -36,6 +31,7 @@ SUPERLATIVES: Final[dict[Preference, str]] = {
     "torque": "least torque",
     "clearance": "most clearance",
     "margin": "largest allowed hinge error",
+    CALM: "calmest motion",
 }
 SMOOTHED_WORDS: Final = {
     SMOOTHED: "smoothed",
@@ -49,12 +45,16 @@ CLEARANCE_DECIMALS: Final = 4
 """Number of decimal places of the clearances between modules, in pitches, in the comparison of
 plans. With fewer, different clearances would look equal. Chosen."""
 
+TRAVEL_DECIMALS: Final = 2
+"""Number of decimal places of the travel of hinges, relative to the least, in that comparison."""
+
 
 class PlanDot(TypedDict):
-    """One plan: its name, its values in the plot, its cells under ``PLAN_COLUMNS``, and its result.
+    """One plan: its name, its values in the plot, its cells under ``plan_columns``, and its result.
 
     ``torque_mnm`` is the torque if the plan took as long as the slowest one, in mN·m; ``room`` is
-    the proved clearance, in pitches. Unknown values are None. ``stored`` is the number of the
+    the proved clearance, in pitches; ``moving`` is the mean number of hinges that move at once.
+    Unknown values are None. ``stored`` is the number of the
     attempt, from 0, under which the plan can be played although it was not chosen.
     """
 
@@ -62,6 +62,7 @@ class PlanDot(TypedDict):
     time_s: float | None
     torque_mnm: float | None
     room: float | None
+    moving: float | None
     cells: list[str]
     verified: bool
     chosen: bool
@@ -113,10 +114,16 @@ def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) ->
         "prefer": prefer,
         "wish": PREFERENCE_WORDS[prefer],
         "seconds": slowest,
-        "columns": list(PLAN_COLUMNS),
-        "plans": [plan.dot(slowest) for plan in plans],
+        "columns": list(plan_columns(prefer)),
+        "plans": [plan.dot(slowest, prefer) for plan in plans],
         "text": _gained(prefer, tried, verified, slowest),
     }
+
+
+def plan_columns(prefer: Preference) -> tuple[str, ...]:
+    """Return the column headings of the table that compares several plans of one fold."""
+    compared = CALM_COLUMNS if prefer == CALM else TORQUE_COLUMNS
+    return ("Plan", "Folding time, s", *compared, "Clearance, pitch", "Computing time, s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -136,14 +143,14 @@ class _Plan:
     def chosen(self) -> bool:
         return self.attempt.get("chosen", False)
 
-    def dot(self, slowest: float) -> PlanDot:
+    def dot(self, slowest: float, prefer: Preference) -> PlanDot:
         """Return the plan's values for the table and the plot, given the slowest plan's time."""
         figures = self.figures
         same = figures.torque_in(slowest)
+        torques = (_torque(figures.peak_torque_nm), _torque(same))
         cells = (
             _told(figures.fold_time_s),
-            _torque(figures.peak_torque_nm),
-            _torque(same),
+            *((_travel(figures), _moving(figures)) if prefer == CALM else torques),
             _room(figures.clearance_bound),
             number(figures.seconds, 2),
         )
@@ -152,6 +159,7 @@ class _Plan:
             "time_s": figures.fold_time_s,
             "torque_mnm": None if same is None else MILLI_PER_UNIT * same,
             "room": figures.clearance_bound,
+            "moving": figures.hinges_moving_mean,
             "cells": list(cells),
             "verified": self.verified,
             "chosen": self.chosen,
@@ -168,6 +176,7 @@ class _Plan:
         parts = [STRATEGY_LABELS.get(strategy, strategy).partition(",")[0]]
         parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
         parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
+        parts += ["hinges turn more freely"] if attempt.get("plain") else []
         parts += ["smaller playback steps"] if "finer" in attempt else []
         parts += ["slower near straight"] if "patience" in attempt else []
         return ", ".join(parts)
@@ -212,11 +221,29 @@ def _gained(
     elif prefer == "margin":
         after, before = (_margin(each.one_hinge_rad) for each in both)
         what, unit = "allowed error in one hinge", ""
+    elif prefer == CALM:
+        return f"{_calmed(*both)}. Finding this plan took {cost}."
     else:
         after, before = (_room(each.clearance_bound) for each in both)
         before = f"{before} pitch"
         what, unit = "proved clearance", ""
     return f"The {what} is {after}{unit} instead of {before}{unit}. Finding this plan took {cost}."
+
+
+def _calmed(after: PlanFigures, before: PlanFigures) -> str:
+    """Return how much less the hinges move than in another plan."""
+    text = f"The hinges travel {_travel(after)} instead of {_travel(before)} times the least"
+    if _moving(after) == _moving(before):
+        return text
+    return f"{text}, and {_moving(after)} instead of {_moving(before)} of them move at once"
+
+
+def _travel(figures: PlanFigures) -> str:
+    return "–" if figures.travel_ratio is None else f"{figures.travel_ratio:.{TRAVEL_DECIMALS}f}"
+
+
+def _moving(figures: PlanFigures) -> str:
+    return "–" if figures.hinges_moving_mean is None else f"{figures.hinges_moving_mean:.0f}"
 
 
 def _told(value: float | None) -> str:

@@ -152,6 +152,8 @@ class ComparedFigures(TypedDict):
     frames: int
     seconds: float
     one_hinge_rad: NotRequired[float | None]
+    travel_ratio: NotRequired[float | None]
+    hinges_moving_mean: NotRequired[float | None]
 
 
 class AttemptFigures(TypedDict, total=False):
@@ -162,6 +164,7 @@ class AttemptFigures(TypedDict, total=False):
     strategy: Required[str]
     other_end: bool
     gentle: bool
+    plain: bool
     smooths: int
     status: Required[str]
     reason: str

@@ -91,16 +91,24 @@ def ranked_strategies(
 
 
 def alternative_strategies(
-    chain: Chain, parameters: Parameters, *, refolds: bool = False
+    chain: Chain, parameters: Parameters, *, refolds: bool = False, turns: bool = False
 ) -> tuple[str, ...]:
     """Return the strategies whose plans may be better than a verified one, best guess first.
 
-    Unless one strategy was asked for, these are all but the baseline: a plan that moves more joints
-    at a time folds faster, with less torque in a given time, and keeps more clearance.
+    Unless one strategy was asked for, these are all explosions: a plan that moves more joints at a
+    time folds faster, with less torque in a given time, and keeps more clearance.
+
+    Args:
+        chain: The chain.
+        parameters: Parameters of the fold, with the strategy that was asked for.
+        refolds: True if the chain begins folded otherwise.
+        turns: True if the hinges are to move as little as possible, so that turns come first.
     """
     if parameters.strategy != AUTO:
         return ranked_strategies(chain, parameters, refolds=refolds)
-    return tuple(n for n in _possible(chain, parameters, refolds) if n not in (TURNS, BASELINE))
+    possible = _possible(chain, parameters, refolds)
+    explosions = tuple(name for name in possible if name not in (TURNS, BASELINE))
+    return (TURNS, *explosions) if turns and TURNS in possible else explosions
 
 
 def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str, ...]:
@@ -145,6 +153,7 @@ def run_strategy(
     *,
     seed: int = 0,
     gentle: bool = False,
+    calm: bool = False,
     sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
@@ -157,6 +166,7 @@ def run_strategy(
         parameters: Parameters of the fold.
         seed: Seed of all random numbers.
         gentle: True for half the tension, and steps that bring modules half as near.
+        calm: True if an explosion of all modules is to make few detours.
         sink: Receives the snapshots as they are made: windowed if ``windowed`` says so.
         progress: Receives the progress, a few times a second.
         cancelled: Returns True to stop; called every few steps.
@@ -197,7 +207,7 @@ def run_strategy(
         chain,
         how,
         seed=seed,
-        calm=parameters.strategy == AUTO,
+        calm=calm,
         sink=sink,
         progress=progress,
         cancelled=cancelled,

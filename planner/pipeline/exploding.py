@@ -8,7 +8,7 @@ from planner.chain.chain import Chain
 from planner.explosion.strategies import records_windows, run_strategy
 from planner.motion.record import Record
 from planner.motion.timeline import TimelineWriter
-from planner.parameters.parameters import Parameters
+from planner.parameters.parameters import AUTO, Parameters
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.attempt_pool import AttemptPool
 from planner.pipeline.job import Job, Result, Search, Watch
@@ -57,6 +57,7 @@ def explode(chain: Chain, trial: Trial, parameters: Parameters, watch: Watch) ->
         parameters,
         seed=trial.seed,
         gentle=trial.gentle,
+        calm=parameters.strategy == AUTO and not trial.plain,
         sink=None if writer is None else writer.append,
         progress=watch.progress,
         cancelled=watch.cancelled,

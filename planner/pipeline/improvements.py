@@ -15,9 +15,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
+from planner.parameters.parameters import TURNS
 from planner.pathfinding.expected_duration import MAX_IMPROVING_S
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
-from planner.pipeline.preference import COMPUTING, Preference
+from planner.pipeline.preference import CALM, COMPUTING, Preference
 from planner.pipeline.request import MAX_SEED
 from planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 
@@ -74,7 +75,7 @@ class Improvements:
     def _explosions(self, first: Trial, best: Trial) -> Iterator[Trial]:
         """Other strategies for the path of the first verified plan, then the best on others."""
         for strategy in self.strategies[first.candidate]:
-            yield replace(first, strategy=strategy)
+            yield first.with_strategy(strategy)
         for candidate, known in enumerate(self.strategies):
             if best.strategy in known:
                 yield replace(best, candidate=candidate)
@@ -82,10 +83,14 @@ class Improvements:
     def _smoothings(self, tried: Sequence[Attempt]) -> Iterator[Trial]:
         """Yield smoothings of each strategy's best plan, and weaker ones if those were refused.
 
-        How much a plan gains by it depends on how it was let go, too: the second best may win.
+        How much a plan gains by it depends on its explosion, too: the second best may win. Turns
+        are not smoothed for the calmest motion, because smoothing moves the hinges of many steps at
+        once.
         """
         plans: dict[str, int] = {}
         for number, attempt in enumerate(tried):
+            if self.prefer == CALM and attempt.trial.strategy == TURNS:
+                continue
             if attempt.verified and attempt.trial.smooths is None:
                 known = plans.setdefault(attempt.trial.strategy, number)
                 if score_of(attempt, self.prefer) > score_of(tried[known], self.prefer):
@@ -98,7 +103,7 @@ class Improvements:
                 number -= 1
             if figures is None or figures.frames > self.most_frames:
                 continue
-            trial = replace(tried[best].trial, strategy=SMOOTHED, smooths=number)
+            trial = replace(tried[best].trial.with_strategy(SMOOTHED), smooths=number)
             yield trial
             if number not in smooth:
                 yield replace(trial, strategy=SOFTENED)

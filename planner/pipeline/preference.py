@@ -11,10 +11,12 @@ from planner.certificate.figures import CertificateFigures
 from planner.errors import InputError
 from planner.parameters.option import Choice
 
-Preference = Literal["computing", "time", "torque", "clearance", "margin"]
+Preference = Literal["computing", "time", "torque", "clearance", "margin", "calm"]
 COMPUTING: Final = "computing"
 """Value of a request's preference that asks for the least computation: the first verified plan is
 taken, and no better one is searched for."""
+CALM: Final = "calm"
+"""Value of a request's preference that asks for the calmest motion."""
 PREFERENCES: Final[Mapping[Preference, Choice]] = {
     COMPUTING: Choice(
         label="First verified plan",
@@ -43,6 +45,12 @@ PREFERENCES: Final[Mapping[Preference, Choice]] = {
         hint="Tries several plans and chooses the one that tolerates the largest angle error of "
         "a single hinge before modules could touch.",
     ),
+    CALM: Choice(
+        label="Calmest motion",
+        note="the calmest motion",
+        hint="Tries several plans, one of them in quarter turns, and chooses the one whose hinges "
+        "move least, with the fewest at once.",
+    ),
 }
 """Goals of the choice among several verified plans."""
 
@@ -58,6 +66,8 @@ class PlanFigures:
         frames: Frames of the plan.
         seconds: Computing: of the explosion or smoothing, the playback and the certificate.
         one_hinge_rad: Margin of one hinge, see ``Margins``; None where it is not known.
+        travel_ratio: Travel of all hinges, see ``MotionFigures``; None where it is not known.
+        hinges_moving_mean: Mean number of hinges that move at once; None where it is not known.
     """
 
     fold_time_s: float | None
@@ -66,6 +76,8 @@ class PlanFigures:
     frames: int
     seconds: float
     one_hinge_rad: float | None = None
+    travel_ratio: float | None = None
+    hinges_moving_mean: float | None = None
 
     @classmethod
     def of(cls, certificate: CertificateFigures, *, before_s: float = 0.0) -> PlanFigures:
@@ -83,6 +95,8 @@ class PlanFigures:
             frames=certificate.get("frames") or 0,
             seconds=before_s + certificate.get("seconds", 0.0),
             one_hinge_rad=margins and margins["one_hinge_rad"]["value"],
+            travel_ratio=certificate.get("travel_ratio"),
+            hinges_moving_mean=certificate.get("hinges_moving_mean"),
         )
 
     def torque_in(self, seconds: float) -> float | None:
@@ -99,6 +113,10 @@ class PlanFigures:
 
         Torques are compared at one duration for all. A plan that may take its time needs hardly
         any torque, which any other plan could have as well by going as slowly.
+
+        The calmest plan has the least product of travel and number of hinges that move at once. A
+        detour and a further hinge at the same time are both hard to follow; with a sum, a unit of
+        one would have to be weighed against one of the other.
         """
         if prefer == "time":
             return -inf if not self.fold_time_s else -self.fold_time_s
@@ -107,6 +125,10 @@ class PlanFigures:
             return -inf if torque is None else -torque
         if prefer == "margin":
             return -inf if self.one_hinge_rad is None else self.one_hinge_rad
+        if prefer == CALM:
+            if self.travel_ratio is None or self.hinges_moving_mean is None:
+                return -inf
+            return -self.travel_ratio * self.hinges_moving_mean
         return -inf if self.clearance_bound is None else self.clearance_bound
 
 

@@ -149,8 +149,9 @@ class FoldRequest(PathOptions):
         help="Preferred plan. To save computing time, `computing` takes the first verified plan. "
         "With the other values, foldback compares several verified plans and takes the best. "
         "`time` means the shortest folding time at the joints' speed limit, `torque` the smallest "
-        "torque for the same folding time, `clearance` the largest proved clearance, and `margin` "
-        "the largest error that any one hinge may have without a collision. "
+        "torque for the same folding time, `clearance` the largest proved clearance, `margin` "
+        "the largest error that any one hinge may have without a collision, and `calm` the least "
+        "motion of the hinges with the fewest at once. "
         "The comparison tries other strategies, paths and smoothings. It takes about ten times as "
         "long, but at most about 300 s longer. `attempts` in the plan lists all "
         "compared plans with their figures.",

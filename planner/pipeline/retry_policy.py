@@ -13,30 +13,31 @@ from typing import Final, Literal
 from planner.explosion.diagnosis import Diagnosis
 from planner.explosion.strategies import alternative_strategies, ranked_strategies
 from planner.parameters.explosion import ExplosionParameters
-from planner.parameters.parameters import BASELINE, TURNS
+from planner.parameters.parameters import AUTO, BASELINE, TURNS
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
 from planner.pipeline.improvements import Improvements
-from planner.pipeline.preference import COMPUTING
+from planner.pipeline.preference import CALM, COMPUTING
 from planner.pipeline.request import MAX_SEED, FoldRequest
 from planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
-Change = Literal["path", "strategy", "end", "forces", "seed"]
+Change = Literal["plain", "path", "strategy", "end", "forces", "seed"]
 MAX_SEEDS: Final = 3
 """Maximum number of seeds of the random forces with which one fold tries to explode its chain. A
 larger value folds more shapes, and takes longer to fail. Chosen."""
 FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
-    "knot": ("path", "strategy"),
-    "buried": ("end", "strategy", "path", "seed"),
-    "contacts": ("forces", "strategy", "path", "seed"),
-    "joints": ("path", "strategy", "end", "seed"),
-    "broken": ("strategy", "path", "seed"),
-    "limit": ("strategy", "path"),
-    "refused": ("path", "seed", "strategy", "forces"),
+    "knot": ("plain", "path", "strategy"),
+    "buried": ("plain", "end", "strategy", "path", "seed"),
+    "contacts": ("plain", "forces", "strategy", "path", "seed"),
+    "joints": ("plain", "path", "strategy", "end", "seed"),
+    "broken": ("plain", "strategy", "path", "seed"),
+    "limit": ("plain", "strategy", "path"),
+    "refused": ("plain", "path", "seed", "strategy", "forces"),
     "stopped": ("strategy", "path"),
     "blocked": ("path",),
 }
 """What a fold changes for its next attempt, tried from left to right, by the reason why the last
-explosion failed (for example ``knot``: the chain is knotted). Measured."""
+explosion failed (for example ``knot``: the chain is knotted). ``plain``, after a calm explosion,
+comes first, so that no fold is lost by calmness. Measured."""
 SMOOTHING_FRAMES_FACTOR: Final = 4
 """Assumed ratio of the frames of a smoothed plan to those of the original, by which plans that are
 too long for smoothing, which needs memory for each frame, are left as they are. Larger values
@@ -63,6 +64,7 @@ class RetryPolicy:
         two_ended: True if a path may be taken from its other end.
         forces: True if the forces may be others than asked for.
         seeds: Number of seeds that may be tried.
+        calm: True if explosions of all modules are calm at first.
         improvements: Attempts after a verified plan; None when that is the end.
         retries_refused: True if attempts follow a plan that its certificate refuses.
     """
@@ -72,6 +74,7 @@ class RetryPolicy:
     two_ended: bool = False
     forces: bool = False
     seeds: int = MAX_SEEDS
+    calm: bool = False
     improvements: Improvements | None = None
     retries_refused: bool = True
 
@@ -88,7 +91,9 @@ class RetryPolicy:
             improvements = Improvements(
                 prefer=request.prefer,
                 strategies=tuple(
-                    alternative_strategies(chain, parameters, refolds=request.refold)
+                    alternative_strategies(
+                        chain, parameters, refolds=request.refold, turns=request.prefer == CALM
+                    )
                     for chain in chains
                 ),
                 modules=len(chains[0]),
@@ -104,6 +109,7 @@ class RetryPolicy:
             two_ended=candidates.two_ended,
             forces=ours,
             seeds=MAX_SEEDS if ours else 1,  # as published there is nothing that a seed changes
+            calm=ours and parameters.strategy == AUTO and parameters.world != "table",
             improvements=improvements,
             retries_refused=ours and parameters.strategy != BASELINE,
         )
@@ -122,8 +128,11 @@ class RetryPolicy:
             return None
         done = {attempt.trial for attempt in tried}
         last = tried[-1]
+        plain = any(trial.plain for trial in done)
         for change in FALLBACKS[last.why]:
             for other in self._changed(change, last.trial):
+                if plain and other.strategy == "simultaneous":
+                    other = replace(other, plain=True)
                 if other not in done:
                     return other
         return None
@@ -162,13 +171,16 @@ class RetryPolicy:
 
     def _changed(self, change: Change, here: Trial) -> Iterator[Trial]:
         """Yield the trials by one change, the nearest first."""
-        if change == "path":
+        if change == "plain":
+            if self.calm and here.strategy == "simultaneous":
+                yield replace(here, plain=True)
+        elif change == "path":
             for candidate, known in enumerate(self.strategies):
                 strategy = here.strategy if here.strategy in known else known[0]
-                yield replace(here, candidate=candidate, strategy=strategy)
+                yield replace(here.with_strategy(strategy), candidate=candidate)
         elif change == "strategy":
             for strategy in self.strategies[here.candidate]:
-                yield replace(here, strategy=strategy)
+                yield here.with_strategy(strategy)
         elif change == "end":
             if self.two_ended and here.strategy in DIRECTIONAL_STRATEGIES:
                 yield replace(here, other_end=not here.other_end)

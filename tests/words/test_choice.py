@@ -8,11 +8,15 @@ import pytest
 
 from cli.summary import show_choice
 from planner.pipeline.preference import PREFERENCES, Preference
-from words.plan_choice import PLAN_COLUMNS, PREFERENCE_WORDS, choice_of, superlative
+from words.plan_choice import PREFERENCE_WORDS, choice_of, superlative
 
 FIGURES = {"frames": 100, "seconds": 3.0}
-SLOW = {"fold_time_s": 100.0, "peak_torque_nm": 0.0001, "clearance_bound": 0.04}
-QUICK = {"fold_time_s": 20.0, "peak_torque_nm": 0.001, "clearance_bound": 0.0312}
+WRITHING, CALM = (
+    {"travel_ratio": ratio, "hinges_moving_mean": moving}
+    for ratio, moving in ((2.25, 141.0), (1.03, 7.2))
+)
+SLOW = {"fold_time_s": 100.0, "peak_torque_nm": 0.0001, "clearance_bound": 0.04, **WRITHING}
+QUICK = {"fold_time_s": 20.0, "peak_torque_nm": 0.001, "clearance_bound": 0.0312, **CALM}
 SMOOTH = {"fold_time_s": 10.0, "peak_torque_nm": 0.03, "clearance_bound": 0.03129}
 
 
@@ -48,6 +52,12 @@ def test_text_has_gain_and_cost_of_the_chosen_plan(tmp_path: Path) -> None:
         ),
         ("clearance", 2, "The proved clearance is 0.0312 instead of 0.0400 pitch"),
         ("margin", 3, "The allowed error in one hinge is 0.57° instead of 0.11°"),
+        (
+            "calm",
+            2,
+            "The hinges travel 1.03 instead of 2.25 times the least, and 7 instead of 141 of them "
+            "move at once",
+        ),
     )
     for prefer, chosen, text in cases:
         choice = choice_of(write_attempts(tmp_path, chosen, *ATTEMPTS), prefer)
@@ -66,7 +76,11 @@ def test_plans_have_labels_and_rows(tmp_path: Path) -> None:
     assert plans == {**dict.fromkeys(labels, True), "5. All at once": False}
     assert choice["plans"][1]["cells"] == ["20", "1 mN·m", "40 µN·m", "0.0312", "3"]
     assert choice["plans"][1]["torque_mnm"] == pytest.approx(0.04)
-    assert all(len(plan["cells"]) == len(PLAN_COLUMNS) - 1 for plan in choice["plans"])
+    calm = choice_of(write_attempts(tmp_path, 3, *ATTEMPTS), "calm")
+    assert calm["plans"][1]["moving"] == 7.2
+    assert calm["plans"][1]["cells"] == ["20", "1.03", "7", "0.0312", "3"]
+    for each in (choice, calm):
+        assert all(len(plan["cells"]) == len(each["columns"]) - 1 for plan in each["plans"])
 
 
 def test_no_choice_without_a_preference_or_a_plan(tmp_path: Path) -> None:

@@ -9,11 +9,13 @@ import pytest
 from planner.clearance.sweep import sweep
 from planner.errors import SimulationError
 from planner.explosion.simultaneous import explode
-from planner.explosion.strategies import run_strategy
 from planner.explosion.whole_chain import WholeChain
 from planner.parameters.explosion import ExplosionParameters
 from planner.parameters.parameters import Parameters
 from planner.pathfinding.knots import knot_of
+from planner.pipeline import exploding
+from planner.pipeline.attempt import Trial
+from planner.pipeline.job import Watch
 from planner.simulation.reduced_state import Acceleration
 from tests.planner.chains import Array, coil, knotted, line
 from tests.planner.folds import intercept
@@ -130,8 +132,13 @@ def test_auto_releases_all_modules_calmly_and_simultaneous_as_before(folded: Any
     assert calm.status == "straight"
     assert travel(calm).sum() < travel(usual).sum()
     assert travel(calm)[straight].sum() < 0.5 * travel(usual)[straight].sum()
-    for strategy, expected in (("auto", calm), ("simultaneous", usual)):
-        found = run_strategy(chain, "simultaneous", Parameters(strategy=strategy))
+    first = Trial(0, 0, "simultaneous")
+    for strategy, trial, expected in (
+        ("auto", first, calm),
+        ("auto", replace(first, plain=True), usual),
+        ("simultaneous", first, usual),
+    ):
+        found = exploding.explode(chain, trial, Parameters(strategy=strategy), Watch())
         np.testing.assert_array_equal(
             found.frames.joint_angles_rad, expected.frames.joint_angles_rad
         )

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from planner.errors import InputError
-from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Trial
 from planner.pipeline.improvements import Improvements, best_of, expected_seconds_of
 from planner.pipeline.next_step import (
     REPEATED_PLAYBACK_REFINEMENT,
@@ -19,6 +19,7 @@ from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.retry_policy import RetryPolicy
 from planner.progress import Progress
+from tests.planner.chains import chain_of
 
 ALL = ("simultaneous", "blocks", "peel")
 FIGURES = PlanFigures(
@@ -135,6 +136,37 @@ def test_best_plan_by_each_preference() -> None:
         assert best_of(tried, prefer) == number
         assert best_of([*tried, *tried], prefer) == number, "of equal ones the earlier"
         assert best_of([refused(trial)], prefer) is None
+
+
+def test_calmest_plan_and_where_turns_are_tried() -> None:
+    """Half the hinges at once are worth a quarter more travel."""
+    trial = Trial(0, 5, "simultaneous")
+    motions = ((1.2, 80.0), (1.5, 40.0), (1.0, 90.0), (None, 1.0), (1.0, None))
+    tried = [verified(trial, travel_ratio=t, hinges_moving_mean=m) for t, m in motions]
+    assert best_of(tried, "calm") == 1
+    chains = Candidates((chain_of([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]),), two_ended=False)
+    for prefer, strategy, expected in (
+        ("calm", "auto", ("turns", *ALL)),
+        ("time", "auto", ALL),
+        ("calm", "peel", ("peel",)),
+    ):
+        policy = RetryPolicy.of(FoldRequest.of(prefer=prefer, strategy=strategy), chains)
+        assert policy.improvements is not None
+        assert policy.improvements.strategies == (expected,)
+
+
+def test_turns_are_not_smoothed_for_the_calmest_motion() -> None:
+    preferences: tuple[tuple[Preference, set[str]], ...] = (
+        ("calm", {"simultaneous", "peel"}),
+        ("time", {"simultaneous", "turns"}),
+    )
+    for prefer, smoothed in preferences:
+        policy = choice(prefer)
+        assert policy.improvements is not None
+        more = replace(policy.improvements, strategies=(("turns", "peel"),))
+        tried = [attempt.trial for attempt in attempts(replace(policy, improvements=more))]
+        originals = [tried[trial.smooths] for trial in tried if trial.smooths is not None]
+        assert {trial.strategy for trial in originals} == smoothed
 
 
 def test_preference_is_refused_if_there_is_one_plan() -> None:

@@ -52,10 +52,12 @@ def trials(choice: RetryPolicy, kind: Reason) -> list[Trial]:
 
 def test_attempt_survives_json() -> None:
     started = Attempt(trial=Trial(1, 2, "peel", other_end=True, gentle=True), status="begun")
+    plain = Attempt(trial=Trial(0, 0, "simultaneous", plain=True), status="begun")
     refused = replace(started, status="straight", steps=5, finer=4, played=True, between=True)
     found = Diagnosis(kind="knot", modules=(3, 4))
     for attempt in (
         started,
+        plain,
         replace(refused, verdict="failed: …"),
         replace(started, status="stalled", reason="stuck", diagnosis=found),
     ):
@@ -92,6 +94,25 @@ def test_attempts_end_and_none_is_made_twice() -> None:
         assert 1 < len(tried) <= MAX_EXPLOSIONS, kind
         assert len(set(tried)) == len(tried), kind
         assert all(found.strategy in choice.strategies[found.candidate] for found in tried), kind
+
+
+def test_plain_explosions_follow_a_calm_one() -> None:
+    """What was tried before explosions were calm is still tried, except the last attempt."""
+    calm, plain = (
+        RetryPolicy(strategies=(BOTH, BOTH), seed=5, calm=calm) for calm in (True, False)
+    )
+    kinds: tuple[Reason, ...] = ("knot", "buried", "contacts", "joints", "limit", "refused")
+    for kind in kinds:
+        first, *others = trials(calm, kind)
+        usual = trials(plain, kind)
+        assert first == Trial(0, 5, "simultaneous")
+        expected = [replace(each, plain=each.strategy == "simultaneous") for each in usual]
+        assert others == expected[: MAX_EXPLOSIONS - 1], kind
+    assert "plain" not in Attempt(trial=first, status="begun").as_dict()
+    request, chains = FoldRequest(), Candidates((coil(12),), two_ended=False)
+    assert RetryPolicy.of(request, chains).calm
+    assert not RetryPolicy.of(replace(request, strategy="simultaneous"), chains).calm
+    assert not RetryPolicy.of(replace(request, preset="paper"), chains).calm
 
 
 def test_attempts_from_the_other_end_and_gentle_ones_depend_on_the_strategy() -> None:

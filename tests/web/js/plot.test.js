@@ -8,9 +8,9 @@ import { frameIn } from "../../../web/static/js/player/bar.js";
 /**
  * @param {number | null} time
  * @param {number | null} torque
- * @param {number | null} room
+ * @param {number | null} room also the number of hinges at once
  */
-const plan = (time, torque, room) => ({ label: "1. All at once", time_s: time, torque_mnm: torque, room, cells: [], verified: true, chosen: false, stored: null });
+const plan = (time, torque, room) => ({ label: "1. All at once", time_s: time, torque_mnm: torque, room, moving: room, cells: [], verified: true, chosen: false, stored: null });
 
 test("ticks are round and between the ends, few of them", () => {
   assert.deepEqual(ticks(3, 22, false), [5, 10, 15, 20]);
@@ -21,10 +21,10 @@ test("ticks are round and between the ends, few of them", () => {
 
 test("a quicker plan is on the left, one with more torque or room higher, all inside", () => {
   const plans = [plan(20, 0.1, 0.04), plan(10, 100, 0.03), plan(100, 1, 0.05)];
-  for (const axis of /** @type {const} */ (["torque_mnm", "room"])) {
+  for (const axis of /** @type {const} */ (["torque_mnm", "room", "moving"])) {
     const { dots, across, up } = layout(plans, axis);
     assert.ok(dots[1].x < dots[0].x && dots[0].x < dots[2].x);
-    assert.ok(axis === "room" ? dots[1].y > dots[0].y : dots[1].y < dots[0].y);
+    assert.ok(axis !== "torque_mnm" ? dots[1].y > dots[0].y : dots[1].y < dots[0].y);
     for (const { x, y } of dots) assert.ok(x > 40 && x < 336 && y > 0 && y < 190, `${x} ${y}`);
     for (const list of [across, up]) assert.ok(list.length > 1 && list.every(({ at, text }) => Number.isFinite(at) && text));
   }

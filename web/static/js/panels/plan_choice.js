@@ -8,7 +8,7 @@ const INSET = { left: 64, right: 14, top: 18, bottom: 34 };
 const SPARE = 0.08; // fraction of the span, so that no dot lies on the edge
 const NEAR = { x: 26, y: 12 }; // closer dots share a label, because their labels would overlap
 /**
- * @typedef {"torque_mnm" | "room"} Axis
+ * @typedef {"torque_mnm" | "room" | "moving"} Axis
  * @typedef {{ at: number, text: string }} Tick
  * @typedef {{ x: number, y: number, plan: PlanDot }} Dot
  */
@@ -17,7 +17,11 @@ const NEAR = { x: 26, y: 12 }; // closer dots share a label, because their label
 const AXES = {
   torque_mnm: { name: "Torque", label: (seconds) => `Torque at a folding time of ${round(seconds)} s`, text: (value) => newtonMetres(value / 1000), log: true },
   room: { name: "Clearance", label: () => "Clearance, pitch", text: String, log: false },
+  moving: { name: "Hinges at once", label: () => "Mean number of hinges that move at once", text: String, log: false },
 };
+
+/** @type {Record<string, Axis>} */
+const FIRST_AXIS = { clearance: "room", calm: "moving" }; // by preference
 
 // Return the scale from values to positions, and its ticks.
 /**
@@ -105,7 +109,7 @@ export function showChoice(choice, drawer, player) {
     for (const each of buttons) each.chip.setAttribute("aria-pressed", String(each.axis === axis));
   };
   chips.append(...buttons.map(({ chip }) => chip));
-  show(choice.prefer === "clearance" ? "room" : "torque_mnm");
+  show(FIRST_AXIS[choice.prefer] ?? "torque_mnm");
   /** @type {HTMLElement} */ (get("choice").querySelector("[data-play]")).onclick = () => {
     player.send({ do: "seek", frame: 0 });
     player.send({ do: "play" });
