@@ -6,6 +6,7 @@ import argparse
 from pathlib import Path
 
 from bench.baselines import direct, paper
+from bench.calm import calm
 from bench.clearance.checking import checking
 from bench.clearance.sweeps import sweeps
 from bench.first_minutes import first_minutes
@@ -61,6 +62,7 @@ SECTIONS = {
     "speed": speed,
     "portfolio": portfolio,
     "refolds": refolds,
+    "calm": calm,
     "hard": hard_paths,
     "sweeps": sweeps,
     "checking": checking,

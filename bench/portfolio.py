@@ -6,7 +6,6 @@
 
 from __future__ import annotations
 
-import resource
 import sys
 import time
 from pathlib import Path as FilePath
@@ -16,6 +15,7 @@ from typing import Any
 import trimesh
 from rich.console import Console
 
+from bench.machine import processor_seconds
 from bench.measured_tables import Section
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
@@ -60,9 +60,9 @@ def _run(name: str, workers: int) -> dict[str, Any]:
     with TemporaryDirectory() as place:
         directory = FilePath(place)
         Workspace(directory).write_request(*_asked(name))
-        wall, cpu = time.perf_counter(), _processor_s()
+        wall, cpu = time.perf_counter(), processor_seconds()
         summary = run_stages(directory, workers=workers)
-        wall, cpu = time.perf_counter() - wall, _processor_s() - cpu
+        wall, cpu = time.perf_counter() - wall, processor_seconds() - cpu
         plan = Plan.load(directory / "plan.npz")
         tried = [attempt["seconds"] for attempt in plan.attempts if "finer" not in attempt]
         return {
@@ -76,12 +76,6 @@ def _run(name: str, workers: int) -> dict[str, Any]:
             "cpu s": cpu,
             "plan": [value.tobytes() for value in plan.motion.columns().values()],
         }
-
-
-def _processor_s() -> float:
-    """Return the processor time of this process and of its ended children, s."""
-    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(one.ru_utime + one.ru_stime for one in used)
 
 
 def main() -> None:

@@ -1,0 +1,104 @@
+"""Calm motion: how the hinges of default folds move, compared with explosions that are not calm.
+
+``python -m bench.calm [MAX_MODULES]`` folds only shapes of up to so many cubes; 64 take about two
+minutes of the processor, the default about fifteen.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path as FilePath
+from tempfile import TemporaryDirectory
+from typing import Any, Final
+
+import numpy as np
+from rich.console import Console
+
+from bench.machine import processor_seconds
+from bench.measured_tables import Section
+from planner.chain.module import CUBE
+from planner.explosion.simultaneous import MAX_STRAIGHT_HINGE_RAD
+from planner.pipeline.request import FoldRequest
+from planner.pipeline.stages import run_stages
+from planner.pipeline.warm_up import warm_up
+from planner.pipeline.workspace import Workspace
+from planner.plan.plan import Plan
+from planner.readers.gallery import GalleryShape, gallery
+
+MAX_MODULES: Final = 160
+"""Largest number of cubes of the gallery shapes that are folded."""
+STRATEGIES: Final = ("auto", "simultaneous")
+"""Strategies that are compared: the default, and the explosion that is not calm."""
+MAX_MEDIAN_TRAVEL: Final = 1.6
+"""Bar for the median travel of default folds, relative to the least."""
+COMPARED: Final = ("travel", "moving mean", "moving max", "reversals", "held", "bound", "cpu s")
+"""Figures whose medians are compared."""
+
+
+def calm(reference_seconds: float, max_modules: int = MAX_MODULES) -> Section:
+    """Fold gallery shapes of cubes by default, and with the explosion that is not calm."""
+    section = Section(name="calm")
+    warm_up()
+    shapes = [each for each in gallery() if each.module == CUBE.name]
+    shapes = [shape for shape in shapes if shape.modules <= max_modules]
+    runs = {
+        strategy: [_row(shape, strategy, reference_seconds) for shape in shapes]
+        for strategy in STRATEGIES
+    }
+    verified: dict[str, list[dict[str, Any]]] = {}
+    for strategy, rows in runs.items():
+        verified[strategy] = [row for row in rows if row["verdict"].startswith("verified")]
+        first = sum(row["attempts"] == 1 for row in verified[strategy])
+        text = f"{len(verified[strategy])} of {len(rows)}, {first} at the first attempt"
+        section.add(f"verified, {strategy}", text)
+    for name in COMPARED:
+        after, before = (
+            float(np.median([row[name] for row in verified[strategy]])) for strategy in STRATEGIES
+        )
+        text = f"{after:.3g} instead of {before:.3g}"
+        if name == "travel":
+            bar = f"at most {MAX_MEDIAN_TRAVEL}"
+            section.add(f"{name}, median", text, bar, after <= MAX_MEDIAN_TRAVEL)
+        else:
+            section.add(f"{name}, median", text)
+    section.rows = [row for pair in zip(*runs.values(), strict=True) for row in pair]
+    return section
+
+
+def _row(shape: GalleryShape, strategy: str, reference_seconds: float) -> dict[str, Any]:
+    before_s = processor_seconds()
+    with TemporaryDirectory() as aside:
+        directory = FilePath(aside)
+        request = FoldRequest(filename=shape.filename, strategy=strategy)
+        Workspace(directory).write_request(request, shape.data)
+        run_stages(directory, workers=1)
+        plan = Plan.load(directory / "plan.npz")
+    seconds = processor_seconds() - before_s
+    found = plan.certificate
+    straight = int((np.abs(plan.chain.folded_rad) < MAX_STRAIGHT_HINGE_RAD).sum())
+    return {
+        "shape": shape.name,
+        "modules": shape.modules,
+        "asked": strategy,
+        "strategy": plan.attempts[-1]["strategy"],
+        "attempts": len(plan.attempts),
+        "verdict": found.verdict,
+        "travel": found.travel_ratio,
+        "moving mean": found.hinges_moving_mean,
+        "moving max": found.hinges_moving_most,
+        "reversals": found.reversals_mean,
+        "straight": straight,
+        "held": None if found.detours is None else straight - found.detours,
+        "bound": found.clearance_bound,
+        "cpu s": round(seconds, 2),
+        "ratio": round(seconds / reference_seconds, 2) if reference_seconds else None,
+    }
+
+
+def main() -> None:
+    """Print the shapes up to the number of cubes of the command line."""
+    calm(0.0, int(sys.argv[1]) if len(sys.argv) > 1 else MAX_MODULES).show(Console(width=200))
+
+
+if __name__ == "__main__":
+    main()
