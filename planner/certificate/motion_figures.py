@@ -12,8 +12,8 @@ from planner.chain.chain import Chain
 from planner.motion.motion import PHASES, Motion
 
 MIN_COUNTED_MOTION_RAD: Final = float(np.deg2rad(1.0))
-"""Minimum motion of a hinge that counts as a reversal, or as a detour, rad: one degree, below which
-nobody sees it."""
+"""Minimum motion of a hinge that counts as a reversal, or as a detour, rad: one degree, which
+is barely visible."""
 MAX_COUNTED_ANGLES: Final = 2**26
 """Maximum number of hinge angles in all frames of a motion whose figures are computed. A dense
 motion of this size would take 512 MB."""
@@ -84,8 +84,8 @@ class _Part:
     def __init__(self, begin: Array) -> None:
         self._begin = begin
         self._last = begin
-        self._turn = begin.copy()
-        self._way = np.zeros(len(begin), dtype=np.int64)
+        self._turning_point = begin.copy()
+        self._direction = np.zeros(len(begin), dtype=np.int64)
         self.travel = np.zeros(len(begin))
         self.largest = np.zeros(len(begin))
         self.reversals = np.zeros(len(begin), dtype=np.int64)
@@ -98,12 +98,12 @@ class _Part:
         self._last = angles[-1]
         for row in angles:
             # The turning point is the farthest angle so far in the present direction.
-            forward = self._way * (row - self._turn) > 0.0
-            back = np.abs(row - self._turn) >= MIN_COUNTED_MOTION_RAD
-            turned = back & ~forward
-            self.reversals += turned & (self._way != 0)
-            self._way = np.where(turned, np.sign(row - self._turn), self._way).astype(np.int64)
-            self._turn = np.where(forward | turned, row, self._turn)
+            moved = row - self._turning_point
+            forward = self._direction * moved > 0.0
+            turned = (np.abs(moved) >= MIN_COUNTED_MOTION_RAD) & ~forward
+            self.reversals += turned & (self._direction != 0)
+            self._direction = np.where(turned, np.sign(moved), self._direction).astype(np.int64)
+            self._turning_point = np.where(forward | turned, row, self._turning_point)
 
 
 def _angles(chain: Chain, motion: Motion, start: int, stop: int) -> Array:

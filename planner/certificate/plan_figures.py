@@ -40,8 +40,8 @@ def plan_figures(chain: Chain, playback: Playback | None, parameters: Parameters
     fastest = steps / np.maximum(np.diff(times), 1e-12)
     moving = moving[fastest > 1e-9]
     slower = float(fastest.max()) / parameters.joint_speed_limit_rad_s
-    if (calm := MotionFigures.of(chain, plan)) is not None:
-        figures |= asdict(calm)
+    if (hinges := MotionFigures.of(chain, plan)) is not None:
+        figures |= asdict(hinges)
     figures["max_joint_step_rad"] = float(steps.max())
     figures["fold_time_s"] = float(times[-1] - times[0]) * slower
     figures["hinges_moving_mean"] = float(moving.mean()) if len(moving) else 0.0
