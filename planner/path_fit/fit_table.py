@@ -1,8 +1,9 @@
 """Fit of a path for a table: it rises from the floor, stands at all times, and folds easily.
 
 The solid lies on each of its six sides in turn. Annealing keeps the rules of a rising path but the
-balance, by which its results are filtered (``planner.table_paths.rules``). Of those that look
-nearly alike, the one is taken that scores best for folding (``planner.table_paths.score``).
+balance, by which its results are filtered (``planner.table_paths.rules``). In some annealings high
+cells cost something, because modules that come down from there need torque. The path is taken with
+the best sum of its likeness and its score for folding (``planner.table_paths.score``).
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from typing import Final
 import numpy as np
 
 from planner.arrays import Ints
-from planner.kernels.path_annealing import anneal
+from planner.kernels.path_annealing import FULL, Field, anneal
 from planner.path_fit.cloud import cloud
 from planner.path_fit.fit import (
     FINE_CLOUD,
@@ -25,7 +26,7 @@ from planner.path_fit.fit import (
     first_step,
     schedule,
 )
-from planner.path_fit.placements import Counts, Placement, Turn, best_placements
+from planner.path_fit.placements import MARGIN, Counts, Placement, Turn, best_placements
 from planner.shapes.lattice_fits import Ladder
 from planner.table_paths.base_sides import SIDE_ROTATIONS
 from planner.table_paths.rules import rule_violations
@@ -35,12 +36,14 @@ SIDES: Final = tuple(np.array(rows, dtype=np.float64) for rows in SIDE_ROTATIONS
 """Rotations that lay the solid on each of its six sides."""
 PLACEMENTS_PER_SIDE: Final = 2
 """Number of placements of the lattice for each side of the solid on the floor."""
-RUNS: Final = 4
-"""Number of annealings in each placement."""
+HEIGHT_COSTS: Final = (0.0, 0.05, 0.05, 0.05, 0.1, 0.1)
+"""Cost of a cell for each layer between it and the lowest one, in cells; one annealing in each
+placement for each of them (decision 0038)."""
 MOVES_PER_CELL: Final = 600
 """Moves of each annealing, for each cell of the requested number."""
-MAX_IOU_LOSS: Final = 0.05
-"""Largest difference in IoU to the best path for which an easier one is taken."""
+DIFFICULTY_OF_IOU: Final = 20.0
+"""Difference in difficulty that is worth a difference of 1 in IoU: a path that is 0.05 less like
+the solid is taken if its score is better by 1 (decision 0038)."""
 MAX_PATHS: Final = 8
 """Maximum number of paths of a fit."""
 
@@ -52,12 +55,12 @@ class TableFit:
     Attributes:
         fitted: The path in its placement; the last axis points up.
         down: Side of the solid on the floor.
-        score: Expected difficulty of the fold; lower is easier.
+        cost: Expected difficulty of the fold, and what the path lacks in likeness; see ``cost_of``.
     """
 
     fitted: FittedPath
     down: str
-    score: float
+    cost: float
 
 
 def fit_on_table(ladder: Ladder, modules: int, *, seed: int = 0) -> tuple[TableFit, ...]:
@@ -75,15 +78,13 @@ def fit_on_table(ladder: Ladder, modules: int, *, seed: int = 0) -> tuple[TableF
     fits = [
         fit
         for k, (down, placement) in enumerate(_placements(ladder, counts, seed))
-        for run in range(RUNS)
-        if (fit := _annealed(down, placement, counts, [seed, k, run])) is not None
+        for run, height_cost in enumerate(HEIGHT_COSTS)
+        if (fit := _annealed(down, placement, counts, height_cost, [seed, k, run])) is not None
     ]
-    if not fits:
-        return ()
-    least = max(fit.fitted.iou for fit in fits) - MAX_IOU_LOSS
-    ranked = sorted((fit for fit in fits if fit.fitted.iou >= least), key=lambda fit: fit.score)
-    first = ranked[0].fitted.placement
-    return tuple(fit for fit in ranked if fit.fitted.placement is first)[:MAX_PATHS]
+    ranked = sorted(fits, key=lambda fit: fit.cost)
+    return tuple(fit for fit in ranked if fit.fitted.placement is ranked[0].fitted.placement)[
+        :MAX_PATHS
+    ]
 
 
 def _placements(ladder: Ladder, counts: Counts, seed: int) -> list[tuple[str, Placement]]:
@@ -109,8 +110,10 @@ def _placements(ladder: Ladder, counts: Counts, seed: int) -> list[tuple[str, Pl
     ]
 
 
-def _annealed(down: str, placement: Placement, counts: Counts, seed: list[int]) -> TableFit | None:
-    field = field_of(placement, counts)
+def _annealed(
+    down: str, placement: Placement, counts: Counts, height_cost: float, seed: list[int]
+) -> TableFit | None:
+    field = _field(placement, counts, height_cost)
     number = int(np.random.SeedSequence(seed).generate_state(1)[0])
     moves = schedule(MOVES_PER_CELL * counts.high)
     path, _, _ = anneal(field, moves, first_step(field, rises=True), number, True)
@@ -118,9 +121,23 @@ def _annealed(down: str, placement: Placement, counts: Counts, seed: list[int]) 
     if len(cells) < counts.low or rule_violations(cells):
         return None
     fitted = FittedPath(placement=placement, cells=cells, iou=placement.overlap(path))
-    return TableFit(fitted=fitted, down=down, score=difficulty_of(cells))
+    return TableFit(fitted=fitted, down=down, cost=cost_of(cells, fitted.iou))
 
 
-def difficulty_of(cells: Ints) -> float:
-    """Return the score of the (n, 3) cells of a path whose lowest ones are on the floor."""
-    return parts_of(cells - np.array([0, 0, cells[:, 2].min()])).times(WEIGHTS)
+def _field(placement: Placement, counts: Counts, height_cost: float) -> Field:
+    """Return the cells of a placement, with a cost for those above the solid's lowest layer."""
+    field = field_of(placement, counts)
+    heights = np.maximum(np.arange(placement.fill.shape[2]) - MARGIN - 1, 0)
+    costs = np.broadcast_to(heights * round(height_cost * FULL), placement.fill.shape)
+    return field._replace(cost=costs.reshape(-1).astype(np.int64))
+
+
+def cost_of(cells: Ints, iou: float) -> float:
+    """Return the expected difficulty of a fold on a table, plus what its cells lack in likeness.
+
+    Args:
+        cells: (n, 3) cells in the order of the path, the lowest ones on the floor.
+        iou: Intersection over union with the solid.
+    """
+    standing = cells - np.array([0, 0, cells[:, 2].min()])
+    return parts_of(standing).times(WEIGHTS) + DIFFICULTY_OF_IOU * (1.0 - iou)

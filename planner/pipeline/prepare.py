@@ -610,12 +610,12 @@ def _with_first_of(chosen: Preparation, other: Preparation) -> Preparation:
 
 
 def _easier_on_table(solid: Solid, voxelised: Preparation, seed: int) -> Preparation:
-    """Return a fitted path for a table, or the one through voxels if that should fold more easily.
+    """Return a fitted path for a table, or the one through voxels if its cost is lower.
 
-    A path through voxels must also look nearly as much like the solid.
+    The cost counts the difficulty of the fold and the likeness.
     """
     from planner.path_fit.fill_fitted import fill_for_table
-    from planner.path_fit.fit_table import MAX_IOU_LOSS, difficulty_of
+    from planner.path_fit.fit_table import cost_of
 
     found = fill_for_table(solid, voxelised.options, seed=seed)
     if found is None:
@@ -625,8 +625,9 @@ def _easier_on_table(solid: Solid, voxelised: Preparation, seed: int) -> Prepara
     fitted = _of_solid(solid, voxelised.options, voxels, filled, notes)
     if fitted.likeness is None or voxelised.likeness is None or not voxelised.chains:
         return fitted
-    is_easier = difficulty_of(voxelised.cells) < difficulty_of(fitted.cells)
-    if is_easier and voxelised.likeness.iou >= fitted.likeness.iou - MAX_IOU_LOSS:
+    if cost_of(voxelised.cells, voxelised.likeness.iou) < cost_of(
+        fitted.cells, fitted.likeness.iou
+    ):
         return voxelised
     return _with_first_of(fitted, voxelised)
 
