@@ -30,6 +30,8 @@ class CubeTurning(Turning):
     squares is known in closed form (``planner.kernels.cube_turns.turning_gap``).
     """
 
+    width = 4
+
     def __init__(self, chain: Chain, size: float) -> None:
         super().__init__(chain, size)
         modules = len(chain)

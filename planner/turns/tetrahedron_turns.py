@@ -30,6 +30,8 @@ class TetrahedronTurning(Turning):
     the way. Two linked ones keep the gap between two cells while their hinge turns.
     """
 
+    width = 1
+
     def __init__(self, chain: Chain, size: float) -> None:
         super().__init__(chain, size)
         modules = len(chain)

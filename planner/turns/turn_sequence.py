@@ -21,9 +21,10 @@ ROOM_SHARES: Final = (0.45, 0.35, 0.09, 0.01)
 """Distances that modules must keep while they turn, as fractions of the gap between two cells; the
 first with which a sequence is found is taken. At a module size of 0.95 the largest is 0.0225 pitch,
 of which the certificate proves 0.02."""
-WIDTHS: Final = (4, 16)
-"""Widths of the beam: at first, with all rooms, and if that fails, with the least."""
-
+PAIR_WIDTH: Final = 4
+"""Width of the beam after two hinges have turned at once."""
+LAST_WIDTH: Final = 16
+"""Width of the beam if all else has failed, with the least room."""
 
 MAX_PAIRS: Final = 6
 """Maximum number of times that two hinges turn at once because no single one leads on."""
@@ -82,11 +83,11 @@ def find_turns(
     """
     kind = CubeTurning if chain.module.fills_cell else TetrahedronTurning
     turning: Turning = kind(chain, size)
-    search, room, expanded = _searched(turning, WIDTHS[0], ROOM_SHARES, seed, cancelled)
+    search, room, expanded = _searched(turning, turning.width, ROOM_SHARES, seed, cancelled)
     if search.outcome in ("blocked", "stuck") and at_once != 1:
         search = _beyond(turning, RoomProof(chain, turning, room), search, room, seed)
     if search.outcome == "stuck":
-        search, room, more = _searched(turning, WIDTHS[1], ROOM_SHARES[-1:], seed, cancelled)
+        search, room, more = _searched(turning, LAST_WIDTH, ROOM_SHARES[-1:], seed, cancelled)
         expanded += more
     if search.outcome != "straight":
         angles = QUARTER_RAD * search.states.astype(float)
@@ -144,7 +145,7 @@ def _beyond(
             if not proof.holds(state, pair):
                 continue
             tried += 1
-            after = unfold(turning, pair, room=room, width=WIDTHS[0], seed=seed)
+            after = unfold(turning, pair, room=room, width=PAIR_WIDTH, seed=seed)
             states = np.concatenate([search.states, after.states])
             outcome = "straight" if after.outcome == "straight" else "stuck"
             expanded = further.expanded + after.expanded

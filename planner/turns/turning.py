@@ -48,10 +48,13 @@ class Turning(ABC):
         size: Module size as a fraction of the pitch.
 
     Attributes:
+        width: Number of states that a search for turns keeps at first.
         folded: (J,) levels of the folded chain.
         size: Module size as a fraction of the pitch.
         cell_gap: Gap between modules in neighbouring cells, pitches.
     """
+
+    width: int
 
     def __init__(self, chain: Chain, size: float) -> None:
         self.size = size
