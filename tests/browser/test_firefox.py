@@ -6,7 +6,6 @@ import re
 import subprocess
 from collections.abc import Generator, Iterator
 from contextlib import contextmanager
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -32,8 +31,18 @@ ARROW_RIGHT, ENTER = "\ue014", "\ue007"
 """Keys in the code of WebDriver."""
 
 
+NO_WEBGL = """() => {
+  const { prototype } = HTMLCanvasElement;
+  const { getContext } = prototype;
+  prototype.getContext = function (kind, ...options) {
+    return kind.startsWith("webgl") ? null : getContext.call(this, kind, ...options);
+  };
+}"""
+"""Function that keeps pages from drawing with WebGL."""
+
+
 class Firefox:
-    """One tab of Firefox, driven by WebDriver BiDi, which Firefox itself serves.
+    """Firefox with one tab at a time, driven by WebDriver BiDi, which Firefox itself serves.
 
     Args:
         socket: Connection to the browser.
@@ -45,8 +54,17 @@ class Firefox:
         self._sent = 0
         self.send("session.new", capabilities={})
         self.send("session.subscribe", events=["log.entryAdded"])
-        (tab,) = self.send("browsingContext.getTree")["contexts"]
-        self._tab = tab["context"]
+        self._tab = ""
+
+    @contextmanager
+    def tab(self, *, webgl: bool) -> Generator[None]:
+        """Use a tab with an empty profile of its own."""
+        profile = self.send("browser.createUserContext")
+        self._tab = self.send("browsingContext.create", type="tab", **profile)["context"]
+        if not webgl:
+            self.send("script.addPreloadScript", functionDeclaration=NO_WEBGL, contexts=[self._tab])
+        yield
+        self.send("browser.removeUserContext", **profile)
 
     def send(self, method: str, **params: Any) -> Any:
         """Send a command and return its result; keep the errors that pages log meanwhile."""
@@ -114,16 +132,16 @@ def display() -> Generator[dict[str, str]]:
         server.terminate()
 
 
-@pytest.fixture(params=[True, False], ids=["webgl", "no-webgl"])
-def firefox(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Firefox]:
+@pytest.fixture(scope="module")
+def firefox(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Firefox]:
+    profile = tmp_path_factory.mktemp("firefox")
     preferences = {
-        "webgl.force-enabled": request.param,
-        "webgl.disabled": not request.param,
+        "webgl.force-enabled": True,
         "services.settings.server": "data:,",  # no request to the maker's servers
     }
     lines = [f"user_pref('{name}', {json.dumps(value)});" for name, value in preferences.items()]
-    (tmp_path / "user.js").write_text("\n".join(lines))
-    command = [FIREFOX.get(), "--profile", str(tmp_path), "--remote-debugging-port", "0"]
+    (profile / "user.js").write_text("\n".join(lines))
+    command = [FIREFOX.get(), "--profile", str(profile), "--remote-debugging-port", "0"]
     with (
         display() as variables,
         subprocess.Popen(
@@ -138,12 +156,16 @@ def firefox(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Firefox]
         program.terminate()
 
 
-def test_fold_page_in_firefox(
-    request: pytest.FixtureRequest, firefox: Firefox, service: Service, wrench: str
-) -> None:
-    site = str(service.http.base_url).rstrip("/")
-    firefox.open(f"{site}/folds/{wrench}")
-    assert firefox.run(WEBGL) == request.node.callspec.params["firefox"]
+@pytest.mark.parametrize("webgl", [True, False], ids=["webgl", "no-webgl"])
+def test_fold_page_in_firefox(firefox: Firefox, service: Service, wrench: str, webgl: bool) -> None:
+    with firefox.tab(webgl=webgl):
+        _use(firefox, f"{str(service.http.base_url).rstrip('/')}/folds/{wrench}", webgl)
+    assert firefox.errors == []
+
+
+def _use(firefox: Firefox, address: str, webgl: bool) -> None:
+    firefox.open(address)
+    assert firefox.run(WEBGL) == webgl
     firefox.until(COMPLETE)
     firefox.click("#scrub")
     frame = firefox.run("Number(document.querySelector('#scrub').value)")
@@ -163,10 +185,9 @@ def test_fold_page_in_firefox(
     firefox.click("#details")
     firefox.click("#share")
     link = firefox.until("document.querySelector('#share-link')?.value")
-    shared = re.search(rf"/folds/{wrench}[?#].*frame=(\d+)", link)
+    shared = re.search(rf"{address}[?#].*frame=(\d+)", link)
     assert shared is not None, link
     firefox.open("about:blank")
     firefox.open(link)
     firefox.until(COMPLETE)
     firefox.until(f"{SHOWN_FRAME}.startsWith('Frame {shared[1]} of ')")
-    assert firefox.errors == []

@@ -192,8 +192,9 @@ def test_preview_beyond_its_time_is_refused(service_with, monkeypatch: pytest.Mo
 def test_preview_of_a_large_mesh_beyond_its_time_says_what_helps(
     service_with, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(children, "BUSY_FACTOR", 100.0)
     service = service_with(preview_seconds=0.25).start()
-    large = trimesh.creation.icosphere(subdivisions=8)
+    large = trimesh.creation.icosphere(subdivisions=7)
     assert isinstance(large, Mesh)
     refusal = check_problem(ask(service, exported("stl", large)), 504, "preview-too-slow")
     assert "simplify the m" in refusal
