@@ -166,6 +166,7 @@ declare namespace Api {
     possible_methods?: string[];
     has_path: boolean;
     candidates: number;
+    final?: boolean;
     cells: number[][];
     feasibility: Feasibility | null;
     knot: Knot | null;

@@ -81,6 +81,7 @@ class Preparation:
             empty for paths and chains, which are folded as they are.
         reach: About how many modules reach each likeness (IoU), None if the largest number does
             not; empty if that was not estimated.
+        final: False for a first result that a further search is likely to improve.
     """
 
     kind: str
@@ -98,6 +99,7 @@ class Preparation:
     filled: FilledShape | None = None
     likenesses: tuple[Likeness, ...] = ()
     reach: Mapping[float, int | None] = field(default_factory=dict[float, int | None])
+    final: bool = True
 
     @property
     def sentences(self) -> tuple[str, ...]:
@@ -154,10 +156,9 @@ class Preparation:
 
     @property
     def repeatable(self) -> bool:
-        """True if a search with another time limit finds the same chains."""
-        return (
-            bool(self.chains) and not self.not_started and self.method in TIME_INDEPENDENT_METHODS
-        )
+        """True if a fold, which has another time limit, finds the same chains."""
+        started = bool(self.chains) and not self.not_started
+        return started and self.final and self.method in TIME_INDEPENDENT_METHODS
 
     def prepared(self) -> PreparedChains:
         """Return the chains and how they were found.
@@ -196,6 +197,7 @@ class Preparation:
             "possible_methods": self._possible_methods(),
             "has_path": bool(self.chains),
             "candidates": len(self.chains),
+            "final": self.final,
             "cells": cells.tolist(),
             "feasibility": None
             if self.feasibility is None or self.shape is None
@@ -341,6 +343,7 @@ def prepare_found(
     time_limit_s: float = PATH_SEARCH_LIMIT_S,
     searching: bool = True,
     offering: bool = False,
+    quick: bool = False,
 ) -> Preparation:
     """Find the chains that may fold into what was read from a file.
 
@@ -351,6 +354,8 @@ def prepare_found(
         time_limit_s: Time limit of the search for a path through exact cells, s.
         searching: True to search a path for voxels and meshes; else they remain cells.
         offering: True to estimate, for a mesh, how many modules reach a likeness.
+        quick: True for the first result of a fit of a path to a mesh, which is not final. Other
+            searches have no first result, and are complete.
 
     Returns:
         The preparation, with no chains when there is no path: it then says why.
@@ -376,6 +381,8 @@ def prepare_found(
         return _cells_alone(found, options, seed)
     if isinstance(found, Shape):
         return _from_shape("voxels", found, options, seed, time_limit_s)
+    if quick and _has_first_result(options):
+        return _fitted(found, options, seed, quick=True)
     made = _from_solid(found, options, seed, time_limit_s)
     return replace(made, reach=_reach(found, made)) if offering else made
 
@@ -577,18 +584,16 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
     With the method ``exact`` a fitted path has exactly the requested number of modules. On a table
     the path is taken that should fold more easily.
     """
-    modules = DEFAULT_MODULES if options.modules is None else options.modules
-    can_fit = options.module == CUBE.name and modules < LONG_CHAIN
     if options.world == "table":
         voxelised = _voxelised(solid, options, seed, time_limit_s)
-        may_fit = can_fit and options.method == "auto" and not options.repair
+        may_fit = options.method == "auto" and _can_fit(options) and not options.repair
         return _easier_on_table(solid, voxelised, seed) if may_fit else voxelised
-    if options.method == "fitted" or (options.method == "exact" and can_fit):
+    if not _can_fit(options):
+        return _voxelised(solid, options, seed, time_limit_s)
+    if options.method != "auto":
         return _fitted(solid, options, seed)
     # A requested start is a cell of the path that is chosen without it, as a preview shows it.
     anywhere = replace(options, start=None)
-    if options.method != "auto" or not can_fit:
-        return _voxelised(solid, options, seed, time_limit_s)
     voxelised = _voxelised(solid, anywhere, seed, time_limit_s)
     fitted = _fitted(solid, anywhere, seed)
     if not _is_better(fitted, voxelised):
@@ -607,6 +612,20 @@ def _with_first_of(chosen: Preparation, other: Preparation) -> Preparation:
         chains=(*chosen.chains, *other.chains[:1]),
         likenesses=(*chosen.likenesses, *other.likenesses[: len(other.chains[:1])]),
     )
+
+
+def _can_fit(options: PathOptions) -> bool:
+    """Return True if the cells of a mesh can be chosen together with the path."""
+    if options.method not in ("auto", "exact"):
+        return options.method == "fitted"
+    modules = DEFAULT_MODULES if options.modules is None else options.modules
+    return options.module == CUBE.name and modules < LONG_CHAIN
+
+
+def _has_first_result(options: PathOptions) -> bool:
+    """Return True if a fit of a path to a mesh has a first result worth showing."""
+    plain = options.world != "table" and options.method != "exact" and options.start is None
+    return plain and _can_fit(options)
 
 
 def _easier_on_table(solid: Solid, voxelised: Preparation, seed: int) -> Preparation:
@@ -641,12 +660,13 @@ def _is_better(fitted: Preparation, voxelised: Preparation) -> bool:
     return fitted.likeness.iou >= voxelised.likeness.iou + MIN_FITTED_GAIN
 
 
-def _fitted(solid: Solid, options: PathOptions, seed: int) -> Preparation:
+def _fitted(solid: Solid, options: PathOptions, seed: int, *, quick: bool = False) -> Preparation:
     from planner.path_fit.fill_fitted import fill_fitted
 
-    voxels, filled = fill_fitted(solid, options, seed=seed)
+    voxels, filled = fill_fitted(solid, options, seed=seed, quick=quick)
     notes = (*voxels.notes, *solid.notes)
-    return _of_solid(solid, options, voxels, filled, notes)
+    made = _of_solid(solid, options, voxels, filled, notes)
+    return replace(made, final=not quick)
 
 
 def _voxelised(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:

@@ -59,10 +59,17 @@ class PreviewRequest(PathOptions):
     Attributes:
         seed: Random seed of the path search.
         path: True to search for a path; a fold always does.
+        quick: True for a first result, where a search has one.
     """
 
     seed: int = 0
     path: bool = True
+    quick: bool = False
+
+    @property
+    def complete(self) -> PreviewRequest:
+        """The same request for the final result."""
+        return replace(self, quick=False)
 
     @classmethod
     def of_fold(cls, request: FoldRequest) -> PreviewRequest:

@@ -470,6 +470,9 @@ class Preview(Body):
     has_path: bool
     candidates: int
     """Number of paths that a fold will try in turn."""
+    final: bool = True
+    """False for a first result: a fold uses a better one. Send the request again without `quick` to
+    get it."""
     cells: list[list[int]]
     """Cells, in path order if there is a path."""
     feasibility: Feasibility | None

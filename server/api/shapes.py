@@ -79,9 +79,16 @@ async def preview_in_form(
         ),
     ] = True,
     full: Annotated[bool, Form(description="Include cells and mesh, which may be large.")] = True,
+    quick: Annotated[
+        bool,
+        Form(
+            description="Accept a first result. For most meshes it comes sooner, with `final` "
+            "false in the response. A fold uses the final result."
+        ),
+    ] = False,
 ) -> tuple[PreviewRequest, bool]:
     """Return the request of a preview, and True if the answer includes what may be large."""
-    return replace(options, seed=seed, path=path), full
+    return replace(options, seed=seed, path=path, quick=quick), full
 
 
 @router.post(
@@ -115,8 +122,9 @@ async def post_preview(
             ):
                 known = context.preview_reports.add(upload, asker.visitor, owner)
         report = context.preview_reports.report(known, options, asker)
+        answered = options.complete if report.get("final", True) else options
         if owner is not None:
-            context.previews.note_view(known, owner, viewed(options, report))
+            context.previews.note_view(known, owner, viewed(answered, report))
         times = expected_times(report, options.world, context.estimates.total_s)
         preparing = context.leases.preparing()
         most = context.settings.max_modules
@@ -125,7 +133,7 @@ async def post_preview(
             for each in report.get("reach", [])
         ]
         report = {**report, "reach": reach}
-        return Preview.of(known, options.key, report, times, preparing=preparing, full=full)
+        return Preview.of(known, answered.key, report, times, preparing=preparing, full=full)
 
     async with asking(request, context) as asker:
         return await run_in_threadpool(reported, asker)

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import json
 import re
+import shutil
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
@@ -33,6 +35,8 @@ upload occupy more of the disk. Chosen."""
 MANY_TRIANGLES: Final = 300_000
 """Number of triangles of a mesh above which reading and sampling it, rather than the search for a
 path, take most of the time of a preview."""
+REPORT: Final = "report.json"
+"""Name of the file with a report."""
 OFFERS_FILE: Final = "offers.json"
 """Name of the file, in the directory of a report, with the variants of the shape that can fold on
 a table."""
@@ -91,6 +95,9 @@ class PreviewReports:
     def report(self, preview_id: str, options: PreviewRequest, asker: Asker) -> dict[str, Any]:
         """Return the report of an upload with these options; it is computed once.
 
+        A quick request gets the final report where there is one already, or where the first result
+        is the final one; it is stored as that of the complete request.
+
         Args:
             preview_id: Id of the upload.
             options: Options with which it is turned into a path.
@@ -102,8 +109,11 @@ class PreviewReports:
         """
         row = self._previews.row(preview_id)
         place = self._previews.place(preview_id, options.key)
+        complete = place
+        if options.quick:
+            complete = self._previews.place(preview_id, options.complete.key)
         self._previews.touch(row)
-        if (known := read_report(place)) is not None:
+        if (known := read_report(complete) or read_report(place)) is not None:
             return known
         foreign = asker.visitor != row.visitor
         if self._previews.reports(preview_id, foreign=foreign) >= MAX_OPTION_SETS:
@@ -120,6 +130,8 @@ class PreviewReports:
         (place / REQUEST).write_text(json.dumps(request))
         try:
             self._compute("preview", place, asker)
+            if place != complete and (read_report(place) or {}).get("final"):
+                place = _moved(place, complete)
         finally:
             self._previews.keep_report(place, foreign=foreign)
         found = read_report(place)
@@ -176,7 +188,17 @@ class PreviewReports:
 
 def read_report(place: Path) -> dict[str, Any] | None:
     """Return the report in a directory of options, if it exists."""
-    return sealed_json_of(place / "report.json") or None
+    return sealed_json_of(place / REPORT) or None
+
+
+def _moved(place: Path, target: Path) -> Path:
+    """Move the files of a report to another directory, the report last; return that directory."""
+    target.mkdir(exist_ok=True)
+    for path in sorted(place.iterdir(), key=lambda path: path.name == REPORT):
+        with suppress(FileNotFoundError):  # another request for the same report has moved it
+            path.replace(target / path.name)
+    shutil.rmtree(place, ignore_errors=True)
+    return target
 
 
 def cells_of_repair(place: Path) -> list[list[int]]:

@@ -134,6 +134,7 @@ def preview(directory: Path) -> dict[str, Any]:
         time_limit_s=about["time_limit_s"],
         searching=request.path,
         offering=True,
+        quick=request.quick,
     )
     made = replace(made, notes=(*notes, *made.notes))
     if made.options == options and made.repeatable:  # only then a fold would get the same result

@@ -10,6 +10,8 @@ import numpy as np
 import pytest
 import trimesh
 
+from planner.pathfinding.path_options import PathOptions
+from planner.plan.prepared_chains import PreparedChains, key_of
 from server.processes import children
 from server.store.owner import new_token
 from tests.planner.solids_made import Mesh, exported
@@ -223,3 +225,27 @@ def test_cells_are_previewed_without_a_search(idle: Service) -> None:
     assert (path["kind"], path["has_path"], path["cells"]) == ("path", True, SNAKE)
     path = report(idle, preview=path["id"])
     assert (path["knot"]["verdict"], path["feasibility"]) == ("unknot", None)
+
+
+def test_quick_preview_of_a_mesh_is_followed_by_the_final_one_that_is_folded(idle: Service) -> None:
+    corner = stl(((0.0, 0.0, 0.0), (3.0, 1.0, 1.0)), ((0.0, 1.0, 0.0), (1.0, 1.7, 1.0)))
+    first = report(idle, corner, modules="48", quick="true")
+    assert not first["final"] and is_path(first["cells"]) and first["likeness"]
+    form = {"preview": first["id"], "modules": "48"}
+    final = report(idle, **form)
+    assert final["final"] and final["key"] != first["key"]
+    assert final["iou"] >= first["iou"]
+    for made in (first, final):
+        scene = idle.http.get(f"/previews/{first['id']}/scene/{made['key']}").content
+        assert decode(scene)[1]["cells"].tolist() == made["cells"]
+    # Once there is a final result, there is no reason to answer with the first one.
+    assert report(idle, **form, quick="true") == final
+    cells = report(idle, voxels(box(3, 2, 2)), quick="true")
+    assert cells["final"]
+    assert report(idle, preview=cells["id"]) == cells  # and not searched again
+    fold = idle.fold(**form, token=new_token())
+    key = key_of(corner, "thing.bin", PathOptions(modules=48), 0)
+    prepared = PreparedChains.load(idle.directory(fold["id"]), key)
+    assert prepared is not None
+    positions = prepared.chains[0].folded_poses.positions
+    np.testing.assert_allclose(positions, final["positions"], atol=1e-9)

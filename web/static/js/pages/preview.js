@@ -21,11 +21,17 @@ const requesting = later(() => import("../lib/fold_request.js"), showProblem);
 // Mark the view as busy while it does not match the figures yet.
 function settle() { document.querySelector(".stage")?.setAttribute("aria-busy", String(running || picture.waiting)); }
 
+// Mark the figures as about to change.
+/** @param {boolean} on */
+function working(on) {
+  get("progress").hidden = !on;
+  document.body.classList.toggle("busy-now", on);
+}
+
 /** @param {boolean} on */
 function busy(on) {
   running = on;
-  get("progress").hidden = !on;
-  document.body.classList.toggle("busy-now", on);
+  working(on);
   get("fold").disabled = on || !preview.report?.has_path;
   settle();
 }
@@ -46,19 +52,43 @@ let timer;
 async function look() {
   clearTimeout(timer);
   searching.abort();
+  improving.abort();
   get("seeking").textContent = "";
   if (running) { again = true; return; }
   busy(true);
   if (preview.id) history.replaceState(null, "", at(preview.path));
   try {
-    const token = tokenOf(preview.id ? "" : preview.origin.fold ?? "") ?? ownKey();
-    show(await ask("/api/shapes/preview", { body: formOf({ ...preview.fields, full: false }), token }));
+    show(await reported({ quick: true }));
   } catch (error) {
     if (!(error instanceof Refusal)) throw error;
     refuse(error);
   }
   busy(false);
   if (again) { again = false; look(); }
+  else if (preview.report?.final === false) improve();
+}
+
+/**
+ * @param {{ quick?: boolean }} fields
+ * @param {AbortSignal} [signal]
+ * @returns {Promise<Api.Preview>}
+ */
+function reported(fields, signal) {
+  const token = tokenOf(preview.id ? "" : preview.origin.fold ?? "") ?? ownKey();
+  return ask("/api/shapes/preview", { body: formOf({ ...preview.fields, ...fields, full: false }), token, ...(signal && { signal }) });
+}
+
+// Show the final report instead of the first one, which stays if the request fails. The next request
+// for a report, and a fold, abort the search: a fold searches itself.
+let improving = new AbortController();
+async function improve() {
+  improving = new AbortController();
+  const { signal } = improving;
+  working(true);
+  const report = await reported({}, signal).catch(() => null);
+  if (signal.aborted) return;
+  working(false);
+  if (report) show(report);
 }
 
 /** @param {Api.Preview} report */
@@ -131,6 +161,8 @@ for (const name of ["pointerenter", "focus"]) get("fold").addEventListener(name,
 get("fold").onclick = async () => {
   const { report, preset, prefer } = preview;
   if (!report) return;
+  improving.abort();
+  working(false);
   const button = get("fold");
   button.disabled = true;
   button.textContent = "Sending…";
@@ -148,6 +180,7 @@ get("fold").onclick = async () => {
   picture.release();
   button.disabled = false;
   button.textContent = foldWords(report);
+  if (report.final === false) improve();
 };
 
 addEventListener("pageshow", (event) => { if (event.persisted) { picture.release(); busy(false); } });

@@ -170,7 +170,7 @@ export class Preview {
   // The clicked module or the chosen start cell, with the action of its button.
   get start() {
     const { options: { start }, report } = this;
-    const picked = report?.has_path ? this.picked : null;
+    const picked = report?.has_path && report.final !== false ? this.picked : null; // the final path may lack the cell
     const first = picked?.module === 0;
     if (this.onTable || (!picked && !start)) return null;
     if (!report || !picked || (first && start)) return { text: `The chain starts at cell (${start?.replaceAll(",", ", ")})`, button: first ? "" : "Undo", change: { start: null } };

@@ -44,6 +44,8 @@ export class PreviewStage extends Scene {
     /** @type {View | null} */
     this.view = null;
     this.usual = 1; // distance at which the shape fits the view
+    /** @type {Vector} */
+    this.usualTarget = [0, 0, 0]; // what is in the middle of that view
     this.touched = false;
     /** @type {string | null} */
     this.address = null;
@@ -159,18 +161,22 @@ export class PreviewStage extends Scene {
     this.apply(messages);
   }
 
-  // Keep the shape in view when the window changes, until the visitor turns it.
+  // Keep the shape in view when the window or the shape changes, from where the visitor looks at it.
   look() {
     const { clientWidth: wide, clientHeight: high } = this.frame;
     if (!this.open || !this.bundle || !wide || !high) return;
-    if (this.touched && this.view) { this.aim(this.view); return; }
     const { corners, radius, camera } = this.bundle.header;
     const view = framing(corners, {
       radius, aspect: wide / high, field: camera.field_of_view_rad,
       azimuth: camera.azimuth_rad, elevation: camera.elevation_rad, margin: camera.margin,
     });
-    this.usual = view.distance;
-    this.aim(view);
+    const { usual, usualTarget } = this;
+    Object.assign(this, { usual: view.distance, usualTarget: view.target });
+    if (!this.touched || !this.view) { this.aim(view); return; }
+    const { view: turned } = this;
+    const size = view.distance / usual;
+    const target = /** @type {Vector} */ (turned.target.map((v, k) => view.target[k] + size * (v - usualTarget[k])));
+    this.aim({ ...turned, target, distance: size * turned.distance });
   }
 
   /** @param {Orbit} orbit */
