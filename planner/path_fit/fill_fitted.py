@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from dataclasses import dataclass
+from hashlib import sha256
 from typing import Final
 
 import numpy as np
@@ -54,8 +57,8 @@ def fill_fitted(
             the path.
     """
     modules = _modules(options)
-    ladder = Ladder(solid, candidates(solid, np.random.default_rng(seed)))
-    fit = _last(ladder, modules, seed, quick=quick, exact=options.method == "exact")
+    exact = options.method == "exact"
+    ladder, fit = _fit(solid, modules, seed, exact=exact, quick=quick)
     if options.method == "exact":
         check_exact(len(fit.paths[0].cells), modules)
     voxels = _voxels(ladder, fit.paths[0], modules)
@@ -148,14 +151,50 @@ def _filled(
     )
 
 
-def _last(ladder: Ladder, modules: int, seed: int, *, quick: bool, exact: bool) -> PathFit:
-    stages = fit_path(ladder, modules, seed=seed, exact=exact)
-    fit = next(stages)
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _StartedFit:
+    """A fit with a first result.
+
+    Attributes:
+        key: Digest of the solid and of all that the fit depends on.
+        ladder: The solid with its orientations.
+        first: The first result.
+        later: Computes the later results.
+    """
+
+    key: bytes
+    ladder: Ladder
+    first: PathFit
+    later: Iterator[PathFit]
+
+
+_started: list[_StartedFit] = []
+"""The last fit of this process of which only the first result was computed, if any. Clients mostly
+request its final result next, which then takes less time and is the same."""
+
+
+def _fit(
+    solid: Solid, modules: int, seed: int, *, exact: bool, quick: bool
+) -> tuple[Ladder, PathFit]:
+    """Return the first or the final result of a fit."""
+    key = _key(solid, modules, seed, exact=exact)
+    fit = _started.pop() if _started else None
+    if fit is None or fit.key != key:
+        ladder = Ladder(solid, candidates(solid, np.random.default_rng(seed)))
+        later = fit_path(ladder, modules, seed=seed, exact=exact)
+        fit = _StartedFit(key=key, ladder=ladder, first=next(later), later=later)
     if quick:
-        return fit
-    for later in stages:
-        fit = later
-    return fit
+        _started.append(fit)
+        return fit.ladder, fit.first
+    return fit.ladder, list(fit.later)[-1]
+
+
+def _key(solid: Solid, modules: int, seed: int, *, exact: bool) -> bytes:
+    of_solid = (solid.closed, solid.oriented, solid.surfaces)
+    digest = sha256(repr((modules, seed, exact, *of_solid)).encode())
+    digest.update(solid.vertices.tobytes())
+    digest.update(solid.faces.tobytes())
+    return digest.digest()
 
 
 def _voxels(ladder: Ladder, fitted: FittedPath, modules: int) -> Voxels:

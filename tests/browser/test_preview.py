@@ -12,6 +12,7 @@ from tests.browser.conftest import (
     WIDTH,
     Visit,
     cancel_fold,
+    choose,
     overflowing,
     picture,
     preview_file,
@@ -21,7 +22,7 @@ from tests.browser.conftest import (
     wait_until,
 )
 from tests.server.api.test_table import SLAB
-from tests.server.files.test_preview import stl, voxels
+from tests.server.files.test_preview import CORNER, stl, voxels
 from tests.server.service_process import Service
 
 
@@ -112,6 +113,38 @@ def test_lossy_shape_says_so_at_first_sight(visit: Visit, service: Service) -> N
     expect(page).to_have_url(re.compile(rf"\?modules={modules}$"))
     snake = page.locator("[name=method][value=snake]")
     expect(snake).to_be_disabled()
+
+
+def test_first_result_is_shown_until_the_final_one_is_there(visit: Visit, service: Service) -> None:
+    page = visit("/", view=False)
+    held: list[Route] = []
+
+    def hold(route: Route) -> None:
+        if b'name="quick"' in (route.request.post_data_buffer or b""):
+            route.continue_()
+        else:
+            held.append(route)
+
+    page.route("**/api/shapes/preview", hold)
+    choose(page, "corner.stl", CORNER)
+    expect(page.locator("#verdict")).to_have_text(re.compile("improving…$"))
+    expect(page.locator("#fold")).to_have_text(re.compile(r"^Fold about \d+ modules$"))
+    expect(page.locator("#fold")).to_be_enabled()
+    wait_until(page, lambda: bool(held))
+    first = page.locator("#drawing").get_attribute("src")
+    held.pop().continue_()
+    wait_for_preview(page)
+    expect(page.locator("#verdict")).to_have_text(re.compile("like your file$"))
+    assert page.locator("#drawing").get_attribute("src") != first
+    # If the final result does not come, the first one stays.
+    page.locator("#modules-number").fill("40")
+    page.locator("#modules-number").press("Enter")
+    expect(page.locator("#verdict")).to_have_text(re.compile("improving…$"))
+    wait_until(page, lambda: bool(held))
+    held.pop().abort()
+    wait_for_preview(page)
+    expect(page.locator("#verdict")).to_have_text(re.compile("like your file$"))
+    expect(page.locator("#fold")).to_be_enabled()
 
 
 def test_preview_that_is_left_starts_no_3d_view(visit: Visit, brick: dict[str, Any]) -> None:

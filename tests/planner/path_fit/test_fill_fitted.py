@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from planner.errors import InputError
-from planner.path_fit.fill_fitted import check_exact
+from planner.path_fit.fill_fitted import check_exact, fill_fitted
 from planner.path_fit.fit import FittedPath, fit_path, ranked
 from planner.path_fit.fit_table import SIDES, cost_of, fit_on_table
 from planner.pathfinding.path_options import PathOptions
@@ -42,6 +42,19 @@ def test_auto_takes_a_fitted_path_where_it_pays() -> None:
     assert (ring.chains[-1].folded_rad == blocks.chain.folded_rad).all()
     again = prepared(torus())
     assert (again.cells == ring.cells).all()
+
+
+def test_the_final_result_goes_on_from_the_first_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    options = PathOptions(modules=32)
+    whole = fill_fitted(solid_of(torus()), options, seed=0)[1]
+    first = fill_fitted(solid_of(torus()), options, seed=0, quick=True)[1]
+    assert len(first.chains) == 1
+    other = fill_fitted(solid_of(torus()), options, seed=1)[1]  # is not that fit's result
+    again = fill_fitted(solid_of(torus()), options, seed=0, quick=True)[1]
+    assert (again.cells == first.cells).all() and not np.array_equal(other.cells, whole.cells)
+    monkeypatch.setattr("planner.path_fit.fill_fitted.candidates", None)  # nothing starts anew
+    final = fill_fitted(solid_of(torus()), options, seed=0)[1]
+    assert (final.cells == whole.cells).all() and len(final.chains) == len(whole.chains)
 
 
 def test_the_method_exact_meets_the_number_of_modules() -> None:

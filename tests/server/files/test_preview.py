@@ -2,7 +2,7 @@
 
 import json
 import struct
-from typing import Any
+from typing import Any, Final
 from xml.etree import ElementTree
 
 import httpx
@@ -39,6 +39,10 @@ def stl(*boxes: tuple[tuple[float, float, float], tuple[float, float, float]]) -
         corners = np.array(low) + np.argwhere(np.ones((2, 2, 2))) * np.array(size)
         rows += [struct.pack("<12fH", 0, 0, 0, *corners[list(face)].ravel(), 0) for face in faces]
     return bytes(80) + struct.pack("<I", len(rows)) + b"".join(rows)
+
+
+CORNER: Final = stl(((0.0, 0.0, 0.0), (3.0, 1.0, 1.0)), ((0.0, 1.0, 0.0), (1.0, 1.7, 1.0)))
+"""Mesh that a fitted path resembles more than blocks of cubes do."""
 
 
 def ask(service: Service, data: bytes | None = None, /, **form: Any) -> httpx.Response:
@@ -228,8 +232,7 @@ def test_cells_are_previewed_without_a_search(idle: Service) -> None:
 
 
 def test_quick_preview_of_a_mesh_is_followed_by_the_final_one_that_is_folded(idle: Service) -> None:
-    corner = stl(((0.0, 0.0, 0.0), (3.0, 1.0, 1.0)), ((0.0, 1.0, 0.0), (1.0, 1.7, 1.0)))
-    first = report(idle, corner, modules="48", quick="true")
+    first = report(idle, CORNER, modules="48", quick="true")
     assert not first["final"] and is_path(first["cells"]) and first["likeness"]
     form = {"preview": first["id"], "modules": "48"}
     final = report(idle, **form)
@@ -244,7 +247,7 @@ def test_quick_preview_of_a_mesh_is_followed_by_the_final_one_that_is_folded(idl
     assert cells["final"]
     assert report(idle, preview=cells["id"]) == cells  # and not searched again
     fold = idle.fold(**form, token=new_token())
-    key = key_of(corner, "thing.bin", PathOptions(modules=48), 0)
+    key = key_of(CORNER, "thing.bin", PathOptions(modules=48), 0)
     prepared = PreparedChains.load(idle.directory(fold["id"]), key)
     assert prepared is not None
     positions = prepared.chains[0].folded_poses.positions

@@ -87,6 +87,7 @@ test("the module that was clicked can become the first, which can be undone", ()
 
 test("a report is put into words", () => {
   assert.equal(verdictOf(report({ iou: 0.987 })), "64 modules · 99\u00a0% like your file");
+  assert.equal(verdictOf(report({ iou: 0.5, final: false })), "64 modules · 50\u00a0% like your file, improving…");
   assert.equal(verdictOf(report({ has_path: false })), "64 cells, no path yet");
   assert.deepEqual(figuresOf(report({ knot: { verdict: "knotted", determinant: 3 }, iou: 0.5, likeness: { iou: 0.5, missing: 0.004, added: 0.498 } })), { iou: "50\u00a0%", likeness: "Less than 1\u00a0% of your file is missing, 50\u00a0% of the modules’ volume is outside of it.", candidates: "3", knotted: true, knot: "Yes", knotHint: "The knot is undone while the chain unfolds, which takes longer. The chain’s determinant, a test number for knots, is 3. Without a knot, it would be 1." });
   assert.deepEqual([figuresOf(report()).knot, figuresOf(report({ knot: { verdict: "unknot", determinant: 1 } })).knot], ["–", "No"]);

@@ -59,7 +59,7 @@ async function start(fields, label) {
 const send = (file, asVoxels = false) => uploading(async ({ sending, upload, STOPPED, Refusal, formOf, ownKey }) => {
   say(`Reading ${file.name}…`);
   offer(null);
-  const form = formOf({ file, full: false, as_voxels: asVoxels || null });
+  const form = formOf({ file, full: false, quick: true, as_voxels: asVoxels || null });
   try {
     /** @type {Api.Preview} */
     const report = await sending.during(file.name, (how) => upload("/api/shapes/preview", form, { ...how, token: ownKey() }));

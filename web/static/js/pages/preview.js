@@ -2,7 +2,7 @@
 import { Refusal, ask, formOf, ownKey, tokenOf } from "../lib/api.js";
 import { UNREACHABLE, at, element, get, later, sentence } from "../lib/text.js";
 import { fieldsOf, fill, refused, settingsOf } from "../panels/paper_settings.js";
-import { Preview } from "../panels/preview_state.js";
+import { Preview, verdictOf } from "../panels/preview_state.js";
 import { Picture, choicesOnPage, cover, foldWords, radios, showOffers, showOptions, showProblem, showReport, showStart, showTrouble } from "../panels/preview_view.js";
 
 const DEBOUNCE_MS = 220;
@@ -89,6 +89,7 @@ async function improve() {
   if (signal.aborted) return;
   working(false);
   if (report) show(report);
+  else if (preview.report) get("verdict").textContent = verdictOf({ ...preview.report, final: true });
 }
 
 /** @param {Api.Preview} report */

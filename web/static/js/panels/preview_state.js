@@ -201,9 +201,10 @@ export function likenessWords(likeness) {
 }
 
 /** @param {Api.Preview} report */
-export function verdictOf({ module, modules, iou, has_path: path }) {
+export function verdictOf({ module, modules, iou, has_path: path, final = true }) {
   if (!path) return `${whole(modules)} cells, no path yet`;
-  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${iou === null ? "" : ` · ${percent(iou)} like your file`}`;
+  const likeness = iou === null ? "" : ` · ${percent(iou)} like your file`;
+  return `${whole(modules)} ${module === "cube" ? "modules" : "tetrahedra"}${likeness}${final ? "" : ", improving…"}`;
 }
 
 // Return possible numbers of modules nearby, and a text that explains them.

@@ -139,7 +139,7 @@ export function showReport(preview, report, onChange) {
 }
 
 /** @param {Api.Preview} report */
-export const foldWords = ({ modules, has_path: path }) => (path ? `Fold ${whole(modules)} modules` : "Fold");
+export const foldWords = ({ modules, has_path: path, final = true }) => (path ? `Fold ${final ? "" : "about "}${whole(modules)} modules` : "Fold");
 
 /**
  * @param {string} text
