@@ -320,7 +320,10 @@ interface PlanStep {
   text: string;
   joints: number[]; // modules
   moving: [first: number, last: number][];
+  held?: HeldModule | null;
 }
+interface HeldModule { module: number; position: Vector; wxyz: Quaternion } // in the frame of the folded shape
+type TurningPart = Pick<PlanStep, "joints" | "moving" | "held">;
 interface Facts {
   id: string;
   name: string;

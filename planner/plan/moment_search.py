@@ -16,13 +16,21 @@ from planner.certificate.metrics_store import Curves, Figures
 from planner.certificate.table_forces import TableForces
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses
+from planner.chain.rotations import wxyz_from_matrix
 from planner.errors import TimelineError
 from planner.kernels.clearance import Solid, module_clearances
 from planner.motion.inverse_dynamics import inverse_dynamics
 from planner.motion.motion import PHASES
 from planner.motion.timeline import Timeline
 from planner.pathfinding.knots import knot_of
-from planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Meeting, Moments, StepMoment
+from planner.plan.moments import (
+    CONTACT_LINKS,
+    CONTACT_PITCH,
+    HeldModule,
+    Meeting,
+    Moments,
+    StepMoment,
+)
 from planner.plan.step_text import step_text
 from planner.plan.steps import Steps
 
@@ -103,9 +111,18 @@ def _steps(steps: Steps, first: int) -> tuple[StepMoment, ...]:
             text=step_text(steps.chain.module, step),
             joints=tuple(turn.module for turn in step.turns),
             moving=step.moving,
+            held=_held(step.held[0], poses),
         )
-        for step, (start, end) in zip(steps.steps, pairwise(steps.frames), strict=True)
+        for step, (start, end), poses in zip(
+            steps.steps, pairwise(steps.frames), steps.poses()[1:], strict=True
+        )
     )
+
+
+def _held(module: int, poses: Poses) -> HeldModule:
+    x, y, z = np.round(poses.positions[module], 6).tolist()
+    qw, qx, qy, qz = np.round(wxyz_from_matrix(poses.rotations[module]), 9).tolist()
+    return HeldModule(module=module, position=(x, y, z), wxyz=(qw, qx, qy, qz))
 
 
 @dataclass(frozen=True, slots=True)

@@ -36,6 +36,21 @@ class Meeting:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class HeldModule:
+    """Pose of a module that is held still during a step, in the frame of the folded shape.
+
+    Attributes:
+        module: The module, counted from 0.
+        position: Its centre, in pitches.
+        wxyz: Its orientation, a unit quaternion.
+    """
+
+    module: int
+    position: tuple[float, float, float]
+    wxyz: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class StepMoment:
     """Step of a plan that rests between steps.
 
@@ -45,6 +60,7 @@ class StepMoment:
         text: What to do, as a sentence.
         joints: Modules at whose hinges the chain turns, counted from 0.
         moving: First and last modules of the parts that move; all others are held still.
+        held: Pose of a module that is held still; None in files without it.
     """
 
     start: int
@@ -52,6 +68,7 @@ class StepMoment:
     text: str
     joints: tuple[int, ...]
     moving: tuple[tuple[int, int], ...]
+    held: HeldModule | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

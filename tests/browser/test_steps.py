@@ -18,6 +18,9 @@ COLOURS = """() => {
 }"""
 
 
+POSITIONS = "() => Array.from(foldback.player.shown.positions)"
+
+
 def test_steps_go_on_and_back_with_the_moving_part_in_colour(
     browser: Browser, tmp_path: Path
 ) -> None:
@@ -34,10 +37,12 @@ def test_steps_go_on_and_back_with_the_moving_part_in_colour(
     page.locator("#steps").click()
     count, steps = page.locator("#steps-count"), find_steps(plan)
     assert steps is not None
+    poses = [held_still.positions.ravel() for held_still in steps.poses()]
     expect(count).to_have_text("Step 1 of 3")
     expect(page.locator("#steps-before")).to_be_disabled()
     for number, step in enumerate(steps.steps, 1):
         expect(count).to_have_text(f"Step {number} of 3")
+        np.testing.assert_allclose(page.evaluate(POSITIONS), poses[number - 1], atol=1e-4)
         colours = page.evaluate(COLOURS)
         joint = step.turns[0].module
         ((first, last),) = step.moving
@@ -48,6 +53,7 @@ def test_steps_go_on_and_back_with_the_moving_part_in_colour(
         assert len({colours[joint], *moving, *held}) == 1 + len(moving) + 1
         page.locator("#steps-next").click()
     expect(count).to_have_text("All 3 steps")
+    np.testing.assert_allclose(page.evaluate(POSITIONS), poses[3], atol=1e-4)
     expect(page.locator("#steps-next")).to_be_disabled()
     page.keyboard.press("PageUp")
     expect(count).to_have_text("Step 3 of 3")

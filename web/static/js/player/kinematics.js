@@ -177,6 +177,22 @@ function moved({ positions: from, wxyzs: turns }, known, [begin, end], p, q, fou
   }
 }
 
+// Return a moment with a module in its given pose, and all others moved with it; the moment itself
+// without one.
+/**
+ * @template {Poses} Moment
+ * @param {Moment} moment
+ * @param {HeldModule | null} [held]
+ * @returns {Moment}
+ */
+export function heldStill(moment, held) {
+  if (!held) return moment;
+  const n = moment.positions.length / 3;
+  const placed = { positions: new Float32Array(3 * n), wxyzs: new Float32Array(4 * n) };
+  moved(moment, held.module, [0, n], held.position, held.wxyz, placed);
+  return { ...moment, ...placed };
+}
+
 // Centres of faces are compared on a grid.
 const CELLS_PER_PITCH = 4;
 const MAX_CELL = 2 ** 16; // from the origin, in both directions

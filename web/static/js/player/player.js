@@ -8,6 +8,7 @@ import { picked } from "../viewer/camera.js";
 import { Sketch } from "../viewer/sketch.js";
 import { CameraRig, USUAL } from "./camera_rig.js";
 import { USUAL_COLOURING, colouring } from "./colours.js";
+import { heldStill } from "./kinematics.js";
 import { PlayerState } from "./player_state.js";
 import { Recording, Timeline } from "./timeline.js";
 
@@ -143,8 +144,8 @@ export class Player extends PlayerState {
     this.show(true);
   }
 
-  // Colour the part that turns in a step, and calm all others; null restores the colouring.
-  /** @param {Pick<PlanStep, "joints" | "moving"> | null} step */
+  // Colour the part that turns in a step, calm all others and hold them still; null reverses this.
+  /** @param {TurningPart | null} step */
   turnPart(step) {
     this.turning = step;
     this.show(true);
@@ -251,9 +252,9 @@ export class Player extends PlayerState {
     const { frame } = this.playhead;
     const moved = !this.shown || this.shown.frame !== frame || !this.shown.exact;
     if (moved || again) {
-      const shown = timeline.snapshot(frame);
-      if (!shown) return;
-      this.shown = shown;
+      const snapshot = timeline.snapshot(frame);
+      if (!snapshot) return;
+      const shown = this.shown = heldStill(snapshot, this.turning?.held);
       this.rig.turnToGroup(shown);
       this.aim();
       this.changed = true;

@@ -48,7 +48,7 @@ export class PlayerState extends Emitter {
   marked = [];
   /** @type {"stuck" | "selected"} */
   markedAs = "stuck";
-  /** @type {Pick<PlanStep, "joints" | "moving"> | null} part that turns in a step, in place of the colouring */
+  /** @type {TurningPart | null} part that turns in a step, in place of the colouring */
   turning = null;
   /** @type {{ way: number, from: Row } | null} search for a change that continues in frames that are not loaded yet */
   search = null;

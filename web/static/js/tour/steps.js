@@ -1,6 +1,7 @@
 // The steps of a plan that rests between turns: next and back, with the moving part in colour.
 import { get } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
+import { heldStill } from "../player/kinematics.js";
 import { across, axesOf, dot } from "../viewer/camera.js";
 import { clearestSight, isHidden } from "../viewer/viewpoint.js";
 import { frameBetween, movingSeconds } from "./state.js";
@@ -145,8 +146,9 @@ export class StepsPanel {
     const { rig, shown, timeline } = player;
     const { view } = rig;
     if (!shown || !view) return;
-    const { joints, end } = steps[Math.min(done, steps.length - 1)];
-    const points = [shown, timeline.peek(end) ?? shown].flatMap((snapshot) => rig.points(snapshot, null));
+    const { joints, end, held } = steps[Math.min(done, steps.length - 1)];
+    const after = timeline.peek(end);
+    const points = [shown, after ? heldStill(after, held) : shown].flatMap((snapshot) => rig.points(snapshot, null));
     const { field, aspect } = rig.seeing(null);
     const covered = Math.min(this.box.offsetHeight / Math.max(1, get("main").clientHeight), MAX_COVERED);
     const size = (/** @type {View} */ from) => extent(points, from, { field, aspect, covered });
@@ -169,7 +171,8 @@ export class StepsPanel {
     get("steps-before").disabled = done === 0;
     get("steps-next").disabled = done === steps.length;
     get("steps-key").hidden = done === steps.length;
-    player.turnPart(done < steps.length ? steps[done] : { joints: [], moving: [] });
+    const { held } = steps[Math.min(done, steps.length - 1)];
+    player.turnPart(done < steps.length ? steps[done] : { joints: [], moving: [], held });
   }
 
   // The visitor has moved the playhead: tell the step there.
