@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -14,12 +15,17 @@ from planner.errors import checked_fraction
 from planner.shapes.inside_points import InsidePoints
 from planner.shapes.likeness import Likeness
 from planner.shapes.shape import Shape
+from planner.shapes.uncovered_surface import ModuleRegions
 
 LIKENESS_DIGITS: Final = 4
 """Number of decimal places of the stored shares."""
 CELL_SAMPLES: Final = (2, 8)
 """Minimum and maximum number of points along the edge of a given cell. Two represent cells and
 eighths of cells exactly."""
+TETRAHEDRON_PLANES: Final = 0.5 * np.array(
+    [[1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1]]
+)
+"""(6, 3) normals of the faces of the honeycomb's tetrahedra; their planes are at integers."""
 CELL_POINTS: Final = 60_000
 """Approximate number of points in all given cells together, if tetrahedra fill them."""
 
@@ -56,6 +62,14 @@ def covered_by(modules: Chain | Ints, points: Array) -> Flags:
         # A tetrahedron is named by the sum of its two nodes, twice its middle.
         return _among(tetrahedra_at(points), np.rint(2.0 * positions).astype(np.int64))
     return covered_by(np.rint(positions).astype(np.int64), points)
+
+
+def regions_of(modules: Chain | Ints) -> ModuleRegions:
+    """Return modules as a region of space; see ``likeness_of``."""
+    is_covered = partial(covered_by, modules)
+    if isinstance(modules, Chain) and modules.module is TETRAHEDRON:
+        return ModuleRegions(is_covered=is_covered, normals=TETRAHEDRON_PLANES, offset=0.0)
+    return ModuleRegions(is_covered=is_covered, normals=np.eye(3), offset=0.5)
 
 
 def _among(rows: Ints, wanted: Ints) -> Flags:

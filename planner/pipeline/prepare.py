@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
@@ -284,7 +283,7 @@ class Preparation:
         solid, voxels = self.solid, self.voxels
         if solid is None or voxels is None or self.filled is None:
             return {"mesh": None, "missing": None}
-        from planner.pathfinding.shape_overlap import covered_by
+        from planner.pathfinding.shape_overlap import regions_of
         from planner.shapes.decimation import decimated
         from planner.shapes.uncovered_surface import uncovered_surface
 
@@ -292,9 +291,8 @@ class Preparation:
         in_cells = vertices @ voxels.rotation.T / voxels.pitch + voxels.offset
         placed = self.filled.placed(in_cells)
         modules = self.chains[0] if self.chains else self.filled.shape.cells
-        missing = uncovered_surface(
-            placed, faces, partial(covered_by, modules), oriented=solid.oriented
-        )
+        regions = regions_of(modules)
+        missing = uncovered_surface(placed, faces, regions, oriented=solid.oriented)
         corners = np.arange(3 * len(missing)).reshape(-1, 3)
         return {"mesh": _listed(placed, faces), "missing": _listed(missing, corners)}
 
