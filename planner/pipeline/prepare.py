@@ -393,25 +393,30 @@ def _reach(solid: Solid, made: Preparation) -> dict[float, int | None]:
     left out.
     """
     from planner.pathfinding.fill_cubes import BLOCK_CELLS
-    from planner.shapes.reachable_likeness import cells_reaching
+    from planner.shapes.reachable_likeness import LEVELS, CellUse, cells_reaching
 
     options, voxels = made.options, made.voxels
     if options.module != CUBE.name or options.world == "table" or made.filled is None:
         return {}
     if voxels is None or voxels.unused:
         return {}
-    blocks = cells_reaching(solid, fewest=MIN_MODULES // BLOCK_CELLS, most=MAX_CELLS // BLOCK_CELLS)
-    reach = {
-        level: cells and min(MAX_CELLS, _rounded_up(BLOCK_CELLS * cells))
-        for level, cells in blocks.items()
+    uses = {
+        BLOCK_CELLS: CellUse(fewest=MIN_MODULES // BLOCK_CELLS, most=MAX_CELLS // BLOCK_CELLS),
+        1: CellUse(fewest=MIN_MODULES, most=LONG_CHAIN - REACH_STEP, in_path=True),
     }
     if options.method == "blocks":
-        return reach
-    most = LONG_CHAIN - REACH_STEP
-    fitted = cells_reaching(solid, fewest=MIN_MODULES, most=most, in_path=True)
+        del uses[1]
+    reached = dict(zip(uses, cells_reaching(solid, tuple(uses.values())), strict=True))
     return {
-        level: min(filter(None, (count, cells and _rounded_up(cells))), default=None)
-        for (level, count), cells in zip(reach.items(), fitted.values(), strict=True)
+        level: min(
+            (
+                min(MAX_CELLS, _rounded_up(modules * number))
+                for modules, cells in reached.items()
+                if (number := cells[level]) is not None
+            ),
+            default=None,
+        )
+        for level in LEVELS
     }
 
 

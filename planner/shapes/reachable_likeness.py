@@ -7,6 +7,8 @@ to the solid comes close to it (decision 0033).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -38,21 +40,43 @@ PATH_LOSS: Final = (0.02, 0.5)
 cell, which is shared by all: short paths miss more of a solid that branches (decision 0033)."""
 
 
-def cells_reaching(
-    solid: Solid, *, fewest: int, most: int, in_path: bool = False
-) -> dict[float, int | None]:
-    """Return about how many cells reach each of ``LEVELS``; None if ``most`` do not.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CellUse:
+    """Use of cells by modules.
 
-    Args:
-        solid: The solid, as it shall stand.
+    Attributes:
         fewest: Smallest number of cells that may be used.
         most: Largest number of cells that may be used.
         in_path: True if the cells are those of a path that is fitted to the solid.
     """
-    reached: dict[float, int | None] = dict.fromkeys(LEVELS)
-    count, known = float(fewest), 0.0
+
+    fewest: int
+    most: int
+    in_path: bool = False
+
+    def loss(self, cells: int) -> float:
+        """Return the overlap (IoU) by which the use falls short of the best cells."""
+        return PATH_LOSS[0] + PATH_LOSS[1] / cells if self.in_path else 0.0
+
+
+def cells_reaching(solid: Solid, uses: Sequence[CellUse]) -> tuple[dict[float, int | None], ...]:
+    """Return, for each use, about how many cells reach each of ``LEVELS``; None if ``most`` do not.
+
+    Args:
+        solid: The solid, as it shall stand.
+        uses: Uses of the cells.
+    """
+    reached = tuple(dict[float, int | None].fromkeys(LEVELS) for _ in uses)
+    count, known = float(min(use.fewest for use in uses)), 0.0
     inside = InsidePoints(points=np.zeros((0, 3)), volume=0.0)
-    while count <= COUNT_STEPS[0] * most and None in reached.values():
+    while True:
+        open_uses = [
+            (use, cells)
+            for use, cells in zip(uses, reached, strict=True)
+            if count <= COUNT_STEPS[0] * use.most and None in cells.values()
+        ]
+        if not open_uses:
+            return reached
         if count > known and len(inside.points) < MAX_POINTS / 2:
             known = BAND * count
             inside = inside_points(solid, count=int(min(CELL_POINTS * known, MAX_POINTS)))
@@ -60,12 +84,12 @@ def cells_reaching(
         some = (inside.points - inside.points.min(axis=0)) / np.cbrt(inside.volume / count)
         shifts = np.outer(np.arange(SHIFT_COUNTS[is_large]), SHIFT_STEP) % 1.0
         best, iou = max((_best_set(some + shift, count) for shift in shifts), key=lambda x: x[1])
-        loss = PATH_LOSS[0] + PATH_LOSS[1] / best if in_path else 0.0
-        for level, cells in reached.items():
-            if cells is None and iou - loss >= level and best <= most:
-                reached[level] = max(best, fewest)
+        for use, cells in open_uses:
+            for level, number in cells.items():
+                fits = best <= use.most and count >= use.fewest
+                if number is None and fits and iou - use.loss(best) >= level:
+                    cells[level] = max(best, use.fewest)
         count *= COUNT_STEPS[is_large]
-    return reached
 
 
 def _best_set(points: Array, volume: float) -> tuple[int, float]:

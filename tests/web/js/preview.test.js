@@ -121,12 +121,13 @@ test("the reason why there is no path comes with a remedy", () => {
 test("a report says what is lost, and about how many modules are how much like the file", () => {
   assert.deepEqual([{}, { unused_bodies: [0.42] }, { keeps_parts: false }].map((more) => isLossy(report(more))), [false, true, true]);
   const reach = [{ likeness: 0.6, modules: 220 }, { likeness: 0.75, modules: 2400 }, { likeness: 0.9, modules: null }, { likeness: 0.95, modules: null }];
-  assert.deepEqual(reachOf(opened(), report({ reach })), [
+  const { ways, limit } = reachOf(opened(), report({ reach }));
+  assert.deepEqual(ways, [
     { text: "60\u00a0%: 220", label: "About 220 modules are 60\u00a0% like your file", change: { modules: 220 } },
     { text: "75\u00a0%: 2\u2009400", label: "About 2\u2009400 modules are 75\u00a0% like your file", change: { modules: 2400 } },
-    { text: "90\u00a0%: over 12\u2009000", label: "12\u2009000 modules are too few to be 90\u00a0% like your file", change: null },
   ]);
-  assert.deepEqual(reachOf(opened(), report({})), []);
+  assert.equal(limit, "Even 12\u2009000 modules are less than 90\u00a0% like your file. Thicker parts would help more.");
+  assert.deepEqual(reachOf(opened(), report({})), { ways: [], limit: "" });
 });
 
 test("each note is shown in one place", () => {

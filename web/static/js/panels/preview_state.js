@@ -258,20 +258,21 @@ export function oddWords({ has_path: path, feasibility }) {
 /** @param {Api.Preview} report */
 export function isLossy({ unused_bodies: unused = [], keeps_parts: keeps = null }) { return unused.length > 0 || keeps === false; }
 
-// Return about how many modules it takes to be how much like the file.
-// No number is enough for the last entry if it changes nothing.
+// Return about how many modules it takes to be how much like the file, and what helps if no number
+// is enough for more.
 /**
  * @param {Preview} preview
  * @param {Api.Preview} report
  */
 export function reachOf({ maxModules }, { reach = [] }) {
-  const tooMuch = reach.findIndex(({ modules }) => modules === null);
-  const told = tooMuch < 0 ? reach : reach.slice(0, tooMuch + 1);
-  return told.map(({ likeness, modules }) => (modules === null ? {
-    text: `${percent(likeness)}: over ${whole(maxModules)}`, label: `${whole(maxModules)} modules are too few to be ${percent(likeness)} like your file`, change: null,
-  } : {
-    text: `${percent(likeness)}: ${whole(modules)}`, label: `About ${whole(modules)} modules are ${percent(likeness)} like your file`, change: { modules },
-  }));
+  const ways = reach.flatMap(({ likeness, modules }) => (modules === null ? [] : [{
+    text: `${percent(likeness)}: ${whole(modules)}`, change: { modules },
+    label: `About ${whole(modules)} modules are ${percent(likeness)} like your file`,
+  }]));
+  const beyond = reach.find(({ modules }) => modules === null);
+  const limit = beyond
+    ? `Even ${whole(maxModules)} modules are less than ${percent(beyond.likeness)} like your file. Thicker parts would help more.` : "";
+  return { ways, limit };
 }
 
 // Return the notes on the cells: their repair, their missing order, and all others.

@@ -119,17 +119,17 @@ export function showReport(preview, report, onChange) {
   document.title = `${name}, preview · foldback`;
   showTrouble(troubleOf(preview, report), onChange);
   write({
-    name, verdict: verdictOf(report), got: text, iou, likeness, candidates, knot, long: preview.warning, "odd-text": odd, "repaired-text": repaired, unordered,
+    name, verdict: verdictOf(report), got: text, "reach-limit": reach.limit, iou, likeness, candidates, knot, long: preview.warning, "odd-text": odd, "repaired-text": repaired, unordered,
     fold: foldWords(report),
   });
   hide({
-    what: chain, how: chain || kind === "path", "method-part": noCubes, "method-hint": noCubes, "modules-part": kind !== "mesh", "iou-part": !iou, "reach-part": !reach.length, "likeness-meaning": !iou,
+    what: chain, how: chain || kind === "path", "method-part": noCubes, "method-hint": noCubes, "modules-part": kind !== "mesh", "iou-part": !iou, "reach-part": !reach.ways.length, "reach-limit": !reach.limit, "likeness-meaning": !iou,
     trouble: path, odd: !odd, "odd-cells": !odd, "to-add": true, repaired: !repaired, unordered: !unordered,
     legend: !path, "were-added": !report.added?.length, layers: false,
   });
   get("nearest").replaceChildren(...counts.map((modules) => button("", whole(modules), () => onChange({ modules }), { title: "A nearby number of modules that may work" })));
   get("match").dataset.tone = isLossy(report) ? "bad" : "";
-  get("reach").replaceChildren(...reach.map(({ text: words, label, change }) => button("", words, () => { if (change) onChange(change); }, { "aria-label": label, title: label, ...(!change && { disabled: true }) })));
+  get("reach").replaceChildren(...reach.ways.map(({ text: words, label, change }) => button("", words, () => onChange(change), { "aria-label": label, title: label })));
   get("notes").replaceChildren(...others.map((note) => element("li", {}, note)));
   get("iou-part").style.setProperty("--share", String(report.iou ?? 0));
   get("knot").title = knotHint;
