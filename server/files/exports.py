@@ -70,6 +70,8 @@ def _written(path: Path, export: Export) -> bytes:
     try:
         return export.write(Plan.load(path))
     except InputError as error:
+        if error.code == "too-many-steps":
+            raise TooLarge(error.code, error.detail) from error
         raise NotFound("no-such-artifact", error.detail, where=error.where) from error
 
 

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import re
 import shutil
 import threading
 from collections.abc import Coroutine
@@ -11,7 +12,9 @@ from typing import Any
 
 import pytest
 
+from planner.exports import leaflet
 from planner.exports.formats import EXPORTS, export_named
+from planner.file_names import PLAN
 from planner.output_directory import FILE_LIST
 from server.errors import NoRoom, NotFound, TooLarge, Unavailable
 from server.files import exports as exports_module
@@ -22,9 +25,11 @@ from server.store.fold_files import EXPORTS_DIR
 from server.store.fold_source import Found
 from server.store.folds import NoSuchFoldError, Store
 from server.store.tables import FoldRow
+from tests.planner.chains import coil
+from tests.planner.plans import resting, turn_by_turn
 from tests.server.cli.test_command_line import foldback_json
 from tests.server.rows import add_fold
-from tests.server.service_process import FinishedFold
+from tests.server.service_process import SNAKE, FinishedFold, Service, path_file
 from words.fold import ShownFold
 
 OFFERED = [export for export in EXPORTS if not export.resting]
@@ -141,11 +146,59 @@ def test_plans_too_large_for_the_service_are_refused_with_advice(
     store: Store, fold: FoldRow, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(exports_module, "MAX_EXPORTED_PLAN_BYTES", 10_000)
-    for name in ("csv", "mcap", "json"):
+    for name in ("csv", "mcap", "json", "leaflet"):
         with pytest.raises(TooLarge) as refused:
             export_fold(store, fold, name)
         assert "foldback export" in refused.value.detail
     assert export_fold(store, fold, "urdf").is_file()
+
+
+def test_leaflets_of_too_many_steps_are_refused_with_advice(
+    store: Store, fold: FoldRow, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(NotFound) as refused:
+        export_fold(store, fold, "leaflet")
+    assert "expected one made by the strategy turns" in refused.value.detail
+    chain = coil(8)
+    resting(chain, turn_by_turn(chain, 1)).save(store.directory(fold.id) / PLAN)
+    assert export_fold(store, fold, "leaflet-html").is_file()
+    monkeypatch.setattr(leaflet, "MAX_DRAWN_MODULES", 8)
+    for name in ("leaflet", "leaflet-letter"):
+        with pytest.raises(TooLarge) as too_large:
+            export_fold(store, fold, name)
+        assert (too_large.value.code, "step document" in too_large.value.detail) == (
+            "too-many-steps",
+            True,
+        )
+
+
+HOSTILE_NAME = "</title><script>alert(1)</script>) >> /OpenAction << /S /JavaScript /JS (x) \\"
+"""Name that would start scripts if a leaflet took it for HTML or PDF syntax."""
+
+
+def test_leaflets_take_a_hostile_name_for_text(service: Service) -> None:
+    data = path_file(SNAKE, name=HOSTILE_NAME)
+    accepted = service.upload("snake.json", data, strategy="turns").json()
+    assert service.wait_over(accepted["id"])["status"] == "verified"
+    api = f"/api/folds/{accepted['id']}"
+    listed = {one["name"]: one for one in service.http.get(f"{api}/exports").json()["exports"]}
+    for name in ("leaflet", "leaflet-letter", "leaflet-html"):
+        answer = service.http.get(listed[name]["href"])
+        assert answer.status_code == 200, answer.text
+        assert answer.headers["content-type"] == listed[name]["media_type"]
+        assert re.fullmatch(
+            r'attachment; filename="[\w.-]+"', answer.headers["content-disposition"]
+        )
+        odd = {"size": "9" * 400, "name": "../../folds", "steps": "1e999"}
+        assert service.http.get(listed[name]["href"], params=odd).content == answer.content
+        if name == "leaflet-html":
+            assert "<script" not in answer.text and "&lt;script&gt;" in answer.text
+            continue
+        syntax = re.sub(rb"stream\r?\n.*?endstream", b"", answer.content, flags=re.DOTALL)
+        syntax = re.sub(rb"\((?:\\.|[^\\()])*\)", b"", syntax, flags=re.DOTALL)
+        assert b"/Title" in syntax
+        for action in (b"/JS", b"/JavaScript", b"/OpenAction", b"/AA", b"/URI", b"/Launch"):
+            assert action not in syntax
 
 
 def test_downloads_of_a_plan_without_frames_leave_out_motion(store: Store, fold: FoldRow) -> None:

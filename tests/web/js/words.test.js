@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { countFromOne, refusalWords } from "../../../web/static/js/lib/api.js";
-import { verdictOf } from "../../../web/static/js/panels/owned_cards.js";
+import { factsOf, verdictOf } from "../../../web/static/js/panels/owned_cards.js";
 import { preparingWords, remaining } from "../../../web/static/js/panels/preparing.js";
 import { duration, newtonMetres, number, radians, si, whole } from "../../../web/static/js/lib/text.js";
 import { degrees } from "../../../web/static/js/panels/module_panel.js";
@@ -75,4 +75,12 @@ test("while the share is unknown, the text does not mention a first start", () =
   assert.equal(preparingWords({ fraction: 0, remaining_s: null }), "Starting the folding software…");
   assert.equal(verdictOf({ status: "queued", stage: null, summary: {}, progress: { preparing: { fraction: 0.42, remaining_s: 25 } } }).text, "Preparing the folding software: 42 %");
   assert.match(preparingWords({ fraction: 0.42, remaining_s: 25 }), /^First start: .*, 42 % done\. .* · about 25 s left$/);
+});
+
+test("the card of a fold says how much it is like its file", () => {
+  const fold = { modules: 1600, module: "cube", preset: "default", world: "table", created_at: new Date().toISOString(), public: true };
+  const facts = (summary) => factsOf({ ...fold, summary });
+  assert.equal(facts({ likeness: { iou: 0.744 } }), "1\u2009600 modules · 74\u00a0% like the file · on a table · just now · in the gallery");
+  assert.equal(facts({ likeness: null }), facts({}));
+  assert.doesNotMatch(facts({}), /file/);
 });

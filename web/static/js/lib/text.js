@@ -11,6 +11,13 @@ export const STAGES = {
 /** @param {number} value */
 export const whole = (value) => Math.round(value).toLocaleString("en").replaceAll(",", "\u2009");
 
+// A share as a whole percentage, as in words/likeness.py: one above 0 is never 0 %, one below 1 never 100 %.
+/** @param {number} share */
+export function percent(share) {
+  if (share > 0 && share < 0.01) return "less than 1\u00a0%";
+  return `${share < 1 ? Math.min(99, Math.round(100 * share)) : 100}\u00a0%`;
+}
+
 // `SI_PREFIXES` of words/quantities.py, by their power of ten; `si` there gives the same texts.
 /** @type {Record<number, string>} */
 const SI_PREFIXES = { [-12]: "p", [-9]: "n", [-6]: "µ", [-3]: "m", 0: "", 3: "k" };

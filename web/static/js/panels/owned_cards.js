@@ -1,6 +1,6 @@
 // Cards of items made with this browser: folds, previews, movies.
 import { ask, askUntil, remove } from "../lib/api.js";
-import { at, button, copyText, element, sentence, STAGES, toast, whole, wordsOf } from "../lib/text.js";
+import { at, button, copyText, element, percent, sentence, STAGES, toast, whole, wordsOf } from "../lib/text.js";
 import { confirmed, renamed } from "./dialogs.js";
 
 const S = 1000;
@@ -50,6 +50,16 @@ export function verdictOf({ status, stage, progress, summary }) {
 // server/pages/cards.py.
 /** @param {Pick<Api.Fold, "preset" | "world">} fold */
 const methodWords = ({ preset, world }) => [METHODS[preset] ?? "", world === "table" ? "on a table" : ""].filter(Boolean).join(", ");
+
+// Return facts about a fold: size, likeness to its file, method, age, and how long it is kept.
+/** @param {Api.Fold} fold */
+export function factsOf(fold) {
+  const { likeness } = /** @type {{ likeness?: { iou: number } | null }} */ (fold.summary);
+  return [
+    `${whole(fold.modules)} ${PLURALS[fold.module] ?? "modules"}`, likeness ? `${percent(likeness.iou)} like the file` : "",
+    methodWords(fold), ago(fold.created_at), fold.public ? "in the gallery" : fold.expires_at && expiryOf(fold.expires_at),
+  ].filter(Boolean).join(" · ");
+}
 
 const runs = (/** @type {{ status: string }} */ { status }) => status === "queued" || status === "running";
 
@@ -146,8 +156,7 @@ export class FoldCard extends Card {
     this.title.replaceChildren(element("a", { href: fold.links.page }, fold.title));
     this.verdict.textContent = text;
     this.verdict.dataset.status = tone;
-    const kept = fold.public ? "in the gallery" : fold.expires_at && expiryOf(fold.expires_at);
-    this.facts.textContent = [`${whole(fold.modules)} ${PLURALS[fold.module] ?? "modules"}`, methodWords(fold), ago(fold.created_at), kept].filter(Boolean).join(" · ");
+    this.facts.textContent = factsOf(fold);
   }
 
   offer() {

@@ -1,6 +1,6 @@
 // State of a preview page, without the page: the options,
 // their report, and the values derived from both.
-import { sentence, whole, wholeTime } from "../lib/text.js";
+import { percent, sentence, whole, wholeTime } from "../lib/text.js";
 
 /** Minimum number of modules that the service folds. */
 const MIN_MODULES = 8;
@@ -180,13 +180,6 @@ export class Preview {
 }
 
 // Texts of the page about a report.
-
-// A share as a whole percentage, as in words/likeness.py: one above 0 is never 0 %, one below 1 never 100 %.
-/** @param {number} share */
-export function percent(share) {
-  if (share > 0 && share < 0.01) return "less than 1\u00a0%";
-  return `${share < 1 ? Math.min(99, Math.round(100 * share)) : 100}\u00a0%`;
-}
 
 // What is missing of the file and what is outside of it; empty without a likeness.
 /** @param {Api.Preview["likeness"]} likeness */
