@@ -15,7 +15,7 @@ from planner.chain.path import Path
 from planner.errors import InputError
 from planner.kernels.backbite import grow
 from planner.path_fit.fit import FittedPath, PathFit, fit_path
-from planner.path_fit.fit_table import SIDES, fit_on_table
+from planner.path_fit.fit_table import MAX_TABLE_FITTED_MODULES, SIDES, fit_on_table
 from planner.pathfinding.filled_shape import FilledShape
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import index_of, neighbours, surface
@@ -56,10 +56,16 @@ def fill_fitted(
             found with exactly the requested number; ``not-a-cell`` for a start that is no cell of
             the path.
     """
-    modules = _modules(options)
+    modules = DEFAULT_MODULES if options.modules is None else options.modules
+    if modules > MAX_FITTED_MODULES:
+        raise InputError(
+            "wrong-count",
+            f"got {modules} modules with the method '{METHOD}', expected at most "
+            f"{MAX_FITTED_MODULES}; use fewer modules or the method 'blocks'.",
+        )
     exact = options.method == "exact"
     ladder, fit = _fit(solid, modules, seed, exact=exact, quick=quick)
-    if options.method == "exact":
+    if exact:
         check_exact(len(fit.paths[0].cells), modules)
     voxels = _voxels(ladder, fit.paths[0], modules)
     orders = _orders(fit.paths)
@@ -80,12 +86,12 @@ def fill_for_table(
 
     Returns:
         The cells of the path, and the chains, the one that should fold most easily first; all of
-        them lie in the same lattice. None if no path for a table was found.
-
-    Raises:
-        InputError: ``wrong-count`` for more modules than can be fitted.
+        them lie in the same lattice. None for more than ``MAX_TABLE_FITTED_MODULES`` modules, or
+        if no path for a table was found.
     """
-    modules = _modules(options)
+    modules = DEFAULT_MODULES if options.modules is None else options.modules
+    if modules > MAX_TABLE_FITTED_MODULES:
+        return None
     ladder = Ladder(solid, SIDES)
     fits = fit_on_table(ladder, modules, seed=seed)
     if not fits:
@@ -95,17 +101,6 @@ def fill_for_table(
     paths = tuple(fit.fitted for fit in fits)
     voxels = _voxels(ladder, paths[0], modules)
     return voxels, _filled(voxels, _orders(paths), notes=notes)
-
-
-def _modules(options: PathOptions) -> int:
-    modules = DEFAULT_MODULES if options.modules is None else options.modules
-    if modules > MAX_FITTED_MODULES:
-        raise InputError(
-            "wrong-count",
-            f"got {modules} modules with the method '{METHOD}', expected at most "
-            f"{MAX_FITTED_MODULES}; use fewer modules or the method 'blocks'.",
-        )
-    return modules
 
 
 def check_exact(count: int, modules: int) -> None:

@@ -27,6 +27,7 @@ from planner.path_fit.fit import (
     schedule,
 )
 from planner.path_fit.placements import MARGIN, Counts, Placement, Turn, best_placements
+from planner.pathfinding.path_options import MAX_TABLE_MODULES
 from planner.shapes.lattice_fits import Ladder
 from planner.table_paths.base_sides import SIDE_ROTATIONS
 from planner.table_paths.rules import rule_violations
@@ -39,6 +40,11 @@ PLACEMENTS_PER_SIDE: Final = 2
 HEIGHT_COSTS: Final = (0.0, 0.05, 0.05, 0.05, 0.1, 0.1)
 """Cost of a cell for each layer between it and the lowest one, in cells; one annealing in each
 placement for each of them (decision 0038)."""
+FEW_COSTS: Final = HEIGHT_COSTS[:2]
+"""The same for more than ``MAX_TABLE_MODULES`` modules: a walk along the path checks each accepted
+move, so the processor time grows with the square of their number."""
+MAX_TABLE_FITTED_MODULES: Final = 200
+"""Maximum number of modules of a path that is fitted for a table: about 5 s of processor time."""
 MOVES_PER_CELL: Final = 600
 """Moves of each annealing, for each cell of the requested number."""
 DIFFICULTY_OF_IOU: Final = 20.0
@@ -75,10 +81,11 @@ def fit_on_table(ladder: Ladder, modules: int, *, seed: int = 0) -> tuple[TableF
         The paths; empty if no path that was found keeps the rules.
     """
     counts = Counts(low=int(np.ceil(MIN_SHARE * modules)), high=modules)
+    costs = HEIGHT_COSTS if modules <= MAX_TABLE_MODULES else FEW_COSTS
     fits = [
         fit
         for k, (down, placement) in enumerate(_placements(ladder, counts, seed))
-        for run, height_cost in enumerate(HEIGHT_COSTS)
+        for run, height_cost in enumerate(costs)
         if (fit := _annealed(down, placement, counts, height_cost, [seed, k, run])) is not None
     ]
     ranked = sorted(fits, key=lambda fit: fit.cost)

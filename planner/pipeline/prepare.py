@@ -138,12 +138,21 @@ class Preparation:
         raise InputError("no-path", got + remedy)
 
     def _nearest_on_table(self) -> str:
-        """Return a sentence on the nearest of given cells with a path for a table, or nothing."""
+        """Return a sentence on the nearest cells or number with a path for a table, or nothing."""
+        from planner.path_fit.fit_table import MAX_TABLE_FITTED_MODULES
         from planner.table_paths.mending import nearest_words
 
-        if self.shape is None or self.solid is not None or self.options.repair:
+        if self.shape is None or self.options.repair:
             return ""
-        return nearest_words(self.shape.cells)
+        if self.solid is None:
+            return nearest_words(self.shape.cells)
+        modules = DEFAULT_MODULES if self.options.modules is None else self.options.modules
+        if self.options.method != "auto" or modules <= MAX_TABLE_FITTED_MODULES:
+            return ""
+        return (
+            f" With at most {MAX_TABLE_FITTED_MODULES} modules, the cells are chosen together with "
+            "a path for a table."
+        )
 
     def _nearest(self, state: Feasibility) -> str:
         """Return the nearest sets of cells that have a path, to follow a colon."""

@@ -7,7 +7,12 @@ import trimesh
 from planner.errors import InputError
 from planner.path_fit.fill_fitted import check_exact, fill_fitted
 from planner.path_fit.fit import FittedPath, fit_path, ranked
-from planner.path_fit.fit_table import SIDES, cost_of, fit_on_table
+from planner.path_fit.fit_table import (
+    MAX_TABLE_FITTED_MODULES,
+    SIDES,
+    cost_of,
+    fit_on_table,
+)
 from planner.pathfinding.path_options import PathOptions
 from planner.pipeline.prepare import (
     MIN_FITTED_GAIN,
@@ -82,18 +87,21 @@ def test_auto_fits_a_path_for_a_table() -> None:
     assert len(made.chains) == len(made.likenesses)
     for chain in made.chains:
         check_for_table(chain)
-    assert (prepared(torus(), **ring).cells == made.cells).all()
-
-
-def test_paths_for_a_table_are_flat_and_alike() -> None:
     fits = fit_on_table(Ladder(solid_of(torus()), SIDES), 32)
     costs = [fit.cost for fit in fits]
     assert len(fits) > 1 and costs == sorted(costs)
     path = fits[0].fitted
+    assert (path.cells - path.cells.min(axis=0) == made.cells).all()
     assert cost_of(path.cells, path.iou) == fits[0].cost
     assert cost_of(path.cells, path.iou - 0.1) == pytest.approx(costs[0] + 2.0)
     # A ring of 32 cells lies in one or two layers.
     assert np.ptp(path.cells[:, 2]) <= 1
+
+
+def test_refusal_of_many_modules_on_a_table_names_the_number_that_works() -> None:
+    made = prepared(torus(), modules=MAX_TABLE_FITTED_MODULES + 1, world="table")
+    with pytest.raises(InputError, match=f"With at most {MAX_TABLE_FITTED_MODULES} modules"):
+        _ = made.chain
 
 
 def test_on_a_table_an_easier_path_through_voxels_stays() -> None:
