@@ -160,7 +160,7 @@ def test_leaflets_of_too_many_steps_are_refused_with_advice(
         export_fold(store, fold, "leaflet")
     assert "expected one made by the strategy turns" in refused.value.detail
     chain = coil(8)
-    resting(chain, turn_by_turn(chain, 1)).save(store.directory(fold.id) / PLAN)
+    resting(chain, turn_by_turn(chain, 1)).save_npz(store.directory(fold.id) / PLAN)
     assert export_fold(store, fold, "leaflet-html").is_file()
     monkeypatch.setattr(leaflet, "MAX_DRAWN_MODULES", 8)
     for name in ("leaflet", "leaflet-letter"):
@@ -197,8 +197,7 @@ def test_leaflets_take_a_hostile_name_for_text(service: Service) -> None:
         syntax = re.sub(rb"stream\r?\n.*?endstream", b"", answer.content, flags=re.DOTALL)
         syntax = re.sub(rb"\((?:\\.|[^\\()])*\)", b"", syntax, flags=re.DOTALL)
         assert b"/Title" in syntax
-        for action in (b"/JS", b"/JavaScript", b"/OpenAction", b"/AA", b"/URI", b"/Launch"):
-            assert action not in syntax
+        assert not re.search(rb"/(JS|JavaScript|OpenAction|AA|URI|Launch)\b", syntax)
 
 
 def test_downloads_of_a_plan_without_frames_leave_out_motion(store: Store, fold: FoldRow) -> None:
