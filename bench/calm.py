@@ -1,12 +1,12 @@
 """Calm motion: how the hinges of default folds move, compared with explosions that are not calm.
 
-``python -m bench.calm [MAX_MODULES]`` folds only shapes of up to so many cubes; 64 take about two
-minutes of the processor, the default about fifteen.
+``python -m bench.calm [MAX_MODULES]`` folds only chains of up to so many cubes.
 """
 
 from __future__ import annotations
 
 import sys
+from math import prod
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import Any, Final
@@ -16,17 +16,22 @@ from rich.console import Console
 
 from bench.machine import processor_seconds
 from bench.measured_tables import Section
+from bench.success_map.__main__ import path_of
 from planner.chain.module import CUBE
+from planner.chain.path import Path
 from planner.explosion.simultaneous import MAX_STRAIGHT_HINGE_RAD
 from planner.pipeline.request import FoldRequest
 from planner.pipeline.stages import run_stages
 from planner.pipeline.warm_up import warm_up
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
-from planner.readers.gallery import GalleryShape, gallery
+from planner.plan.shape_writers import write_path
+from planner.readers.gallery import gallery
 
 MAX_MODULES: Final = 160
-"""Largest number of cubes of the gallery shapes that are folded."""
+"""Largest number of cubes of the chains that are folded."""
+RANDOM_BOXES: Final = ((4, 4, 4), (4, 4, 6), (4, 5, 6), (4, 6, 6), (4, 4, 10))
+"""Sides of the boxes, in cells, that are also folded along a random path each."""
 STRATEGIES: Final = ("auto", "simultaneous")
 """Strategies that are compared: the default, and the explosion that is not calm."""
 MAX_MEDIAN_TRAVEL: Final = 1.6
@@ -36,13 +41,21 @@ COMPARED: Final = ("travel", "moving mean", "moving max", "reversals", "held", "
 
 
 def calm(reference_seconds: float, max_modules: int = MAX_MODULES) -> Section:
-    """Fold gallery shapes of cubes by default, and with the explosion that is not calm."""
+    """Fold gallery shapes and random paths by default, and with the explosion that is not calm."""
     section = Section(name="calm")
     warm_up()
-    shapes = [each for each in gallery() if each.module == CUBE.name]
-    shapes = [shape for shape in shapes if shape.modules <= max_modules]
+    shapes = [
+        (shape.name, shape.data)
+        for shape in gallery()
+        if shape.module == CUBE.name and shape.modules <= max_modules
+    ]
+    shapes += [
+        (f"random {sides}", _random_path(sides))
+        for sides in RANDOM_BOXES
+        if prod(sides) <= max_modules
+    ]
     runs = {
-        strategy: [_row(shape, strategy, reference_seconds) for shape in shapes]
+        strategy: [_row(name, data, strategy, reference_seconds) for name, data in shapes]
         for strategy in STRATEGIES
     }
     verified: dict[str, list[dict[str, Any]]] = {}
@@ -65,20 +78,27 @@ def calm(reference_seconds: float, max_modules: int = MAX_MODULES) -> Section:
     return section
 
 
-def _row(shape: GalleryShape, strategy: str, reference_seconds: float) -> dict[str, Any]:
+def _random_path(sides: tuple[int, int, int]) -> bytes:
+    """Return the file of a random path through all cells of a box."""
+    cells = path_of("random", sides, 0)
+    assert cells is not None, f"a box of {sides} has random paths"
+    return write_path(Path.from_cells([tuple(cell) for cell in cells.tolist()], name="box"))
+
+
+def _row(name: str, data: bytes, strategy: str, reference_seconds: float) -> dict[str, Any]:
     before_s = processor_seconds()
     with TemporaryDirectory() as aside:
         directory = FilePath(aside)
-        request = FoldRequest(filename=shape.filename, strategy=strategy)
-        Workspace(directory).write_request(request, shape.data)
+        request = FoldRequest(filename="path.json", strategy=strategy)
+        Workspace(directory).write_request(request, data)
         run_stages(directory, workers=1)
         plan = Plan.load(directory / "plan.npz")
     seconds = processor_seconds() - before_s
     found = plan.certificate
     straight = int((np.abs(plan.chain.folded_rad) < MAX_STRAIGHT_HINGE_RAD).sum())
     return {
-        "shape": shape.name,
-        "modules": shape.modules,
+        "shape": name,
+        "modules": len(plan.chain),
         "asked": strategy,
         "strategy": plan.attempts[-1]["strategy"],
         "attempts": len(plan.attempts),

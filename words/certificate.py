@@ -132,11 +132,11 @@ def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
         ("Simulated robots", robots(certificate)),
         *margin_rows(certificate),
         *(_row(certificate, figure) for figure in MOTION_FIGURES),
-        *_calm_rows(certificate),
+        *_motion_rows(certificate),
     ]
 
 
-def _calm_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
+def _motion_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
     """Return how far the hinges travel, and how often they turn back."""
     travel, reversals = certificate.get("travel_ratio"), certificate.get("reversals_mean")
     count, largest = certificate.get("detours"), certificate.get("largest_detour_rad")

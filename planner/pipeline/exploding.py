@@ -12,6 +12,7 @@ from planner.parameters.parameters import AUTO, Parameters
 from planner.pipeline.attempt import Attempt, Trial
 from planner.pipeline.attempt_pool import AttemptPool
 from planner.pipeline.job import Job, Result, Search, Watch
+from planner.pipeline.preference import CALM
 from planner.plan.plan import Plan
 from planner.progress import Progress
 from planner.robot.smoothed_plan import smoothed_record
@@ -32,7 +33,8 @@ def with_explosion(
             recorded = search.results[trial.smooths].plan(job.request)
         source = recorded or job.recorded
         assert source is not None
-        record = smooth(source, trial, parameters, watch)
+        calm = job.request.prefer == CALM
+        record = smooth(source, trial, parameters, watch, calm=calm)
     elif parameters.explosion is not None:
         pool.schedule(job.policy, search.history, trial)
         record = pool.collect(watch.timeline, watch.progress, watch.cancelled)
@@ -69,7 +71,9 @@ def explode(chain: Chain, trial: Trial, parameters: Parameters, watch: Watch) ->
     return record
 
 
-def smooth(recorded: Plan, trial: Trial, parameters: Parameters, watch: Watch) -> Record:
+def smooth(
+    recorded: Plan, trial: Trial, parameters: Parameters, watch: Watch, *, calm: bool
+) -> Record:
     """Return the record of a smoothed plan; no frame of it is shown before it is played back."""
 
     def report(part: float) -> None:
@@ -81,6 +85,7 @@ def smooth(recorded: Plan, trial: Trial, parameters: Parameters, watch: Watch) -
         trial.strategy,
         size=parameters.module_size,
         seed=trial.seed,
+        calm=calm,
         told=report,
         cancelled=watch.cancelled,
     )

@@ -80,6 +80,7 @@ def smoothed_record(
     *,
     size: float,
     seed: int,
+    calm: bool = False,
     told: Callable[[float], None] | None = None,
     cancelled: Cancelled = never,
 ) -> Record:
@@ -90,6 +91,7 @@ def smoothed_record(
         way: One of ``WAYS``.
         size: Module size that it is to be verified at, as a fraction of the pitch.
         seed: Seed of all random numbers.
+        calm: True if hinges are to make few detours, see ``smooth``.
         told: Receives the fraction that is done, after each part.
         cancelled: Returns True to stop; the motion found so far is then taken.
     """
@@ -99,7 +101,14 @@ def smoothed_record(
     if way != RECORDED:
         looks = MAX_EVALUATIONS if way == SMOOTHED else SOFTENED_EVALUATIONS
         angles = smooth(
-            plan.chain, angles, size=size, seed=seed, looks=looks, told=told, cancelled=cancelled
+            plan.chain,
+            angles,
+            size=size,
+            seed=seed,
+            looks=looks,
+            calm=calm,
+            told=told,
+            cancelled=cancelled,
         ).angles
     count = len(angles)
     stopped = cancelled()

@@ -1,12 +1,13 @@
 """Smoothing: a shorter and quieter motion between the same two configurations, as clear as before.
 
 Each pass draws a simpler motion: straight lines between some frames, or a running mean of every
-hinge over many. It is followed as far as it is clear. The relative pose of two modules depends on
-the hinges between them alone, so where two come too close only those hinges return to their former
-angles, around those frames; all others keep the new ones. These are shortcuts of any part of the
-chain in any part of the motion (Geraerts, Overmars: Creating high-quality paths for motion
-planning, 2007; Hauser, Ng-Thow-Hing: Fast smoothing of manipulator trajectories using optimal
-bounded-acceleration shortcuts, 2010), with the part chosen by collisions instead of at random.
+hinge over many; a calm motion at first without detours of hinges beyond their first and last angle.
+It is followed as far as it is clear. The relative pose of two modules depends on the hinges between
+them alone, so where two come too close only those hinges return to their former angles, around
+those frames; all others keep the new ones. These are shortcuts of any part of the chain in any part
+of the motion (Geraerts, Overmars: Creating high-quality paths for motion planning, 2007; Hauser,
+Ng-Thow-Hing: Fast smoothing of manipulator trajectories using optimal bounded-acceleration
+shortcuts, 2010), with the part chosen by collisions instead of at random.
 
 A shorter motion may need more torque: straight lines have kinks, simulated motions have none. So
 the cost of a motion is its length plus the time that it takes with bounded torque.
@@ -19,6 +20,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from math import inf
 from typing import Final
 
 import numpy as np
@@ -31,7 +33,15 @@ from planner.clearance.sweep import Sweep, sweep
 from planner.errors import InputError
 from planner.kernels.smoothing import mark_blamed_hinges, write_displacements
 from planner.progress import Cancelled, never
-from planner.robot.smoothing_targets import along, mean, parts, softened, straight, worthwhile
+from planner.robot.smoothing_targets import (
+    along,
+    direct,
+    mean,
+    parts,
+    softened,
+    straight,
+    worthwhile,
+)
 
 MAX_EVALUATIONS: Final = 20_000
 """Maximum number of configurations of the chain that smoothing checks for collisions in one motion;
@@ -59,6 +69,9 @@ SIMPLIFIED_PARTS: Final = (1, 3, 6, 12, 24, 48)
 """Numbers of parts into which smoothing divides a motion, in this order; each part is replaced by a
 straight line or a mean if that is clear. Larger numbers smooth finer details, more slowly.
 Chosen."""
+CALM_PARTS: Final = 12
+"""Number of parts over which a motion without detours is averaged, so that hinges do not stop
+suddenly: docs/decisions/0034-calm-motion.md."""
 MIN_PART_FRAMES: Final = 4
 """Minimum mean number of frames of the parts into which smoothing divides a motion; it is divided
 no further. Smaller values smooth finer details, more slowly. Chosen."""
@@ -128,6 +141,7 @@ def smooth(
     size: float,
     seed: int = 0,
     looks: int = MAX_EVALUATIONS,
+    calm: bool = False,
     told: Callable[[float], None] | None = None,
     cancelled: Cancelled = never,
 ) -> Smoothed:
@@ -142,6 +156,7 @@ def smooth(
         seed: Seed of the starts of straight lines.
         looks: Approximate maximum number of configurations to check. One costs some 0.6 µs of
             processor time for each cube, three times as much for each tetrahedron.
+        calm: True if hinges are to make few detours, even at the cost of torque.
         told: Receives the used fraction of ``looks``, after each part.
         cancelled: Returns True to stop; the motion found so far is then taken.
 
@@ -157,7 +172,7 @@ def smooth(
         )
     angles = np.ascontiguousarray(angles, dtype=np.float64)
     run = _Smoothing(chain, angles, size, looks, np.random.default_rng(seed), told)
-    return Smoothed(angles=run.smoothed(cancelled), looks=run.looks)
+    return Smoothed(angles=run.smoothed(cancelled, calm=calm), looks=run.looks)
 
 
 def spacing_of(length_rad: float) -> float:
@@ -191,19 +206,28 @@ class _Smoothing:
         self.spacing = spacing_of(length)
         self.torque_weight = 0.0
 
-    def smoothed(self, cancelled: Cancelled) -> Array:
-        """Return the (F, J) best motion found."""
+    def smoothed(self, cancelled: Cancelled, *, calm: bool) -> Array:
+        """Return the (F, J) best motion found, if ``calm`` after detours have been removed."""
         best = self._resampled(self.given)
         if len(best) < MIN_PART_FRAMES:
             return best
         lengths, costs = self._measured(best)
         unit = costs.sum() / max(float(self._efforts(best, lengths).sum()), MIN_EFFORT)
+        if calm:
+            best = self._without_detours(best)
         whole = self.most_looks
         for share, weight in TORQUE_WEIGHTS:
             self.most_looks = int(share * whole)
             self.torque_weight = weight * unit
             best = self._cheaper(best, cancelled)
         return best
+
+    def _without_detours(self, angles: Array) -> Array:
+        """Return the (F, J) motion with hinges between their first and last angle, where clear."""
+        everywhere = np.ones(len(angles), dtype=np.bool_)
+        target = mean(direct(angles), CALM_PARTS)
+        found = self._followed(angles, target, everywhere, inf)
+        return angles if found is None else self._refined(found)
 
     def _cheaper(self, best: Array, cancelled: Cancelled) -> Array:
         """Return the (F, J) motion after passes until they gain too little."""

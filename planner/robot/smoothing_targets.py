@@ -30,6 +30,15 @@ def straight(angles: Array, parts: Ints) -> Array:
     return along(angles[parts], parts.astype(np.float64), np.arange(len(angles) * 1.0))
 
 
+def direct(angles: Array) -> Array:
+    """Return (F, J) angles that stay between those of the first and of the last frame.
+
+    So a hinge that is straight in both stays straight.
+    """
+    ends = angles[[0, -1]]
+    return np.clip(angles, ends.min(axis=0), ends.max(axis=0))
+
+
 def mean(angles: Array, pieces: int) -> Array:
     """Return the (F, J) running mean over a part of the motion; the ends are kept."""
     reach = max(1, len(angles) // (2 * pieces))

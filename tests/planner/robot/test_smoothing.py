@@ -8,6 +8,7 @@ from planner.kernels.smoothing import mark_blamed_hinges
 from planner.playback.reference_curve import record_lengths
 from planner.robot.motion_quality import Quality
 from planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
+from planner.robot.smoothing_targets import direct
 from tests.planner.chains import Array, coil, line, random_angles
 from tests.planner.conftest import Folded
 
@@ -55,6 +56,24 @@ def test_detour_is_removed() -> None:
     shortest = np.abs(ends[1] - ends[0]).sum()
     assert travel(angles) > 1.5 * shortest
     assert travel(found.angles) < 1.1 * shortest
+
+
+def test_calm_motion_keeps_hinges_between_their_first_and_last_angle() -> None:
+    motion = np.array([[0.0, 0.2, 0.1], [0.3, 0.5, 0.2], [-0.1, 0.1, 0.5], [0.0, 0.4, 0.3]])
+    expected = [[0.0, 0.2, 0.1], [0.0, 0.4, 0.2], [0.0, 0.2, 0.3], [0.0, 0.4, 0.3]]
+    np.testing.assert_array_equal(direct(motion), expected)
+    # One hinge bends; another one leaves straight and returns.
+    chain = line(8)
+    angles = np.zeros((60, len(chain.folded_rad)))
+    angles[:, 3] = np.linspace(0.0, 1.0, 60)
+    angles[:, 8] = 0.3 * np.sin(np.linspace(0.0, np.pi, 60))
+    angles[-1, 8] = 0.0
+    # One evaluation allows no pass but the first.
+    calm, usual = (smooth(chain, angles, size=0.95, looks=1, calm=c).angles for c in (True, False))
+    third = len(calm) // 3
+    assert len(calm) > 40
+    assert np.abs(calm[third:-third, 8]).max() < 1e-9
+    assert np.abs(usual[:, 8]).max() > 0.25
 
 
 def test_motions_of_few_frames_are_kept() -> None:
