@@ -27,7 +27,7 @@ from planner.progress import STAGES
 from planner.readers.gallery import Gallery
 
 
-@takes("preset", "settings", "seed", "module_size")
+@takes("preset", "settings", "seed", "module_size", "strategy", "at_once")
 def refold(
     *,
     start: Annotated[

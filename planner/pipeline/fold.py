@@ -102,6 +102,8 @@ def refold(
     seed: int = 0,
     module_size: float | None = None,
     settings: str = "",
+    strategy: str = AUTO,
+    at_once: int | None = None,
     directory: str | FilePath | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
@@ -111,7 +113,8 @@ def refold(
     Args:
         start: Plan of the shape that the chain starts as; of a refold, the shape that it ends as.
         shape: A path through as many cells as the chain has modules, or a chain like it.
-        preset, seed, module_size, settings, directory, progress, cancelled: See ``fold``.
+        preset, seed, module_size, settings, strategy, at_once, directory, progress, cancelled: See
+            ``fold``; they say how the other shape is folded.
 
     Returns:
         One plan from the one shape over straight to the other, verified or not.
@@ -126,6 +129,8 @@ def refold(
         seed=seed,
         module_size=module_size,
         settings=settings,
+        strategy=strategy,
+        at_once=at_once,
         refold=True,
     )
     watch = Watch(progress=progress, cancelled=cancelled)

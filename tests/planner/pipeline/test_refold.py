@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+import foldback_check
 from planner.certificate.certificate import Place, certify
 from planner.certificate.frame_metrics import write_figures
 from planner.certificate.metrics_store import Figures
@@ -28,6 +29,7 @@ from planner.pipeline.stages import run_stage
 from planner.pipeline.workspace import Workspace
 from planner.plan.plan import Plan
 from planner.plan.shape_writers import write_path
+from planner.plan.steps import steps_of
 from planner.playback.playback import Playback, play_back
 from planner.playback.unfolding import check_fits
 from planner.verification.verify import verify
@@ -67,6 +69,20 @@ def copy(folder: FilePath, tmp_path: FilePath) -> FilePath:
 
 def straight(plan: Plan) -> int:
     return int((plan.phase == UNFOLDING).sum())
+
+
+def test_refold_by_turns_rests_from_shape_to_shape(tmp_path: FilePath) -> None:
+    plan = refold(fold(SQUARE, strategy="turns"), HAIRPIN, strategy="turns", at_once=1)
+    assert plan.certificate.verdict == "verified (simulated)"
+    bent = [np.count_nonzero(Chain.from_path(path).folded_rad) for path in (SQUARE, HAIRPIN)]
+    steps = steps_of(plan)
+    assert steps.turn_count == sum(bent)
+    # Without a limit the first plan unfolds in fewer steps than turns.
+    assert len(steps.steps) < sum(bent)
+    assert max(len(step.turns) for step in steps.steps[-bent[1] :]) == 1
+    assert not steps.rests_rad[-1 - bent[1]].any()
+    plan.save_npz(tmp_path / "plan.npz")
+    assert foldback_check.check(str(tmp_path / "plan.npz"))["verdict"] == "proved"
 
 
 @pytest.mark.slow
