@@ -10,6 +10,7 @@ import numpy as np
 
 from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
+from planner.explosion.blocking import no_quarter_turn
 from planner.motion.angle_encoding import quantised
 from planner.motion.motion import Motion
 from planner.motion.record import Record, RecordStatus, Spent
@@ -52,10 +53,12 @@ def unfold_in_turns(
     status: RecordStatus = "straight"
     reason, spent, expanded = "", None, 0
     if isinstance(turns, NoTurns):
-        status, reason, spent = _failure(chain, turns)
+        status, reason, spent = _failure(chain, turns, size)
         frames, rests, expanded = turns.last_rad, None, turns.expanded
-    else:
+    elif turns.hinges:
         frames, rests = _between(turns.rest_angles_rad[::-1])
+    else:  # a straight chain has no turns to rest between
+        frames, rests = np.repeat(turns.rest_angles_rad, 2, axis=0), None
     root = chain.folded_poses
     motion = Motion.from_frames(
         phase="explosion",
@@ -78,23 +81,24 @@ def unfold_in_turns(
     )
 
 
-def _failure(chain: Chain, search: NoTurns) -> tuple[RecordStatus, str, Spent | None]:
+def _failure(chain: Chain, search: NoTurns, size: float) -> tuple[RecordStatus, str, Spent | None]:
     """Return the status, reason and used-up limit of a search without a result."""
     if search.outcome == "cancelled":
         return "cancelled", "the search for turns was cancelled", None
-    if search.outcome == "blocked":
-        count = len(chain.folded_rad)
-        turns = 2 * count - np.count_nonzero(chain.folded_rad)
+    # Modules that only come too near in a turn do not block it: the search has ended all the same.
+    blocked = no_quarter_turn(chain, size=size) if search.outcome == "blocked" else None
+    if blocked is not None:
         return (
             "stalled",
-            f"none of the {turns} quarter turns of the {count} hinges is free in the folded state",
+            f"none of the {len(blocked.turns)} quarter turns of the {len(chain.folded_rad)} hinges "
+            "is free in the folded state",
             None,
         )
     bent = int((np.abs(search.last_rad[-1]) > 0.0).sum())
     return (
         "stalled",
         f"the search for turns ended with {bent} hinges still bent, after it had tried the turns "
-        f"of {search.expanded} states",
+        f"of {search.expanded} {'state' if search.expanded == 1 else 'states'}",
         Spent(kind="turns", allowed=search.expanded, used=search.expanded),
     )
 

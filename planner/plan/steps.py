@@ -180,9 +180,13 @@ def steps_of(plan: Plan) -> Steps:
     """Return the steps of a plan.
 
     Raises:
-        InputError: ``no-steps`` if the plan does not rest between steps.
+        InputError: ``no-steps`` if the plan does not rest between steps, or nothing turns.
     """
     frames = rest_frames(plan.playback)
+    if len(frames) < 2 and not plan.motion.angles_rad.any():
+        raise InputError(
+            "no-steps", "got a plan of a straight chain, expected one in which hinges turn."
+        )
     if len(frames) < 2:
         raise InputError(
             "no-steps",

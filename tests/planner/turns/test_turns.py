@@ -7,10 +7,12 @@ import pytest
 
 import foldback_check
 from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.explosion.blocking import no_quarter_turn
+from planner.explosion.turning import unfold_in_turns
 from planner.kernels.cube_turns import turning_gap
 from planner.pipeline.fold import fold
 from planner.pipeline.request import FoldRequest
@@ -134,6 +136,23 @@ def test_plan_rests_at_frames_and_is_proved(tmp_path: FilePath) -> None:
     assert np.abs(quarters - np.rint(quarters)).max() < 1e-6
     plan.save_npz(tmp_path / "plan.npz")
     assert foldback_check.check(str(tmp_path / "plan.npz"))["verdict"] == "proved"
+
+
+def test_straight_chain_folds_without_a_step() -> None:
+    plan = fold(Path.from_cells([(k, 0, 0) for k in range(3)], name="line"), strategy="turns")
+    assert plan.certificate.verdict == "verified (simulated)"
+    with pytest.raises(InputError, match="straight chain"):
+        steps_of(plan)
+
+
+def test_modules_that_only_come_too_near_do_not_block_a_turn() -> None:
+    # Full-size tetrahedra touch each other, so no turn keeps any distance.
+    angles = np.array([np.pi / 2, -np.pi / 2])
+    record = unfold_in_turns(
+        Chain.from_angles(TETRAHEDRON, angles), "turns", size=1.0, at_once=None, seed=0
+    )
+    assert record.status == "stalled" and "free" not in record.reason
+    assert record.spent is not None and record.spent.kind == "turns"
 
 
 def test_hinges_at_once_are_for_turns_only() -> None:
