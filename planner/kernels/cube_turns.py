@@ -9,13 +9,17 @@ cube stays in its layer, and the question whether two cubes meet is one of two s
 from __future__ import annotations
 
 from math import sqrt
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
 from planner.kernels import INNER, KERNEL, TABLE_FULL, ZERO, Levels
+
+BORDER: Final = 2
+"""Number of empty cells on each side of a state in its grid, so that all cells beside one that
+touches the state are in the grid."""
 
 
 class SweptCells(NamedTuple):
@@ -150,8 +154,8 @@ class Scratch(NamedTuple):
         axes: (N, 3, 3) axes of each module as columns: ``axes[i, :, 0]`` is its x axis.
         grid: (G,) number of the module in each cell of the box around a state, plus 1; else 0.
         contacts: (N,) number of pairs of touching modules on either side of each module's joint.
-        nearest, farthest: (N + 2,) smallest and largest distance of the modules at rest in each
-            layer from the axis of a turn.
+        nearest, farthest: (N + 2 · ``BORDER``,) smallest and largest distance of the modules at
+            rest in each layer from the axis of a turn.
     """
 
     cells: NDArray[np.int64]
@@ -189,20 +193,6 @@ def _place(levels: Levels, cells: NDArray[np.int64], axes: NDArray[np.int64]) ->
             axes[i, r, 1] = y
             axes[i, r, 2] = z
             cells[i, r] = cells[i - 1, r] + x
-
-
-@njit(**INNER)
-def _near(
-    grid: NDArray[np.int16],
-    sizes: NDArray[np.int64],
-    x: int,
-    y: int,
-    z: int,
-) -> int:
-    """Return the module in a cell, or −1."""
-    if x < 0 or y < 0 or z < 0 or x >= sizes[0] or y >= sizes[1] or z >= sizes[2]:
-        return -1
-    return int(grid[(x * sizes[1] + y) * sizes[2] + z]) - 1
 
 
 @njit(**INNER)
@@ -292,13 +282,13 @@ def _turns_free(
 
 @njit(**INNER)
 def _fill(state: Scratch, sizes: NDArray[np.int64]) -> bool:
-    """Move the cells of a state into a box from 0 on and fill its grid; return False if too big."""
+    """Move the cells of a state into a box and fill its grid; return False if it is too big."""
     cells = state.cells
     for r in range(3):
-        low = cells[:, r].min()
+        low = cells[:, r].min() - BORDER
         for i in range(cells.shape[0]):
             cells[i, r] -= low
-        sizes[r] = cells[:, r].max() + 1
+        sizes[r] = cells[:, r].max() + 1 + BORDER
     if sizes[0] * sizes[1] * sizes[2] > state.grid.shape[0]:
         return False
     for i in range(cells.shape[0]):
@@ -321,14 +311,9 @@ def _count_contacts(state: Scratch, sizes: NDArray[np.int64]) -> int:
     across[:] = 0
     total = 0
     for i in range(cells.shape[0]):
-        for r in range(3):
-            j = _near(
-                state.grid,
-                sizes,
-                cells[i, 0] + (r == 0),
-                cells[i, 1] + (r == 1),
-                cells[i, 2] + (r == 2),
-            )
+        at = (cells[i, 0] * sizes[1] + cells[i, 1]) * sizes[2] + cells[i, 2]
+        for step in (sizes[1] * sizes[2], sizes[2], 1):
+            j = int(state.grid[at + step]) - 1
             if j >= 0 and abs(i - j) > 1:
                 total += 1
                 # The joint of module k lies between modules k and k + 1.
@@ -341,7 +326,11 @@ def _count_contacts(state: Scratch, sizes: NDArray[np.int64]) -> int:
 
 @njit(**INNER)
 def _contacts_after(state: Scratch, sizes: NDArray[np.int64], turn: NDArray[np.int64]) -> int:
-    """Count pairs of a moved and a resting module that touch after a turn and are not linked."""
+    """Count pairs of a moved and a resting module that touch after a turn and are not linked.
+
+    Returns:
+        The number of pairs, or −1 if two modules share a cell.
+    """
     k = turn[0]
     u = turn[1]
     sign = turn[2]
@@ -349,23 +338,22 @@ def _contacts_after(state: Scratch, sizes: NDArray[np.int64], turn: NDArray[np.i
     w = (u + 2) % 3
     far = turn[3] > k
     cells = state.cells
-    at = np.empty(3, np.int64)
+    strides = (sizes[1] * sizes[2], sizes[2], 1)
     count = 0
     for i in range(turn[3], turn[4]):
-        at[u] = cells[i, u]
-        at[v] = cells[k, v] - sign * (cells[i, w] - cells[k, w])
-        at[w] = cells[k, w] + sign * (cells[i, v] - cells[k, v])
-        for r in range(3):
-            if at[r] < -1 or at[r] > sizes[r]:
-                break
-        else:
-            for r in range(3):
-                for step in (-1, 1):
-                    at[r] += step
-                    j = _near(state.grid, sizes, at[0], at[1], at[2])
-                    at[r] -= step
-                    if j >= 0 and (j <= k) == far and abs(i - j) > 1:
-                        count += 1
+        b = cells[k, v] - sign * (cells[i, w] - cells[k, w])
+        c = cells[k, w] + sign * (cells[i, v] - cells[k, v])
+        if b < 1 or c < 1 or b >= sizes[v] - 1 or c >= sizes[w] - 1:
+            continue
+        at = cells[i, u] * strides[u] + b * strides[v] + c * strides[w]
+        j = int(state.grid[at]) - 1
+        if j >= 0 and (j <= k) == far:
+            return -1
+        for stride in strides:
+            for place in (at - stride, at + stride):
+                j = int(state.grid[place]) - 1
+                if j >= 0 and (j <= k) == far and abs(i - j) > 1:
+                    count += 1
     return count
 
 
@@ -401,44 +389,71 @@ def _turn_of(
 
 
 @njit(**KERNEL)
-def try_turns(
-    levels: Levels, room: float, table: SweptCells, scratch: Scratch, contacts: NDArray[np.int64]
-) -> int:
-    """Find all clear quarter turns of a state, and the number of touching pairs after each.
+def count_contacts(levels: Levels, scratch: Scratch, contacts: NDArray[np.int64]) -> None:
+    """Count the touching pairs that are not linked after each turn of a state, clear or not.
 
     Args:
         levels: (J,) levels of the state.
-        room: Distance that modules must keep, pitches.
-        table: Swept cells; missing rows are entered.
         scratch: Arrays for the work.
-        contacts: (J, 2) receives the number of touching pairs that are not linked after each hinge
-            has turned by −90° and by 90°; −1 if that turn is not clear.
-
-    Returns:
-        0, or ``TABLE_FULL``.
+        contacts: (J, 2) receives the number of pairs after each hinge has turned by −90° and by
+            90°; −1 where it cannot, or where two modules would be in the same cell.
     """
     sizes = np.zeros(3, np.int64)
     turn = np.zeros(5, np.int64)
     contacts[:] = -1
     _place(levels, scratch.cells, scratch.axes)
     if not _fill(scratch, sizes):
-        return 0
+        return
     touching = _count_contacts(scratch, sizes)
     for hinge in range(len(levels)):
         for change in (-1, 1):
             if abs(levels[hinge] + change) > 1:
                 continue
             _turn_of(scratch, levels, hinge, change, turn)
-            free = _turns_free(scratch, sizes, turn, table, room)
-            if free == TABLE_FULL:
-                _clear(scratch, sizes)
-                return TABLE_FULL
-            if free:
-                contacts[hinge, (change + 1) // 2] = (
-                    touching - scratch.contacts[turn[0]] + _contacts_after(scratch, sizes, turn)
-                )
+            after = _contacts_after(scratch, sizes, turn)
+            if after >= 0:
+                after += touching - scratch.contacts[turn[0]]
+            contacts[hinge, (change + 1) // 2] = after
     _clear(scratch, sizes)
-    return 0
+
+
+@njit(**KERNEL)
+def test_turns(
+    levels: Levels,
+    hinges: NDArray[np.int64],
+    changes: NDArray[np.int64],
+    room: float,
+    table: SweptCells,
+    scratch: Scratch,
+    clear: NDArray[np.bool_],
+) -> int:
+    """Test which turns of a state are clear.
+
+    Args:
+        levels: (J,) levels of the state, in which no two modules share a cell.
+        hinges, changes: (T,) hinge of each turn, and −1 or 1.
+        room: Distance that modules must keep, pitches.
+        table: Swept cells; missing rows are entered.
+        scratch: Arrays for the work.
+        clear: (T,) receives True for turns that are clear.
+
+    Returns:
+        0, or ``TABLE_FULL``.
+    """
+    sizes = np.zeros(3, np.int64)
+    turn = np.zeros(5, np.int64)
+    _place(levels, scratch.cells, scratch.axes)
+    _fill(scratch, sizes)
+    result = 0
+    for t in range(len(hinges)):
+        _turn_of(scratch, levels, hinges[t], changes[t], turn)
+        free = _turns_free(scratch, sizes, turn, table, room)
+        if free == TABLE_FULL:
+            result = TABLE_FULL
+            break
+        clear[t] = free == 1
+    _clear(scratch, sizes)
+    return result
 
 
 @njit(**KERNEL)
@@ -455,7 +470,7 @@ def clear_turns(
     Args:
         start: (J,) levels of the state.
         hinges, changes: (T,) hinge of each turn, and −1 or 1.
-        room, table, scratch: As in ``try_turns``.
+        room, table, scratch: As in ``test_turns``.
 
     Returns:
         Number of turns before the first that is not clear, T if all are; or ``TABLE_FULL``.
@@ -496,7 +511,8 @@ def without_overlaps(states: Levels, scratch: Scratch) -> NDArray[np.bool_]:
         # Of two modules in one cell, only the number of the later one is still there.
         for i in range(scratch.cells.shape[0]):
             cell = scratch.cells[i]
-            if _near(scratch.grid, sizes, cell[0], cell[1], cell[2]) != i:
+            at = (cell[0] * sizes[1] + cell[1]) * sizes[2] + cell[2]
+            if scratch.grid[at] != i + 1:
                 apart[s] = False
                 break
         _clear(scratch, sizes)

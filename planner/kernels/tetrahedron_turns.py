@@ -401,7 +401,11 @@ def _turns_free(
 
 @njit(**INNER)
 def _contacts_after(state: Scratch, hinge: int, change: int) -> int:
-    """Count pairs on either side of a hinge that touch after a turn and are not linked."""
+    """Count pairs on either side of a hinge that touch after a turn and are not linked.
+
+    Returns:
+        The number of pairs, or −1 if two modules share a cell.
+    """
     nodes = state.nodes
     n = state.axes.shape[0]
     axis = 0
@@ -425,6 +429,12 @@ def _contacts_after(state: Scratch, hinge: int, change: int) -> int:
             turned[end, axis] = node[axis]
             turned[end, v] = centre[v] - sign * (node[w] - centre[w])
             turned[end, w] = centre[w] + sign * (node[v] - centre[v])
+        key = _cell_key(
+            turned[0, 0] + turned[1, 0], turned[0, 1] + turned[1, 1], turned[0, 2] + turned[1, 2]
+        )
+        at = _slot(state, key)
+        if state.cells[at] == key and (state.modules[at] <= hinge) == far:
+            return -1
         along = 0
         for r in range(1, 3):
             if turned[0, r] != turned[1, r]:
@@ -438,40 +448,61 @@ def _contacts_after(state: Scratch, hinge: int, change: int) -> int:
 
 
 @njit(**KERNEL)
-def try_turns(
-    levels: Levels, room: float, table: TurningGaps, scratch: Scratch, contacts: Ints
-) -> int:
-    """Find all clear quarter turns of a state, and the number of touching pairs after each.
+def count_contacts(levels: Levels, scratch: Scratch, contacts: Ints) -> None:
+    """Count the touching pairs that are not linked after each turn of a state, clear or not.
 
     Args:
         levels: (J,) levels of the state.
+        scratch: Arrays for the work.
+        contacts: (J, 2) receives the number of pairs after each hinge has turned by −90° and by
+            90°; −1 where it cannot, or where two modules would be in the same cell.
+    """
+    contacts[:] = -1
+    _place(levels, scratch)
+    if not _fill(scratch):
+        return
+    touching = _count_contacts(scratch)
+    for hinge in range(len(levels)):
+        for change in (-1, 1):
+            if abs(levels[hinge] + change) > 1:
+                continue
+            after = _contacts_after(scratch, hinge, change)
+            if after >= 0:
+                after += touching - scratch.contacts[hinge]
+            contacts[hinge, (change + 1) // 2] = after
+
+
+@njit(**KERNEL)
+def test_turns(
+    levels: Levels,
+    hinges: Ints,
+    changes: Ints,
+    room: float,
+    table: TurningGaps,
+    scratch: Scratch,
+    clear: NDArray[np.bool_],
+) -> int:
+    """Test which turns of a state are clear.
+
+    Args:
+        levels: (J,) levels of the state, in which no two modules share a cell.
+        hinges, changes: (T,) hinge of each turn, and −1 or 1.
         room: Distance that modules must keep, pitches.
         table: Turning gaps; missing ones are entered.
         scratch: Arrays for the work.
-        contacts: (J, 2) receives the number of touching pairs that are not linked after each hinge
-            has turned by −90° and by 90°; −1 if that turn is not clear.
+        clear: (T,) receives True for turns that are clear.
 
     Returns:
         0, or ``TABLE_FULL``.
     """
     pair = np.zeros((2, 3), np.int64)
-    contacts[:] = -1
     _place(levels, scratch)
-    if not _fill(scratch):
-        return 0
-    touching = _count_contacts(scratch)
-    for hinge in range(len(levels)):
-        _see(scratch, hinge)
-        for change in (-1, 1):
-            if abs(levels[hinge] + change) > 1:
-                continue
-            free = _turns_free(scratch, hinge, change, table, room, pair)
-            if free == TABLE_FULL:
-                return TABLE_FULL
-            if free:
-                contacts[hinge, (change + 1) // 2] = (
-                    touching - scratch.contacts[hinge] + _contacts_after(scratch, hinge, change)
-                )
+    for t in range(len(hinges)):
+        _see(scratch, hinges[t])
+        free = _turns_free(scratch, hinges[t], changes[t], table, room, pair)
+        if free == TABLE_FULL:
+            return TABLE_FULL
+        clear[t] = free == 1
     return 0
 
 
@@ -489,7 +520,7 @@ def clear_turns(
     Args:
         start: (J,) levels of the state.
         hinges, changes: (T,) hinge of each turn, and −1 or 1.
-        room, table, scratch: As in ``try_turns``.
+        room, table, scratch: As in ``test_turns``.
 
     Returns:
         Number of turns before the first that is not clear, T if all are; or ``TABLE_FULL``.

@@ -10,7 +10,7 @@ import numpy as np
 from planner.arrays import Ints
 from planner.kernels import Levels
 from planner.progress import Cancelled, never
-from planner.turns.turning import Children, Keys, Turning
+from planner.turns.turning import Keys, Turning, Turns
 
 CONTACT_WEIGHT: Final = 0.5
 """Weight of a pair of touching modules in the score of a state; a bent hinge counts 1. With 0.5 all
@@ -93,37 +93,54 @@ def unfold(
     while beam.any(axis=1).all():
         if cancelled():
             return Unfolded(outcome="cancelled", states=trail.to(beam[0], 0), expanded=expanded)
-        children = turning.expand(beam, keys, codes, room=room, weight=CONTACT_WEIGHT)
+        turns = turning.turns(beam, keys, codes, weight=CONTACT_WEIGHT)
         expanded += len(beam)
-        chosen = _best(children, visited, width, random)
-        score = float(children.score[chosen].min(initial=np.inf))
+        order = np.argsort(turns.score + MAX_JITTER * random.random(len(turns.score)))
+        chosen = _first_clear(turning, beam, turns, order, visited, room=room, count=width)
+        score = float(turns.score[chosen].min(initial=np.inf))
         improves = score < lowest
         since = 0 if improves else since + 1
         lowest = min(lowest, score)
         if since > PATIENCE_TURNS or not len(chosen):
             outcome = "blocked" if expanded == 1 else "stuck"
             return Unfolded(outcome=outcome, states=nearest, expanded=expanded)
-        parent, hinge = children.parent[chosen], children.hinge[chosen]
+        parent, hinge = turns.parent[chosen], turns.hinge[chosen]
         trail.add(parent, hinge, beam[parent, hinge])
         beam = beam[parent]
-        beam[np.arange(len(chosen)), hinge] = children.level[chosen]
-        keys = children.key[chosen]
+        beam[np.arange(len(chosen)), hinge] += turns.change[chosen].astype(np.int8)
+        keys = turns.key[chosen]
         if improves:
-            best = int(children.score[chosen].argmin())
+            best = int(turns.score[chosen].argmin())
             nearest = trail.to(beam[best], best)
     at = int(np.argmin(beam.any(axis=1)))
     return Unfolded(outcome="straight", states=trail.to(beam[at], at), expanded=expanded)
 
 
-def _best(children: Children, visited: set[int], width: int, random: np.random.Generator) -> Ints:
-    """Return the children with the lowest scores, each of a new state; note them as visited."""
-    scores = children.score + MAX_JITTER * random.random(len(children.score))
+def _first_clear(
+    turning: Turning,
+    beam: Levels,
+    turns: Turns,
+    order: Ints,
+    visited: set[int],
+    *,
+    room: float,
+    count: int,
+) -> Ints:
+    """Return the first clear turns in an order, each to a new state; note these as visited.
+
+    Turns are tested in blocks, so that few are tested where most are clear.
+    """
     chosen: list[int] = []
-    for k in np.argsort(scores, kind="stable").tolist():
-        key = int(children.key[k])
-        if key not in visited:
-            visited.add(key)
-            chosen.append(k)
-            if len(chosen) == width:
-                break
+    begin, size = 0, 2 * count
+    while begin < len(order) and len(chosen) < count:
+        block = order[begin : begin + size]
+        block = block[[key not in visited for key in turns.key[block].tolist()]]
+        clear = turning.are_clear(beam, turns, block, room=room)
+        for k in block[clear].tolist():
+            key = int(turns.key[k])
+            if key not in visited and len(chosen) < count:
+                visited.add(key)
+                chosen.append(k)
+        begin += size
+        size *= 2
     return np.array(chosen, np.int64)

@@ -10,10 +10,12 @@ from planner.arrays import Flags, Ints
 from planner.chain.chain import Chain
 from planner.kernels import Levels
 from planner.kernels.cube_turns import (
+    BORDER,
     Scratch,
     SweptCells,
     clear_turns,
-    try_turns,
+    count_contacts,
+    test_turns,
     without_overlaps,
 )
 from planner.turns.turning import Turning
@@ -49,14 +51,19 @@ class CubeTurning(Turning):
             cells=np.zeros((modules, 3), np.int64),
             axes=np.zeros((modules, 3, 3), np.int64),
             # The extents of a chain's box add up to at most its length and 2 for the corners.
-            grid=np.zeros((modules // 3 + 2) ** 3, np.int16),
+            grid=np.zeros(((modules + 4) // 3 + 2 * BORDER) ** 3, np.int16),
             contacts=np.zeros(modules, np.int64),
-            nearest=np.zeros(modules + 2),
-            farthest=np.zeros(modules + 2),
+            nearest=np.zeros(modules + 2 * BORDER),
+            farthest=np.zeros(modules + 2 * BORDER),
         )
 
-    def _try_turns(self, state: Levels, room: float, contacts: Ints) -> int:
-        return try_turns(state, room, self._table, self._scratch, contacts)
+    def _count_contacts(self, state: Levels, contacts: Ints) -> None:
+        count_contacts(state, self._scratch, contacts)
+
+    def _test_turns(
+        self, state: Levels, hinges: Ints, changes: Ints, room: float, clear: Flags
+    ) -> int:
+        return test_turns(state, hinges, changes, room, self._table, self._scratch, clear)
 
     def _clear_turns(self, start: Levels, hinges: Ints, changes: Ints, room: float) -> int:
         return clear_turns(start, hinges, changes, room, self._table, self._scratch)

@@ -13,7 +13,8 @@ from planner.kernels.tetrahedron_turns import (
     Scratch,
     TurningGaps,
     clear_turns,
-    try_turns,
+    count_contacts,
+    test_turns,
     without_overlaps,
 )
 from planner.turns.turning import Turning
@@ -53,8 +54,13 @@ class TetrahedronTurning(Turning):
             contacts=np.zeros(modules, np.int64),
         )
 
-    def _try_turns(self, state: Levels, room: float, contacts: Ints) -> int:
-        return try_turns(state, room, self._table, self._scratch, contacts)
+    def _count_contacts(self, state: Levels, contacts: Ints) -> None:
+        count_contacts(state, self._scratch, contacts)
+
+    def _test_turns(
+        self, state: Levels, hinges: Ints, changes: Ints, room: float, clear: Flags
+    ) -> int:
+        return test_turns(state, hinges, changes, room, self._table, self._scratch, clear)
 
     def _clear_turns(self, start: Levels, hinges: Ints, changes: Ints, room: float) -> int:
         return clear_turns(start, hinges, changes, room, self._table, self._scratch)

@@ -19,20 +19,20 @@ QUARTER_RAD: Final = np.pi / 2
 """Angle of a turn by one level, rad."""
 
 
-class Children(NamedTuple):
-    """Clear turns of some states.
+class Turns(NamedTuple):
+    """Turns of some states, clear or not.
 
     Attributes:
         parent: (M,) number of the state that turns.
         hinge: (M,) hinge that turns.
-        level: (M,) its level after the turn.
+        change: (M,) −1 or 1: change of its level.
         score: (M,) score of the new state, the lower the better; 0 if all hinges are straight.
         key: (M,) key of the new state.
     """
 
     parent: Ints
     hinge: Ints
-    level: Levels
+    change: Ints
     score: Array
     key: Keys
 
@@ -61,33 +61,54 @@ class Turning(ABC):
         self.cell_gap = 2.0 * chain.module.inner_radius * (1.0 - size)
         self.folded: Levels = np.rint(chain.folded_rad / QUARTER_RAD).astype(np.int8)
 
-    def expand(
-        self, states: Levels, keys: Keys, codes: Keys, *, room: float, weight: float
-    ) -> Children:
-        """Return all clear turns of some states.
+    def turns(self, states: Levels, keys: Keys, codes: Keys, *, weight: float) -> Turns:
+        """Return all turns of some states after which no two modules share a cell.
 
         Args:
             states: (B, J) levels.
             keys: (B,) key of each state.
             codes: (J, 3) random bits of each level of each hinge; the key of a state is the
                 exclusive or of those of its levels.
-            room: Distance that modules must keep, pitches.
             weight: Weight of a pair of touching modules in the score; a bent hinge counts 1.
         """
         contacts: Ints = np.empty((*states.shape, 2), np.int64)
         for k in range(len(states)):
-            self._with_table(lambda k=k: self._try_turns(states[k], room, contacts[k]))
+            self._count_contacts(states[k], contacts[k])
         parent, hinge, up = np.nonzero(contacts >= 0)
-        before = states[parent, hinge]
-        level = (before + 2 * up - 1).astype(np.int8)
-        bent = np.count_nonzero(states, axis=1)[parent] + np.abs(level) - np.abs(before)
-        return Children(
+        before = states[parent, hinge].astype(np.int64)
+        change = 2 * up - 1
+        after = before + change
+        bent = np.count_nonzero(states, axis=1)[parent] + np.abs(after) - np.abs(before)
+        return Turns(
             parent=parent,
             hinge=hinge,
-            level=level,
+            change=change,
             score=bent + weight * contacts[parent, hinge, up],
-            key=keys[parent] ^ codes[hinge, before + 1] ^ codes[hinge, level + 1],
+            key=keys[parent] ^ codes[hinge, before + 1] ^ codes[hinge, after + 1],
         )
+
+    def are_clear(self, states: Levels, turns: Turns, some: Ints, *, room: float) -> Flags:
+        """Return (T,) True for turns that are clear.
+
+        Args:
+            states: (B, J) levels.
+            turns: Turns of these states.
+            some: (T,) numbers of the turns that are tested.
+            room: Distance that modules must keep, pitches.
+        """
+        clear = np.zeros(len(some), np.bool_)
+        parents = turns.parent[some]
+        for parent in np.unique(parents).tolist():
+            rows = np.flatnonzero(parents == parent)
+            hinges, changes = turns.hinge[some[rows]], turns.change[some[rows]]
+            flags = np.zeros(len(rows), np.bool_)
+            self._with_table(
+                lambda state=states[parent], hinges=hinges, changes=changes, flags=flags: (
+                    self._test_turns(state, hinges, changes, room, flags)
+                )
+            )
+            clear[rows] = flags
+        return clear
 
     def pairs(self, state: Levels) -> Levels:
         """Return states that differ from one in two hinges that get straight, without overlaps.
@@ -123,8 +144,14 @@ class Turning(ABC):
         return result
 
     @abstractmethod
-    def _try_turns(self, state: Levels, room: float, contacts: Ints) -> int:
-        """Write the number of touching pairs after each turn, as the kernels ``try_turns`` do."""
+    def _count_contacts(self, state: Levels, contacts: Ints) -> None:
+        """Count touching pairs after each turn, as the kernels ``count_contacts`` do."""
+
+    @abstractmethod
+    def _test_turns(
+        self, state: Levels, hinges: Ints, changes: Ints, room: float, clear: Flags
+    ) -> int:
+        """Test which turns are clear, as the kernels ``test_turns`` do."""
 
     @abstractmethod
     def _clear_turns(self, start: Levels, hinges: Ints, changes: Ints, room: float) -> int:

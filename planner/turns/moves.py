@@ -1,0 +1,137 @@
+"""Moves: single turns, or pairs of turns at once, and proofs that they are clear."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from planner.arrays import Array
+from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
+from planner.clearance.sweep import ALLOWANCE_CAP, Between
+from planner.kernels import Levels
+from planner.kernels.clearance import least_separation
+from planner.kernels.pairs import near_pairs
+from planner.turns.turning import QUARTER_RAD, Turning
+
+PIECE_ORDER: Final = (4, 2, 6, 1, 3, 5, 7, 0)
+"""Order in which the eighths of a motion are checked: where turns get in each other's way, it is
+most often in the middle, and the first piece that is not clear ends the check."""
+
+SAMPLES: Final = (np.array([8, 4, 12, 2, 6, 10, 14, 1, 3, 5, 7, 9, 11, 13, 15, 0]) + 0.5) / 16
+"""Places on the way of a motion, 0 to 1, at which poses are looked at before it is proved, in the
+order in which they are looked at."""
+SAMPLE_GAP: Final = 2e-3
+"""Distance, pitches, beyond the room that modules keep at these places: between two places they may
+come somewhat nearer."""
+
+Turn = tuple[int, int]
+"""A hinge, and the change of its level."""
+Move = tuple[Turn, ...]
+"""Turns that are made at once: mostly one, or two where no single one is clear."""
+
+
+class RoomProof:
+    """Proofs that modules keep a distance while hinges turn.
+
+    Args:
+        chain: The chain.
+        turning: Its turns.
+        room: Distance that modules must keep, pitches.
+    """
+
+    def __init__(self, chain: Chain, turning: Turning, room: float) -> None:
+        self._turning = turning
+        self._room = room
+        self._proved: dict[tuple[bytes, bytes], bool] = {}
+        # Modules so much larger that they use up the room in front of a face keep apart only where
+        # the modules keep about that room.
+        self._size = turning.size + room / (2.0 * chain.module.inner_radius)
+        self._chain = chain
+        self._between = Between(chain, self._size)
+
+    def at_once(self, before: Levels, after: Levels) -> bool:
+        """Return True if the even motion between two states with (J,) levels is proved clear."""
+        key = (before.tobytes(), after.tobytes())
+        if key not in self._proved:
+            poses = _poses(before, after, np.linspace(0.0, 1.0, len(PIECE_ORDER) + 1))
+            self._proved[key] = all(
+                self._between.clearance(poses[k], poses[k + 1], ALLOWANCE_CAP) > 0.0
+                for k in PIECE_ORDER
+            )
+        return self._proved[key]
+
+    def seems_clear(self, before: Levels, after: Levels) -> bool:
+        """Return True if some poses of the motion between two states are clear: no proof.
+
+        That takes a tenth of the time of a proof.
+        """
+        module = self._chain.module
+        joints = np.flatnonzero(before != after) // module.hinges_per_joint + module.rigid_links
+        segments = np.searchsorted(joints, np.arange(len(self._chain)))
+        reach = 2.0 * module.radius * self._size + SAMPLE_GAP
+        poses = forward_kinematics(module, _poses(before, after, SAMPLES))
+        for positions, rotations in zip(poses.positions, poses.rotations, strict=True):
+            pairs = near_pairs(positions, reach, module.apart)
+            # Modules between which no hinge turns stay as they were.
+            pairs = pairs[segments[pairs[:, 0]] != segments[pairs[:, 1]]]
+            nearest = least_separation(
+                positions, rotations, pairs, module.hull, self._size, SAMPLE_GAP
+            )
+            if nearest[0] < SAMPLE_GAP:
+                return False
+        return True
+
+    def one_by_one(self, start: Levels, moves: list[Move]) -> bool:
+        """Return True if moves are clear, made one by one from a state with (J,) levels on."""
+        state = start.copy()
+        pairs: list[tuple[Levels, Levels]] = []
+        begin = 0
+        while begin < len(moves):
+            end = begin
+            while end < len(moves) and len(moves[end]) == 1:
+                end += 1
+            if end > begin:
+                turns = np.array([move[0] for move in moves[begin:end]], np.int64)
+                hinges, changes = turns.T.copy()
+                if self._turning.clear_turns(state, hinges, changes, room=self._room) < len(turns):
+                    return False
+                make(state, moves[begin:end])
+            if end < len(moves):
+                before = state.copy()
+                make(state, moves[end : end + 1])
+                pairs.append((before, state.copy()))
+            begin = end + 1
+        return all(self.at_once(*pair) for pair in pairs)
+
+
+def _poses(before: Levels, after: Levels, places: Array) -> Array:
+    """Return (P, J) angles at some places, 0 to 1, on the way from one state to another."""
+    start, end = QUARTER_RAD * before.astype(float), QUARTER_RAD * after.astype(float)
+    return start + places[:, None] * (end - start)
+
+
+def moves_between(states: Levels) -> list[Move]:
+    """Return the moves between (T + 1, J) levels; neighbours differ by what turns at once."""
+    differences: NDArray[np.int8] = np.diff(states, axis=0)
+    return [
+        tuple((hinge, int(row[hinge])) for hinge in np.flatnonzero(row).tolist())
+        for row in differences
+    ]
+
+
+def make(state: Levels, moves: list[Move]) -> None:
+    """Change the levels of a state by some moves."""
+    for move in moves:
+        for hinge, change in move:
+            state[hinge] += change
+
+
+def states_after(start: Levels, moves: list[Move]) -> Levels:
+    """Return (T + 1, J) levels: a state, and those after each of T moves."""
+    states = np.repeat(start[None], len(moves) + 1, axis=0)
+    for k, move in enumerate(moves):
+        make(states[k + 1 :].T, [move])
+    return states

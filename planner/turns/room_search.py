@@ -1,0 +1,126 @@
+"""Room search: the moves that unfold a chain, with as much room as can be found."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+
+from planner.chain.chain import Chain
+from planner.kernels import Levels
+from planner.progress import Cancelled, never
+from planner.turns.beam_search import Unfolded, unfold
+from planner.turns.moves import RoomProof
+from planner.turns.turning import Turning
+
+ROOM_SHARES: Final = (0.45, 0.35, 0.09, 0.01)
+"""Distances that modules must keep while they turn, as fractions of the gap between two cells; the
+first with which a sequence is found is taken. At a module size of 0.95 the largest is 0.0225 pitch,
+of which the certificate proves 0.02."""
+PAIR_WIDTH: Final = 4
+"""Width of the beam after two hinges have turned at once."""
+LAST_WIDTH: Final = 16
+"""Width of the beam if all else has failed, with the least room."""
+MAX_PAIRS: Final = 6
+"""Maximum number of times that two hinges turn at once in an attempt, where no single one leads
+on."""
+MAX_TRIED_PAIRS: Final = 4
+"""Maximum number of such pairs from which a search goes on, to take the one that gets farthest."""
+MAX_PAIR_PROOFS: Final = 400
+"""Maximum number of pairs of hinges whose motion is checked in an attempt."""
+
+
+class RoomSearch:
+    """Search for the moves that unfold a chain, with less and less room until one succeeds.
+
+    Args:
+        chain: The chain.
+        turning: Its turns.
+        pairs: True if two hinges may turn at once where no single one leads on.
+        seed: Seed of the search.
+        cancelled: Polled before each turn.
+
+    Attributes:
+        room: Distance that modules keep while they move, pitches.
+        expanded: Number of states whose turns were tried.
+    """
+
+    def __init__(
+        self,
+        chain: Chain,
+        turning: Turning,
+        *,
+        pairs: bool,
+        seed: int,
+        cancelled: Cancelled = never,
+    ) -> None:
+        self.room = 0.0
+        self.expanded = 0
+        self._chain = chain
+        self._turning = turning
+        self._pairs = pairs
+        self._seed = seed
+        self._cancelled = cancelled
+
+    def unfold(self) -> Unfolded:
+        """Return the first search that succeeds, or the one that got farthest."""
+        farthest: Unfolded | None = None
+        attempts = [(share, self._turning.width) for share in ROOM_SHARES]
+        for share, width in [*attempts, (ROOM_SHARES[-1], LAST_WIDTH)]:
+            self.room = share * self._turning.cell_gap
+            search = self._from(self._turning.folded[None], width)
+            if self._pairs:
+                search = self._with_pairs(search)
+            if search.outcome in ("straight", "cancelled"):
+                return search
+            if farthest is None or _bent(search) <= _bent(farthest):
+                farthest = search
+        assert farthest is not None
+        return farthest
+
+    def _from(self, states: Levels, width: int) -> Unfolded:
+        """Return a search that goes on from the last of some states."""
+        search = unfold(
+            self._turning,
+            states[-1],
+            room=self.room,
+            width=width,
+            seed=self._seed,
+            cancelled=self._cancelled,
+        )
+        self.expanded += search.expanded
+        if len(states) == 1:
+            return search
+        outcome = "stuck" if search.outcome == "blocked" else search.outcome
+        joined = np.concatenate([states[:-1], search.states])
+        return Unfolded(outcome=outcome, states=joined, expanded=search.expanded)
+
+    def _with_pairs(self, search: Unfolded) -> Unfolded:
+        """Return a search that goes on where one has ended, by turning two hinges at once there."""
+        proof = RoomProof(self._chain, self._turning, self.room)
+        proofs = 0
+        for _ in range(MAX_PAIRS):
+            if search.outcome in ("straight", "cancelled"):
+                break
+            farthest, tried = search, 0
+            for pair in self._turning.pairs(search.states[-1]):
+                proofs += 1
+                if proofs > MAX_PAIR_PROOFS or tried >= MAX_TRIED_PAIRS or self._cancelled():
+                    break
+                if not proof.at_once(search.states[-1], pair):
+                    continue
+                tried += 1
+                further = self._from(np.concatenate([search.states, pair[None]]), PAIR_WIDTH)
+                if further.outcome in ("straight", "cancelled"):
+                    return further
+                if _bent(further) < _bent(farthest):
+                    farthest = further
+            if farthest is search:
+                break
+            search = farthest
+        return search
+
+
+def _bent(search: Unfolded) -> int:
+    """Return the number of bent hinges where a search has ended."""
+    return int(np.count_nonzero(search.states[-1]))
