@@ -40,9 +40,11 @@ _SHORT_PENALTY: Final = 0.6
 that shorter paths do not last."""
 _RECORD_AFTER: Final = 3
 """A third of the moves passes, while the path is hot, before the best path is recorded."""
-_INLINED: Final[dict[str, Any]] = INNER | {"inline": "always"}
-"""Options of a move, which is inlined: a call would count references to all arrays, which takes as
-long as the move."""
+_BARE: Final[dict[str, Any]] = INNER | {"_nrt": False}
+"""Options of a kernel that creates no arrays. Their references are then not counted, which would
+take six times as long as the moves."""
+_INLINED: Final[dict[str, Any]] = _BARE | {"inline": "always"}
+"""Options of a move, which is inlined: calls make an annealing take half as long again."""
 _MULTIPLIER: Final = 0x5DEECE66D
 _INCREMENT: Final = 0xB
 _MASK: Final = (1 << 48) - 1
@@ -97,14 +99,14 @@ class _Links(NamedTuple):
     sums: Ints
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _draw(sums: Ints, count: int) -> int:
     """Return a random number below ``count``, which is at most 2¹⁶."""
     sums[_RANDOM] = (int(sums[_RANDOM]) * _MULTIPLIER + _INCREMENT) & _MASK
     return ((int(sums[_RANDOM]) >> 17) * count) >> 31
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _energy(field: Field, count: int, shared: int, cost: int) -> float:
     union = (field.volume + count) * FULL - shared
     energy = cost / FULL - field.target * shared / union
@@ -113,7 +115,7 @@ def _energy(field: Field, count: int, shared: int, cost: int) -> float:
     return energy
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _accepts(field: Field, path: _Links, count: int, fill: int, cost: int, limit: float) -> bool:
     """Change the sums if a change of the path is accepted."""
     sums = path.sums
@@ -129,13 +131,13 @@ def _accepts(field: Field, path: _Links, count: int, fill: int, cost: int, limit
     return True
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _join(path: _Links, a: int, b: int) -> None:
     path.after[a] = b
     path.before[b] = a
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _enter(path: _Links, cell: int) -> None:
     n = path.sums[_COUNT]
     path.slot[cell] = n
@@ -143,7 +145,7 @@ def _enter(path: _Links, cell: int) -> None:
     path.sums[_COUNT] = n + 1
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _leave(path: _Links, cell: int) -> None:
     n = path.sums[_COUNT] - 1
     last = path.cells[n]
@@ -155,7 +157,7 @@ def _leave(path: _Links, cell: int) -> None:
     path.sums[_COUNT] = n
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _reverse(path: _Links, first: int, last: int) -> None:
     """Reverse the stretch from ``first`` to ``last``, and its links to the rest."""
     after, before = path.after, path.before
@@ -247,7 +249,7 @@ def _corner(field: Field, path: _Links, limit: float) -> bool:
     return True
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _lengthen(path: _Links, at_tail: bool, cell: int) -> None:
     if at_tail:
         _join(path, path.sums[_TAIL], cell)
@@ -258,7 +260,7 @@ def _lengthen(path: _Links, at_tail: bool, cell: int) -> None:
     _enter(path, cell)
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _shorten(path: _Links, at_tail: bool) -> None:
     if at_tail:
         end = path.sums[_TAIL]
@@ -359,7 +361,7 @@ def _changed(field: Field, path: _Links, kind: int, limit: float) -> bool:
     return _move_ends(field, path, kind, limit)
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _rises(path: _Links) -> bool:
     """Return True if a path never descends, begins flat and never turns back above itself."""
     at = path.sums[_HEAD]
@@ -380,7 +382,7 @@ def _rises(path: _Links) -> bool:
     return True
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _store(path: _Links, order: Ints) -> None:
     """Write the cells in the order of the path."""
     at = path.sums[_HEAD]
@@ -389,7 +391,7 @@ def _store(path: _Links, order: Ints) -> None:
         at = path.after[at]
 
 
-@njit(**INNER)
+@njit(**_BARE)
 def _load(field: Field, path: _Links, order: Ints, count: int) -> None:
     """Replace the path by ``count`` cells in their order."""
     sums = path.sums
@@ -443,10 +445,23 @@ def anneal(
     _load(field, path, start, start.shape[0])
     path.sums[_RANDOM] = (seed ^ _MULTIPLIER) & _MASK
     accepted = np.zeros(MOVES, dtype=np.int64)
+    orders = np.empty((2, room), dtype=np.int64)
+    best, count = _walk(field, schedule, path, rises, accepted, orders[0], orders[1])
+    return orders[0, :count].copy(), best, accepted
+
+
+@njit(**_BARE)
+def _walk(
+    field: Field,
+    schedule: Schedule,
+    path: _Links,
+    rises: bool,
+    accepted: Ints,
+    best_order: Ints,
+    last_order: Ints,
+) -> tuple[float, int]:
     best = np.inf
-    best_order = np.empty(room, dtype=np.int64)
     best_count = ZERO
-    last_order = np.empty(room, dtype=np.int64)
     last_count = path.sums[_COUNT]
     _store(path, last_order)
     temperature = schedule.hot
@@ -475,4 +490,4 @@ def anneal(
         best = _energy(field, path.sums[_COUNT], path.sums[_SHARED], path.sums[_COST])
         best_count = path.sums[_COUNT]
         _store(path, best_order)
-    return best_order[:best_count].copy(), best, accepted
+    return best, best_count
