@@ -26,10 +26,12 @@ class Cloud:
     Attributes:
         points: (p, 3) points, in the solid's units.
         each: Volume that a point stands for.
+        vertices: (v, 3) vertices of the solid.
     """
 
     points: Array
     each: float
+    vertices: Array
 
     @property
     def volume(self) -> float:
@@ -42,8 +44,8 @@ def cloud(
 ) -> Cloud:
     """Return about ``count`` points inside a solid.
 
-    They are the points of a grid that is turned against the solid, each moved at random within its
-    sample. A search over lattices can therefore not fit the grid instead of the solid.
+    They are the points of a grid that is turned against the solid. A search over lattices can
+    therefore not fit the grid instead of the solid.
 
     Args:
         solid: The solid.
@@ -68,8 +70,8 @@ def cloud(
         numbers, sizes = parts_of(inside)
         inside = numbers == int(np.argmax(sizes)) + 1
     at = np.argwhere(inside)
-    placed = (at + rng.random((len(at), 3)) - sampling.offset) * edge
-    return Cloud(points=turned(placed, turn.T), each=edge**3)
+    placed = (at + 0.5 - sampling.offset) * edge
+    return Cloud(points=turned(placed, turn.T), each=edge**3, vertices=solid.vertices)
 
 
 def turned(points: Array, rotation: Array) -> Array:

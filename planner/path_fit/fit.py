@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -44,14 +45,18 @@ KINDS: Final = {
     PARALLEL: 4,
 }
 """How often each kind of move is tried, of 256 times (decision 0031)."""
-RACE_MOVES: Final = 600
+UPRIGHT_PLACEMENTS: Final = 14
+"""Number of placements of the upright solid in the race."""
+FIRST_PLACEMENTS: Final = 3
+"""Number of placements from which the first result is taken."""
+RACE_MOVES: Final = 1_000
 """Moves for each cell in the first annealing of a placement; each round of the race has twice as
 many."""
-FINAL_MOVES: Final = 2_000
+FINAL_MOVES: Final = 6_000
 """Moves for each cell in each of the last annealings."""
-FINALISTS: Final = 2
+FINALISTS: Final = 3
 """Number of placements in the last annealings."""
-FINAL_RUNS: Final = 3
+FINAL_RUNS: Final = 2
 """Number of last annealings of each finalist."""
 PITCH_FACTORS: Final = tuple(0.8 + 0.04 * k for k in range(11))
 """Pitches that are tried, relative to that of N cells with the volume of the solid."""
@@ -65,7 +70,7 @@ AIR_COST: Final = 0.0
 """Further energy of a cell in the air, in cells."""
 ROUGH_CLOUD: Final = 24_000
 """Number of points by which placements are compared."""
-FINE_CLOUD: Final = 300_000
+FINE_CLOUD: Final = 120_000
 """Number of points by which the cells of a placement are filled."""
 MAX_CANDIDATES: Final = 3
 """Maximum number of paths of a fit."""
@@ -150,12 +155,12 @@ def fit_path(
     """
     low = modules if exact else int(np.ceil(MIN_SHARE * modules))
     counts = Counts(low=low, high=modules)
-    runs = [
-        _annealed(placement, counts, RACE_MOVES * modules, [seed, 0, number])
-        for number, placement in enumerate(_placements(ladder, counts, seed))
-    ]
+    runs: list[FittedPath] = []
+    for number, placement in enumerate(_placements(ladder, counts, seed)):
+        runs.append(_annealed(placement, counts, RACE_MOVES * modules, [seed, 0, number]))
+        if len(runs) == FIRST_PLACEMENTS:
+            yield PathFit(paths=(ranked(runs, low)[0],), is_final=False)
     runs = ranked(runs, low)
-    yield PathFit(paths=(runs[0],), is_final=False)
     moves, number = RACE_MOVES * modules, 1
     while len(runs) > FINALISTS:
         moves *= 2
@@ -173,20 +178,22 @@ def fit_path(
     yield PathFit(paths=_chosen(ranked(finals, low), low), is_final=True)
 
 
-def _placements(ladder: Ladder, counts: Counts, seed: int) -> list[Placement]:
-    """Return the placements of the race: upright ones, and turned ones that may pay."""
+def _placements(ladder: Ladder, counts: Counts, seed: int) -> Iterator[Placement]:
+    """Yield the placements of the race: upright ones, and turned ones that may pay."""
     clouds = (_cloud(ladder, ROUGH_CLOUD, 2 * seed), _cloud(ladder, FINE_CLOUD, 2 * seed + 1))
     rng = np.random.default_rng(seed)
     pitch = ladder.pitch_for(counts.high)
-    placements: list[Placement] = []
+    best = 0.0
     for number, rotation in enumerate(ladder.turns):
         pitches = (*(pitch * factor for factor in PITCH_FACTORS), *ladder.dividing(number, pitch))
         turn = Turn(rotation=rotation, pitches=pitches, is_upright=number == 0)
-        least = placements[0].bound if placements else 0.0
-        for placement in best_placements(clouds, counts, turn, least=least, rng=rng):
-            if turn.is_upright or placement.bound >= least + MIN_TILT_GAIN:
-                placements.append(placement)
-    return placements
+        tried = best_placements(clouds, counts, turn, least=best, rng=rng)
+        for placement in islice(tried, UPRIGHT_PLACEMENTS if turn.is_upright else 1):
+            if turn.is_upright:
+                best = max(best, placement.bound)
+            elif placement.bound < best + MIN_TILT_GAIN:
+                continue
+            yield placement
 
 
 def _cloud(ladder: Ladder, count: int, seed: int) -> Cloud:

@@ -9,6 +9,7 @@ the best sum of its likeness and its score for folding (``planner.table_paths.sc
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import islice
 from typing import Final
 
 import numpy as np
@@ -37,6 +38,8 @@ SIDES: Final = tuple(np.array(rows, dtype=np.float64) for rows in SIDE_ROTATIONS
 """Rotations that lay the solid on each of its six sides."""
 PLACEMENTS_PER_SIDE: Final = 2
 """Number of placements of the lattice for each side of the solid on the floor."""
+TRIED_PER_SIDE: Final = 4
+"""Number of placements for each side from which these are chosen."""
 HEIGHT_COSTS: Final = (0.0, 0.05, 0.05, 0.05, 0.1, 0.1)
 """Cost of a cell for each layer between it and the lowest one, in cells; one annealing in each
 placement for each of them (decision 0038)."""
@@ -102,19 +105,13 @@ def _placements(ladder: Ladder, counts: Counts, seed: int) -> list[tuple[str, Pl
     rng = np.random.default_rng(seed)
     pitch = ladder.pitch_for(counts.high)
     pitches = tuple(pitch * factor for factor in PITCH_FACTORS)
-    return [
-        (down, placement)
-        for down, rotation in zip(SIDE_ROTATIONS, SIDES, strict=True)
-        for placement in list(
-            best_placements(
-                (rough, fine),
-                counts,
-                Turn(rotation=rotation, pitches=pitches, is_upright=True),
-                least=0.0,
-                rng=rng,
-            )
-        )[:PLACEMENTS_PER_SIDE]
-    ]
+    placements: list[tuple[str, Placement]] = []
+    for down, rotation in zip(SIDE_ROTATIONS, SIDES, strict=True):
+        turn = Turn(rotation=rotation, pitches=pitches, is_upright=True)
+        tried = best_placements((rough, fine), counts, turn, least=0.0, rng=rng)
+        best = sorted(islice(tried, TRIED_PER_SIDE), key=lambda placement: -placement.bound)
+        placements += [(down, placement) for placement in best[:PLACEMENTS_PER_SIDE]]
+    return placements
 
 
 def _annealed(

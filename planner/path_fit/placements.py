@@ -1,4 +1,4 @@
-"""Placements: ways in which a lattice can be laid over a solid, the most promising first.
+"""Placements: ways in which a lattice can be laid over a solid, roughly the most promising first.
 
 They are compared by the best set of cells, which need not have a path: no path is better.
 """
@@ -25,9 +25,7 @@ FEW_SHIFTS: Final = tuple(np.array(shift) / 2.0 for shift in product(range(2), r
 """Shifts of the lattice that are tried for other orientations, in cells."""
 ROUGH_POINTS: Final = 6_000
 """Number of points by which all pitches and shifts are compared."""
-CLIMBED: Final = 4
-"""Number of placements for each orientation whose pitch and shift are improved step by step."""
-CLIMBS: Final = 60
+CLIMBS: Final = 120
 """Number of random steps of an improvement."""
 CLIMB_PITCH, CLIMB_SHIFT = 0.025, 0.25
 """Largest random steps of the pitch, relative, and of each shift, in cells, at first."""
@@ -107,17 +105,26 @@ class Counts:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _TurnedCloud:
-    """Points of a turned solid whose box begins at 0."""
+    """Points of a turned solid, and the cells that they are counted in.
+
+    Attributes:
+        points: (p, 3) points, from ``corner``; rounding may put some a little lower.
+        corner: (3,) lowest corner of the turned solid's box.
+        extents: (3,) size of that box.
+        each: Volume that a point stands for.
+        counts: Numbers of cells.
+    """
 
     points: Array
+    corner: Array
     extents: Array
     each: float
     counts: Counts
 
     def bound(self, pitch: float, shift: Array, stride: int = 1) -> float:
         """Return the IoU of the best cells of a pose, by every ``stride``-th point."""
-        span = np.ceil(self.extents / pitch).astype(np.int64) + 2
-        tally = count_points(self.points, stride, pitch, shift, span)
+        span = np.ceil(self.extents / pitch).astype(np.int64) + 4
+        tally = count_points(self.points, stride, pitch, shift + 1.0, span)
         counted = -(-len(self.points) // stride)
         full = pitch**3 / self.each * counted / len(self.points)
         return best_overlap(tally, full, float(counted), self.counts.low, self.counts.high)
@@ -131,7 +138,9 @@ def best_placements(
     least: float,
     rng: np.random.Generator,
 ) -> Iterator[Placement]:
-    """Yield placements of a turned solid, the best first.
+    """Yield placements of a turned solid: of each pitch the best shift, both improved.
+
+    The pitch that was best before the improvements comes first.
 
     Args:
         clouds: Cloud by which poses are compared, and cloud by which the cells are filled.
@@ -140,12 +149,8 @@ def best_placements(
         least: Smallest bound of the best pose before it is improved; else there are none.
         rng: Random numbers.
     """
-    rough, fine = clouds
-    points = turned(rough.points, turn.rotation)
-    points -= points.min(axis=0)
-    extents = points.max(axis=0)
-    cloud = _TurnedCloud(points=points, extents=extents, each=rough.each, counts=counts)
-    stride = max(1, len(points) // ROUGH_POINTS)
+    cloud, fine = (_turned(cloud, turn, counts) for cloud in clouds)
+    stride = max(1, len(cloud.points) // ROUGH_POINTS)
     shifts = SHIFTS if turn.is_upright else FEW_SHIFTS
     poses: list[_Pose] = []
     for pitch in turn.pitches:
@@ -155,10 +160,20 @@ def best_placements(
     poses.sort(key=lambda pose: -pose.bound)
     if poses[0].bound < least:
         return
-    climbed = [_climbed(cloud, pose, rng) for pose in poses[: CLIMBED if turn.is_upright else 1]]
-    points = turned(fine.points, turn.rotation)
-    for pose in sorted(climbed, key=lambda pose: -pose.bound):
-        yield _filled(points, fine.each, counts, turn, pose)
+    for pose in poses:
+        yield _filled(fine, turn, _climbed(cloud, pose, rng))
+
+
+def _turned(cloud: Cloud, turn: Turn, counts: Counts) -> _TurnedCloud:
+    vertices = turned(cloud.vertices, turn.rotation)
+    corner = vertices.min(axis=0)
+    return _TurnedCloud(
+        points=turned(cloud.points, turn.rotation) - corner,
+        corner=corner,
+        extents=vertices.max(axis=0) - corner,
+        each=cloud.each,
+        counts=counts,
+    )
 
 
 def _climbed(cloud: _TurnedCloud, pose: _Pose, rng: np.random.Generator) -> _Pose:
@@ -177,13 +192,13 @@ def _climbed(cloud: _TurnedCloud, pose: _Pose, rng: np.random.Generator) -> _Pos
     return best
 
 
-def _filled(points: Array, each: float, counts: Counts, turn: Turn, pose: _Pose) -> Placement:
-    """Fill the cells of a pose by (p, 3) turned points."""
-    pitch, corner = pose.pitch, points.min(axis=0)
-    offset = pose.shift - corner / pitch + MARGIN + 1
-    span = np.ceil((points.max(axis=0) - corner) / pitch).astype(np.int64) + 2 * MARGIN + 4
-    tally = count_points(points, 1, pitch, offset, span)
-    full = pitch**3 / each
+def _filled(cloud: _TurnedCloud, turn: Turn, pose: _Pose) -> Placement:
+    """Fill the cells of a pose."""
+    pitch, points, counts = pose.pitch, cloud.points, cloud.counts
+    shift = pose.shift + MARGIN + 1
+    span = np.ceil(cloud.extents / pitch).astype(np.int64) + 2 * MARGIN + 4
+    tally = count_points(points, 1, pitch, shift, span)
+    full = pitch**3 / cloud.each
     fill = np.minimum(np.rint(tally * (FULL / full)), FULL).astype(np.int64)
     fill = fill.reshape(tuple(span.tolist()))
     for axis in range(3):
@@ -192,7 +207,7 @@ def _filled(points: Array, each: float, counts: Counts, turn: Turn, pose: _Pose)
     return Placement(
         turn=turn,
         pitch=pitch,
-        offset=offset,
+        offset=shift - cloud.corner / pitch,
         fill=fill,
         volume=len(points) / full,
         bound=best_overlap(tally, full, float(len(points)), counts.low, counts.high),

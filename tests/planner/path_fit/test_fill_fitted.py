@@ -155,3 +155,11 @@ def test_cells_are_where_the_mesh_is() -> None:
     mesh = made.report()["mesh"]
     middle = np.array(mesh["vertices"]).mean(axis=0)
     assert np.abs(middle - made.chain.folded_poses.positions.mean(axis=0)).max() < 0.5
+
+
+def test_cells_begin_where_a_box_does() -> None:
+    mesh = box(4, 5, 6)
+    mesh.apply_translation([0.3, 0.4, 0.1])
+    ladder = Ladder(solid_of(mesh), (np.eye(3),))
+    first = next(fit_path(ladder, 120)).paths[0]
+    assert first.placement.bound > 0.99 and first.iou > 0.97
