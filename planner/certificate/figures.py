@@ -154,6 +154,7 @@ class ComparedFigures(TypedDict):
     one_hinge_rad: NotRequired[float | None]
     travel_ratio: NotRequired[float | None]
     hinges_moving_mean: NotRequired[float | None]
+    reversals_mean: NotRequired[float | None]
 
 
 class AttemptFigures(TypedDict, total=False):

@@ -68,6 +68,7 @@ class PlanFigures:
         one_hinge_rad: Margin of one hinge, see ``Margins``; None where it is not known.
         travel_ratio: Travel of all hinges, see ``MotionFigures``; None where it is not known.
         hinges_moving_mean: Mean number of hinges that move at once; None where it is not known.
+        reversals_mean: Mean number of reversals of a hinge; None where it is not known.
     """
 
     fold_time_s: float | None
@@ -78,6 +79,7 @@ class PlanFigures:
     one_hinge_rad: float | None = None
     travel_ratio: float | None = None
     hinges_moving_mean: float | None = None
+    reversals_mean: float | None = None
 
     @classmethod
     def of(cls, certificate: CertificateFigures, *, before_s: float = 0.0) -> PlanFigures:
@@ -97,6 +99,7 @@ class PlanFigures:
             one_hinge_rad=margins and margins["one_hinge_rad"]["value"],
             travel_ratio=certificate.get("travel_ratio"),
             hinges_moving_mean=certificate.get("hinges_moving_mean"),
+            reversals_mean=certificate.get("reversals_mean"),
         )
 
     def torque_in(self, seconds: float) -> float | None:
@@ -114,9 +117,9 @@ class PlanFigures:
         Torques are compared at one duration for all. A plan that may take its time needs hardly
         any torque, which any other plan could have as well by going as slowly.
 
-        The calmest plan has the least product of travel and number of hinges that move at once. A
-        detour and a further hinge at the same time are both hard to follow; with a sum, a unit of
-        one would have to be weighed against one of the other.
+        The calmest plan has the least product of travel, number of hinges that move at once, and
+        number of times that a hinge changes its direction, the first motion included. All three are
+        hard to follow; with a sum, a unit of one would have to be weighed against one of another.
         """
         if prefer == "time":
             return -inf if not self.fold_time_s else -self.fold_time_s
@@ -126,9 +129,14 @@ class PlanFigures:
         if prefer == "margin":
             return -inf if self.one_hinge_rad is None else self.one_hinge_rad
         if prefer == CALM:
-            if self.travel_ratio is None or self.hinges_moving_mean is None:
+            travel, moving, reversals = (
+                self.travel_ratio,
+                self.hinges_moving_mean,
+                self.reversals_mean,
+            )
+            if travel is None or moving is None or reversals is None:
                 return -inf
-            return -self.travel_ratio * self.hinges_moving_mean
+            return -travel * moving * (1.0 + reversals)
         return -inf if self.clearance_bound is None else self.clearance_bound
 
 

@@ -38,7 +38,7 @@ COMPARED: Final = frozenset(
     {"fold_time_s", "peak_torque_nm", "clearance_bound", "frames", "one_hinge_rad"}
 )
 """Figures of an attempt that must be those of its certificate."""
-COMPARED_IF_STATED: Final = frozenset({"travel_ratio", "hinges_moving_mean"})
+COMPARED_IF_STATED: Final = frozenset({"travel_ratio", "hinges_moving_mean", "reversals_mean"})
 """Such figures that earlier versions did not store with an attempt."""
 
 

@@ -139,10 +139,21 @@ def test_best_plan_by_each_preference() -> None:
 
 
 def test_calmest_plan_and_where_turns_are_tried() -> None:
-    """Half the hinges at once are worth a quarter more travel."""
+    """Half the hinges at once are worth a quarter more travel, but not twice the reversals."""
     trial = Trial(0, 5, "simultaneous")
-    motions = ((1.2, 80.0), (1.5, 40.0), (1.0, 90.0), (None, 1.0), (1.0, None))
-    tried = [verified(trial, travel_ratio=t, hinges_moving_mean=m) for t, m in motions]
+    motions = (
+        (1.2, 80.0, 0.0),
+        (1.5, 40.0, 0.1),
+        (1.4, 40.0, 1.0),
+        (1.0, 90.0, 0.0),
+        (None, 1.0, 0.0),
+        (1.0, None, 0.0),
+        (1.0, 1.0, None),
+    )
+    tried = [
+        verified(trial, travel_ratio=travel, hinges_moving_mean=moving, reversals_mean=reversals)
+        for travel, moving, reversals in motions
+    ]
     assert best_of(tried, "calm") == 1
     chains = Candidates((chain_of([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]),), two_ended=False)
     for prefer, strategy, expected in (
