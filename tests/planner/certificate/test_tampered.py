@@ -88,7 +88,6 @@ def test_damaged_files_are_named(few: list[Tampered]) -> None:
         assert named, (damaged, problems)
         for path in map(damaged.pop, named):
             path.write_bytes(fold.whole[path])
-    assert problems_of(fold.place) == []
 
 
 @pytest.mark.slow

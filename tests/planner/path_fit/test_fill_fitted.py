@@ -126,9 +126,9 @@ def test_a_fitted_path_needs_fewer_modules_for_a_likeness() -> None:
 
 
 def test_the_ends_and_the_start_are_as_requested() -> None:
+    first = prepared(torus(), method="fitted")
     for name, wanted in {"start": None, "ends": "surface"}.items():
         with case(name):
-            first = prepared(torus(), method="fitted")
             start = tuple(first.cells[len(first.cells) // 2].tolist())
             options = {"start": start} if wanted is None else {"ends": wanted}
             made = prepared(torus(), method="fitted", **options)

@@ -120,6 +120,8 @@ def test_every_command_refuses_a_mixed_folder(folds: tuple[Path, Path], fold: Pa
 BROKEN: dict[str, Callable[[bytes], bytes]] = {
     "empty": lambda data: b"",
     "half": lambda data: data[: len(data) // 2],
+}
+BROKEN_JSON = BROKEN | {
     "no JSON": lambda data: b"{\x1b[2Jtrue",
     "another value": lambda data: b"[1]",
     "deep": lambda data: b"[" * 100_000,
@@ -129,7 +131,7 @@ BROKEN: dict[str, Callable[[bytes], bytes]] = {
 def test_broken_files_are_refused_in_one_sentence(folds: tuple[Path, Path], fold: Path) -> None:
     files = ("certificate.json", "chain.json", "attempts.json", "plan.npz", "plan.json")
     for name in (*files, "request.json", "candidates.json", "playback.npz", "record.npz"):
-        for kind, change in BROKEN.items():
+        for kind, change in (BROKEN_JSON if name.endswith(".json") else BROKEN).items():
             with case(f"{name}, {kind}"):
                 (fold / name).write_bytes(change((folds[0] / name).read_bytes()))
                 # `verify` has a reader of its own, and takes longer.
