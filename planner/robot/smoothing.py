@@ -24,7 +24,6 @@ from math import inf
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d
 
 from planner.arrays import Array, Flags, Ints
 from planner.chain.chain import Chain
@@ -273,6 +272,8 @@ class _Smoothing:
             worth: (F,) True if the target is to be followed at a frame.
             most_cost: Upper limit of its cost.
         """
+        from scipy.ndimage import minimum_filter1d  # late: most folds are not smoothed
+
         shares = softened(np.repeat(worth.astype(np.float64)[:, None], angles.shape[1], axis=1))
         unknown: Flags = np.ones(len(angles), dtype=np.bool_)
         unknown_ways: Flags = unknown.copy()

@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import minimum_filter1d, uniform_filter1d
 
 from planner.arrays import Array, Flags, Ints
 
@@ -41,6 +40,8 @@ def direct(angles: Array) -> Array:
 
 def mean(angles: Array, pieces: int) -> Array:
     """Return the (F, J) running mean over a part of the motion; the ends are kept."""
+    from scipy.ndimage import uniform_filter1d  # late: most folds are not smoothed
+
     reach = max(1, len(angles) // (2 * pieces))
     again = reach // 2
     pad = min(reach + again, len(angles) - 1)
@@ -75,6 +76,11 @@ def softened(shares: Array) -> Array:
 
     They are 0 at both ends, which a motion keeps.
     """
+    from scipy.ndimage import (
+        minimum_filter1d,
+        uniform_filter1d,
+    )  # late: most folds are not smoothed
+
     low = np.pad(shares, ((FADE_FRAMES, FADE_FRAMES), (0, 0)))
     low = minimum_filter1d(low, 4 * FADE_FRAMES + 1, axis=0)
     for _ in range(2):

@@ -138,7 +138,8 @@ OTHER_INPUTS |= {"planner.pathfinding.shape_overlap", "planner.shapes.voxelise"}
         {
             "import server.processes.read_task": {*COMPUTING, *WEB, *SHOWING},
             "import planner.pipeline.stages": {
-                *("mujoco", "scipy.interpolate", "scipy.sparse", "zarr", *WEB, *SHOWING),
+                *("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse", "zarr"),
+                *(*WEB, *SHOWING),
             },
             "import server.processes.retime_task": {
                 *("mujoco", "scipy.interpolate", "zarr", *WEB, *SHOWING),
