@@ -65,12 +65,14 @@ class Leaflet:
     @property
     def columns(self) -> int:
         """Number of steps side by side."""
-        return 2 if len(self.steps) <= MAX_LARGE_STEPS else 3
+        few = 1 if len(self.steps) == 1 else 2
+        return few if len(self.steps) <= MAX_LARGE_STEPS else 3
 
     @property
     def rows(self) -> int:
-        """Number of rows of steps on a page."""
-        return 3 if len(self.steps) <= MAX_LARGE_STEPS else 4
+        """Number of rows of steps on a page; few steps are drawn larger."""
+        few = min(3, -(-len(self.steps) // 2))
+        return few if len(self.steps) <= MAX_LARGE_STEPS else 4
 
 
 def leaflet_of(plan: Plan) -> Leaflet:
@@ -116,7 +118,8 @@ def _hints(steps: Steps, plural: str) -> tuple[str, ...]:
     if any(len(step.turns) > 1 for step in steps.steps):
         hints.append(
             "If a step has several black dots, turn there together and evenly: making these turns "
-            "one after the other may not be possible."
+            "one after the other may not be possible. For two hands, fold the shape again with at "
+            "most two hinges in one step."
         )
     return tuple(hints)
 

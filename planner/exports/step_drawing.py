@@ -7,7 +7,7 @@ of a step is hidden.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -47,6 +47,16 @@ MIN_LINE_MM: Final = 0.1
 """Minimum width of a line on paper, in mm; arrows are at least four times as wide."""
 MIN_RADIUS_MM: Final = 0.8
 """Minimum radius of a dot on paper, in mm."""
+JOINT_PITCH: Final = 0.26
+"""Radius of the dot at a joint that turns, in pitches."""
+LETTER_PITCH: Final = 0.42
+"""Height of a number in a drawing that is not scaled down, in pitches."""
+NUMBER_PLACES: Final = (
+    *((0, row, side) for row in (0.9, 0.0, -0.9) for side in (1, -1)),
+    *((1, row, side) for row in (0.0, 0.9, -0.9) for side in (1, -1)),
+)
+"""Places of a number relative to its dot, in the order of preference: columns away from it, heights
+of a number above it, and 1 for the right or −1 for the left."""
 TONE_LIMITS: Final = (-0.4, 0.4)
 """Brightness between the three tones of faces: those of a cube all differ."""
 
@@ -168,11 +178,15 @@ def draw_step(module: Module, step: Step, poses: Poses, eye: int = 0) -> Drawing
     first, last = _shown_modules(step, poses)
     shown = np.arange(first, last + 1)
     shapes = [*_faces(view, module, poses, shown, moving), *_ends(view, poses, first, last)]
-    few = len(step.turns) <= MAX_ARROWS
     width = float(np.ptp(view.flat(poses.positions[shown]), axis=0).max())
     growth = max(1.0, width / MAX_SMALL_WIDTH_PITCH)
-    for turn in step.turns:
-        shapes += _turn(view, module, turn, poses, growth=growth if few else None)
+    if len(step.turns) <= MAX_ARROWS:
+        for turn in step.turns:
+            shapes += _arrow(view, module, turn, poses, growth=growth)
+    pivots = {turn.module: hinge_axis(module, turn, poses)[1] for turn in step.turns}
+    dots = dict(zip(pivots, view.points(np.array(list(pivots.values()))), strict=True))
+    shapes += [Shape(style="joint", points=(dot,), radius=JOINT_PITCH) for dot in dots.values()]
+    shapes += _numbers(dots, growth)
     return Drawing(shapes=tuple(shapes), eye=eye)
 
 
@@ -244,33 +258,63 @@ def _outer(placed: Array) -> Flags:
     return (counts[inverse.reshape(-1)] == 1).reshape(placed.shape[:2])
 
 
-def _turn(
-    view: _View, module: Module, turn: Turn, poses: Poses, *, growth: float | None
+def _arrow(
+    view: _View, module: Module, turn: Turn, poses: Poses, *, growth: float
 ) -> Iterable[Shape]:
-    """Return the axis, the arrow, the dot and the number of a joint that turns.
+    """Return the axis and the arrow of a joint that turns.
 
     Args:
         view: Projection of the drawing.
         module: Kind of the modules.
         turn: The turn.
         poses: Poses of all modules before it.
-        growth: Size of the axis and the arrow, 1 or more; None to leave both out.
+        growth: Size of both, 1 or more.
     """
     axis, pivot = hinge_axis(module, turn, poses)
-    if growth is not None:
-        yield Shape(
-            style="axis",
-            points=view.points(pivot + np.outer((-1.1 * growth, 1.1 * growth), axis)),
-            closed=False,
-        )
-        arc = _arc(turn, poses, axis, pivot, growth)
-        line = view.points(arc[:-1])
-        yield Shape(style="halo", points=line, closed=False)
-        yield Shape(style="arrow", points=line, closed=False)
-        yield Shape(style="head", points=_arrow_head(view.flat(arc), growth))
-    (dot,) = view.points(pivot[None])
-    yield Shape(style="joint", points=(dot,), radius=0.26)
-    yield Shape(style="label", points=((dot[0] + 0.35, dot[1] - 0.35),), text=str(turn.module + 1))
+    yield Shape(
+        style="axis",
+        points=view.points(pivot + np.outer((-1.1 * growth, 1.1 * growth), axis)),
+        closed=False,
+    )
+    arc = _arc(turn, poses, axis, pivot, growth)
+    line = view.points(arc[:-1])
+    yield Shape(style="halo", points=line, closed=False)
+    yield Shape(style="arrow", points=line, closed=False)
+    yield Shape(style="head", points=_arrow_head(view.flat(arc), growth))
+
+
+def _numbers(dots: Mapping[int, Point], growth: float) -> Iterable[Shape]:
+    """Return the number of each joint beside its dot, where it covers no other number and no dot.
+
+    Numbers that find no place are left out; the text of the step has all of them.
+
+    Args:
+        dots: Places of the dots on paper, by the module in front of the joint.
+        growth: Length of a letter, relative to that in a small drawing.
+    """
+    height, radius = growth * LETTER_PITCH, max(JOINT_PITCH, 0.5 * growth * JOINT_PITCH)
+    taken = [(x - radius, y - radius, x + radius, y + radius) for x, y in dots.values()]
+    for module, (x, y) in dots.items():
+        text = str(module + 1)
+        width = 0.7 * height * len(text)
+        for column, row, side in NUMBER_PLACES:
+            near = x + side * (radius + 0.2 * height + column * 3.0 * height)
+            base = y + 0.4 * height - row * height
+            left, right = sorted((near, near + side * width))
+            box = (left, base - height, right, base)
+            if not any(_overlap(box, other) for other in taken):
+                taken.append(box)
+                place = (round(near, 3), round(base, 3))
+                yield Shape(style="label", points=(place,), text=text, ends=side < 0)
+                break
+
+
+def _overlap(
+    one: tuple[float, float, float, float], other: tuple[float, float, float, float]
+) -> bool:
+    """Return True if two boxes (left, top, right, bottom) overlap."""
+    beside = one[2] <= other[0] or other[2] <= one[0]
+    return not (beside or one[3] <= other[1] or other[3] <= one[1])
 
 
 def _arc(turn: Turn, poses: Poses, axis: Array, pivot: Array, growth: float) -> Array:

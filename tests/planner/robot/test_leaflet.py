@@ -3,8 +3,9 @@
 import re
 import zlib
 from collections import Counter
+from dataclasses import replace
 from html.parser import HTMLParser
-from itertools import pairwise
+from itertools import combinations, pairwise
 from xml.etree import ElementTree
 
 import numpy as np
@@ -15,7 +16,13 @@ from planner.chain.module import CUBE
 from planner.errors import InputError
 from planner.exports import leaflet
 from planner.exports.formats import export_named
-from planner.exports.step_drawing import INKS, Drawing, draw_shape, draw_step
+from planner.exports.step_drawing import (
+    INKS,
+    MAX_SMALL_WIDTH_PITCH,
+    Drawing,
+    draw_shape,
+    draw_step,
+)
 from planner.plan.plan import Plan
 from planner.plan.steps import steps_between, steps_of
 from planner.readers.angle_strings import read_angle_string
@@ -60,6 +67,22 @@ def test_many_steps_are_drawn_small() -> None:
     few, many = leaflet.leaflet_of(plan_of(coil(12))), leaflet.leaflet_of(plan_of(coil(40)))
     assert len(few.steps) <= leaflet.MAX_LARGE_STEPS < len(many.steps)
     assert (few.columns * few.rows, many.columns * many.rows) == (6, 12)
+    fewer = [replace(few, steps=few.steps[:count]) for count in (1, 2, 3, 5)]
+    assert [(one.columns, one.rows) for one in fewer] == [(1, 1), (2, 1), (2, 2), (2, 3)]
+
+
+def test_numbers_of_close_joints_do_not_cover_each_other() -> None:
+    rests = np.zeros((2, 2 * 59))
+    rests[1, [*range(2, 22, 2), 2 * 52]] = np.pi / 2
+    (step,) = steps_between(CUBE, rests)
+    poses = line(60).folded_poses
+    labels = [shape for shape in draw_step(CUBE, step, poses).shapes if shape.style == "label"]
+    numbers = {shape.text: shape for shape in labels if shape.text.isdigit()}
+    assert list(numbers) == [str(turn.module + 1) for turn in step.turns]
+    growth = 59 * np.sqrt(0.5) / MAX_SMALL_WIDTH_PITCH  # the drawing is scaled down by it
+    for one, other in combinations(numbers.values(), 2):
+        across, down = np.abs(np.subtract(one.points[0], other.points[0]))
+        assert down >= 0.4 * growth or across >= 0.29 * growth or one.ends != other.ends
 
 
 class Page(HTMLParser):
