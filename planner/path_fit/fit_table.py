@@ -53,6 +53,9 @@ MOVES_PER_CELL: Final = 600
 DIFFICULTY_OF_IOU: Final = 20.0
 """Difference in difficulty that is worth a difference of 1 in IoU: a path that is 0.05 less like
 the solid is taken if its score is better by 1 (decision 0038)."""
+MIN_IOU_SHARE: Final = 0.8
+"""Smallest IoU of a path that is taken, relative to the best one: an easier fold of something that
+no longer looks like the solid is of no use."""
 MAX_PATHS: Final = 8
 """Maximum number of paths of a fit."""
 
@@ -91,7 +94,8 @@ def fit_on_table(ladder: Ladder, modules: int, *, seed: int = 0) -> tuple[TableF
         for run, height_cost in enumerate(costs)
         if (fit := _annealed(down, placement, counts, height_cost, [seed, k, run])) is not None
     ]
-    ranked = sorted(fits, key=lambda fit: fit.cost)
+    least = MIN_IOU_SHARE * max((fit.fitted.iou for fit in fits), default=0.0)
+    ranked = sorted((fit for fit in fits if fit.fitted.iou >= least), key=lambda fit: fit.cost)
     return tuple(fit for fit in ranked if fit.fitted.placement is ranked[0].fitted.placement)[
         :MAX_PATHS
     ]

@@ -643,10 +643,10 @@ def _has_first_result(options: PathOptions) -> bool:
 def _easier_on_table(solid: Solid, voxelised: Preparation, seed: int) -> Preparation:
     """Return a fitted path for a table, or the one through voxels if its cost is lower.
 
-    The cost counts the difficulty of the fold and the likeness.
+    The cost counts the difficulty of the fold and the likeness (``fit_table.cost_of``).
     """
     from planner.path_fit.fill_fitted import fill_for_table
-    from planner.path_fit.fit_table import cost_of
+    from planner.path_fit.fit_table import MIN_IOU_SHARE, cost_of
 
     found = fill_for_table(solid, voxelised.options, seed=seed)
     if found is None:
@@ -656,11 +656,10 @@ def _easier_on_table(solid: Solid, voxelised: Preparation, seed: int) -> Prepara
     fitted = _of_solid(solid, voxelised.options, voxels, filled, notes)
     if fitted.likeness is None or voxelised.likeness is None or not voxelised.chains:
         return fitted
-    if cost_of(voxelised.cells, voxelised.likeness.iou) < cost_of(
-        fitted.cells, fitted.likeness.iou
-    ):
-        return voxelised
-    return _with_first_of(fitted, voxelised)
+    is_alike = voxelised.likeness.iou >= MIN_IOU_SHARE * fitted.likeness.iou
+    cost = cost_of(fitted.cells, fitted.likeness.iou)
+    is_easier = cost_of(voxelised.cells, voxelised.likeness.iou) < cost
+    return voxelised if is_alike and is_easier else _with_first_of(fitted, voxelised)
 
 
 def _is_better(fitted: Preparation, voxelised: Preparation) -> bool:
