@@ -36,6 +36,8 @@ MODULES: Final = 160
 PROCESSES: Final = 2
 BARS: Final = {160: (0.73, 1.2), 500: (0.77, 4.0)}
 """Targets for each number of modules: mean IoU, and processor time of a fit, s."""
+PREVIEW_BARS: Final = {"first": 0.5, "final": 2.0}
+"""Targets for the processor time of the first preview of a mesh, and of the final one after it."""
 MIN_THIN_IOU: Final = 0.55
 """Target for the IoU of the worst mesh with thin parts."""
 MAX_PATH_LOSS: Final = 0.02
@@ -59,6 +61,32 @@ def likeness_folds(reference_seconds: float) -> Section:
     """Fold chains of 160 modules for all thirty meshes."""
     del reference_seconds
     return _with_folds(Section(name="likeness-folds"), tuple(FORMS))
+
+
+def previews(reference_seconds: float) -> Section:
+    """Time the first and the final preview of ten meshes, as the service computes them."""
+    section = Section(name="previews")
+    _preview_s(_solid("torus"), quick=False)  # compile first
+    for name in MORE_MODULES:
+        solid = _solid(name)
+        first, final = _preview_s(solid, quick=True), _preview_s(solid, quick=False)
+        row = {"mesh": name, "first s": first, "final s": final}
+        section.rows.append({**row, "ratio": (first + final) / reference_seconds})
+    for what, most_s in PREVIEW_BARS.items():
+        seconds = [row[f"{what} s"] for row in section.rows]
+        figure = f"processor time of the {what} preview, {MODULES} modules"
+        section.add(f"{figure}, mean of {len(seconds)}", f"{np.mean(seconds):.2f} s")
+        longest = max(seconds)
+        within = longest <= most_s
+        section.add(f"{figure}, longest", f"{longest:.2f} s", f"≤ {most_s} s", within)
+    return section
+
+
+def _preview_s(solid: Solid, *, quick: bool) -> float:
+    """Return the processor time of a preview, in seconds; a final one goes on from a first one."""
+    begun = time.process_time()
+    prepare_found(solid, PathOptions(modules=MODULES), offering=True, quick=quick).report()
+    return time.process_time() - begun
 
 
 def _solid(name: str) -> Solid:
