@@ -86,7 +86,7 @@ def test_shapes_fold_in_turns_with_room(name: str, turns: int, most_steps: int) 
     rests = folding.rest_angles_rad
     assert not rests[0].any()
     assert rests[-1] == pytest.approx(chain.folded_rad, abs=1e-9)
-    assert folding.room == pytest.approx(0.0225)
+    assert folding.room == pytest.approx(0.045)
     assert sweep(chain, rests, size=SIZE).clearance >= folding.room
     for hinges, change in zip(folding.hinges, np.diff(rests, axis=0), strict=True):
         assert sorted(hinges) == np.flatnonzero(change).tolist()
@@ -125,7 +125,7 @@ def test_turns_that_are_undone_later_are_left_out_where_all_stays_clear() -> Non
 def test_pairs_keep_the_largest_room(name: str) -> None:
     chain = chain_of(name)
     folding = sequence(chain)
-    assert folding.room == pytest.approx(0.0225)
+    assert folding.room == pytest.approx(0.045)
     assert sweep(chain, folding.rest_angles_rad, size=SIZE).clearance >= folding.room
 
 
