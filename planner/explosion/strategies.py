@@ -14,6 +14,7 @@ from typing import Final, TypeVar
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.errors import InputError
 from planner.explosion.blocks_first import explode_blocks_first
@@ -83,11 +84,25 @@ def ranked_strategies(
     if wished not in possible:
         raise InputError(
             "strategy-differs",
-            f"got the strategy {wished}, expected one of: auto, {', '.join(possible)}. Only these "
-            f"can {'refold' if refolds else 'fold'} modules of the type {chain.module.name} with "
-            f"the preset {parameters.preset}.",
+            f"got the strategy {wished}, expected one of: auto, {', '.join(possible)}. "
+            f"{_limitation(chain, parameters, refolds)}",
         )
     return (wished,)
+
+
+def _limitation(chain: Chain, parameters: Parameters, refolds: bool) -> str:
+    """Say why a strategy is not defined for a chain."""
+    wished, floats = parameters.strategy, parameters.world != "table"
+    if wished not in (TURNS, BASELINE) or not _has_own_explosion(parameters) or not floats:
+        return (
+            f"Only these can {'refold' if refolds else 'fold'} modules of the type "
+            f"{chain.module.name} with the preset {parameters.preset}."
+        )
+    if len(chain) > MAX_TURNING_MODULES:
+        return f"It folds at most {MAX_TURNING_MODULES} modules; this chain has {len(chain)}."
+    hinge = int(np.argmax(_off_square(chain)))
+    degrees = float(np.rad2deg(chain.folded_rad[hinge]))
+    return f"It folds only hinges at −90°, 0° or 90°; hinge {hinge} here is at {degrees:g}°."
 
 
 def alternative_strategies(
@@ -115,7 +130,7 @@ def _possible(chain: Chain, parameters: Parameters, refolds: bool) -> tuple[str,
     """Return all strategies that are defined for a chain."""
     if parameters.world == "table":
         return ("peel",) if on_lattice(chain) else ()
-    if not isinstance(parameters.explosion, ExplosionParameters):
+    if not _has_own_explosion(parameters):
         return ("simultaneous",)  # as published, or nothing at all
     turns = (TURNS, BASELINE) if len(chain) <= MAX_TURNING_MODULES and _square(chain) else ()
     names = ("simultaneous", "blocks", "peel") if on_lattice(chain) else ("simultaneous",)
@@ -140,10 +155,20 @@ def on_lattice(chain: Chain) -> bool:
     return _square(chain) and chain.module.fills_cell and chain.module.rigid_links == 1
 
 
+def _has_own_explosion(parameters: Parameters) -> bool:
+    """Return False for an explosion as published, or none at all."""
+    return isinstance(parameters.explosion, ExplosionParameters)
+
+
 def _square(chain: Chain) -> bool:
     """Return True if all hinges of a folded chain are straight or at right angles."""
+    return bool((_off_square(chain) < RIGHT_ANGLE_TOLERANCE).all())
+
+
+def _off_square(chain: Chain) -> Array:
+    """Return (J,) differences of all folded angles from multiples of 90°, as fractions of 90°."""
     quarters = chain.folded_rad / (np.pi / 2)
-    return bool((np.abs(quarters - np.rint(quarters)) < RIGHT_ANGLE_TOLERANCE).all())
+    return np.abs(quarters - np.rint(quarters))
 
 
 def run_strategy(

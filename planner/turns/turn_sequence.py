@@ -73,14 +73,17 @@ def find_turns(
     unfolded = search.unfold()
     if unfolded.outcome != "straight":
         angles = QUARTER_RAD * unfolded.states.astype(float)
+        angles[0] = chain.folded_rad  # which a file may give to a few digits
         return NoTurns(outcome=unfolded.outcome, expanded=search.expanded, last_rad=angles)
     proof = RoomProof(chain, turning, search.room)
     moves = shortened(turning.folded, moves_between(unfolded.states), proof)
     most = len(chain.folded_rad) if at_once is None else at_once
     steps = _fewest_steps(turning.folded, moves, Merger(proof, at_once=most))
-    rests = states_after(np.zeros_like(turning.folded), steps)
+    rests = QUARTER_RAD * states_after(np.zeros_like(turning.folded), steps)
+    if steps:
+        rests[-1] = chain.folded_rad
     return TurnSequence(
-        rest_angles_rad=QUARTER_RAD * rests.astype(float),
+        rest_angles_rad=rests,
         hinges=tuple(tuple(hinge for hinge, _ in step) for step in steps),
         turns=sum(map(len, steps)),
         room=search.room,

@@ -110,5 +110,5 @@ def test_plan_of_tetrahedra_is_proved(tmp_path: FilePath) -> None:
 
 def test_only_right_angles_are_turned() -> None:
     chain = Chain.from_angles(TETRAHEDRON, np.array([0.5, np.pi / 2, 0.0]))
-    with pytest.raises(InputError, match="got the strategy turns"):
+    with pytest.raises(InputError, match=r"strategy turns, .* hinge 0 here is at 28\.6479°"):
         ranked_strategies(chain, Parameters(strategy="turns"))

@@ -1,5 +1,6 @@
 """Turns: swept cells, searches, steps, and the plans that are made of them."""
 
+from dataclasses import replace
 from pathlib import Path as FilePath
 
 import numpy as np
@@ -12,8 +13,10 @@ from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.explosion.blocking import no_quarter_turn
+from planner.explosion.strategies import ranked_strategies
 from planner.explosion.turning import unfold_in_turns
 from planner.kernels.cube_turns import turning_gap
+from planner.parameters.parameters import Parameters
 from planner.pipeline.fold import fold
 from planner.pipeline.request import FoldRequest
 from planner.plan.steps import steps_of
@@ -23,7 +26,7 @@ from planner.turns.cube_turns import CubeTurning
 from planner.turns.moves import RoomProof, moves_between
 from planner.turns.shortening import shortened
 from planner.turns.turn_sequence import TurnSequence, find_turns
-from tests.planner.chains import shuffled
+from tests.planner.chains import line, shuffled
 
 SHAPES = FilePath(__file__).parents[3] / "examples" / "shapes"
 SIZE = 0.95
@@ -178,6 +181,17 @@ def test_modules_that_only_come_too_near_do_not_block_a_turn() -> None:
     )
     assert record.status == "stalled" and "free" not in record.reason
     assert record.spent is not None and record.spent.kind == "turns"
+
+
+def test_angles_with_few_digits_fold_to_these_angles() -> None:
+    exact = chain_of("wrench-24")
+    near = replace(exact, folded_rad=exact.folded_rad + np.deg2rad(1e-3))
+    assert sequence(near).rest_angles_rad[-1] == pytest.approx(near.folded_rad, abs=1e-12)
+
+
+def test_long_chains_are_told_the_limit_of_turns() -> None:
+    with pytest.raises(InputError, match="at most 500 modules; this chain has 501"):
+        ranked_strategies(line(501), Parameters(strategy="turns"))
 
 
 def test_hinges_at_once_are_for_turns_only() -> None:
