@@ -1,4 +1,4 @@
-"""Turns: how many chains of cubes fold in turns, in how many steps, with how much travel."""
+"""Turns: how many chains fold in turns, in how many steps, with how much travel."""
 
 from __future__ import annotations
 
@@ -8,9 +8,11 @@ from typing import Any
 import numpy as np
 
 from bench.measured_tables import Section
+from planner.arrays import Array
 from planner.chain.chain import Chain
-from planner.chain.module import CUBE
+from planner.chain.module import CUBE, TETRAHEDRON
 from planner.chain.path import Path
+from planner.clearance.sweep import sweep
 from planner.kernels.backbite import grow
 from planner.pathfinding.lattice import neighbours
 from planner.readers import read
@@ -25,21 +27,19 @@ MOVES_PER_CELL = 100
 """Largest number of moves per cell in which a random path is searched for."""
 SHORT_MODULES = 160
 """Number of modules of the longest chains of the smaller set, which is folded as a whole."""
+TETRAHEDRA_MODULES = 192
+"""Number of modules of the longest chains of tetrahedra for which the most seconds are given."""
+FRAMES_PER_STEP = 20
+"""Number of frames from one rest to the next for the bound of the clearance, as in a plan."""
 LONG_STRIDE = 6
 """One of so many longer gallery shapes is folded, in the order of the number of modules; all of
 them would take about ten minutes of the processor."""
 
 
 def turns(reference_seconds: float) -> Section:
-    """Fold gallery shapes of cubes, and random paths through boxes, in turns."""
+    """Fold gallery shapes, and random paths through boxes, in turns."""
     section = Section(name="turns")
-    shapes = [shape for shape in gallery() if shape.module == CUBE.name]
-    chains: list[Chain] = []
-    for shape in shapes:
-        path = read(shape.data)
-        assert isinstance(path, Path)
-        chains.append(Chain.from_path(path))
-    chains.sort(key=len)
+    chains = _gallery_chains(CUBE.name)
     count = sum(len(chain) <= SHORT_MODULES for chain in chains)
     chains = [*chains[:count], *chains[count::LONG_STRIDE]]
     find_turns(chains[0], size=0.95, at_once=None, seed=0)  # compile first
@@ -50,13 +50,40 @@ def turns(reference_seconds: float) -> Section:
     for name, bar in (("turns_per_bent_hinge", 1.05), ("travel_per_least", 1.05)):
         median = float(np.median([row[name] for row in folded]))
         section.add(f"{name}, median", f"{median:.3f}", f"at most {bar}", median <= bar)
-    rows += [
+    section.rows = [*rows, *_tetrahedra(section, reference_seconds)]
+    section.rows += [
         _row(Chain.from_path(_random_path(box)), size, reference_seconds)
         for box in RANDOM_BOXES
         for size in SIZES
     ]
-    section.rows = rows
     return section
+
+
+def _gallery_chains(module: str) -> list[Chain]:
+    """Return the chains of all gallery shapes of a kind of module, the shortest first."""
+    chains: list[Chain] = []
+    for shape in gallery():
+        if shape.module == module:
+            path = read(shape.data)
+            assert isinstance(path, Path | Chain)
+            chains.append(Chain.from_path(path) if isinstance(path, Path) else path)
+    return sorted(chains, key=len)
+
+
+def _tetrahedra(section: Section, reference_seconds: float) -> list[dict[str, Any]]:
+    """Fold all gallery shapes of tetrahedra, and prove the clearance of their turns."""
+    chains = _gallery_chains(TETRAHEDRON.name)
+    find_turns(chains[0], size=0.95, at_once=None, seed=0)
+    rows = [_row(chain, 0.95, reference_seconds) for chain in chains]
+    _add_share(section, "tetrahedra of the gallery", rows, 0.6)
+    folded = [row for row in rows if row["steps"]]
+    median = float(np.median([row["turns_per_bent_hinge"] for row in folded]))
+    section.add(
+        "tetrahedra: turns_per_bent_hinge, median", f"{median:.3f}", "at most 1.05", median <= 1.05
+    )
+    seconds = max(row["seconds"] for row in rows if row["modules"] <= TETRAHEDRA_MODULES)
+    section.add(f"tetrahedra: seconds to {TETRAHEDRA_MODULES}, at most", f"{seconds:.1f}")
+    return rows
 
 
 def _random_path(box: tuple[int, int, int]) -> Path:
@@ -83,14 +110,23 @@ def _row(chain: Chain, size: float, reference_seconds: float) -> dict[str, Any]:
     }
     if isinstance(sequence, NoTurns):
         return row | {"steps": 0, "outcome": sequence.outcome}
-    travel = float(np.abs(np.diff(sequence.rest_angles_rad, axis=0)).sum())
+    rests = sequence.rest_angles_rad
+    travel = float(np.abs(np.diff(rests, axis=0)).sum())
     return row | {
         "steps": len(sequence.hinges),
         "turns": sequence.turns,
         "turns_per_bent_hinge": round(sequence.turns / bent, 3),
         "travel_per_least": round(travel / float(np.abs(chain.folded_rad).sum()), 3),
         "room": round(sequence.room, 4),
+        "bound": round(sweep(chain, _frames(rests), size=size).bound, 4),
     }
+
+
+def _frames(rests: Array) -> Array:
+    """Return frames between rests: the bound of a clearance is the better the nearer they are."""
+    at = np.arange((len(rests) - 1) * FRAMES_PER_STEP + 1) / FRAMES_PER_STEP
+    before = np.minimum(at.astype(np.int64), len(rests) - 2)
+    return rests[before] + (at - before)[:, None] * (rests[before + 1] - rests[before])
 
 
 def _add_share(section: Section, name: str, rows: list[dict[str, Any]], bar: float) -> None:
