@@ -17,6 +17,7 @@ from planner.pipeline.job import Result, Search
 from planner.plan.plan import Plan
 from tests.planner.chains import anchored, coil, line
 from tests.planner.folds import compare_motions, untimed
+from tests.planner.peels import snake
 
 CORNER = coil(3)
 ONE_ROBOT = "robots=1"
@@ -96,6 +97,20 @@ def test_plan_made_in_memory_is_the_same_for_any_number_of_workers(
     assert "overlap" in plan.certificate.verdict
     assert_same_plans(plan, too_large(workers=2))
     assert_same_plans(plan, too_large(directory=tmp_path))
+
+
+@pytest.mark.slow
+def test_calm_preference_smooths_without_detours(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("planner.pipeline.improvements.SEEDS_PER_SMOOTHED_PLAN", 1)
+    travels = []
+    for prefer in ("calm", "clearance"):
+        plan = fold(snake((2, 2, 2)), prefer=prefer, strategy="simultaneous", settings="robots=0")
+        first, smoothed = plan.attempts
+        assert smoothed["smooths"] == 0
+        travels.append([each["figures"]["travel_ratio"] for each in (first, smoothed)])
+    (first, calm), (same, usual) = travels
+    assert first == same
+    assert calm < usual - 0.05 < first
 
 
 def test_best_of_unjudged_explosions_is_kept() -> None:
