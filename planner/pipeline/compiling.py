@@ -90,7 +90,7 @@ def beside(part: str, directory: Path | None) -> subprocess.Popen[bytes]:
     """Warm up in another process, which ends as soon as this one has, however it ends.
 
     Args:
-        part: ``paths``, ``paths-and-motions``, or ``all``, which has a low priority.
+        part: ``paths``, ``paths-and-motions``, ``turns``, or ``all``, which has a low priority.
         directory: Directory of the locks; beside the compiled kernels if None.
     """
     place = [] if directory is None else [str(directory)]
@@ -110,9 +110,9 @@ def beside(part: str, directory: Path | None) -> subprocess.Popen[bytes]:
 
 
 @contextmanager
-def second_process(directory: Path, compiling: Compiling) -> Generator[None]:
-    """Compile path finding, then motions, in another process, and wait for it at the end."""
-    process = beside("paths-and-motions", directory)
+def second_process(part: str, directory: Path, compiling: Compiling) -> Generator[None]:
+    """Compile a part in another process, and wait for it at the end."""
+    process = beside(part, directory)
     yield
     while process.poll() is None:
         compiling.report()

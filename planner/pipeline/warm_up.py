@@ -64,7 +64,11 @@ full groups and the remainder are released."""
 
 
 def warm_up(
-    progress: Report = silent, *, soon: bool = False, directory: FilePath | None = None
+    progress: Report = silent,
+    *,
+    soon: bool = False,
+    at_once: bool = False,
+    directory: FilePath | None = None,
 ) -> None:
     """Fold, retime, smooth, balance, peel, explode as published and find a path, each once.
 
@@ -74,6 +78,7 @@ def warm_up(
     Args:
         progress: Called with ``COMPILING`` and a fraction whenever a kernel was compiled.
         soon: Return once a path can be folded; another process compiles the remaining kernels.
+        at_once: Compile the remaining kernels in two processes, too, as nobody folds yet.
         directory: Directory of the locks; beside the compiled kernels if None.
     """
     place = _locks_in(directory)
@@ -81,17 +86,17 @@ def warm_up(
     if soon and compiled:
         beside("all", place)
         return
-    with Compiling(progress, lock=CompilingLock(place / REST_LOCK)):
+    with Compiling(progress, lock=CompilingLock(place / REST_LOCK)) as compiling:
         retime(plan, 1.0, 1.0)
-        with TemporaryDirectory() as folder:
-            smooth_plan(plan, directory=folder)
-        table_certificate(plan.chain, plan.motion)
-        _many_contacts(plan.chain)
-        _explode_as_published()
-        _peel()
+        beside_too = at_once and compiling.told and cores() > 1
+        with second_process("turns", place, compiling) if beside_too else nullcontext():
+            with TemporaryDirectory() as folder:
+                smooth_plan(plan, directory=folder)
+            table_certificate(plan.chain, plan.motion)
+            _many_contacts(plan.chain)
+            _explode_as_published()
         warm_up_paths()
-        warm_up_fit()
-        _turn()
+        _peel_fit_and_turn()
 
 
 def warm_up_folding(
@@ -109,7 +114,8 @@ def warm_up_folding(
     place = _locks_in(directory)
     with Compiling(progress, lock=CompilingLock(place / FIRST_LOCK)) as compiling:
         chain = warm_up_chains()
-        with second_process(place, compiling) if compiling.told and cores() > 1 else nullcontext():
+        beside_too = compiling.told and cores() > 1
+        with second_process("paths-and-motions", place, compiling) if beside_too else nullcontext():
             warm_up_clearance(chain)
             warm_up_torques(chain)
         warm_up_motions(chain)
@@ -148,6 +154,13 @@ def warm_up_motions(chain: Chain) -> None:
     robot.end_step()
     robot.stop_drifting()
     explode(chain, ExplosionParameters(), cancelled=lambda: True)
+
+
+def _peel_fit_and_turn() -> None:
+    """Compile the kernels of long chains, fitted paths and turns."""
+    _peel()
+    warm_up_fit()
+    _turn()
 
 
 def _many_contacts(chain: Chain) -> None:
@@ -195,7 +208,7 @@ def _turn() -> None:
 def main() -> None:
     """Compile all kernels, or what another process leaves to this one."""
     if len(sys.argv) == 1:
-        warm_up(_show)
+        warm_up(_show, at_once=True)
         return
     part, directory = sys.argv[1], FilePath(sys.argv[2]) if sys.argv[2:] else None
     end_with_parent()
@@ -204,6 +217,10 @@ def main() -> None:
         warm_up(directory=directory)
         return
     place = _locks_in(directory)
+    if part == "turns":
+        with Compiling(lock=CompilingLock(place / REST_LOCK), joined=True):
+            _peel_fit_and_turn()
+        return
     with Compiling(lock=CompilingLock(place / PATHS_LOCK)):
         warm_up_paths()
     if part == "paths-and-motions":

@@ -2,7 +2,6 @@ import os
 import subprocess
 import sys
 from contextlib import nullcontext, suppress
-from functools import partial
 from pathlib import Path as FilePath
 from types import SimpleNamespace
 
@@ -124,13 +123,13 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
 
     first = ["warm_up_clearance", "warm_up_torques", "warm_up_motions"]
     rest = ["retime", "smooth_plan", "table_certificate", "_many_contacts"]
-    rest += ["_explode_as_published", "_peel", "warm_up_paths", "warm_up_fit", "_turn"]
+    rest += ["_explode_as_published", "warm_up_paths", "_peel", "warm_up_fit", "_turn"]
     for name in first + rest:
         monkeypatch.setattr(module, name, lambda *_, name=name, **__: calls.append(name))
     plan = SimpleNamespace(chain=None, motion=None)
     monkeypatch.setattr(module, "fold", lambda *_, **__: plan)  # pyright: ignore[reportUnknownLambdaType]
     monkeypatch.setattr(module, "beside", start)
-    monkeypatch.setattr(module, "second_process", partial(start, "second"))
+    monkeypatch.setattr(module, "second_process", start)
     monkeypatch.setattr(module, "cores", lambda: 2)
     warm_up(soon=True, directory=tmp_path)
     assert (beside, calls) == ([], first + rest)
@@ -144,7 +143,13 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
 
     monkeypatch.setattr(module, "warm_up_chains", chains_by_new_kernel)
     warm_up(soon=True, directory=tmp_path)
-    assert (beside, calls) == (["second", "all"], first)
+    assert (beside, calls) == (["paths-and-motions", "all"], first)
+    calls.clear()
+    beside.clear()
+    monkeypatch.setattr(module, "warm_up_chains", chains)
+    monkeypatch.setattr(module, "retime", lambda *_: njit(lambda: 0)())  # pyright: ignore[reportUnknownLambdaType]
+    warm_up(at_once=True, directory=tmp_path)
+    assert (beside, calls) == (["turns"], first + rest[1:])
 
 
 @pytest.mark.long
