@@ -1,6 +1,7 @@
 """Calm motion: how the hinges of default folds move, compared with explosions that are not calm.
 
-``python -m bench.calm [MAX_MODULES]`` folds only chains of up to so many cubes.
+``python -m bench.calm [MAX_MODULES]`` folds only chains of up to so many cubes; 80 take about a
+minute of the processor.
 """
 
 from __future__ import annotations
