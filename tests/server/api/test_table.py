@@ -128,6 +128,15 @@ def test_offers_for_a_shape_without_a_path_lead_to_a_preview_with_one(idle: Serv
     assert (many.status_code, many.json()["code"]) == (422, "too-many-modules")
 
 
+def test_refused_cells_name_the_nearest_ones_with_a_path(idle: Service) -> None:
+    form = {"as_voxels": "true", "method": "exact"}
+    refused = idle.upload("slab.json", str(SLAB), **form)
+    assert "for 9 modules, or remove the cell" in check_problem(refused, 422, "no-path")
+    refused = idle.upload("slab.json", str(SLAB), world="table", as_voxels="true")
+    nearest = "Possible repair: add the cell (1, 0, 0), for 9 modules."
+    assert nearest in check_problem(refused, 422, "no-path")
+
+
 def test_search_for_offers_ends_with_its_client_and_with_its_time(
     service_with: ServiceWith, monkeypatch: pytest.MonkeyPatch
 ) -> None:
