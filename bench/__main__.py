@@ -46,7 +46,7 @@ from bench.table.playback import table_playback
 from bench.table.statics import statics
 from bench.table.tetrahedra import table_tetrahedra
 from bench.tetrahedra import tetrahedra
-from bench.turns import turns
+from bench.turns import turns, turns_long
 
 SECTIONS = {
     "first": first_minutes,
@@ -77,6 +77,7 @@ SECTIONS = {
     "tetrahedra": tetrahedra,
     "smoothing": smoothing,
     "turns": turns,
+    "turns-long": turns_long,
     "statics": statics,
     "plan-files": plan_files,
     "page": page_speed,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import numpy as np
@@ -15,6 +16,8 @@ from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.kernels.backbite import grow
 from planner.pathfinding.lattice import neighbours
+from planner.pipeline.fold import fold
+from planner.plan.steps import steps_of
 from planner.readers import read
 from planner.readers.gallery import gallery
 from planner.turns.turn_sequence import NoTurns, find_turns
@@ -26,14 +29,16 @@ RANDOM_BOXES = ((4, 4, 4), (3, 4, 6), (2, 6, 8), (4, 5, 6))
 MOVES_PER_CELL = 100
 """Largest number of moves per cell in which a random path is searched for."""
 SHORT_MODULES = 160
-"""Number of modules of the longest chains of the smaller set, which is folded as a whole."""
+"""Number of modules of the longest chains of cubes in the section ``turns``."""
 TETRAHEDRA_MODULES = 192
 """Number of modules of the longest chains of tetrahedra for which the most seconds are given."""
 FRAMES_PER_STEP = 20
 """Number of frames from one rest to the next for the bound of the clearance, as in a plan."""
 LONG_STRIDE = 6
-"""One of so many longer gallery shapes is folded, in the order of the number of modules; all of
-them would take about ten minutes of the processor."""
+"""The section ``turns`` also folds one of so many longer gallery shapes, in the order of the number
+of modules; ``turns-long`` folds all of them."""
+WRENCH = "wrench-160"
+"""Gallery shape whose plan is made and verified."""
 
 
 def turns(reference_seconds: float) -> Section:
@@ -46,16 +51,30 @@ def turns(reference_seconds: float) -> Section:
     rows = [_row(chain, 0.95, reference_seconds) for chain in chains]
     _add_share(section, f"gallery to {SHORT_MODULES} cubes", rows[:count], 0.95)
     _add_share(section, f"longer shapes, one of {LONG_STRIDE}", rows[count:], 0.85)
-    folded = [row for row in rows if row["steps"]]
-    for name, bar in (("turns_per_bent_hinge", 1.05), ("travel_per_least", 1.05)):
-        median = float(np.median([row[name] for row in folded]))
-        section.add(f"{name}, median", f"{median:.3f}", f"at most {bar}", median <= bar)
+    _add_medians(section, rows)
+    for name, bar in (("seconds, 64 cubes", 1.0), ("seconds, 160 cubes", 5.0)):
+        modules = int(name.split()[1])
+        most = max(row["seconds"] for row in rows if row["modules"] == modules)
+        section.add(f"most {name}", f"{most:.2f}", f"at most {bar}", most <= bar)
+    _add_wrench(section, next(chain for chain in chains if chain.name == WRENCH))
     section.rows = [*rows, *_tetrahedra(section, reference_seconds)]
     section.rows += [
         _row(Chain.from_path(_random_path(box)), size, reference_seconds)
         for box in RANDOM_BOXES
         for size in SIZES
     ]
+    return section
+
+
+def turns_long(reference_seconds: float) -> Section:
+    """Fold all gallery shapes of cubes that are longer in turns: up to an hour."""
+    section = Section(name="turns-long")
+    chains = _gallery_chains(CUBE.name)
+    find_turns(chains[0], size=0.95, at_once=None, seed=0)  # compile first
+    long_chains = [chain for chain in chains if len(chain) > SHORT_MODULES]
+    section.rows = [_row(chain, 0.95, reference_seconds) for chain in long_chains]
+    _add_share(section, f"gallery beyond {SHORT_MODULES} cubes", section.rows, 0.85)
+    _add_medians(section, section.rows)
     return section
 
 
@@ -84,6 +103,26 @@ def _tetrahedra(section: Section, reference_seconds: float) -> list[dict[str, An
     seconds = max(row["seconds"] for row in rows if row["modules"] <= TETRAHEDRA_MODULES)
     section.add(f"tetrahedra: seconds to {TETRAHEDRA_MODULES}, at most", f"{seconds:.1f}")
     return rows
+
+
+def _add_medians(section: Section, rows: list[dict[str, Any]]) -> None:
+    folded = [row for row in rows if row["steps"]]
+    for name, bar in (("turns_per_bent_hinge", 1.05), ("travel_per_least", 1.05)):
+        median = float(np.median([row[name] for row in folded]))
+        section.add(f"{name}, median", f"{median:.3f}", f"at most {bar}", median <= bar)
+
+
+def _add_wrench(section: Section, chain: Chain) -> None:
+    """Add figures of a verified plan of the wrench."""
+    with TemporaryDirectory() as directory:  # figures are only made of what is written
+        plan = fold(chain, seed=0, strategy="turns", directory=directory)
+    steps = len(steps_of(plan).steps)
+    seconds, bound = plan.certificate.fold_time_s, plan.certificate.clearance_bound
+    assert seconds is not None
+    assert bound is not None
+    section.add(f"{WRENCH}, steps", str(steps), "at most 15", steps <= 15)
+    section.add(f"{WRENCH}, fold at 1 rad/s", f"{seconds:.1f} s", "at most 24 s", seconds <= 24.0)
+    section.add(f"{WRENCH}, clearance bound", f"{bound:.4f}", "at least 0.02", bound >= 0.02)
 
 
 def _random_path(box: tuple[int, int, int]) -> Path:
