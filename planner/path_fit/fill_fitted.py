@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from hashlib import sha256
 from typing import Final
 
@@ -22,6 +22,7 @@ from planner.pathfinding.lattice import index_of, neighbours, surface
 from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
 from planner.shapes.lattice_fits import Ladder
 from planner.shapes.orientations import candidates
+from planner.shapes.separate_bodies import joined_note
 from planner.shapes.shape import Shape
 from planner.shapes.solid import Solid
 from planner.shapes.voxelise import LaidCells, Voxels, kept_of, voxels_of
@@ -31,6 +32,8 @@ METHOD: Final = "fitted"
 MAX_FITTED_MODULES: Final = 2_000
 """Maximum number of modules of a fitted path: annealing longer ones takes too long."""
 MIN_FITTED_MODULES: Final = 8
+MIN_JOINED_GAIN: Final = 0.03
+"""Smallest gain in IoU for which separate bodies are joined by modules in the air."""
 REROUTED_MOVES: Final = 400
 """Moves for each cell of a search for a path through fitted cells with other ends."""
 REROUTES: Final = 8
@@ -146,21 +149,22 @@ def _filled(
     )
 
 
+_LaidFit = tuple[Ladder, PathFit]
+
+
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class _StartedFit:
     """A fit with a first result.
 
     Attributes:
         key: Digest of the solid and of all that the fit depends on.
-        ladder: The solid with its orientations.
-        first: The first result.
+        first: The first result, and the solid with its orientations.
         later: Computes the later results.
     """
 
     key: bytes
-    ladder: Ladder
-    first: PathFit
-    later: Iterator[PathFit]
+    first: _LaidFit
+    later: Iterator[_LaidFit]
 
 
 _started: list[_StartedFit] = []
@@ -168,20 +172,40 @@ _started: list[_StartedFit] = []
 request its final result next, which then takes less time and is the same."""
 
 
-def _fit(
-    solid: Solid, modules: int, seed: int, *, exact: bool, quick: bool
-) -> tuple[Ladder, PathFit]:
+def _fit(solid: Solid, modules: int, seed: int, *, exact: bool, quick: bool) -> _LaidFit:
     """Return the first or the final result of a fit."""
     key = _key(solid, modules, seed, exact=exact)
     fit = _started.pop() if _started else None
     if fit is None or fit.key != key:
-        ladder = Ladder(solid, candidates(solid, np.random.default_rng(seed)))
-        later = fit_path(ladder, modules, seed=seed, exact=exact)
-        fit = _StartedFit(key=key, ladder=ladder, first=next(later), later=later)
+        later = _stages(solid, modules, seed, exact=exact)
+        fit = _StartedFit(key=key, first=next(later), later=later)
     if quick:
         _started.append(fit)
-        return fit.ladder, fit.first
-    return fit.ladder, list(fit.later)[-1]
+        return fit.first
+    return list(fit.later)[-1]
+
+
+def _stages(solid: Solid, modules: int, seed: int, *, exact: bool) -> Iterator[_LaidFit]:
+    """Yield the results of a fit; of separate bodies all, if joining them pays, or the largest."""
+    turns = candidates(solid, np.random.default_rng(seed))
+    ladder = Ladder(solid, turns)
+    ladders = [ladder] if ladder.share == 1.0 else [ladder, Ladder(solid, turns, whole=True)]
+    fits = [fit_path(each, modules, seed=seed, exact=exact) for each in ladders]
+    for stage in zip(*fits, strict=True):
+        yield max(zip(ladders, stage, strict=True), key=_worth)
+
+
+def _worth(laid: _LaidFit) -> float:
+    """Return the IoU with the whole solid, less what joined bodies must gain."""
+    ladder, fit = laid
+    return _whole_iou(ladder, fit.paths[0]) - (MIN_JOINED_GAIN if ladder.whole else 0.0)
+
+
+def _whole_iou(ladder: Ladder, fitted: FittedPath) -> float:
+    """Return the IoU of a path with the whole solid."""
+    volume, count = fitted.placement.volume, len(fitted.cells)
+    shared = fitted.iou * (volume + count) / (1.0 + fitted.iou)
+    return shared / (volume / ladder.share + count - shared)
 
 
 def _key(solid: Solid, modules: int, seed: int, *, exact: bool) -> bytes:
@@ -198,13 +222,15 @@ def _voxels(ladder: Ladder, fitted: FittedPath, modules: int) -> Voxels:
     cells: Flags = np.zeros(place.fill.shape, dtype=np.bool_)
     cells[tuple(fitted.cells.T)] = True
     filled = np.maximum(place.fill, 0).astype(np.float64)
-    shared = fitted.iou * (place.volume + len(fitted.cells)) / (1.0 + fitted.iou)
-    iou = shared / (place.volume / ladder.share + len(fitted.cells) - shared)
     laid = LaidCells(
         cells=cells, pitch=place.pitch, rotation=place.turn.rotation, offset=place.offset
     )
-    kept = kept_of(ladder, cells, filled, iou)
-    return voxels_of(ladder, laid, kept, fitted.iou, asked=modules)
+    kept = kept_of(ladder, cells, filled, _whole_iou(ladder, fitted))
+    voxels = voxels_of(ladder, laid, kept, fitted.iou, asked=modules)
+    if ladder.whole and not voxels.unused:
+        notes = (joined_note(len(ladder.bodies)), *voxels.notes)
+        voxels = replace(voxels, notes=notes, joined=True)
+    return voxels
 
 
 def _with_ends(cells: Ints, options: PathOptions, seed: int) -> tuple[Ints | None, str]:

@@ -415,6 +415,8 @@ def _reach(solid: Solid, made: Preparation) -> dict[float, int | None]:
     }
     if options.method == "blocks":
         del uses[1]
+    elif voxels.joined:  # blocks use one body
+        del uses[BLOCK_CELLS]
     reached = dict(zip(uses, cells_reaching(solid, tuple(uses.values())), strict=True))
     return {
         level: min(

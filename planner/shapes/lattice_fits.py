@@ -164,16 +164,19 @@ class Ladder:
     """All fits of a solid, computed on demand and cached.
 
     Attributes:
-        solid: The solid; its largest body alone, if others have enough volume and do not touch it.
+        solid: The solid; its largest body alone, if others have enough volume and do not touch it,
+            unless the ladder is made with ``whole``.
         bodies: Separate bodies of the whole solid, the one that cells are fitted to first; empty
             for a solid in one piece.
         share: Share of the whole solid's volume that cells are fitted to, 0…1.
-        tunnels: Number of tunnels of the largest body; None if that is undecided.
+        tunnels: Number of tunnels of the used bodies; None if that is undecided.
+        whole: True if all bodies are used.
         apart: True if ``solid`` still has other bodies, because its surfaces do not separate them.
     """
 
-    def __init__(self, solid: Solid, turns: tuple[Array, ...]) -> None:
+    def __init__(self, solid: Solid, turns: tuple[Array, ...], *, whole: bool = False) -> None:
         self.solid = solid
+        self.whole = whole
         self.turns = turns
         self.volume = enclosed_volume(solid)
         self.thickness = 2.0 * self.volume / _area(solid)
@@ -208,11 +211,11 @@ class Ladder:
         numbers, sizes = parts_of(sampling.inside)
         if not len(sizes):
             return
-        main = numbers == int(np.argmax(sizes)) + 1
+        main = sampling.inside if self.whole else numbers == int(np.argmax(sizes)) + 1
         if len(sizes) > 1 or self.solid.surfaces > 1:
             self.bodies = separate_bodies(self.solid, sampling, numbers, sizes)
         self.tunnels = self._count_tunnels(sampling, main)
-        if int((sizes >= MIN_BODY_SHARE * sizes.sum()).sum()) <= 1:
+        if self.whole or int((sizes >= MIN_BODY_SHARE * sizes.sum()).sum()) <= 1:
             return
         self.share = checked_fraction(self.bodies[0].share, "share of the largest body")
         self.volume *= float(sizes.max() / sizes.sum())
@@ -225,9 +228,11 @@ class Ladder:
                 self.volume = abs(signed_volume(body.vertices, body.faces)) or self.volume
 
     def _count_tunnels(self, sampling: Sampling, main: Flags) -> int | None:
-        """Return the number of tunnels of the largest body; None if that is undecided."""
+        """Return the number of tunnels of the used bodies; None if that is undecided."""
         tunnels: int | None = None
-        rows = self.bodies[0].faces if self.bodies else np.arange(len(self.solid.faces))
+        rows: Ints | None = np.arange(len(self.solid.faces))
+        if self.bodies and not self.whole:
+            rows = self.bodies[0].faces
         if self.solid.oriented and sampling.crossed <= MAX_CROSSED_SHARE and rows is not None:
             tunnels = tunnels_of_surface(self.solid.faces[rows])
         return tunnels_of_samples(main) if tunnels is None else tunnels

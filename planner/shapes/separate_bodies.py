@@ -162,6 +162,11 @@ def bodies_note(shares: list[float], unused: list[float]) -> str:
     )
 
 
+def joined_note(bodies: int) -> str:
+    """Return the note about separate bodies that are joined by modules in the air."""
+    return f"the mesh has {bodies} separate bodies; modules in the air between them join them."
+
+
 def percent(share: float) -> str:
     """Return a share from 0 to 1 in percent, with a decimal where it would round to 0 or 100."""
     value = 100.0 * share

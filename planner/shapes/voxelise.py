@@ -73,9 +73,10 @@ class Voxels:
         above: Nearest larger count that a request for it gives, or None.
         unused: Shares of the solid's volume of the separate bodies that are not used, the largest
             first.
-        tunnels: Number of tunnels of the used body, such as that of a handle; None if undecided.
+        tunnels: Number of tunnels of the used bodies, such as that of a handle; None if undecided.
         notes: Messages about lost parts, the most important first.
         remarks: Messages about crossing surfaces, and about cells that were added or removed.
+        joined: True if cells in the air join separate bodies.
     """
 
     shape: Shape
@@ -90,6 +91,7 @@ class Voxels:
     tunnels: int | None
     notes: tuple[str, ...] = ()
     remarks: tuple[str, ...] = ()
+    joined: bool = False
 
     @property
     def iou(self) -> float:

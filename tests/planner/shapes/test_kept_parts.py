@@ -65,7 +65,9 @@ def test_bodies_that_overlap_or_lie_in_cavities_are_not_separate() -> None:
 
 def test_similarity_of_two_bodies_never_exceeds_the_share_of_the_used_one() -> None:
     alone, both = (
-        prepare(exported("stl", mesh), "a.stl", PathOptions(modules=64)).report(full=False)
+        prepare(exported("stl", mesh), "a.stl", PathOptions(modules=64, method="blocks")).report(
+            full=False
+        )
         for mesh in (
             boxes(((3, 3, 3), (0, 0, 0))),
             boxes(((3, 3, 3), (0, 0, 0)), ((2, 3, 3), (9, 0, 0))),
@@ -75,6 +77,23 @@ def test_similarity_of_two_bodies_never_exceeds_the_share_of_the_used_one() -> N
     assert both["iou"] == pytest.approx(0.6, abs=0.002)
     assert both["unused_bodies"] == pytest.approx([0.4])
     assert both["cells"] == alone["cells"]
+
+
+def test_a_fitted_path_joins_separate_bodies_where_it_pays() -> None:
+    near, far = (
+        prepare(
+            exported("stl", boxes(((3, 3, 3), (0, 0, 0)), ((2, 3, 3), (x, 0, 0)))),
+            "a.stl",
+            PathOptions(modules=48),
+        )
+        for x in (4, 40)
+    )
+    assert near.method == "fitted" and near.likeness is not None
+    assert near.likeness.iou > 0.8
+    report = near.report(full=False)
+    assert report["unused_bodies"] == [] and near.voxels is not None and near.voxels.joined
+    assert "2 separate bodies; modules in the air" in near.notes[0]
+    assert far.report(full=False)["unused_bodies"] == pytest.approx([0.4])
 
 
 def test_lost_handle_is_reported_with_the_numbers_of_modules_for_a_likeness() -> None:
@@ -108,7 +127,9 @@ def test_exact_fits_need_few_modules() -> None:
 
 def test_snake_is_possible_only_for_boxes() -> None:
     cube, ring = (
-        prepare(exported("stl", mesh), "a.stl", PathOptions(modules=64)).report(full=False)
+        prepare(exported("stl", mesh), "a.stl", PathOptions(modules=64, method="blocks")).report(
+            full=False
+        )
         for mesh in (box(4, 4, 4), torus())
     )
     assert "snake" in cube["possible_methods"]
