@@ -48,7 +48,7 @@ KINDS: Final = {
 UPRIGHT_PLACEMENTS: Final = 14
 """Number of placements of the upright solid in the race."""
 FIRST_PLACEMENTS: Final = 3
-"""Number of placements from which the first result is taken."""
+"""Number of placements from which the first result is taken; more until one has enough cells."""
 RACE_MOVES: Final = 1_000
 """Moves for each cell in the first annealing of a placement; each round of the race has twice as
 many."""
@@ -156,11 +156,15 @@ def fit_path(
     low = modules if exact else int(np.ceil(MIN_SHARE * modules))
     counts = Counts(low=low, high=modules)
     runs: list[FittedPath] = []
+    has_first = False
     for number, placement in enumerate(_placements(ladder, counts, seed)):
         runs.append(_annealed(placement, counts, RACE_MOVES * modules, [seed, 0, number]))
-        if len(runs) == FIRST_PLACEMENTS:
-            yield PathFit(paths=(ranked(runs, low)[0],), is_final=False)
-    runs = ranked(runs, low)
+        runs = ranked(runs, low)
+        if not has_first and len(runs) >= FIRST_PLACEMENTS and len(runs[0].cells) >= low:
+            yield PathFit(paths=(runs[0],), is_final=False)
+            has_first = True
+    if not has_first:
+        yield PathFit(paths=(runs[0],), is_final=False)
     moves, number = RACE_MOVES * modules, 1
     while len(runs) > FINALISTS:
         moves *= 2
