@@ -232,9 +232,9 @@ def test_cells_are_previewed_without_a_search(idle: Service) -> None:
 
 
 def test_quick_preview_of_a_mesh_is_followed_by_the_final_one_that_is_folded(idle: Service) -> None:
-    first = report(idle, CORNER, modules="48", quick="true")
+    first = report(idle, CORNER, modules="40", quick="true")
     assert not first["final"] and is_path(first["cells"]) and first["likeness"]
-    form = {"preview": first["id"], "modules": "48"}
+    form = {"preview": first["id"], "modules": "40"}
     final = report(idle, **form)
     assert final["final"] and final["key"] != first["key"]
     assert final["iou"] >= first["iou"]
@@ -247,7 +247,7 @@ def test_quick_preview_of_a_mesh_is_followed_by_the_final_one_that_is_folded(idl
     assert cells["final"]
     assert report(idle, preview=cells["id"]) == cells  # and not searched again
     fold = idle.fold(**form, token=new_token())
-    key = key_of(CORNER, "thing.bin", PathOptions(modules=48), 0)
+    key = key_of(CORNER, "thing.bin", PathOptions(modules=40), 0)
     prepared = PreparedChains.load(idle.directory(fold["id"]), key)
     assert prepared is not None
     positions = prepared.chains[0].folded_poses.positions
