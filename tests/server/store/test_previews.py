@@ -219,7 +219,7 @@ def test_flood_of_previews_leaves_those_of_others(site_with: SiteWith) -> None:
 def test_key_differs_for_each_option() -> None:
     changes: dict[str, Any] = {"modules": 64, "method": "exact", "ends": "surface", "seed": 1}
     changes |= {"repair": True, "as_voxels": True, "path": False, "start": (0, 0, 0)}
-    changes |= {"module": "tetrahedron", "world": "table"}
+    changes |= {"module": "tetrahedron", "world": "table", "quick": True}
     others = [PreviewRequest(**{name: value}) for name, value in changes.items()]
     assert len(others) == len(fields(PreviewRequest))
     assert len({options.key for options in (PreviewRequest(), *others)}) == len(others) + 1
