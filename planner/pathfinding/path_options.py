@@ -64,8 +64,8 @@ class PathOptions:
         title="Path method",
         help="Method that finds the path. `blocks` splits each voxel into 2×2×2 modules, "
         "`fitted` chooses the cells of a mesh together with the path, `exact` uses one module for "
-        "each voxel and meets the number of modules of a mesh exactly, and `snake` works only for "
-        "boxes.",
+        "each voxel and, in zero gravity, meets the number of modules of a mesh exactly, and "
+        "`snake` works only for boxes.",
         label="Path",
         choices=PATH_METHODS,
     )

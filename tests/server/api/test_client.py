@@ -127,7 +127,8 @@ def test_client_options_are_those_of_the_interface(idle: Service) -> None:
         return set(schema["properties"])
 
     assert set(FoldOptions.__annotations__) | {"file", "shape"} == fields(FOLDS)
-    assert set(ShapeOptions.__annotations__) | {"file", "shape", "path", "full"} == fields(
+    of_the_page = {"path", "full", "quick"}
+    assert set(ShapeOptions.__annotations__) | {"file", "shape"} | of_the_page == fields(
         "/api/shapes/preview"
     )
     assert set(MovieOptions.__annotations__) == fields("/api/folds/{fold_id}/movies")
