@@ -20,6 +20,7 @@ AGAIN_LABELS: Final = {
     "same": "Fold again",
     "preset": "Try with the default preset",
     "module_size": "Try the default module size",
+    "strategy": "Try an explosion",
     "seed": "Try another random seed",
 }
 """Buttons that try a failed or cancelled fold again, by what changes."""

@@ -130,6 +130,8 @@ def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
     """tests/server/contract checks the offers of other folds."""
     again = fold_facts(failed_fold(tmp_path, 0, seed=2**32 - 1))["again"]
     assert again["text"] == "Try another random seed" and again["form"]["seed"] == 0
+    again = fold_facts(failed_fold(tmp_path, 0, strategy="turns"))["again"]
+    assert again["text"] == "Try an explosion" and "strategy" not in again["form"]
     plain = fold_facts(failed_fold(tmp_path, 0, status="verified", preset="paper"))["compare"]
     settable = {way["text"]: way["settable"] for way in plain if "settable" in way}
     assert settable == {"Published method, modified": "must"}
