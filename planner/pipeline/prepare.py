@@ -608,11 +608,9 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
         return _fitted(solid, options, seed)
     # A requested start is a cell of the path that is chosen without it, as a preview shows it.
     anywhere = replace(options, start=None)
-    voxelised = _voxelised(solid, anywhere, seed, time_limit_s)
+    voxelised = _voxelised(solid, anywhere, seed, time_limit_s, offering=False)
     fitted = _fitted(solid, anywhere, seed)
     if not _is_better(fitted, voxelised):
-        if options.start is None:
-            return voxelised
         return _voxelised(solid, options, seed, time_limit_s)
     if options.start is not None:
         return _fitted(solid, options, seed)
@@ -682,11 +680,14 @@ def _fitted(solid: Solid, options: PathOptions, seed: int, *, quick: bool = Fals
     return replace(made, final=not quick)
 
 
-def _voxelised(solid: Solid, options: PathOptions, seed: int, time_limit_s: float) -> Preparation:
+def _voxelised(
+    solid: Solid, options: PathOptions, seed: int, time_limit_s: float, *, offering: bool = True
+) -> Preparation:
     from planner.shapes.voxelise import voxelise
 
     filling = filling_of(options)
-    voxels = voxelise(solid, cells=filling.cells_for(options), seed=seed)
+    cells = filling.cells_for(options)
+    voxels = voxelise(solid, cells=cells, seed=seed, offering=offering)
     filled = filling.fill(
         voxels.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s
     )

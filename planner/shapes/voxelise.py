@@ -99,7 +99,7 @@ class Voxels:
         return self.kept.iou
 
 
-def voxelise(solid: Solid, *, cells: int, seed: int = 0) -> Voxels:
+def voxelise(solid: Solid, *, cells: int, seed: int = 0, offering: bool = True) -> Voxels:
     """Convert a solid into about ``cells`` cells.
 
     What comes within a tenth of the count and keeps the most of the shape is taken; where nothing
@@ -109,6 +109,7 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0) -> Voxels:
         solid: Solid to voxelise.
         cells: Requested number of cells.
         seed: Seed of the random orientations.
+        offering: True to search for the nearest other counts, which takes most of the time.
 
     Raises:
         InputError: The count is out of range, or the solid has no inside.
@@ -121,7 +122,7 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0) -> Voxels:
     ladder = Ladder(solid, turns)
     chooser = Chooser(ladder)
     made = chooser.choose(cells).made
-    below, above = chooser.offers(cells)
+    below, above = chooser.offers(cells) if offering else (None, None)
     fine = ladder.grid(
         made.turn,
         made.pitch,
