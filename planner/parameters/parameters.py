@@ -30,6 +30,8 @@ PRESETS: Final = tuple(PRESET_CHOICES)
 (``paper``), and servos that turn straight to the shape's angles (``direct``)."""
 TURNS: Final = "turns"
 BASELINE: Final = "one-by-one"
+TURN_STRATEGIES: Final = (TURNS, BASELINE)
+"""Strategies that search for turns, without forces."""
 AUTO: Final = "auto"
 STRATEGY_CHOICES: Final[Choices] = {
     AUTO: Choice(label="Automatic"),

@@ -13,7 +13,7 @@ from typing import Final, Literal
 from planner.explosion.diagnosis import Diagnosis
 from planner.explosion.strategies import alternative_strategies, ranked_strategies
 from planner.parameters.explosion import ExplosionParameters
-from planner.parameters.parameters import AUTO, BASELINE, TURNS
+from planner.parameters.parameters import AUTO, BASELINE, TURN_STRATEGIES
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.preference import CALM, COMPUTING
@@ -50,8 +50,6 @@ the most frequent one. All other strategies assume ``joints``."""
 DIRECTIONAL_STRATEGIES: Final = ("peel",)
 """Explosion strategies that release a chain from one of its ends; to begin at the other end is one
 of the changes that a fold tries after a failure."""
-FORCELESS_STRATEGIES: Final = (TURNS, BASELINE)
-"""Strategies that search for turns, without forces: gentler ones would repeat their result."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -185,7 +183,7 @@ class RetryPolicy:
             if self.two_ended and here.strategy in DIRECTIONAL_STRATEGIES:
                 yield replace(here, other_end=not here.other_end)
         elif change == "forces":
-            if self.forces and here.strategy not in FORCELESS_STRATEGIES:
+            if self.forces and here.strategy not in TURN_STRATEGIES:  # without forces
                 yield replace(here, gentle=True)
         else:
             for k in range(self.seeds):

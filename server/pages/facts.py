@@ -19,13 +19,12 @@ from planner.exports.formats import exports_of
 from planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMELINE
 from planner.files import json_of
 from planner.motion.record import TableRecord
-from planner.parameters.parameters import FLOATING
+from planner.parameters.parameters import FLOATING, TURN_STRATEGIES
 from planner.parameters.settings_text import TABLE_SETTINGS
 from planner.pathfinding.path_options import MAX_TABLE_MODULES
 from planner.pipeline.fold_layout import result_path
 from planner.pipeline.preference import COMPUTING, Preference, preference_named
 from planner.pipeline.request import MAX_SEED, FoldRequest
-from planner.pipeline.retry_policy import FORCELESS_STRATEGIES
 from planner.robot import MAX_SMOOTHED_ANGLES
 from planner.verification.integrity import damaged_among
 from server.api.schemas import export_href
@@ -294,7 +293,7 @@ def _again(row: ShownFold) -> Suggestion | None:
         change, other = "preset", replace(request, preset="default", settings="")
     elif row.module_size is not None and row.module_size > plain.parameters().module_size:
         change, other = "module_size", replace(request, module_size=None)
-    elif request.strategy in FORCELESS_STRATEGIES:  # seeds hardly change turns
+    elif request.strategy in TURN_STRATEGIES:  # seeds hardly change turns
         change, other = "strategy", replace(request, strategy=plain.strategy)
     else:
         change, other = "seed", replace(request, seed=_next_seed(row))
