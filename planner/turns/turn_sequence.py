@@ -79,7 +79,7 @@ def find_turns(
     moves = shortened(turning.folded, moves_between(unfolded.states), proof)
     most = len(chain.folded_rad) if at_once is None else at_once
     steps = _fewest_steps(turning.folded, moves, Merger(proof, at_once=most))
-    rests = QUARTER_RAD * states_after(np.zeros_like(turning.folded), steps)
+    rests = QUARTER_RAD * states_after(np.zeros_like(turning.folded), steps).astype(float)
     if steps:
         rests[-1] = chain.folded_rad
     return TurnSequence(
