@@ -203,6 +203,8 @@ class Plan:
             )
         begins = int(np.argmax(folding))
         rests = tuple(k - begins for k in rest_frames(self.playback) if k >= begins)
+        if len(rests) == 1:  # where the turns of an unfolding ended, before this motion
+            rests = ()
         return Unfolding(
             chain=self.chain, time_s=times - times[0], folding_rad=angles, rest_frames=rests
         )

@@ -85,6 +85,13 @@ def test_refold_by_turns_rests_from_shape_to_shape(tmp_path: FilePath) -> None:
     assert foldback_check.check(str(tmp_path / "plan.npz"))["verdict"] == "proved"
 
 
+def test_motion_that_follows_turns_is_unfolded_without_rests() -> None:
+    plan = refold(fold(SQUARE, strategy="turns"), HAIRPIN)
+    assert plan.playback["rest_frames"]
+    assert not plan.unfolding().rest_frames
+    assert refold(plan, SQUARE).certificate.verdict == "verified (simulated)"
+
+
 @pytest.mark.slow
 def test_refold_is_verified_from_shape_to_shape(plan: Plan, folder: FilePath, square: Plan) -> None:
     assert plan.certificate.verdict == "verified (simulated)"
