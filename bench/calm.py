@@ -95,7 +95,7 @@ def _row(name: str, data: bytes, strategy: str, reference_seconds: float) -> dic
         run_stages(directory, workers=1)
         plan = Plan.load(directory / "plan.npz")
     seconds = processor_seconds() - before_s
-    found = plan.certificate
+    certificate = plan.certificate
     straight = int((np.abs(plan.chain.folded_rad) < MAX_STRAIGHT_HINGE_RAD).sum())
     return {
         "shape": name,
@@ -103,14 +103,14 @@ def _row(name: str, data: bytes, strategy: str, reference_seconds: float) -> dic
         "asked": strategy,
         "strategy": plan.attempts[-1]["strategy"],
         "attempts": len(plan.attempts),
-        "verdict": found.verdict,
-        "travel": found.travel_ratio,
-        "moving mean": found.hinges_moving_mean,
-        "moving max": found.hinges_moving_most,
-        "reversals": found.reversals_mean,
+        "verdict": certificate.verdict,
+        "travel": certificate.travel_ratio,
+        "moving mean": certificate.hinges_moving_mean,
+        "moving max": certificate.hinges_moving_most,
+        "reversals": certificate.reversals_mean,
         "straight": straight,
-        "held": None if found.detours is None else straight - found.detours,
-        "bound": found.clearance_bound,
+        "held": None if certificate.detours is None else straight - certificate.detours,
+        "bound": certificate.clearance_bound,
         "cpu s": round(seconds, 2),
         "ratio": round(seconds / reference_seconds, 2) if reference_seconds else None,
     }

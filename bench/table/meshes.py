@@ -97,16 +97,16 @@ def _path_row(name: str, modules: int) -> dict[str, Any]:
     mesh = FORMS[name]()
     solid = Solid.from_triangles(mesh.vertices, mesh.faces, name=name)
     cpu = time.process_time()
-    made = prepare_found(solid, PathOptions(modules=modules, world="table"))
+    preparation = prepare_found(solid, PathOptions(modules=modules, world="table"))
     cpu = time.process_time() - cpu
-    if made.method == "fitted" and rule_violations(made.cells):
+    if preparation.method == "fitted" and rule_violations(preparation.cells):
         raise AssertionError(f"the path of {name} breaks rules")
     return {
         "mesh": name,
         "asked": modules,
-        "path": made.method if made.chains else "",
-        "modules": len(made.cells),
-        "iou": None if made.likeness is None else made.likeness.iou,
+        "path": preparation.method if preparation.chains else "",
+        "modules": len(preparation.cells),
+        "iou": None if preparation.likeness is None else preparation.likeness.iou,
         "cpu s": cpu,
     }
 

@@ -293,7 +293,7 @@ def _numbers(dots: Mapping[int, Point], growth: float) -> Iterable[Shape]:
         growth: Length of a letter, relative to that in a small drawing.
     """
     height, radius = growth * LETTER_PITCH, max(JOINT_PITCH, 0.5 * growth * JOINT_PITCH)
-    taken = [(x - radius, y - radius, x + radius, y + radius) for x, y in dots.values()]
+    occupied_boxes = [(x - radius, y - radius, x + radius, y + radius) for x, y in dots.values()]
     for module, (x, y) in dots.items():
         text = str(module + 1)
         width = 0.7 * height * len(text)
@@ -302,8 +302,8 @@ def _numbers(dots: Mapping[int, Point], growth: float) -> Iterable[Shape]:
             base = y + 0.4 * height - row * height
             left, right = sorted((near, near + side * width))
             box = (left, base - height, right, base)
-            if not any(_overlap(box, other) for other in taken):
-                taken.append(box)
+            if not any(_overlap(box, other) for other in occupied_boxes):
+                occupied_boxes.append(box)
                 place = (round(near, 3), round(base, 3))
                 yield Shape(style="label", points=(place,), text=text, ends=side < 0)
                 break

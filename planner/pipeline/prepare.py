@@ -648,10 +648,10 @@ def _easier_on_table(solid: Solid, voxelised: Preparation, seed: int) -> Prepara
     from planner.path_fit.fill_fitted import fill_for_table
     from planner.path_fit.fit_table import MIN_IOU_SHARE, cost_of
 
-    found = fill_for_table(solid, voxelised.options, seed=seed)
-    if found is None:
+    filling = fill_for_table(solid, voxelised.options, seed=seed)
+    if filling is None:
         return voxelised
-    voxels, filled = found
+    voxels, filled = filling
     notes = (*voxels.notes, *solid.notes, *filled.notes)
     fitted = _of_solid(solid, voxelised.options, voxels, filled, notes)
     if fitted.likeness is None or voxelised.likeness is None or not voxelised.chains:
@@ -676,8 +676,7 @@ def _fitted(solid: Solid, options: PathOptions, seed: int, *, quick: bool = Fals
 
     voxels, filled = fill_fitted(solid, options, seed=seed, quick=quick)
     notes = (*voxels.notes, *solid.notes)
-    made = _of_solid(solid, options, voxels, filled, notes)
-    return replace(made, final=not quick)
+    return replace(_of_solid(solid, options, voxels, filled, notes), final=not quick)
 
 
 def _voxelised(

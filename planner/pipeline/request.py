@@ -68,7 +68,7 @@ class PreviewRequest(PathOptions):
 
     @property
     def complete(self) -> PreviewRequest:
-        """The same request for the final result."""
+        """Request for the final result, otherwise the same."""
         return replace(self, quick=False)
 
     @classmethod

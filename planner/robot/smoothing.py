@@ -225,18 +225,18 @@ class _Smoothing:
         """Return the (F, J) motion with hinges between their first and last angle, where clear."""
         everywhere = np.ones(len(angles), dtype=np.bool_)
         target = mean(direct(angles), CALM_PARTS)
-        found = self._followed(angles, target, everywhere, inf)
-        return angles if found is None else self._refined(found)
+        motion = self._followed(angles, target, everywhere, inf)
+        return angles if motion is None else self._refined(motion)
 
     def _cheaper(self, best: Array, cancelled: Cancelled) -> Array:
         """Return the (F, J) motion after passes until they gain too little."""
         stale = 0
         while stale < 2 and self.looks < self.most_looks and not cancelled():
-            found = self._resampled(self._simplified(best, cancelled))
-            gain = 1.0 - self._costs(found).sum() / self._costs(best).sum()
+            motion = self._resampled(self._simplified(best, cancelled))
+            gain = 1.0 - self._costs(motion).sum() / self._costs(best).sum()
             if gain <= 0.0:
                 break
-            best = found
+            best = motion
             stale = stale + 1 if gain < MIN_PASS_GAIN else 0
         return best
 
@@ -256,9 +256,9 @@ class _Smoothing:
                 worth = worthwhile(costs, self._costs(target), begins)
                 if not worth.any():
                     continue
-                found = self._followed(angles, target, worth, float(costs.sum()))
-                if found is not None:
-                    angles = self._refined(found)
+                motion = self._followed(angles, target, worth, float(costs.sum()))
+                if motion is not None:
+                    angles = self._refined(motion)
                     costs = self._costs(angles)
         return angles
 

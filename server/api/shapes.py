@@ -181,13 +181,13 @@ def bounded(options: PreviewRequest, max_modules: int) -> None:
 
 def viewed(options: PreviewRequest, report: dict[str, Any]) -> dict[str, Any]:
     """Return what an owner's list says of a preview with these options."""
-    asked = {**options.complete.changed(), **({"seed": options.seed} if options.seed else {})}
+    values = {**options.complete.changed(), **({"seed": options.seed} if options.seed else {})}
     return {
         "name": str(report["name"])[:MAX_FOLD_NAME],
         "modules": int(report["modules"]),
         "module": str(report["module"]),
         "key": options.key,
-        "query": urlencode(texts_of(asked), safe=","),
+        "query": urlencode(texts_of(values), safe=","),
     }
 
 

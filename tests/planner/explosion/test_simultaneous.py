@@ -138,7 +138,7 @@ def test_auto_releases_all_modules_calmly_and_simultaneous_as_before(folded: Any
         ("auto", replace(first, plain=True), usual),
         ("simultaneous", first, usual),
     ):
-        found = exploding.explode(chain, trial, Parameters(strategy=strategy), Watch())
+        record = exploding.explode(chain, trial, Parameters(strategy=strategy), Watch())
         np.testing.assert_array_equal(
-            found.frames.joint_angles_rad, expected.frames.joint_angles_rad
+            record.frames.joint_angles_rad, expected.frames.joint_angles_rad
         )

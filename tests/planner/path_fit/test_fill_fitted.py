@@ -30,9 +30,9 @@ def prepared(mesh: trimesh.Trimesh, **options: object) -> Preparation:
     return prepare_found(solid_of(mesh), PathOptions(**{"modules": 64, **options}))  # type: ignore[arg-type]
 
 
-def iou(made: Preparation) -> float:
-    assert made.likeness is not None
-    return made.likeness.iou
+def iou(preparation: Preparation) -> float:
+    assert preparation.likeness is not None
+    return preparation.likeness.iou
 
 
 def test_auto_takes_a_fitted_path_where_it_pays() -> None:
@@ -82,16 +82,16 @@ def test_auto_fits_a_path_for_a_table() -> None:
     # The cells that look most like it have no path that rises from the floor.
     ring = {"modules": 32, "world": "table"}
     assert not prepared(torus(), method="exact", **ring).chains
-    made = prepared(torus(), **ring)
-    assert made.method == "fitted" and 0.9 * 32 <= len(made.chain) <= 32
-    assert len(made.chains) == len(made.likenesses)
-    for chain in made.chains:
+    preparation = prepared(torus(), **ring)
+    assert preparation.method == "fitted" and 0.9 * 32 <= len(preparation.chain) <= 32
+    assert len(preparation.chains) == len(preparation.likenesses)
+    for chain in preparation.chains:
         check_for_table(chain)
     fits = fit_on_table(Ladder(solid_of(torus()), SIDES), 32)
     costs = [fit.cost for fit in fits]
     assert len(fits) > 1 and costs == sorted(costs)
     path = fits[0].fitted
-    assert (path.cells - path.cells.min(axis=0) == made.cells).all()
+    assert (path.cells - path.cells.min(axis=0) == preparation.cells).all()
     assert cost_of(path.cells, path.iou) == fits[0].cost
     assert cost_of(path.cells, path.iou - 0.1) == pytest.approx(costs[0] + 2.0)
     # A ring of 32 cells lies in one or two layers.
@@ -99,14 +99,14 @@ def test_auto_fits_a_path_for_a_table() -> None:
 
 
 def test_refusal_of_many_modules_on_a_table_names_the_number_that_works() -> None:
-    made = prepared(torus(), modules=MAX_TABLE_FITTED_MODULES + 1, world="table")
+    preparation = prepared(torus(), modules=MAX_TABLE_FITTED_MODULES + 1, world="table")
     with pytest.raises(InputError, match=f"With at most {MAX_TABLE_FITTED_MODULES} modules"):
-        _ = made.chain
+        _ = preparation.chain
 
 
 def test_on_a_table_an_easier_path_through_voxels_stays() -> None:
-    made = prepared(box(4, 4, 2), modules=32, world="table")
-    assert made.method == "table" and iou(made) > 0.95
+    preparation = prepared(box(4, 4, 2), modules=32, world="table")
+    assert preparation.method == "table" and iou(preparation) > 0.95
 
 
 def test_auto_keeps_blocks_for_a_box() -> None:
@@ -131,9 +131,11 @@ def test_the_ends_and_the_start_are_as_requested() -> None:
         with case(name):
             start = tuple(first.cells[len(first.cells) // 2].tolist())
             options = {"start": start} if wanted is None else {"ends": wanted}
-            made = prepared(torus(), method="fitted", **options)
-            assert sorted(made.cells.tolist()) == sorted(first.cells.tolist())
-            assert made.not_started or wanted or tuple(made.cells[0].tolist()) == start
+            preparation = prepared(torus(), method="fitted", **options)
+            assert sorted(preparation.cells.tolist()) == sorted(first.cells.tolist())
+            assert (
+                preparation.not_started or wanted or tuple(preparation.cells[0].tolist()) == start
+            )
 
 
 def test_the_method_fitted_needs_a_mesh_of_cubes() -> None:
@@ -150,11 +152,11 @@ def test_the_method_fitted_needs_a_mesh_of_cubes() -> None:
 
 
 def test_cells_are_where_the_mesh_is() -> None:
-    made = prepared(torus(), method="fitted")
-    assert made.voxels is not None and made.filled is not None
-    mesh = made.report()["mesh"]
+    preparation = prepared(torus(), method="fitted")
+    assert preparation.voxels is not None and preparation.filled is not None
+    mesh = preparation.report()["mesh"]
     middle = np.array(mesh["vertices"]).mean(axis=0)
-    assert np.abs(middle - made.chain.folded_poses.positions.mean(axis=0)).max() < 0.5
+    assert np.abs(middle - preparation.chain.folded_poses.positions.mean(axis=0)).max() < 0.5
 
 
 def test_cells_begin_where_a_box_does() -> None:

@@ -10,7 +10,10 @@ import { frameIn } from "../../../web/static/js/player/bar.js";
  * @param {number | null} torque
  * @param {number | null} room also the number of hinges at once
  */
-const plan = (time, torque, room) => ({ label: "1. All at once", time_s: time, torque_mnm: torque, room, moving: room, cells: [], verified: true, chosen: false, stored: null });
+const plan = (time, torque, room) => ({
+  ...{ label: "1. All at once", time_s: time, torque_mnm: torque, room, moving: room },
+  ...{ cells: [], verified: true, chosen: false, stored: null },
+});
 
 test("ticks are round and between the ends, few of them", () => {
   assert.deepEqual(ticks(3, 22, false), [5, 10, 15, 20]);

@@ -126,7 +126,10 @@ test("a report says what is lost, and about how many modules are how much like t
     { text: "60\u00a0%: 220", label: "About 220 modules are 60\u00a0% like your file", change: { modules: 220 } },
     { text: "75\u00a0%: 2\u2009400", label: "About 2\u2009400 modules are 75\u00a0% like your file", change: { modules: 2400 } },
   ]);
-  assert.equal(limit, "Even 12\u2009000 modules are less than 90\u00a0% like your file. Thicker parts would help more.");
+  assert.equal(
+    limit,
+    "Even 12\u2009000 modules are less than 90\u00a0% like your file. Thicker parts would help more.",
+  );
   assert.deepEqual(reachOf(opened(), report({})), { ways: [], limit: "" });
 });
 
