@@ -84,12 +84,12 @@ def test_a_fitted_path_joins_separate_bodies_where_it_pays() -> None:
         prepare(
             exported("stl", boxes(((3, 3, 3), (0, 0, 0)), ((2, 3, 3), (x, 0, 0)))),
             "a.stl",
-            PathOptions(modules=48),
+            PathOptions(modules=32),
         )
         for x in (4, 40)
     )
     assert near.method == "fitted" and near.likeness is not None
-    assert near.likeness.iou > 0.8
+    assert near.likeness.iou > 0.65  # the larger body alone has at most 0.6
     report = near.report(full=False)
     assert report["unused_bodies"] == [] and near.voxels is not None and near.voxels.joined
     assert "2 separate bodies; modules in the air" in near.notes[0]
@@ -98,39 +98,38 @@ def test_a_fitted_path_joins_separate_bodies_where_it_pays() -> None:
 
 def test_lost_handle_is_reported_with_the_numbers_of_modules_for_a_likeness() -> None:
     mesh = exported("stl", cup())
-    report = prepare_in_any_order(mesh, "cup.stl", PathOptions(method="blocks")).report()
+    blocks = PathOptions(method="blocks", modules=96)
+    report = prepare_in_any_order(mesh, "cup.stl", blocks).report(full=False)
     assert report["tunnels"] == {"mesh": 1, "cells": 0}
     assert report["keeps_parts"] is False
     assert any("1 hole through it" in note for note in report["notes"])
     assert all(note[0] == note[0].upper() for note in report["notes"])
     assert [each["likeness"] for each in report["reach"]] == [0.6, 0.75, 0.9]
     enough = report["reach"][2]["modules"]
-    found = prepare_in_any_order(
-        mesh, "cup.stl", PathOptions(method="blocks", modules=enough)
-    ).likeness
+    found = prepare(mesh, "cup.stl", PathOptions(method="blocks", modules=enough)).likeness
     assert found is not None
     assert found.iou > 0.87
     # A fitted path keeps the handle with as many modules as blocks that lose it.
-    fitted = prepare_in_any_order(mesh, "cup.stl", PathOptions()).report()
+    fitted = prepare(mesh, "cup.stl", PathOptions(modules=96)).report(full=False)
     assert (fitted["method"], fitted["tunnels"]) == ("fitted", {"mesh": 1, "cells": 1})
 
 
 def test_exact_fits_need_few_modules() -> None:
     cube = exported("stl", box(4, 4, 4))
-    report = prepare_in_any_order(cube, "a.stl", PathOptions(modules=64)).report()
+    report = prepare_in_any_order(cube, "a.stl", PathOptions(modules=8)).report(full=False)
     assert report["keeps_parts"] is True
     assert [each["modules"] for each in report["reach"]] == [8, 8, 8]
     for other in ({"module": "tetrahedron"}, {"world": "table"}):
-        options = PathOptions(modules=64, **other)  # type: ignore[arg-type]
-        assert prepare_in_any_order(cube, "a.stl", options).report()["reach"] == []
+        options = PathOptions(modules=8, **other)  # type: ignore[arg-type]
+        assert prepare_in_any_order(cube, "a.stl", options).reach == {}
 
 
 def test_snake_is_possible_only_for_boxes() -> None:
     cube, ring = (
-        prepare(exported("stl", mesh), "a.stl", PathOptions(modules=64, method="blocks")).report(
+        prepare(exported("stl", mesh), "a.stl", PathOptions(modules=32, method="blocks")).report(
             full=False
         )
-        for mesh in (box(4, 4, 4), torus())
+        for mesh in (box(4, 4, 2), torus())
     )
     assert "snake" in cube["possible_methods"]
     assert ring["possible_methods"] == ["auto", "blocks", "fitted", "exact"]
