@@ -51,8 +51,8 @@ from planner.simulation.engine import build_chain_model
 from planner.simulation.mujoco_models import SOLIMP
 from planner.simulation.robot import Robot
 from planner.turns.beam_search import unfold
-from planner.turns.cube_turns import CubeTurning
-from planner.turns.tetrahedron_turns import TetrahedronTurning
+from planner.turns.cube_turns import cube_turning
+from planner.turns.tetrahedron_turns import tetrahedron_turning
 
 BACKGROUND_NICENESS: Final = 10
 """Niceness (POSIX) of a process that compiles kernels in advance. A larger value leaves more of the
@@ -198,7 +198,7 @@ def _peel() -> None:
 def _turn() -> None:
     """Compile the kernels of turns, with chains whose turns all fit into one step."""
     bent = Chain.from_angles(TETRAHEDRON, np.full(2, np.pi / 2))
-    for turning in (CubeTurning(warm_up_chains(), 0.95), TetrahedronTurning(bent, 0.95)):
+    for turning in (cube_turning(warm_up_chains(), 0.95), tetrahedron_turning(bent, 0.95)):
         unfolded = unfold(turning, turning.folded, room=0.0, width=1, seed=0)
         turning.pairs(turning.folded)
         hinges = np.zeros(0, np.int64)

@@ -11,13 +11,13 @@ from planner.chain.chain import Chain
 from planner.kernels import Levels
 from planner.progress import Cancelled, never
 from planner.turns.beam_search import Outcome
-from planner.turns.cube_turns import CubeTurning
+from planner.turns.cube_turns import cube_turning
 from planner.turns.merging import Merger
 from planner.turns.moves import Move, RoomProof, moves_between, states_after
 from planner.turns.room_search import RoomSearch
 from planner.turns.shortening import shortened
-from planner.turns.tetrahedron_turns import TetrahedronTurning
-from planner.turns.turning import QUARTER_RAD, Turning
+from planner.turns.tetrahedron_turns import tetrahedron_turning
+from planner.turns.turning import QUARTER_RAD
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -67,8 +67,7 @@ def find_turns(
         seed: Seed of the search.
         cancelled: Polled before each turn.
     """
-    kind = CubeTurning if chain.module.fills_cell else TetrahedronTurning
-    turning: Turning = kind(chain, size)
+    turning = (cube_turning if chain.module.fills_cell else tetrahedron_turning)(chain, size)
     search = RoomSearch(chain, turning, pairs=at_once != 1, seed=seed, cancelled=cancelled)
     unfolded = search.unfold()
     if unfolded.outcome != "straight":

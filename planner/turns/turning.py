@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
+from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
@@ -14,6 +14,9 @@ from planner.chain.chain import Chain
 from planner.kernels import TABLE_FULL, Levels
 
 Keys = NDArray[np.uint64]
+
+KernelArrays = tuple[object, ...]
+"""Named tuple of arrays and numbers that kernels get as one argument."""
 
 QUARTER_RAD: Final = np.pi / 2
 """Angle of a turn by one level, rad."""
@@ -37,7 +40,30 @@ class Turns(NamedTuple):
     key: Keys
 
 
-class Turning(ABC):
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TurnKernels:
+    """Kernels of quarter turns of one kind of module.
+
+    The first four are the compiled functions of these names, which get the table and the scratch
+    arrays of their kind: see ``planner.kernels.cube_turns`` and
+    ``planner.kernels.tetrahedron_turns``.
+
+    Attributes:
+        count_contacts: Counts touching pairs after each turn of a state.
+        test_turns: Tests which turns of a state are clear.
+        clear_turns: Counts the clear turns at the start of a sequence.
+        without_overlaps: Finds the states in which no two modules share a cell.
+        double_table: Returns a table of twice the size, in which entries may be lost.
+    """
+
+    count_contacts: Callable[..., None]
+    test_turns: Callable[..., int]
+    clear_turns: Callable[..., int]
+    without_overlaps: Callable[..., Flags]
+    double_table: Callable[..., KernelArrays]
+
+
+class Turning:
     """Turns by one level of one hinge of a chain, with the shorter part as a rigid body.
 
     A state has one level for each hinge: −1, 0 or 1 times ``QUARTER_RAD``. What is known of the
@@ -46,6 +72,10 @@ class Turning(ABC):
     Args:
         chain: The chain.
         size: Module size as a fraction of the pitch.
+        width: Number of states that a search for turns keeps at first.
+        kernels: Kernels for the kind of module.
+        table: Table of distances that the kernels fill.
+        scratch: Arrays that the kernels use for one state at a time.
 
     Attributes:
         width: Number of states that a search for turns keeps at first.
@@ -54,12 +84,23 @@ class Turning(ABC):
         cell_gap: Gap between modules in neighbouring cells, pitches.
     """
 
-    width: int
-
-    def __init__(self, chain: Chain, size: float) -> None:
+    def __init__(
+        self,
+        chain: Chain,
+        size: float,
+        *,
+        width: int,
+        kernels: TurnKernels,
+        table: KernelArrays,
+        scratch: KernelArrays,
+    ) -> None:
+        self.width = width
         self.size = size
-        self.cell_gap = 2.0 * chain.module.inner_radius * (1.0 - size)
+        self.cell_gap = gap_between_cells(chain, size)
         self.folded: Levels = np.rint(chain.folded_rad / QUARTER_RAD).astype(np.int8)
+        self._kernels = kernels
+        self._table = table
+        self._scratch = scratch
 
     def turns(self, states: Levels, keys: Keys, codes: Keys, *, weight: float) -> Turns:
         """Return all turns of some states after which no two modules share a cell.
@@ -73,7 +114,7 @@ class Turning(ABC):
         """
         contacts: Ints = np.empty((*states.shape, 2), np.int64)
         for k in range(len(states)):
-            self._count_contacts(states[k], contacts[k])
+            self._kernels.count_contacts(states[k], self._scratch, contacts[k])
         parent, hinge, up = np.nonzero(contacts >= 0)
         before = states[parent, hinge].astype(np.int64)
         change = 2 * up - 1
@@ -102,11 +143,7 @@ class Turning(ABC):
             rows = np.flatnonzero(parents == parent)
             hinges, changes = turns.hinge[some[rows]], turns.change[some[rows]]
             flags = np.zeros(len(rows), np.bool_)
-            self._with_table(
-                lambda state=states[parent], hinges=hinges, changes=changes, flags=flags: (
-                    self._test_turns(state, hinges, changes, room, flags)
-                )
-            )
+            self._with_table(self._kernels.test_turns, states[parent], hinges, changes, room, flags)
             clear[rows] = flags
         return clear
 
@@ -125,7 +162,7 @@ class Turning(ABC):
         hinges = np.stack([bent[first], bent[second]], axis=1)[order]
         states = np.repeat(state[None], len(hinges), axis=0)
         np.put_along_axis(states, hinges, 0, axis=1)
-        return states[self._without_overlaps(states)]
+        return states[self._kernels.without_overlaps(states, self._scratch)]
 
     def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, room: float) -> int:
         """Return the number of turns before the first that is not clear.
@@ -135,32 +172,26 @@ class Turning(ABC):
             hinges, changes: (T,) hinge of each turn, and −1 or 1.
             room: Distance that modules must keep, pitches.
         """
-        return self._with_table(lambda: self._clear_turns(start, hinges, changes, room))
+        return self._with_table(self._kernels.clear_turns, start, hinges, changes, room)
 
-    def _with_table(self, compute: Callable[[], int]) -> int:
-        """Return a result for which the table has room, after it has grown if need be."""
-        while (result := compute()) == TABLE_FULL:
-            self._grow_table()
-        return result
-
-    @abstractmethod
-    def _count_contacts(self, state: Levels, contacts: Ints) -> None:
-        """Count touching pairs after each turn, as the kernels ``count_contacts`` do."""
-
-    @abstractmethod
-    def _test_turns(
-        self, state: Levels, hinges: Ints, changes: Ints, room: float, clear: Flags
+    def _with_table(
+        self,
+        kernel: Callable[..., int],
+        state: Levels,
+        hinges: Ints,
+        changes: Ints,
+        room: float,
+        *results: Flags,
     ) -> int:
-        """Test which turns are clear, as the kernels ``test_turns`` do."""
+        """Return the result of a kernel for which the table has room; let it grow if need be."""
+        arguments = (state, hinges, changes, room)
+        while True:
+            result = kernel(*arguments, self._table, self._scratch, *results)
+            if result != TABLE_FULL:
+                return result
+            self._table = self._kernels.double_table(self._table)
 
-    @abstractmethod
-    def _clear_turns(self, start: Levels, hinges: Ints, changes: Ints, room: float) -> int:
-        """Return the number of clear turns, as the kernels ``clear_turns`` do."""
 
-    @abstractmethod
-    def _without_overlaps(self, states: Levels) -> Flags:
-        """Return (B,) True for states in which no two modules share a cell."""
-
-    @abstractmethod
-    def _grow_table(self) -> None:
-        """Double the table; entries may be lost."""
+def gap_between_cells(chain: Chain, size: float) -> float:
+    """Return the gap between modules in neighbouring cells, pitches."""
+    return 2.0 * chain.module.inner_radius * (1.0 - size)

@@ -17,7 +17,7 @@ from planner.kernels.tetrahedron_turns import GAP_TOLERANCE, turning_gap
 from planner.parameters.parameters import Parameters
 from planner.pipeline.fold import fold
 from planner.readers import read
-from planner.turns.tetrahedron_turns import TetrahedronTurning
+from planner.turns.tetrahedron_turns import tetrahedron_turning
 from planner.turns.turn_sequence import TurnSequence, find_turns
 
 SHAPES = FilePath(__file__).parents[3] / "examples" / "shapes"
@@ -92,7 +92,7 @@ def test_smallest_tables_grow_to_the_same_turns(monkeypatch: pytest.MonkeyPatch)
     clear: list[list[bool]] = []
     for slots in (2**4, 2**14):
         monkeypatch.setattr("planner.turns.tetrahedron_turns.MIN_TABLE_ENTRIES", slots)
-        turning = TetrahedronTurning(chain, SIZE)
+        turning = tetrahedron_turning(chain, SIZE)
         states = turning.folded[None]
         turns = turning.turns(states, np.zeros(1, np.uint64), codes, weight=0.5)
         every = np.arange(len(turns.hinge))

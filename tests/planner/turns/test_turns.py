@@ -22,7 +22,7 @@ from planner.pipeline.request import FoldRequest
 from planner.plan.steps import steps_of
 from planner.readers import read
 from planner.turns.beam_search import unfold
-from planner.turns.cube_turns import CubeTurning
+from planner.turns.cube_turns import cube_turning
 from planner.turns.moves import RoomProof, moves_between
 from planner.turns.shortening import shortened
 from planner.turns.turn_sequence import TurnSequence, find_turns
@@ -112,7 +112,7 @@ def test_two_hinges_turn_at_once_where_no_single_one_can() -> None:
 
 def test_turns_that_are_undone_later_are_left_out_where_all_stays_clear() -> None:
     chain = chain_of("wrench-24")
-    turning = CubeTurning(chain, SIZE)
+    turning = cube_turning(chain, SIZE)
     proof = RoomProof(chain, turning, 0.0225)
     search = unfold(turning, turning.folded, room=0.0225, width=4, seed=0)
     moves = moves_between(search.states)
@@ -143,7 +143,7 @@ def test_no_turn_is_free_where_the_search_offers_none() -> None:
     blocked = 0
     for seed in range(6):
         chain = shuffled((3, 3, 3), 50, seed)
-        turning = CubeTurning(chain, SIZE)
+        turning = cube_turning(chain, SIZE)
         codes = np.zeros((len(chain.folded_rad), 3), np.uint64)
         states = turning.folded[None]
         turns = turning.turns(states, np.zeros(1, np.uint64), codes, weight=0.5)
