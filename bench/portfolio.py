@@ -1,7 +1,7 @@
-"""Portfolio: folds that need several attempts, one after the other and in parallel.
+"""Portfolio: hard folds, whose attempts are made one after the other and in parallel.
 
-``python -m bench.portfolio [FOLD …]`` prints them: ``knot`` (71 modules, every attempt stalls) and
-``torus`` (1000 modules of a mesh at size 0.98, peeling stalls).
+``python -m bench.portfolio [FOLD …]`` prints them: ``knot`` (a thick trefoil of 71 modules, whose
+first attempt is verified) and ``torus`` (1000 modules of a mesh at size 0.98, peeling stalls).
 """
 
 from __future__ import annotations
