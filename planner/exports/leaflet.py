@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 from planner.chain.module import CUBE
 from planner.errors import InputError
 from planner.exports.export import export_name, require_frames
-from planner.exports.step_drawing import Drawing, draw_shape, draw_step
+from planner.exports.step_drawing import (
+    MAX_SMALL_WIDTH_PITCH,
+    Drawing,
+    draw_shape,
+    draw_step,
+)
 from planner.plan.plan import Plan
 from planner.plan.step_text import step_text
 from planner.plan.steps import Steps, steps_of
@@ -25,6 +31,16 @@ MAX_DRAWN_MODULES: Final = 250_000
 """Maximum number of modules in all drawings of a leaflet; drawing so many takes about 25 s."""
 MAX_LARGE_STEPS: Final = 24
 """Maximum number of steps that are drawn large; more steps are drawn small, on fewer pages."""
+MIN_SCALE_MM: Final = 1.5
+"""Minimum length of a pitch on paper, in mm, in drawings of up to ``MAX_LARGE_STEPS`` steps. Long
+chains get more room on a page, until it is reached: at half of it, modules merge into a line."""
+HIGH_DRAWING_PITCH: Final = 30.0
+"""Width or height of a drawing with a page's whole height, in pitches, from which on arrows grow
+with it."""
+PAGE_MM: Final = (182.0, 245.0)
+"""Width and height of what fits on both A4 and Letter paper between their margins, in mm."""
+HEAD_MM: Final = 17.0
+"""Height of a step's text, in mm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,6 +70,7 @@ class Leaflet:
         hints: Sentences that explain the drawings.
         shape: Drawing of the folded shape.
         steps: The steps.
+        layout: Numbers of columns and of rows of steps on a page.
     """
 
     title: str
@@ -61,18 +78,25 @@ class Leaflet:
     hints: tuple[str, ...]
     shape: Drawing
     steps: tuple[LeafletStep, ...]
+    layout: tuple[int, int]
 
-    @property
-    def columns(self) -> int:
-        """Number of steps side by side."""
-        few = 1 if len(self.steps) == 1 else 2
-        return few if len(self.steps) <= MAX_LARGE_STEPS else 3
 
-    @property
-    def rows(self) -> int:
-        """Number of rows of steps on a page; few steps are drawn larger."""
-        few = min(3, -(-len(self.steps) // 2))
-        return few if len(self.steps) <= MAX_LARGE_STEPS else 4
+def layout_of(drawings: Sequence[Drawing]) -> tuple[int, int]:
+    """Return the numbers of columns and of rows of steps on a page; few and long ones are large."""
+    count = len(drawings)
+    if count > MAX_LARGE_STEPS:
+        return 3, 4
+    layouts = ((min(count, 2), min(-(-count // 2), 3)), (2, 1))
+    return next((one for one in layouts if _scale_mm(drawings, one) >= MIN_SCALE_MM), (1, 1))
+
+
+def _scale_mm(drawings: Sequence[Drawing], layout: tuple[int, int]) -> float:
+    """Return the smallest length of a pitch in the drawings of a layout, in mm."""
+    width, height = PAGE_MM[0] / layout[0], PAGE_MM[1] / layout[1] - HEAD_MM
+    return min(
+        min(width / (right - left), height / (bottom - top))
+        for left, top, right, bottom in (drawing.box for drawing in drawings)
+    )
 
 
 def leaflet_of(plan: Plan) -> Leaflet:
@@ -85,12 +109,16 @@ def leaflet_of(plan: Plan) -> Leaflet:
     require_frames(plan)
     steps = steps_of(plan)
     chain = steps.chain
-    if (drawn := len(steps.steps) * len(chain)) > MAX_DRAWN_MODULES:
+    if (total := len(steps.steps) * len(chain)) > MAX_DRAWN_MODULES:
         raise InputError(
             "too-many-steps",
-            f"got {len(steps.steps)} steps of {len(chain)} modules, which are {drawn} modules to "
+            f"got {len(steps.steps)} steps of {len(chain)} modules, which are {total} modules to "
             f"draw, expected at most {MAX_DRAWN_MODULES}; use the step document instead.",
         )
+    drawn = _drawn(steps, MAX_SMALL_WIDTH_PITCH)
+    layout = layout_of([step.drawing for step in drawn])
+    if layout[1] == 1:
+        drawn = _drawn(steps, HIGH_DRAWING_PITCH)
     plural = "cubes" if chain.module is CUBE else "tetrahedra"
     return Leaflet(
         title=export_name(chain.name),
@@ -98,7 +126,8 @@ def leaflet_of(plan: Plan) -> Leaflet:
         f"{_count(len(steps.steps), 'step')}",
         hints=_hints(steps, plural),
         shape=draw_shape(chain.module, chain.folded_poses),
-        steps=_drawn(steps),
+        steps=drawn,
+        layout=layout,
     )
 
 
@@ -124,10 +153,10 @@ def _hints(steps: Steps, plural: str) -> tuple[str, ...]:
     return tuple(hints)
 
 
-def _drawn(steps: Steps) -> tuple[LeafletStep, ...]:
+def _drawn(steps: Steps, small_width: float) -> tuple[LeafletStep, ...]:
     module, drawn, eye = steps.chain.module, list[LeafletStep](), 0
     for step, poses in zip(steps.steps, steps.poses()[:-1], strict=True):
-        drawing = draw_step(module, step, poses, eye)
+        drawing = draw_step(module, step, poses, eye, small_width=small_width)
         drawn.append(
             LeafletStep(
                 number=step.number,

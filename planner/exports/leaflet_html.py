@@ -6,7 +6,7 @@ from html import escape
 from itertools import groupby
 from typing import Final
 
-from planner.exports.leaflet import LEGEND, LeafletStep, leaflet_of
+from planner.exports.leaflet import HEAD_MM, LEGEND, PAGE_MM, LeafletStep, leaflet_of
 from planner.exports.step_drawing import (
     INKS,
     MAX_SCALE_MM,
@@ -18,10 +18,6 @@ from planner.exports.step_drawing import (
 )
 from planner.plan.plan import Plan
 
-PAGE_MM: Final = (182.0, 245.0)
-"""Width and height of what fits on both A4 and Letter paper between their margins, in mm."""
-HEAD_MM: Final = 17.0
-"""Height of a step's text, in mm."""
 LABEL_MM: Final = 2.4
 """Size of the numbers in drawings, in mm."""
 END: Final = ' text-anchor="end"'
@@ -67,9 +63,9 @@ def write(plan: Plan) -> bytes:
         InputError: ``no-frames``, or ``no-steps`` if the plan does not rest between steps.
     """
     leaflet = leaflet_of(plan)
-    width, height = PAGE_MM
+    (columns, rows), (width, height) = leaflet.layout, PAGE_MM
     gap = 6.0
-    cell = (width - gap * (leaflet.columns - 1)) / leaflet.columns, height / leaflet.rows - HEAD_MM
+    cell = (width - gap * (columns - 1)) / columns, height / rows - HEAD_MM
     hints = "".join(f"<li>{escape(hint)}</li>" for hint in leaflet.hints)
     steps = "".join(_step(step, cell) for step in leaflet.steps)
     title = escape(leaflet.title)
@@ -78,7 +74,7 @@ def write(plan: Plan) -> bytes:
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
         f'<meta http-equiv="Content-Security-Policy" content="{POLICY}">\n'
         f"<title>{title}</title>\n<style>\n{STYLE}"
-        f".steps {{ grid-template-columns: repeat({leaflet.columns}, 1fr); }}\n</style>\n"
+        f".steps {{ grid-template-columns: repeat({columns}, 1fr); }}\n</style>\n"
         f"<header>\n<h1>{title}</h1>\n<p>{escape(leaflet.summary)}</p>\n"
         f"{_svg(leaflet.shape, (width, 0.5 * height), 9.0, f'The folded shape: {title}')}\n"
         f"<ol>{hints}</ol>\n{_legend()}\n</header>\n"

@@ -26,8 +26,12 @@ FOOT: Final = 8 * mm
 """Height of the foot of a page, in points."""
 TEXT_SIZE: Final = 8.5
 """Size of the text, in points."""
+LINE_HEIGHT: Final = 1.25
+"""Height of a line of text, relative to the size of its letters."""
 MAX_TEXT_LINES: Final = 14
-"""Maximum number of lines of a step's text; the rest of a longer text is left out."""
+"""Maximum number of lines of a step's text in a small cell; the rest of a text is left out."""
+MAX_TEXT_SHARE: Final = 0.5
+"""Share of the height of a large cell that text may take."""
 LABEL_SIZE: Final = 7.0
 """Size of the numbers in drawings, in points."""
 SAMPLE: Final = 4 * mm
@@ -67,16 +71,17 @@ def _written(leaflet: Leaflet, size: tuple[float, float]) -> bytes:
     canvas.setTitle(leaflet.title)
     canvas.setAuthor("foldback")
     canvas.setSubject(leaflet.summary)
-    per_page = leaflet.columns * leaflet.rows
+    columns, rows = leaflet.layout
+    per_page = columns * rows
     parts = [leaflet.steps[k : k + per_page] for k in range(0, len(leaflet.steps), per_page)]
     width, height = size
     _cover(canvas, leaflet, _Box(MARGIN, height - MARGIN, width - 2 * MARGIN, height - 2 * MARGIN))
     _end_page(canvas, leaflet, 1, len(parts) + 1, width)
     for number, part in enumerate(parts, 2):
-        cell_width = (width - 2 * MARGIN) / leaflet.columns
-        cell_height = (height - 2 * MARGIN - FOOT) / leaflet.rows
+        cell_width = (width - 2 * MARGIN) / columns
+        cell_height = (height - 2 * MARGIN - FOOT) / rows
         for k, step in enumerate(part):
-            row, column = divmod(k, leaflet.columns)
+            row, column = divmod(k, columns)
             x, y = MARGIN + column * cell_width, height - MARGIN - row * cell_height
             _step(canvas, step, _Box(x + 4, y, cell_width - 8, cell_height))
         _end_page(canvas, leaflet, number, len(parts) + 1, width)
@@ -124,7 +129,8 @@ def _step(canvas: Canvas, step: LeafletStep, box: _Box) -> None:
     indent = canvas.stringWidth(str(step.number), FONT, 15) + 7
     text = f"{step.text} Seen from another side." if step.turned else step.text
     beside = _Box(box.x + indent, box.y - 2, box.width - indent, 0)
-    y = min(_text(canvas, text, beside, TEXT_SIZE, lines=MAX_TEXT_LINES), box.y - 18)
+    lines = max(MAX_TEXT_LINES, int(MAX_TEXT_SHARE * box.height / (LINE_HEIGHT * TEXT_SIZE)))
+    y = min(_text(canvas, text, beside, TEXT_SIZE, lines=lines), box.y - 18)
     _drawing(canvas, step.drawing, _Box(box.x, y - 6, box.width, box.height - (box.y - y) - 18))
     canvas.setStrokeGray(0.8)
     canvas.setLineWidth(0.4)
@@ -140,7 +146,7 @@ def _text(canvas: Canvas, text: str, box: _Box, size: float, *, lines: int) -> f
         split = [*split[: lines - 1], split[lines - 1].rstrip(" ;,.") + " …"]
     y = box.y
     for line in split:
-        y -= 1.25 * size
+        y -= LINE_HEIGHT * size
         canvas.drawString(box.x, y, line)
     return y
 

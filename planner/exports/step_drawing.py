@@ -163,7 +163,14 @@ def draw_shape(module: Module, poses: Poses, eye: int = 0) -> Drawing:
     )
 
 
-def draw_step(module: Module, step: Step, poses: Poses, eye: int = 0) -> Drawing:
+def draw_step(
+    module: Module,
+    step: Step,
+    poses: Poses,
+    eye: int = 0,
+    *,
+    small_width: float = MAX_SMALL_WIDTH_PITCH,
+) -> Drawing:
     """Draw a chain at the rest before a step.
 
     Args:
@@ -171,6 +178,7 @@ def draw_step(module: Module, step: Step, poses: Poses, eye: int = 0) -> Drawing
         step: The step.
         poses: Poses of all modules.
         eye: Index into ``EYES`` of the drawing before, which is kept if the joints are visible.
+        small_width: Width or height, in pitches, from which on arrows grow with the drawing.
     """
     moving = {i for first, last in step.moving for i in range(first, last + 1)}
     eye = _clear_eye(step, poses, eye)
@@ -179,7 +187,7 @@ def draw_step(module: Module, step: Step, poses: Poses, eye: int = 0) -> Drawing
     shown = np.arange(first, last + 1)
     shapes = [*_faces(view, module, poses, shown, moving), *_ends(view, poses, first, last)]
     width = float(np.ptp(view.flat(poses.positions[shown]), axis=0).max())
-    growth = max(1.0, width / MAX_SMALL_WIDTH_PITCH)
+    growth = max(1.0, width / small_width)
     if len(step.turns) <= MAX_ARROWS:
         for turn in step.turns:
             shapes += _arrow(view, module, turn, poses, growth=growth)

@@ -3,7 +3,6 @@
 import re
 import zlib
 from collections import Counter
-from dataclasses import replace
 from html.parser import HTMLParser
 from itertools import combinations, pairwise
 from xml.etree import ElementTree
@@ -20,6 +19,7 @@ from planner.exports.step_drawing import (
     INKS,
     MAX_SMALL_WIDTH_PITCH,
     Drawing,
+    Shape,
     draw_shape,
     draw_step,
 )
@@ -66,9 +66,17 @@ def streams_of(data: bytes) -> list[bytes]:
 def test_many_steps_are_drawn_small() -> None:
     few, many = leaflet.leaflet_of(plan_of(coil(12))), leaflet.leaflet_of(plan_of(coil(40)))
     assert len(few.steps) <= leaflet.MAX_LARGE_STEPS < len(many.steps)
-    assert (few.columns * few.rows, many.columns * many.rows) == (6, 12)
-    fewer = [replace(few, steps=few.steps[:count]) for count in (1, 2, 3, 5)]
-    assert [(one.columns, one.rows) for one in fewer] == [(1, 1), (2, 1), (2, 2), (2, 3)]
+    assert (few.layout, many.layout) == ((2, 3), (3, 4))
+    drawings = [step.drawing for step in few.steps]
+    fewer = [leaflet.layout_of(drawings[:count]) for count in (1, 2, 3, 5)]
+    assert fewer == [(1, 1), (2, 1), (2, 2), (2, 3)]
+
+
+def test_drawings_of_long_chains_are_as_high_as_a_page() -> None:
+    for width, height, layout in ((50, 20, (2, 3)), (20, 120, (2, 1)), (120, 20, (1, 1))):
+        frame = ((0.0, 0.0), (width, 0.0), (width, height), (0.0, height))
+        drawing = Drawing(shapes=(Shape(style="held-1", points=frame),), eye=0)
+        assert leaflet.layout_of([drawing] * 6) == layout
 
 
 def test_numbers_of_close_joints_do_not_cover_each_other() -> None:
