@@ -86,7 +86,7 @@ def find_verdict(
 
 def _unproved(name: str, found: Sweep) -> str:
     """Describe the frame at which the clearance of a motion could not be proved positive."""
-    if found.unbounded is None:
+    if found.unbounded is None or found.clearance == 0.0:
         return f"in the {name}, modules {_pair(found)} touch (frame {found.frame:g} of the {name})"
     return (
         f"in the {name}, the clearance between two frames could not be bounded "

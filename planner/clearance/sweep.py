@@ -24,7 +24,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
+from planner.arrays import Array, Flags, Ints
 from planner.chain.chain import Chain
 from planner.chain.kinematics import Poses, forward_kinematics
 from planner.chain.module import Module
@@ -32,7 +32,14 @@ from planner.kernels.clearance import least_separation
 from planner.kernels.clearance_bounds import Tolerance
 from planner.kernels.motion_bounds import BODY_COLUMNS, ROTATION, VELOCITY
 from planner.kernels.pairs import near_pairs
-from planner.kernels.sweep import Angles, Shape, SweepResult, rigid_clearances, sweep_frames
+from planner.kernels.sweep import (
+    ROUNDING_MARGIN,
+    Angles,
+    Shape,
+    SweepResult,
+    rigid_clearances,
+    sweep_frames,
+)
 from planner.motion.motion import Motion, as_motion
 from planner.progress import Cancelled, never
 
@@ -72,7 +79,8 @@ class Sweep:
     """The closest place of a motion.
 
     Attributes:
-        clearance: Least clearance seen at frames and in-betweens, in pitches.
+        clearance: Least clearance seen at frames and in-betweens, in pitches; 0 where modules touch
+            and overlap by no more than the rounding error.
         frame: Frame number of it; a fraction means between two frames.
         modules: The two modules; None if no pair is below the cap.
         bound: Lower bound of the clearance over the whole motion, in pitches; 0 or less if it could
@@ -207,15 +215,22 @@ def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) ->
     if best < enough and modules[0] < 0:
         # Nothing that moves is closer than what is at rest.
         modules = tuple(closest[int(where)].tolist())
+    best = 0.0 if _is_contact(best) else best
+    per_frame[_is_contact(per_frame)] = 0.0
     return Sweep(
         clearance=float(best),
         frame=float(where),
         modules=None if modules[0] < 0 else (int(modules[0]), int(modules[1])),
-        bound=float(min(bound, best)),
+        bound=float(min(0.0 if _is_contact(bound) else bound, best)),
         unbounded=None if unbounded < 0.0 else float(unbounded),
         in_betweens=in_betweens,
         per_frame=per_frame,
     )
+
+
+def _is_contact(clearance: Array | float) -> Flags | bool:
+    """Return True where an overlap, in pitches, is no larger than the rounding error."""
+    return (clearance < 0.0) & (clearance >= -ROUNDING_MARGIN)
 
 
 class Between:

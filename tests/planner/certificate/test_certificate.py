@@ -2,7 +2,7 @@ import json
 import re
 from dataclasses import replace
 from functools import partial
-from itertools import product
+from itertools import pairwise, product
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,7 @@ from planner.parameters.parameters import Parameters
 from planner.playback.playback import Playback
 from tests.case import case
 from tests.planner.chains import Array, anchored, chain_of, coil, line
-from tests.planner.plans import LATER_FIGURES
+from tests.planner.plans import LATER_FIGURES, turn_by_turn
 
 PARAMETERS = Parameters()
 
@@ -124,6 +124,19 @@ def test_moments_that_cannot_be_bounded_are_refused_by_their_frame() -> None:
     jump[1] = np.linspace(-60.0, 60.0, len(far.folded_rad))
     swept = sweep(far, jump, size=0.001)
     assert swept.bound <= 0.0 and swept.unbounded is not None
+
+
+def test_contact_is_no_overlap() -> None:
+    # The poses of this coil put modules 0 and 7 nearer than a pitch, by the rounding error.
+    chain = coil(8)
+    touching = sweep(chain, chain.folded_rad[None], size=1.0)
+    assert (touching.clearance, touching.bound, touching.per_frame.tolist()) == (0.0, 0.0, [0.0])
+    assert sweep(chain, chain.folded_rad[None], size=1.001).clearance == pytest.approx(-0.001)
+    turns = turn_by_turn(chain, 1)
+    plan = np.concatenate([np.linspace(*pair, 8, endpoint=False) for pair in pairwise(turns)])
+    full = replace(PARAMETERS, module_size=1.0)
+    found = certify(chain, None, playback_of(np.append(plan, turns[-1:], axis=0)), full).verdict
+    assert re.fullmatch(r"failed: in the plan, modules \d and \d touch \(frame [\d.]+ .*\)", found)
 
 
 def test_collisions_are_refused() -> None:
