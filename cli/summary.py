@@ -44,9 +44,13 @@ def show_choice(choice: Choice | None) -> None:
         return
     console = Console(highlight=False)
     table = Table(*choice["columns"], box=None, pad_edge=False)
-    table.columns[0].no_wrap = True
-    for column in table.columns[1:]:
+    figures = zip(*(plan["cells"] for plan in choice["plans"]), strict=True)
+    for column, heading, cells in zip(
+        table.columns[1:], choice["columns"][1:], figures, strict=True
+    ):
         column.justify = "right"
+        # As narrow as its longest word, so that headings wrap and the labels have room.
+        column.width = max(map(len, (*heading.split(), *cells)))
     for plan in choice["plans"]:
         mark = "→" if plan["chosen"] else "✓" if plan["verified"] else "✗"
         table.add_row(f"{mark} {plan['label']}", *plan["cells"])

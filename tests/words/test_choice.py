@@ -95,7 +95,20 @@ def test_command_line_prints_the_choice(tmp_path: Path, capsys: pytest.CaptureFi
     show_choice(choice_of(write_attempts(tmp_path, 3, *ATTEMPTS), "time"))
     lines = capsys.readouterr().out.splitlines()
     (chosen,) = (line for line in lines if line.startswith("→"))
-    assert "4. Plan 3, smoothed, seed 1" in chosen
+    assert "4. Plan 3, smoothed" in chosen
     assert "10 s instead of 100 s. Finding this plan took 11 s of additional" in lines[-1]
     show_choice(None)
     assert not capsys.readouterr().out
+
+
+def test_headings_of_the_table_are_whole_in_a_narrow_terminal(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    for prefer in ("time", "calm"):
+        choice = choice_of(write_attempts(tmp_path, 3, *ATTEMPTS), prefer)
+        show_choice(choice)
+        words = capsys.readouterr().out.split()
+        assert "…" not in "".join(words)
+        for heading in choice["columns"]:
+            assert set(heading.split()) <= set(words)
