@@ -1,7 +1,7 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { partColours } from "../../../web/static/js/player/player_state.js";
-import { extent, stepWords, stepsDone } from "../../../web/static/js/tour/steps.js";
+import { extent, modulesInView, stepWords, stepsDone } from "../../../web/static/js/tour/steps.js";
 import { isHidden } from "../../../web/static/js/viewer/viewpoint.js";
 
 const steps = [[0, 10], [10, 30]].map(([start, end], k) => ({ start, end, text: `Turn ${k}.`, joints: [k], moving: [[0, k]] }));
@@ -31,4 +31,16 @@ test("a module is hidden if another one is on the line of sight", () => {
   assert.equal(isHidden(positions, 0, [0, 0]), true);
   assert.equal(isHidden(positions, 1, [0, 0]), false);
   assert.equal(isHidden(positions, 0, [Math.PI, 0]), false);
+});
+
+test("long straight ends are outside of the picture", () => {
+  const line = (count) => Float32Array.from({ length: 3 * count }, (_, k) => (k % 3 ? 0 : k / 3));
+  const ends = (modules) => [modules[0], modules.at(-1), modules.length];
+  assert.deepEqual(ends(modulesInView(line(160), [80])), [70, 90, 21]);
+  assert.deepEqual(ends(modulesInView(line(160), [24, 25])), [14, 35, 22]);
+  assert.deepEqual(ends(modulesInView(line(24), [6])), [0, 23, 24]);
+  assert.deepEqual(ends(modulesInView(line(160), [])), [0, 159, 160]);
+  const bent = line(160);
+  for (let i = 121; i < 160; i++) bent.set([120, i - 120, 0], 3 * i);
+  assert.deepEqual(ends(modulesInView(bent, [80])), [70, 130, 61]);
 });

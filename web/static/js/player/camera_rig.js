@@ -141,7 +141,16 @@ export class CameraRig {
     if (this.pending) return this.pending;
     if (this.follows) return this.choice;
     const view = this.goal ?? this.view;
-    if (!view || !shown) return USUAL;
+    return view && shown ? this.relative(view, shown) : USUAL;
+  }
+
+  // Return a view relative to the one that shows the whole chain.
+  /**
+   * @param {View} view
+   * @param {Snapshot} shown
+   * @returns {CameraAt}
+   */
+  relative(view, shown) {
     const base = this.whole(shown, view);
     const [right, up, out] = axesOf(view.azimuth, view.elevation);
     const along = (/** @type {Vector} */ axis) => axis.reduce((sum, v, k) => sum + v * (view.target[k] - base.target[k]), 0) / base.distance;

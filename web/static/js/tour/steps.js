@@ -2,7 +2,7 @@
 import { get } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
 import { heldStill } from "../player/kinematics.js";
-import { across, axesOf, dot } from "../viewer/camera.js";
+import { across, axesOf, dot, framing } from "../viewer/camera.js";
 import { clearestSight, isHidden } from "../viewer/viewpoint.js";
 import { frameBetween, movingSeconds } from "./state.js";
 
@@ -10,6 +10,7 @@ const STYLE = "/static/css/tour.css";
 const SLACK = 0.5; // frames; a larger deviation means that the visitor has moved the playhead
 const EXTENT = 0.86; // extent of the chain in a new view, as a fraction of the free part of the picture
 const MIN_EXTENT = 0.4; // with a smaller extent, the camera moves nearer
+const KEPT_ENDS = 10; // modules of a straight end that stay in the picture, beside the last bend or joint
 const MAX_COVERED = 0.5; // largest fraction of the picture's height that counts as covered by the panel
 
 /** @typedef {<Made>(use: (panel: StepsPanel) => Made) => Promise<Made | undefined>} Stepping loads the panel on first use */
@@ -29,6 +30,24 @@ export const stepsDone = (steps, frame) => steps.filter(({ end }) => end <= fram
 export const stepWords = (steps, done) => (done < steps.length
   ? { count: `Step ${done + 1} of ${steps.length}`, text: steps[done].text }
   : { count: `All ${steps.length} steps`, text: "The chain is folded." });
+
+// Return the modules to look at in a step: the bent part of the chain and the joints that turn. Of long
+// straight ends, only the beginning: the joints would be too small to be seen beside the whole chain.
+/**
+ * @param {ArrayLike<number>} positions
+ * @param {number[]} joints
+ */
+export function modulesInView(positions, joints) {
+  const count = positions.length / 3;
+  let [first, last] = joints.length ? [Math.min(...joints), Math.max(...joints)] : [0, count - 1];
+  for (let i = 1; i < count - 1; i++) {
+    const isBent = [0, 1, 2].some((k) => Math.abs(positions[3 * i + 3 + k] - 2 * positions[3 * i + k] + positions[3 * i - 3 + k]) > 0.1);
+    if (isBent) [first, last] = [Math.min(first, i), Math.max(last, i)];
+  }
+  if (first < 2 * KEPT_ENDS) first = 0; else first -= KEPT_ENDS;
+  if (count - last <= 2 * KEPT_ENDS) last = count - 1; else last += KEPT_ENDS;
+  return Array.from({ length: last - first + 1 }, (_, k) => first + k);
+}
 
 // Return the extent of some points in the free part of the picture, above what is covered: 1 if they
 // touch its edge.
@@ -139,28 +158,33 @@ export class StepsPanel {
     this.look(first);
   }
 
-  // Keep the camera where it is, unless the joint is hidden, or the chain is too large or too small.
+  // Keep the camera where it is, unless the joint is hidden, what matters is too large or too small,
+  // or the chain is folded.
   /** @param {boolean} first */
   look(first) {
     const { player, steps, done } = this;
     const { rig, shown, timeline } = player;
     const { view } = rig;
     if (!shown || !view) return;
+    const isFolded = done === steps.length;
     const { joints, end, held } = steps[Math.min(done, steps.length - 1)];
     const after = timeline.peek(end);
-    const points = [shown, after ? heldStill(after, held) : shown].flatMap((snapshot) => rig.points(snapshot, null));
-    const { field, aspect } = rig.seeing(null);
+    const modules = modulesInView(shown.positions, isFolded ? [] : joints);
+    const points = [shown, after ? heldStill(after, held) : shown].flatMap((snapshot) => rig.points(snapshot, modules));
+    const seeing = rig.seeing(null);
+    const { field, aspect } = seeing;
     const covered = Math.min(this.box.offsetHeight / Math.max(1, get("main").clientHeight), MAX_COVERED);
     const size = (/** @type {View} */ from) => extent(points, from, { field, aspect, covered });
-    const hidden = done < steps.length && joints.every((module) => isHidden(shown.positions, module, [view.azimuth, view.elevation]));
-    if (!first && !hidden && size(view) <= 1 && size(view) >= MIN_EXTENT) return;
+    const hidden = !isFolded && joints.every((module) => isHidden(shown.positions, module, [view.azimuth, view.elevation]));
+    if (!first && !isFolded && !hidden && size(view) <= 1 && size(view) >= MIN_EXTENT) return;
     const [azimuth, elevation] = hidden ? clearestSight(shown.positions, joints, [view.azimuth, view.elevation]) : [view.azimuth, view.elevation];
-    const whole = rig.whole(shown, { ...view, azimuth, elevation });
+    const middle = framing(points, { ...seeing, radius: rig.pitch, azimuth, elevation });
     const down = -covered * Math.tan(field / 2); // the panel covers the lower part of the picture
-    let zoom = 1;
-    for (let round = 0; round < 4; round++) zoom *= size({ ...whole, distance: zoom * whole.distance, target: across(whole, 0, zoom * down) }) / EXTENT;
+    const placed = (/** @type {number} */ distance) => ({ ...middle, distance, target: across({ ...middle, distance }, 0, down) });
+    let wanted = placed(middle.distance);
+    for (let round = 0; round < 4; round++) wanted = placed(wanted.distance * size(wanted) / EXTENT);
     player.send({ do: "set", follow: false });
-    player.send({ do: "camera", camera: { azimuth, elevation, zoom, aside: [0, zoom * down] }, gently: !this.calm });
+    player.send({ do: "camera", camera: rig.relative(wanted, shown), gently: !this.calm });
   }
 
   say() {
