@@ -23,8 +23,8 @@ LABEL_MM: Final = 2.4
 END: Final = ' text-anchor="end"'
 UNITS: Final = 20.0
 """Units of a drawing's coordinates for a pitch; they are whole numbers."""
-POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'"
-"""Content security policy of the page: no scripts, and nothing is loaded."""
+POLICY: Final = "default-src 'none'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+"""Content security policy of the page: no scripts, nothing is loaded, and nothing is sent."""
 STYLE: Final = """\
 @page {
   margin: 14mm;

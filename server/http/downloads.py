@@ -27,6 +27,9 @@ MAX_COMPRESSED_FRACTION: Final = 0.9
 """Largest size of a gzipped answer, as a fraction of the original size, at which the gzipped form
 is sent; otherwise the original is sent. A larger value makes browsers unpack for little gain.
 Chosen."""
+FILE_POLICY: Final = "sandbox; default-src 'none'; style-src 'unsafe-inline'"
+"""Content security policy of downloads: a page that a browser displays instead of saving it would
+otherwise run as one of the service's origin."""
 BINARY_MEDIA_TYPE: Final = "application/octet-stream"
 
 
@@ -59,6 +62,7 @@ def download(
         headers: Additional headers.
     """
     filename = f"{download_stem(fold_name)}{ending}"
+    headers = {"Content-Security-Policy": FILE_POLICY, **(headers or {})}
     return FileResponse(path, media_type=media_type, filename=filename, headers=headers)
 
 

@@ -208,12 +208,7 @@ async def _finished(request: Request, fold_id: str) -> Found:
 
 
 def _file(path: Path, name: str, kind: str, media_type: str) -> Response:
-    headers = {
-        # Displayed in the browser, it would run as a page of this origin.
-        "Content-Security-Policy": "sandbox; default-src 'none'",
-        "Cache-Control": "private, no-cache",
-    }
-    return download(path, media_type, name, f".{kind}", headers)
+    return download(path, media_type, name, f".{kind}", {"Cache-Control": "private, no-cache"})
 
 
 def _ancestors(request: Request) -> str:

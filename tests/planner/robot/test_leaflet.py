@@ -117,7 +117,7 @@ def test_html_needs_no_scripts_and_nothing_from_elsewhere() -> None:
     assert not {"script", "link", "img", "iframe", "object"} & set(page.tags)
     assert not {"src", "href", "onload"} & page.attributes
     assert "url(" not in text
-    assert "default-src 'none'" in text
+    assert "default-src 'none'" in text and "form-action 'none'" in text
     steps = len(steps_of(plan).steps)
     assert len(page.drawings) == 1 + steps + len(leaflet.LEGEND)
     # A leaflet lists all turns of merged steps.

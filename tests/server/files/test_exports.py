@@ -189,6 +189,7 @@ def test_leaflets_take_a_hostile_name_for_text(service: Service) -> None:
         assert re.fullmatch(
             r'attachment; filename="[\w.-]+"', answer.headers["content-disposition"]
         )
+        assert answer.headers["content-security-policy"].startswith("sandbox; default-src 'none'")
         odd = {"size": "9" * 400, "name": "../../folds", "steps": "1e999"}
         assert service.http.get(listed[name]["href"], params=odd).content == answer.content
         if name == "leaflet-html":
