@@ -281,14 +281,14 @@ def _remarks(fine: Grid, made: FittedCells) -> list[str]:
 
 
 def _volume_note(inside: float, lost: float, of_shape: str) -> str:
-    """Return the note about volume outside of the cells; its figures add up."""
-    inside_percent, lost_percent = round(100 * inside), round(100 * lost)
+    """Return the note about volume outside of the cells: its parts add up to what is missing."""
+    lost_percent = round(100 * lost)
     shares = (
-        (lost_percent, "is in thin parts that are left out"),
-        (100 - inside_percent - lost_percent, "sticks out of them"),
+        (lost_percent, "in thin parts that are left out"),
+        (100 - round(100 * inside) - lost_percent, "outside of the cells"),
     )
-    rest = " and ".join(f"{share} % {verb}" for share, verb in shares if share > 0)
-    return f"only {inside_percent} % of the {of_shape} is in the cells; {rest}. Use more modules."
+    parts = [f"{share} % of the {of_shape} is {where}" for share, where in shares if share > 0]
+    return f"{' and '.join(parts)}. Use more modules."
 
 
 def _tunnels_note(of_solid: int, of_cells: int) -> str:
