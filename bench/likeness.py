@@ -18,6 +18,7 @@ from bench.held_out_meshes import HELD_OUT
 from bench.measured_tables import Section
 from bench.meshes import MESHES, Mesh
 from bench.thin_meshes import THIN
+from planner.errors import InputError
 from planner.path_fit.fill_fitted import fill_fitted
 from planner.path_fit.fit import fit_path
 from planner.pathfinding.path_options import PathOptions
@@ -42,6 +43,10 @@ MIN_THIN_IOU: Final = 0.55
 """Target for the IoU of the worst mesh with thin parts."""
 MAX_PATH_LOSS: Final = 0.02
 """Target for the mean IoU that a path costs against the best cells of its placement."""
+EXACT_MODULES: Final = 200
+"""Number of modules that is met exactly with the method ``exact``."""
+MIN_EXACT: Final = 0.9
+"""Target for the share of meshes with a path of exactly that many."""
 MIN_VERIFIED: Final = 28 / 30
 """Target for the share of chains that are verified at the first attempt."""
 
@@ -54,7 +59,23 @@ def likeness(reference_seconds: float) -> Section:
         rows = [_row(name, modules, reference_seconds) for name in names]
         section.rows += rows
         _figures(section, modules, rows)
+    met = [name for name in MORE_MODULES if _meets_exactly(name)]
+    section.add(
+        f"paths of exactly {EXACT_MODULES} modules",
+        f"{len(met)} of {len(MORE_MODULES)}",
+        f"≥ {MIN_EXACT:.0%}",
+        len(met) >= MIN_EXACT * len(MORE_MODULES),
+    )
     return _with_folds(section, FOLDED)
+
+
+def _meets_exactly(name: str) -> bool:
+    """Return True if a mesh has a path of exactly ``EXACT_MODULES`` modules."""
+    options = PathOptions(modules=EXACT_MODULES, method="exact")
+    try:
+        return len(prepare_found(_solid(name), options).chain) == EXACT_MODULES
+    except InputError:
+        return False
 
 
 def likeness_folds(reference_seconds: float) -> Section:

@@ -225,8 +225,8 @@ def _voxels(ladder: Ladder, fitted: FittedPath, modules: int) -> Voxels:
     laid = LaidCells(
         cells=cells, pitch=place.pitch, rotation=place.turn.rotation, offset=place.offset
     )
-    likeness = kept_of(ladder, cells, filled, _whole_iou(ladder, fitted))
-    voxels = voxels_of(ladder, laid, likeness, fitted.iou, asked=modules)
+    kept = kept_of(ladder, cells, filled, _whole_iou(ladder, fitted))
+    voxels = voxels_of(ladder, laid, kept, fitted.iou, asked=modules)
     if ladder.whole and not voxels.unused:
         notes = (joined_note(len(ladder.bodies)), *voxels.notes)
         voxels = replace(voxels, notes=notes, joined=True)

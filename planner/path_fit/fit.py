@@ -24,7 +24,7 @@ from planner.kernels.path_annealing import (
     Schedule,
     anneal,
 )
-from planner.path_fit.cloud import Cloud, cloud
+from planner.path_fit.cloud import clouds_of
 from planner.path_fit.placements import Counts, Placement, Turn, best_placements
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import spread
@@ -68,10 +68,6 @@ AIR_FILL: Final = FULL // 50
 """Fill below which a cell counts as air, in 1/``FULL``."""
 AIR_COST: Final = 0.0
 """Further energy of a cell in the air, in cells."""
-ROUGH_CLOUD: Final = 24_000
-"""Number of points by which placements are compared."""
-FINE_CLOUD: Final = 120_000
-"""Number of points by which the cells of a placement are filled."""
 MAX_CANDIDATES: Final = 3
 """Maximum number of paths of a fit."""
 
@@ -184,7 +180,7 @@ def fit_path(
 
 def _placements(ladder: Ladder, counts: Counts, seed: int) -> Iterator[Placement]:
     """Yield the placements of the race: upright ones, and turned ones that may pay."""
-    clouds = (_cloud(ladder, ROUGH_CLOUD, 2 * seed), _cloud(ladder, FINE_CLOUD, 2 * seed + 1))
+    clouds = clouds_of(ladder, seeds=(2 * seed, 2 * seed + 1))
     rng = np.random.default_rng(seed)
     pitch = ladder.pitch_for(counts.high)
     best = 0.0
@@ -198,15 +194,6 @@ def _placements(ladder: Ladder, counts: Counts, seed: int) -> Iterator[Placement
             elif placement.bound < best + MIN_TILT_GAIN:
                 continue
             yield placement
-
-
-def _cloud(ladder: Ladder, count: int, seed: int) -> Cloud:
-    return cloud(
-        *(ladder.solid, ladder.volume, count),
-        turns=ladder.turns,
-        largest=ladder.apart,
-        seed=seed,
-    )
 
 
 def _annealed(placement: Placement, counts: Counts, moves: int, seed: list[int]) -> FittedPath:

@@ -16,12 +16,10 @@ import numpy as np
 
 from planner.arrays import Ints
 from planner.kernels.path_annealing import FULL, Field, anneal
-from planner.path_fit.cloud import cloud
+from planner.path_fit.cloud import clouds_of
 from planner.path_fit.fit import (
-    FINE_CLOUD,
     MIN_SHARE,
     PITCH_FACTORS,
-    ROUGH_CLOUD,
     FittedPath,
     field_of,
     first_step,
@@ -102,17 +100,14 @@ def fit_on_table(ladder: Ladder, modules: int, *, seed: int = 0) -> tuple[TableF
 
 
 def _placements(ladder: Ladder, counts: Counts, seed: int) -> list[tuple[str, Placement]]:
-    rough, fine = (
-        cloud(*(ladder.solid, ladder.volume, count), turns=SIDES, largest=ladder.apart, seed=seed)
-        for count in (ROUGH_CLOUD, FINE_CLOUD)
-    )
+    clouds = clouds_of(ladder, seeds=(seed, seed))
     rng = np.random.default_rng(seed)
     pitch = ladder.pitch_for(counts.high)
     pitches = tuple(pitch * factor for factor in PITCH_FACTORS)
     placements: list[tuple[str, Placement]] = []
     for down, rotation in zip(SIDE_ROTATIONS, SIDES, strict=True):
         turn = Turn(rotation=rotation, pitches=pitches, is_upright=True)
-        tried = best_placements((rough, fine), counts, turn, least=0.0, rng=rng)
+        tried = best_placements(clouds, counts, turn, least=0.0, rng=rng)
         best = sorted(islice(tried, TRIED_PER_SIDE), key=lambda placement: -placement.bound)
         placements += [(down, placement) for placement in best[:PLACEMENTS_PER_SIDE]]
     return placements

@@ -15,7 +15,8 @@ import numpy as np
 from planner.arrays import Array, Ints
 from planner.kernels.path_annealing import CLOSED, FULL
 from planner.kernels.pose_bounds import best_overlap, count_points
-from planner.path_fit.cloud import Cloud, turned
+from planner.path_fit.cloud import Clouds
+from planner.shapes.inside_points import InsidePoints, turned
 
 MARGIN: Final = 2
 """Number of empty cells around a solid that a path may use."""
@@ -131,7 +132,7 @@ class _TurnedCloud:
 
 
 def best_placements(
-    clouds: tuple[Cloud, Cloud],
+    clouds: Clouds,
     counts: Counts,
     turn: Turn,
     *,
@@ -143,35 +144,37 @@ def best_placements(
     The pitch that was best before the improvements comes first.
 
     Args:
-        clouds: Cloud by which poses are compared, and cloud by which the cells are filled.
+        clouds: The solid.
         counts: Numbers of cells.
         turn: The rotation and its pitches.
         least: Smallest bound of the best pose before it is improved; else there are none.
         rng: Random numbers.
     """
-    cloud, fine = (_turned(cloud, turn, counts) for cloud in clouds)
-    stride = max(1, len(cloud.points) // ROUGH_POINTS)
+    vertices = turned(clouds.vertices, turn.rotation)
+    rough, fine = (
+        _turned(inside, vertices, turn, counts) for inside in (clouds.rough, clouds.fine)
+    )
+    stride = max(1, len(rough.points) // ROUGH_POINTS)
     shifts = SHIFTS if turn.is_upright else FEW_SHIFTS
     poses: list[_Pose] = []
     for pitch in turn.pitches:
-        bounds = [cloud.bound(pitch, shift, stride) for shift in shifts]
+        bounds = [rough.bound(pitch, shift, stride) for shift in shifts]
         best = int(np.argmax(bounds))
         poses.append(_Pose(pitch=pitch, shift=shifts[best], bound=bounds[best]))
     poses.sort(key=lambda pose: -pose.bound)
     if poses[0].bound < least:
         return
     for pose in poses:
-        yield _filled(fine, turn, _climbed(cloud, pose, rng))
+        yield _filled(fine, turn, _climbed(rough, pose, rng))
 
 
-def _turned(cloud: Cloud, turn: Turn, counts: Counts) -> _TurnedCloud:
-    vertices = turned(cloud.vertices, turn.rotation)
+def _turned(inside: InsidePoints, vertices: Array, turn: Turn, counts: Counts) -> _TurnedCloud:
     corner = vertices.min(axis=0)
     return _TurnedCloud(
-        points=turned(cloud.points, turn.rotation) - corner,
+        points=turned(inside.points, turn.rotation) - corner,
         corner=corner,
         extents=vertices.max(axis=0) - corner,
-        each=cloud.each,
+        each=inside.volume / len(inside.points),
         counts=counts,
     )
 

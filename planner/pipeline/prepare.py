@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from planner.pathfinding.filling_methods import FilledShape, FillingMethod
     from planner.shapes.inside_points import InsidePoints
     from planner.shapes.solid import Solid
+    from planner.shapes.voxel_choice import Chooser
     from planner.shapes.voxelise import Voxels
 
 MAX_PREVIEW_TRIANGLES: Final = 20_000
@@ -606,12 +607,15 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
         return _voxelised(solid, options, seed, time_limit_s)
     if options.method != "auto":
         return _fitted(solid, options, seed)
+    from planner.shapes.voxelise import chooser_for
+
     # A requested start is a cell of the path that is chosen without it, as a preview shows it.
     anywhere = replace(options, start=None)
-    voxelised = _voxelised(solid, anywhere, seed, time_limit_s, offering=False)
+    chooser = chooser_for(solid, seed)
+    voxelised = _voxelised(solid, anywhere, seed, time_limit_s, chooser=chooser, offering=False)
     fitted = _fitted(solid, anywhere, seed)
     if not _is_better(fitted, voxelised):
-        return _voxelised(solid, options, seed, time_limit_s)
+        return _voxelised(solid, options, seed, time_limit_s, chooser=chooser)
     if options.start is not None:
         return _fitted(solid, options, seed)
     return _with_first_of(fitted, voxelised)
@@ -680,13 +684,19 @@ def _fitted(solid: Solid, options: PathOptions, seed: int, *, quick: bool = Fals
 
 
 def _voxelised(
-    solid: Solid, options: PathOptions, seed: int, time_limit_s: float, *, offering: bool = True
+    solid: Solid,
+    options: PathOptions,
+    seed: int,
+    time_limit_s: float,
+    *,
+    chooser: Chooser | None = None,
+    offering: bool = True,
 ) -> Preparation:
-    from planner.shapes.voxelise import voxelise
+    from planner.shapes.voxelise import chooser_for, voxels_for
 
     filling = filling_of(options)
-    cells = filling.cells_for(options)
-    voxels = voxelise(solid, cells=cells, seed=seed, offering=offering)
+    chooser = chooser_for(solid, seed) if chooser is None else chooser
+    voxels = voxels_for(chooser, filling.cells_for(options), offering=offering)
     filled = filling.fill(
         voxels.shape, options, of_solid=True, seed=seed, time_limit_s=time_limit_s
     )

@@ -7,7 +7,7 @@ own lattice cannot fit these points as well.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -16,7 +16,7 @@ from planner.arrays import Array
 from planner.chain.rotations import matrix_from_wxyz
 from planner.shapes.orientations import main_axes
 from planner.shapes.solid import Solid, signed_volume
-from planner.shapes.solid_sampling import enclosed_volume, grid_of, sample
+from planner.shapes.solid_sampling import Sampling, enclosed_volume, grid_of, sample
 
 INSIDE_POINTS: Final = 100_000
 """Usual number of points. They measure the overlap (IoU, 0 to 1) of a solid with a few hundred
@@ -59,12 +59,25 @@ def inside_points(solid: Solid, *, count: int = INSIDE_POINTS) -> InsidePoints:
     """
     spacing, rotation = _grid(solid, count)
     sampling = sample(solid, pitch=2.0 * spacing, size=2, rotation=rotation)
-    at = np.argwhere(sampling.inside) + 0.5
-    points = ((at - sampling.offset) * spacing) @ rotation
-    volume = sampling.volume
+    inside = points_of(sampling)
     if solid.oriented and sampling.crossed == 0.0:
-        volume = abs(signed_volume(solid.vertices, solid.faces)) or volume
-    return InsidePoints(points=points, volume=volume)
+        volume = abs(signed_volume(solid.vertices, solid.faces)) or inside.volume
+        return replace(inside, volume=volume)
+    return inside
+
+
+def points_of(sampling: Sampling) -> InsidePoints:
+    """Return the middles of the samples inside."""
+    middles = np.argwhere(sampling.inside) + 0.5 - sampling.offset
+    points = turned(middles * (sampling.pitch / sampling.size), sampling.rotation.T)
+    return InsidePoints(points=points, volume=sampling.volume)
+
+
+def turned(points: Array, rotation: Array) -> Array:
+    """Return (p, 3) turned points; term by term, so that all machines round them alike."""
+    x, y, z = points.T
+    rows = [row[0] * x + row[1] * y + row[2] * z for row in rotation]
+    return np.ascontiguousarray(np.stack(rows, axis=1))
 
 
 def _grid(solid: Solid, count: int) -> tuple[float, Array]:

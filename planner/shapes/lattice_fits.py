@@ -309,7 +309,7 @@ class Ladder:
             bounds=self._bounds[turn],
         )
         if self.apart:
-            sampling = _largest_body(sampling)
+            sampling = largest_body(sampling)
         split = min(OFFSETS_PER_AXIS, self.size(turn, pitch))
         grid = Grid(
             parts=_block_sums(sampling.inside, size // split),
@@ -421,7 +421,8 @@ def _block_sums(inside: Flags, side: int) -> NDArray[np.int16]:
     return np.ascontiguousarray(sums)
 
 
-def _largest_body(sampling: Sampling) -> Sampling:
+def largest_body(sampling: Sampling) -> Sampling:
+    """Return a sampling with the samples of the largest body alone."""
     numbers, sizes = parts_of(sampling.inside)
     if len(sizes) < 2:
         return sampling

@@ -28,7 +28,7 @@ def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Array, ...]:
     """
     rotations: list[Array] = [np.eye(3)]
     wanted = [main_axes(solid)]
-    wanted += [_about(axis, np.pi / 4) for axis in (2, 0, 1)]
+    wanted += [about_axis(axis, np.pi / 4) for axis in (2, 0, 1)]
     wanted += [_random(rng) for _ in range(RANDOM_ORIENTATIONS)]
     for rotation in wanted:
         nearest = _nearest_to_upright(rotation)
@@ -46,7 +46,8 @@ def main_axes(solid: Solid) -> Array:
     return rotation if np.linalg.det(rotation) > 0 else -rotation
 
 
-def _about(axis: int, angle_rad: float) -> Array:
+def about_axis(axis: int, angle_rad: float) -> Array:
+    """Return the (3, 3) rotation by an angle about an axis, 0 to 2."""
     rotation = np.eye(3)
     i, j = (axis + 1) % 3, (axis + 2) % 3
     rotation[i, i] = rotation[j, j] = np.cos(angle_rad)

@@ -142,10 +142,14 @@ class _Entries:
 
 
 class Chooser:
-    """Choice among the fits of a solid, with a cache of the chosen cells per count."""
+    """Choice among the fits of a solid, with a cache of the chosen cells per count.
+
+    Attributes:
+        ladder: The fits of the solid.
+    """
 
     def __init__(self, ladder: Ladder) -> None:
-        self._ladder = ladder
+        self.ladder = ladder
         self._chosen: dict[int, ChosenVoxels] = {}
 
     def choose(self, cells: int) -> ChosenVoxels:
@@ -159,7 +163,7 @@ class Chooser:
         return self._offer(cells, above=False), self._offer(cells, above=True)
 
     def _search(self, cells: int) -> ChosenVoxels:
-        ladder = self._ladder
+        ladder = self.ladder
         most = self._most(cells)
         visited: dict[tuple[int, float], LatticeFit] = {}
         for turn in range(len(ladder.turns)):
@@ -197,11 +201,11 @@ class Chooser:
         return ChosenVoxels(made=made, visited=tuple(visited.values()), score=_score(made))
 
     def _most(self, cells: int) -> int:
-        work = self._ladder.work(0, self._ladder.pitch_for(cells))
+        work = self.ladder.work(0, self.ladder.pitch_for(cells))
         return int(np.clip(MAX_FIT_SAMPLES / max(work, 1.0), MIN_FITS, MAX_FITS))
 
     def _visit(self, turn: int, pitch: float, visited: dict[tuple[int, float], LatticeFit]) -> bool:
-        fit = self._ladder.fit(turn, pitch)
+        fit = self.ladder.fit(turn, pitch)
         if fit is not None:
             visited[turn, pitch] = fit
         return fit is not None
@@ -221,14 +225,14 @@ class Chooser:
 
     def _around(self, turn: int, pitch: float) -> list[float]:
         """Return pitches near one: those that divide the box, then a few to both sides."""
-        step = self._ladder.step(pitch)
+        step = self.ladder.step(pitch)
         sides = [step + sign * n for n in range(PITCHES_PER_SIDE + 1) for sign in (1, -1)]
-        return self._ladder.dividing(turn, pitch) + [self._ladder.pitch_of(s) for s in sides]
+        return self.ladder.dividing(turn, pitch) + [self.ladder.pitch_of(s) for s in sides]
 
     def _best(self, fits: Iterable[LatticeFit], cells: int) -> FittedCells | None:
         """Return the cells nearest to the count among those with nearly the best score."""
         many = self._most(cells) >= THOROUGH_FROM_FITS
-        entries = _entries(fits, self._ladder.volume)
+        entries = _entries(fits, self.ladder.volume)
         off = np.abs(entries.counts - cells)
         inside = np.flatnonzero(_near(entries.counts, cells))
         if len(inside):
@@ -260,16 +264,16 @@ class Chooser:
         by_off = np.lexsort((entries.misfits, -entries.scores, off))
         nearest = by_off[np.sort(np.unique(entries.counts[by_off], return_index=True)[1])]
         found = [
-            self._ladder.made(*entries.at(entry)) for entry in nearest[: 12 if many else 4].tolist()
+            self.ladder.made(*entries.at(entry)) for entry in nearest[: 12 if many else 4].tolist()
         ]
         return min(found, key=lambda made: self._rank(made, cells), default=None)
 
     def _rank(self, made: FittedCells, cells: int) -> tuple[int, float, float]:
-        misfit = abs(made.count * made.pitch**3 / self._ladder.volume - 1.0)
+        misfit = abs(made.count * made.pitch**3 / self.ladder.volume - 1.0)
         return abs(made.count - cells), -_score(made), misfit
 
     def _made_of(self, entries: _Entries, wanted: Iterable[int], cells: int) -> list[FittedCells]:
-        all_made = (self._ladder.made(*entries.at(entry)) for entry in dict.fromkeys(wanted))
+        all_made = (self.ladder.made(*entries.at(entry)) for entry in dict.fromkeys(wanted))
         return [made for made in all_made if _near(made.count, cells)]
 
     def _offer(self, cells: int, *, above: bool) -> int | None:
@@ -302,7 +306,7 @@ class Chooser:
 
     def _likely(self, choice: ChosenVoxels, limit: int, *, above: bool) -> Iterator[int]:
         """Yield counts of nearby fits to one side, those with the largest overlap first."""
-        ladder = self._ladder
+        ladder = self.ladder
         fits = {(fit.turn, fit.pitch): fit for fit in choice.visited}
         turn, pitch = choice.made.turn, choice.made.pitch
         for other in OTHER_PITCHES[above]:

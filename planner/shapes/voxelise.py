@@ -99,16 +99,34 @@ class Voxels:
         return self.kept.iou
 
 
-def voxelise(solid: Solid, *, cells: int, seed: int = 0, offering: bool = True) -> Voxels:
+def voxelise(solid: Solid, *, cells: int, seed: int = 0) -> Voxels:
+    """Convert a solid into about ``cells`` cells; see ``voxels_for``.
+
+    Args:
+        solid: Solid to voxelise.
+        cells: Requested number of cells.
+        seed: Seed of the random orientations.
+
+    Raises:
+        InputError: The count is out of range, or the solid has no inside.
+    """
+    return voxels_for(chooser_for(solid, seed), cells)
+
+
+def chooser_for(solid: Solid, seed: int) -> Chooser:
+    """Return the choice among the fits of a solid; the seed gives the random orientations."""
+    return Chooser(Ladder(solid, candidates(solid, np.random.default_rng(seed))))
+
+
+def voxels_for(chooser: Chooser, cells: int, *, offering: bool = True) -> Voxels:
     """Convert a solid into about ``cells`` cells.
 
     What comes within a tenth of the count and keeps the most of the shape is taken; where nothing
     does, the nearest count. The counts offered next to it are those that asking for them gives.
 
     Args:
-        solid: Solid to voxelise.
+        chooser: The solid; it remembers what it found for other calls.
         cells: Requested number of cells.
-        seed: Seed of the random orientations.
         offering: True to search for the nearest other counts, which takes most of the time.
 
     Raises:
@@ -118,9 +136,7 @@ def voxelise(solid: Solid, *, cells: int, seed: int = 0, offering: bool = True) 
         raise InputError(
             "wrong-count", f"got a request for {cells} cells, expected 1 to {MAX_CELLS}."
         )
-    turns = candidates(solid, np.random.default_rng(seed))
-    ladder = Ladder(solid, turns)
-    chooser = Chooser(ladder)
+    ladder = chooser.ladder
     made = chooser.choose(cells).made
     below, above = chooser.offers(cells) if offering else (None, None)
     fine = ladder.grid(
