@@ -17,7 +17,7 @@ from bench.command import fold
 from bench.held_out_meshes import HELD_OUT
 from bench.measured_tables import Section
 from bench.meshes import MESHES, Mesh
-from bench.thin_meshes import THIN
+from bench.thin_meshes import THIN, WALLS
 from planner.errors import InputError
 from planner.path_fit.fill_fitted import fill_fitted
 from planner.path_fit.fit import fit_path
@@ -47,6 +47,8 @@ EXACT_MODULES: Final = 200
 """Number of modules that is met exactly with the method ``exact``."""
 MIN_EXACT: Final = 0.9
 """Target for the share of meshes with a path of exactly that many."""
+MAX_MISSING: Final = 0.1
+"""Target for the share of walls much thinner than a module that no module covers."""
 MIN_VERIFIED: Final = 28 / 30
 """Target for the share of chains that are verified at the first attempt."""
 
@@ -66,7 +68,31 @@ def likeness(reference_seconds: float) -> Section:
         f"≥ {MIN_EXACT:.0%}",
         len(met) >= MIN_EXACT * len(MORE_MODULES),
     )
+    rows = [_wall_row(name) for name in WALLS]
+    section.rows += rows
+    missing = float(np.mean([row["missing"] for row in rows]))
+    section.add(
+        f"share of thin walls without a module, mean of {len(rows)} meshes, {MODULES} modules",
+        f"{missing:.2f}",
+        f"≤ {MAX_MISSING}",
+        missing <= MAX_MISSING,
+    )
     return _with_folds(section, FOLDED)
+
+
+def _wall_row(name: str) -> dict[str, Any]:
+    mesh = WALLS[name]()
+    solid = Solid.from_triangles(mesh.vertices, mesh.faces, name=name)
+    chosen = prepare_found(solid, PathOptions(modules=MODULES))
+    assert chosen.likeness is not None
+    return {
+        "mesh": name,
+        "asked": MODULES,
+        "modules": len(chosen.cells),
+        "method": chosen.method,
+        "iou": chosen.likeness.iou,
+        "missing": chosen.likeness.missing,
+    }
 
 
 def _meets_exactly(name: str) -> bool:

@@ -115,3 +115,37 @@ THIN: dict[str, Callable[[], Mesh]] = {
     "teapot": teapot,
     "wire cube": wire_cube,
 }
+
+
+def thin_mug(wall: float = 0.06) -> Mesh:
+    cup = trimesh.creation.annulus(1.0 - wall, 1.0, 2.2, sections=64)
+    bottom = trimesh.creation.cylinder(1.0 - wall / 2, wall, sections=64)
+    bottom.apply_translation([0, 0, -1.1 + wall / 2])
+    handle = [box((0.8, 0.24, 0.24), (1.3, 0, z)) for z in (-0.6, 0.6)]
+    return joined(cup, bottom, *handle, box((0.24, 0.24, 1.44), (1.6, 0, 0)))
+
+
+def lampshade() -> Mesh:
+    return revolved([(2.0, 0), (1.0, 2.2), (0.92, 2.2), (1.92, 0), (2.0, 0)])
+
+
+def thin_bowl() -> Mesh:
+    angles = np.linspace(0, np.pi / 2, 24)
+    outer = [(3.0 * np.sin(t), -3.0 * np.cos(t)) for t in angles]
+    inner = [(2.85 * np.sin(t), -2.85 * np.cos(t)) for t in angles[::-1]]
+    return revolved([*outer, *inner])
+
+
+def open_box() -> Mesh:
+    ends = [box((0.15, 3, 2.5), (x, 0, 1.25)) for x in (-1.925, 1.925)]
+    sides = [box((4, 0.15, 2.5), (0, y, 1.25)) for y in (-1.425, 1.425)]
+    return joined(box((4, 3, 0.15), (0, 0, 0.075)), *ends, *sides)
+
+
+WALLS: dict[str, Callable[[], Mesh]] = {
+    "thin mug": thin_mug,
+    "lampshade": lampshade,
+    "thin bowl": thin_bowl,
+    "open box": open_box,
+}
+"""Four meshes whose walls are a sixth to a third of a module thick with 160 modules."""

@@ -32,20 +32,23 @@ class Clouds:
         vertices: (v, 3) vertices of its surface.
         rough: Points inside by which placements are compared.
         fine: Points inside by which the cells of a placement are filled.
+        wall: Thickness of its walls where they are much thinner than a cell, in its units;
+            infinite for other solids.
     """
 
     vertices: Array
     rough: InsidePoints
     fine: InsidePoints
+    wall: float
 
 
-def clouds_of(ladder: Ladder, *, seeds: tuple[int, int]) -> Clouds:
+def clouds_of(ladder: Ladder, *, seeds: tuple[int, int], wall: float = np.inf) -> Clouds:
     """Return a solid as points, with a random seed for each of both sets."""
     rough, fine = (
         _cloud(ladder, count, seed)
         for count, seed in zip((ROUGH_CLOUD, FINE_CLOUD), seeds, strict=True)
     )
-    return Clouds(vertices=ladder.solid.vertices, rough=rough, fine=fine)
+    return Clouds(vertices=ladder.solid.vertices, rough=rough, fine=fine, wall=wall)
 
 
 def _cloud(ladder: Ladder, count: int, seed: int) -> InsidePoints:

@@ -80,11 +80,23 @@ class FittedPath:
         placement: The lattice.
         cells: (n, 3) cells in the order of the path.
         iou: Intersection over union with the solid, by the fine cloud.
+        score: The same by the worth of cells; see ``Placement``.
     """
 
     placement: Placement
     cells: Ints
     iou: float
+    score: float
+
+    @classmethod
+    def along(cls, placement: Placement, path: Ints) -> FittedPath:
+        """Return the path through cells with flat indices."""
+        return cls(
+            placement=placement,
+            cells=placement.cells_of(path),
+            iou=placement.overlap(path),
+            score=placement.score(path),
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -115,13 +127,13 @@ def schedule(moves: int, *, hot: float = HOT, cold: float = COLD) -> Schedule:
 
 def field_of(placement: Placement, counts: Counts) -> Field:
     """Return the cells of a placement and the goal of a path."""
-    fill = placement.fill.reshape(-1)
+    fill, worth = placement.fill.reshape(-1), placement.worth.reshape(-1)
     cost = np.where((fill >= 0) & (fill < AIR_FILL), round(AIR_COST * FULL), 0)
     return Field(
-        fill=fill,
+        fill=worth,
         cost=cost.astype(np.int64),
         steps=placement.steps(),
-        volume=placement.volume,
+        volume=placement.needed,
         target=float(counts.high),
         low=counts.low,
         high=counts.high,
@@ -180,9 +192,9 @@ def fit_path(
 
 def _placements(ladder: Ladder, counts: Counts, seed: int) -> Iterator[Placement]:
     """Yield the placements of the race: upright ones, and turned ones that may pay."""
-    clouds = clouds_of(ladder, seeds=(2 * seed, 2 * seed + 1))
+    pitch, wall = _pitch_and_wall(ladder, counts.high)
+    clouds = clouds_of(ladder, seeds=(2 * seed, 2 * seed + 1), wall=wall)
     rng = np.random.default_rng(seed)
-    pitch = ladder.pitch_for(counts.high)
     best = 0.0
     for number, rotation in enumerate(ladder.turns):
         pitches = (*(pitch * factor for factor in PITCH_FACTORS), *ladder.dividing(number, pitch))
@@ -196,18 +208,30 @@ def _placements(ladder: Ladder, counts: Counts, seed: int) -> Iterator[Placement
             yield placement
 
 
+def _pitch_and_wall(ladder: Ladder, cells: int) -> tuple[float, float]:
+    """Return the pitch that others are near, and the thickness of walls; see ``Clouds``.
+
+    Cells with the pitch p₀ have the volume V of the solid together. If its walls have the thickness
+    w, their area is V/w, and as many cells one layer thick close them with the pitch p₁ =
+    p₀ √(p₀/w). With a smaller pitch x p₁, cells cover the share x² of walls that are thin, and
+    IoU = x² / (1 + x³ p₁/w − x²) is greatest with x³ = 2 w/p₁: walls that are thicker than half of
+    p₁ are best closed, and in thinner ones, cells with the best IoU leave holes.
+    """
+    pitch, wall = ladder.pitch_for(cells), ladder.thickness
+    closing = pitch * float(np.sqrt(pitch / wall))
+    return (closing, wall) if closing > 2.0 * wall else (pitch, np.inf)
+
+
 def _annealed(placement: Placement, counts: Counts, moves: int, seed: list[int]) -> FittedPath:
     field = field_of(placement, counts)
     number = int(np.random.SeedSequence(seed).generate_state(1)[0])
     path, _, _ = anneal(field, schedule(moves), first_step(field), number, False)
-    return FittedPath(
-        placement=placement, cells=placement.cells_of(path), iou=placement.overlap(path)
-    )
+    return FittedPath.along(placement, path)
 
 
 def _worth(run: FittedPath) -> float:
-    """Return the IoU, less what a turned solid must gain."""
-    return run.iou - (0.0 if run.placement.turn.is_upright else MIN_TILT_GAIN)
+    """Return the score, less what a turned solid must gain."""
+    return run.score - (0.0 if run.placement.turn.is_upright else MIN_TILT_GAIN)
 
 
 def ranked(runs: list[FittedPath], low: int) -> list[FittedPath]:

@@ -123,7 +123,7 @@ def _annealed(
     cells: Ints = placement.cells_of(path)
     if len(cells) < counts.low or rule_violations(cells):
         return None
-    fitted = FittedPath(placement=placement, cells=cells, iou=placement.overlap(path))
+    fitted = FittedPath.along(placement, path)
     return TableFit(fitted=fitted, down=down, cost=cost_of(cells, fitted.iou))
 
 

@@ -16,7 +16,7 @@ from planner.arrays import Array, Ints
 from planner.kernels.path_annealing import CLOSED, FULL
 from planner.kernels.pose_bounds import best_overlap, count_points
 from planner.path_fit.cloud import Clouds
-from planner.shapes.inside_points import InsidePoints, turned
+from planner.shapes.inside_points import turned
 
 MARGIN: Final = 2
 """Number of empty cells around a solid that a path may use."""
@@ -57,7 +57,10 @@ class Placement:
         offset: (3,) shift, in cells.
         fill: (X, Y, Z) share of each cell inside the solid, in 1/``FULL``; ``CLOSED`` at the rim.
         volume: Volume of the solid, in cells.
-        bound: IoU of the best set of cells.
+        worth: (X, Y, Z) like ``fill``, but a wall that is much thinner than a cell counts as thick
+            as a cell: a cell with a whole wall through it is worth ``FULL``.
+        needed: Sum of ``worth``, in cells.
+        bound: IoU of the best set of cells, by ``worth``.
     """
 
     turn: Turn
@@ -65,6 +68,8 @@ class Placement:
     offset: Array
     fill: Ints
     volume: float
+    worth: Ints
+    needed: float
     bound: float
 
     def cells_of(self, path: Ints) -> Ints:
@@ -78,8 +83,16 @@ class Placement:
 
     def overlap(self, path: Ints) -> float:
         """Return the intersection over union of a path's cells with the solid."""
-        shared = float(self.fill.reshape(-1)[path].sum()) / FULL
-        return shared / (self.volume + len(path) - shared)
+        return _iou(self.fill, self.volume, path)
+
+    def score(self, path: Ints) -> float:
+        """Return the same by ``worth``."""
+        return _iou(self.worth, self.needed, path)
+
+
+def _iou(fill: Ints, volume: float, path: Ints) -> float:
+    shared = float(fill.reshape(-1)[path].sum()) / FULL
+    return shared / (volume + len(path) - shared)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -113,6 +126,7 @@ class _TurnedCloud:
         corner: (3,) lowest corner of the turned solid's box.
         extents: (3,) size of that box.
         each: Volume that a point stands for.
+        wall: Same as in ``Clouds``.
         counts: Numbers of cells.
     """
 
@@ -120,6 +134,7 @@ class _TurnedCloud:
     corner: Array
     extents: Array
     each: float
+    wall: float
     counts: Counts
 
     def bound(self, pitch: float, shift: Array, stride: int = 1) -> float:
@@ -127,8 +142,22 @@ class _TurnedCloud:
         span = np.ceil(self.extents / pitch).astype(np.int64) + 4
         tally = count_points(self.points, stride, pitch, shift + 1.0, span)
         counted = -(-len(self.points) // stride)
+        return self.best(tally, pitch, counted)
+
+    def best(self, tally: Ints, pitch: float, counted: int) -> float:
+        """Return the IoU of the best cells, of which each contains so many points.
+
+        Args:
+            tally: (m,) points in each cell.
+            pitch: Edge of a cell.
+            counted: Number of points that were counted.
+        """
         full = pitch**3 / self.each * counted / len(self.points)
-        return best_overlap(tally, full, float(counted), self.counts.low, self.counts.high)
+        total = float(counted)
+        if self.wall < pitch:
+            full *= self.wall / pitch
+            total = float(np.minimum(tally, full).sum())
+        return best_overlap(tally, full, total, self.counts.low, self.counts.high)
 
 
 def best_placements(
@@ -151,8 +180,17 @@ def best_placements(
         rng: Random numbers.
     """
     vertices = turned(clouds.vertices, turn.rotation)
+    corner = vertices.min(axis=0)
     rough, fine = (
-        _turned(inside, vertices, turn, counts) for inside in (clouds.rough, clouds.fine)
+        _TurnedCloud(
+            points=turned(inside.points, turn.rotation) - corner,
+            corner=corner,
+            extents=vertices.max(axis=0) - corner,
+            each=inside.volume / len(inside.points),
+            wall=clouds.wall,
+            counts=counts,
+        )
+        for inside in (clouds.rough, clouds.fine)
     )
     stride = max(1, len(rough.points) // ROUGH_POINTS)
     shifts = SHIFTS if turn.is_upright else FEW_SHIFTS
@@ -166,17 +204,6 @@ def best_placements(
         return
     for pose in poses:
         yield _filled(fine, turn, _climbed(rough, pose, rng))
-
-
-def _turned(inside: InsidePoints, vertices: Array, turn: Turn, counts: Counts) -> _TurnedCloud:
-    corner = vertices.min(axis=0)
-    return _TurnedCloud(
-        points=turned(inside.points, turn.rotation) - corner,
-        corner=corner,
-        extents=vertices.max(axis=0) - corner,
-        each=inside.volume / len(inside.points),
-        counts=counts,
-    )
 
 
 def _climbed(cloud: _TurnedCloud, pose: _Pose, rng: np.random.Generator) -> _Pose:
@@ -197,21 +224,30 @@ def _climbed(cloud: _TurnedCloud, pose: _Pose, rng: np.random.Generator) -> _Pos
 
 def _filled(cloud: _TurnedCloud, turn: Turn, pose: _Pose) -> Placement:
     """Fill the cells of a pose."""
-    pitch, points, counts = pose.pitch, cloud.points, cloud.counts
+    pitch, points = pose.pitch, cloud.points
     shift = pose.shift + MARGIN + 1
     span = np.ceil(cloud.extents / pitch).astype(np.int64) + 2 * MARGIN + 4
     tally = count_points(points, 1, pitch, shift, span)
     full = pitch**3 / cloud.each
-    fill = np.minimum(np.rint(tally * (FULL / full)), FULL).astype(np.int64)
-    fill = fill.reshape(tuple(span.tolist()))
+    fill, worth = (
+        np.minimum(np.rint(tally * (FULL / points_in_full)), FULL)
+        .astype(np.int64)
+        .reshape(tuple(span.tolist()))
+        for points_in_full in (full, full * min(1.0, cloud.wall / pitch))
+    )
+    volume = len(points) / full
+    needed = float(worth.sum()) / FULL if cloud.wall < pitch else volume
     for axis in range(3):
-        rim = np.moveaxis(fill, axis, 0)
-        rim[0] = rim[-1] = CLOSED
+        for cells in (fill, worth):
+            rim = np.moveaxis(cells, axis, 0)
+            rim[0] = rim[-1] = CLOSED
     return Placement(
         turn=turn,
         pitch=pitch,
         offset=shift - cloud.corner / pitch,
         fill=fill,
-        volume=len(points) / full,
-        bound=best_overlap(tally, full, float(len(points)), counts.low, counts.high),
+        volume=volume,
+        worth=worth,
+        needed=needed,
+        bound=cloud.best(tally, pitch, len(points)),
     )

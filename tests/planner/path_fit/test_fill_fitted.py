@@ -1,12 +1,14 @@
 """Fitted paths: they look more like a mesh than blocks, and blocks stay where they are as good."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import trimesh
 
 from planner.errors import InputError
 from planner.path_fit.fill_fitted import check_exact, fill_fitted
-from planner.path_fit.fit import FittedPath, fit_path, ranked
+from planner.path_fit.fit import fit_path, ranked
 from planner.path_fit.fit_table import (
     MAX_TABLE_FITTED_MODULES,
     SIDES,
@@ -67,6 +69,20 @@ def test_the_final_result_goes_on_from_the_first_one(monkeypatch: pytest.MonkeyP
     assert (final.cells == whole.cells).all() and len(final.chains) == len(whole.chains)
 
 
+def test_walls_much_thinner_than_a_module_are_closed() -> None:
+    walls = [((4, 3, 0.03), (0, 0, 0.015))]
+    walls += [((0.03, 3, 2.4), (x, 0, 1.2)) for x in (-1.985, 1.985)]
+    walls += [((4, 0.03, 2.4), (0, y, 1.2)) for y in (-1.485, 1.485)]
+    boxes = [trimesh.creation.box(size).apply_translation(at) for size, at in walls]
+    mesh = trimesh.util.concatenate(boxes)
+    assert isinstance(mesh, trimesh.Trimesh)
+    tray = prepared(mesh, modules=96)
+    assert tray.method == "fitted" and tray.likeness is not None and tray.voxels is not None
+    assert tray.likeness.missing < 0.05
+    assert tray.voxels.kept.tunnels == 0
+    assert tray.voxels.kept.volume == pytest.approx(1.0 - tray.likeness.missing, abs=0.02)
+
+
 def test_the_method_exact_meets_the_number_of_modules() -> None:
     for modules in (31, 32):
         assert len(prepared(torus(), method="exact", modules=modules).chain) == modules
@@ -75,7 +91,8 @@ def test_the_method_exact_meets_the_number_of_modules() -> None:
 def test_a_path_that_misses_the_exact_number_is_ranked_last_and_refused() -> None:
     fit = next(fit_path(Ladder(solid_of(torus()), SIDES[:1]), 32))
     (path,) = fit.paths
-    short = FittedPath(placement=path.placement, cells=path.cells[:-1], iou=1.0)
+    assert (path.placement.worth == path.placement.fill).all() and path.score == path.iou
+    short = replace(path, cells=path.cells[:-1], score=1.0)
     assert ranked([short, path], len(path.cells)) == [path, short]
     assert ranked([short, path], len(short.cells)) == [short, path]
     check_exact(32, 32)
