@@ -12,6 +12,7 @@ from planner.exports.export import export_name, require_frames
 from planner.exports.step_drawing import (
     MAX_SMALL_WIDTH_PITCH,
     Drawing,
+    Shape,
     draw_shape,
     draw_step,
 )
@@ -19,14 +20,16 @@ from planner.plan.plan import Plan
 from planner.plan.step_text import step_text
 from planner.plan.steps import Steps, steps_of
 
+SQUARE: Final = ((0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (0.1, 0.9))
+MIDDLE: Final = ((0.5, 0.5),)
 LEGEND: Final = (
-    ("held-1", "hold still"),
-    ("moving-1", "turn"),
-    ("joint", "joint that turns"),
-    ("first", "first module"),
-    ("last", "last module"),
+    (Shape(style="held-1", points=SQUARE), "hold still"),
+    (Shape(style="moving-1", points=SQUARE), "turn"),
+    (Shape(style="joint", points=MIDDLE, radius=0.3), "joint that turns"),
+    (Shape(style="first", points=MIDDLE, radius=0.3), "first module"),
+    (Shape(style="last", points=MIDDLE, radius=0.3), "last module"),
 )
-"""Styles of the drawings that a leaflet explains, and their meanings."""
+"""Samples of the styles that a leaflet explains, within a square of 1 pitch, and their meanings."""
 MAX_DRAWN_MODULES: Final = 250_000
 """Maximum number of modules in all drawings of a leaflet; drawing so many takes about 25 s."""
 MAX_LARGE_STEPS: Final = 24
@@ -49,15 +52,13 @@ class LeafletStep:
 
     Attributes:
         number: Its number, from 1.
-        text: What to do.
+        text: What to do, and whether the drawing shows another side than that of the step before.
         drawing: The chain before the step.
-        turned: True if it is seen from another side than the step before.
     """
 
     number: int
     text: str
     drawing: Drawing
-    turned: bool
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -157,13 +158,9 @@ def _drawn(steps: Steps, small_width: float) -> tuple[LeafletStep, ...]:
     module, drawn, eye = steps.chain.module, list[LeafletStep](), 0
     for step, poses in zip(steps.steps, steps.poses()[:-1], strict=True):
         drawing = draw_step(module, step, poses, eye, small_width=small_width)
-        drawn.append(
-            LeafletStep(
-                number=step.number,
-                text=step_text(module, step, most=len(step.turns)),
-                drawing=drawing,
-                turned=drawing.eye != eye,
-            )
-        )
+        text = step_text(module, step, most=len(step.turns))
+        if drawing.eye != eye:
+            text += " Seen from another side."
+        drawn.append(LeafletStep(number=step.number, text=text, drawing=drawing))
         eye = drawing.eye
     return tuple(drawn)

@@ -83,19 +83,14 @@ def write(plan: Plan) -> bytes:
 
 
 def _step(step: LeafletStep, cell: tuple[float, float]) -> str:
-    text = f"{step.text} Seen from another side." if step.turned else step.text
     drawing = _svg(step.drawing, cell, MAX_SCALE_MM)
-    return f"<li><p><b>{step.number}</b>{escape(text)}</p>{drawing}</li>\n"
+    return f"<li><p><b>{step.number}</b>{escape(step.text)}</p>{drawing}</li>\n"
 
 
 def _legend() -> str:
     rows: list[str] = []
-    for style, word in LEGEND:
-        if style in ("joint", "first", "last"):
-            shape = Shape(style=style, points=((0.5, 0.5),), radius=0.3)
-        else:
-            shape = Shape(style=style, points=((0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (0.1, 0.9)))
-        drawn = _drawn([shape], 4.0)
+    for sample, word in LEGEND:
+        drawn = _drawn([sample], 4.0)
         svg = f'<svg viewBox="0 0 {UNITS:g} {UNITS:g}" aria-hidden="true">{drawn}</svg>'
         rows.append(f"<li>{svg}{word}</li>")
     return f'<ul class="legend">{"".join(rows)}</ul>'

@@ -107,19 +107,11 @@ def _cover(canvas: Canvas, leaflet: Leaflet, box: _Box) -> None:
         y = _text(canvas, f"{k}. {hint}", _Box(box.x, y, box.width, 0), 10, lines=4) - 5
     x = box.x
     canvas.setFont(FONT, TEXT_SIZE)
-    for style, word in LEGEND:
-        _sample(canvas, style, x, y - 10)
+    for sample, word in LEGEND:
+        _shape(canvas, sample, x, y - 10 + SAMPLE / 2, SAMPLE)
         canvas.setFillGray(0.0)
         canvas.drawString(x + SAMPLE + 4, y - 12, word)
         x += SAMPLE + 22 + canvas.stringWidth(word, FONT, TEXT_SIZE)
-
-
-def _sample(canvas: Canvas, style: str, x: float, y: float) -> None:
-    if style in ("joint", "first", "last"):
-        shape = Shape(style=style, points=((0.5, 0.5),), radius=0.3)
-    else:
-        shape = Shape(style=style, points=((0.0, 0.0), (1.0, 0.0), (1.0, 1.0), (0.0, 1.0)))
-    _shape(canvas, shape, x, y + SAMPLE / 2, SAMPLE)
 
 
 def _step(canvas: Canvas, step: LeafletStep, box: _Box) -> None:
@@ -127,10 +119,9 @@ def _step(canvas: Canvas, step: LeafletStep, box: _Box) -> None:
     canvas.setFont(FONT, 15)
     canvas.drawString(box.x, box.y - 15, str(step.number))
     indent = canvas.stringWidth(str(step.number), FONT, 15) + 7
-    text = f"{step.text} Seen from another side." if step.turned else step.text
     beside = _Box(box.x + indent, box.y - 2, box.width - indent, 0)
     lines = max(MAX_TEXT_LINES, int(MAX_TEXT_SHARE * box.height / (LINE_HEIGHT * TEXT_SIZE)))
-    y = min(_text(canvas, text, beside, TEXT_SIZE, lines=lines), box.y - 18)
+    y = min(_text(canvas, step.text, beside, TEXT_SIZE, lines=lines), box.y - 18)
     _drawing(canvas, step.drawing, _Box(box.x, y - 6, box.width, box.height - (box.y - y) - 18))
     canvas.setStrokeGray(0.8)
     canvas.setLineWidth(0.4)

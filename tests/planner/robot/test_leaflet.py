@@ -175,7 +175,8 @@ def test_a_hidden_joint_is_seen_from_another_side() -> None:
     eyes = [step.drawing.eye for step in drawn]
     assert len(set(eyes)) > 1
     # The view changes only where the leaflet says so.
-    assert [step.turned for step in drawn] == [a != b for a, b in pairwise([0, *eyes])]
+    told = [step.text.endswith("Seen from another side.") for step in drawn]
+    assert told == [a != b for a, b in pairwise([0, *eyes])]
 
 
 def test_leaflets_of_too_many_steps_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
