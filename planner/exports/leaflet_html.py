@@ -51,7 +51,11 @@ header > svg { display: block; margin: 6mm auto; max-width: 100%; }
 svg { stroke-linejoin: round; }
 svg text { paint-order: stroke; stroke: #fff; stroke-width: 0.3em; }
 @media (max-width: 600px) { .steps { grid-template-columns: 1fr !important; } }
-@media print { body { max-width: none; padding: 0; } }
+@media print {
+  body { max-width: none; padding: 0; }
+  .high li { height: 242mm; }
+  .high svg { min-height: 0; }
+}
 """
 """Style of the page: black on white, also on dark screens, as it is printed."""
 
@@ -69,6 +73,7 @@ def write(plan: Plan) -> bytes:
     hints = "".join(f"<li>{escape(hint)}</li>" for hint in leaflet.hints)
     steps = "".join(_step(step, cell) for step in leaflet.steps)
     title = escape(leaflet.title)
+    kind = "steps high" if rows == 1 else "steps"
     return (
         '<!doctype html>\n<html lang="en">\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -78,7 +83,7 @@ def write(plan: Plan) -> bytes:
         f"<header>\n<h1>{title}</h1>\n<p>{escape(leaflet.summary)}</p>\n"
         f"{_svg(leaflet.shape, (width, 0.5 * height), 9.0, f'The folded shape: {title}')}\n"
         f"<ol>{hints}</ol>\n{_legend()}\n</header>\n"
-        f'<ol class="steps">\n{steps}</ol>\n</html>\n'
+        f'<ol class="{kind}">\n{steps}</ol>\n</html>\n'
     ).encode()
 
 
