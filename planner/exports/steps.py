@@ -16,7 +16,7 @@ from planner.plan.steps import Steps, Turn, hinge_axis, steps_of
 
 STEPS_FORMAT: Final = "foldback-steps/1"
 DECIMALS: Final = 9
-"""Number of decimals of degrees, axes and points in a step document, finer than any joint."""
+"""Number of decimals of times, angles and places in a step document, finer than any joint."""
 
 
 def write(plan: Plan) -> bytes:
@@ -46,8 +46,8 @@ def step_document(steps: Steps) -> dict[str, Any]:
                 "text": step_text(chain.module, step),
                 "start_frame": steps.frames[k],
                 "end_frame": steps.frames[k + 1],
-                "start_s": steps.times_s[k],
-                "duration_s": steps.times_s[k + 1] - steps.times_s[k],
+                "start_s": _rounded(steps.times_s[k]),
+                "duration_s": _rounded(steps.times_s[k + 1] - steps.times_s[k]),
                 "merged": len(step.turns) > 1,
                 "held": list(step.held),
                 "moving": [list(part) for part in step.moving],
