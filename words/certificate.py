@@ -377,7 +377,7 @@ def robots(certificate: CertificateFigures) -> str | None:
     return (
         f"{len(found)} robot{'s' if len(found) > 1 else ''} with random imperfections; "
         "the view shows the robot with the largest errors. "
-        f"The smallest clearance is {rounded_down(least)} pitch"
+        f"The smallest clearance is {rounded_down(least).replace('-', '−')} pitch"
     )
 
 
