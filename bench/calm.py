@@ -34,7 +34,8 @@ MAX_MODULES: Final = 160
 RANDOM_BOXES: Final = ((4, 4, 4), (4, 4, 6), (4, 5, 6), (4, 6, 6), (4, 4, 10))
 """Sides of the boxes, in cells, that are also folded along a random path each."""
 STRATEGIES: Final = ("auto", "simultaneous")
-"""Strategies that are compared: the default, and the explosion that is not calm."""
+"""Strategies that are compared: the default, turns or a calm explosion, and the explosion that is
+not calm."""
 MAX_MEDIAN_TRAVEL: Final = 1.6
 """Bar for the median travel of default folds, relative to the least."""
 COMPARED: Final = ("travel", "moving mean", "moving max", "reversals", "held", "bound", "cpu s")
@@ -111,6 +112,8 @@ def _row(name: str, data: bytes, strategy: str, reference_seconds: float) -> dic
         "straight": straight,
         "held": None if certificate.detours is None else straight - certificate.detours,
         "bound": certificate.clearance_bound,
+        "fold s": certificate.fold_time_s,
+        "torque N·m": certificate.peak_torque_nm,
         "cpu s": round(seconds, 2),
         "ratio": round(seconds / reference_seconds, 2) if reference_seconds else None,
     }

@@ -16,7 +16,7 @@ from planner.progress import STAGES, Report
 from planner.progress import Progress as StageProgress
 
 STAGE_VERBS = {
-    "explode": "Exploding",
+    "explode": "Unfolding",
     "play_back": "Folding",
     "certify": "Checking",
     "export": "Writing",

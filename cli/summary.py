@@ -14,6 +14,7 @@ from rich.table import Table
 from cli.exit_statuses import NOT_ACHIEVED
 from planner.certificate.figures import FoldSummary
 from planner.chain.module import module_named
+from planner.parameters.parameters import TURN_STRATEGIES
 from words import certificate as certificate_words
 from words.failures import reason_for_people
 from words.likeness import likeness_words
@@ -83,7 +84,8 @@ def show(summary: dict[str, Any], out: Path) -> None:
     row("Modules", summary["modules"])
     row("Likeness", likeness_words(summary.get("likeness")))
     row("Strategy", certificate_words.baseline(strategy) or strategy)
-    row("Explosion", summary["explosion"]["steps"] or None, "steps")
+    unfolding = "Unfolding" if strategy in TURN_STRATEGIES else "Explosion"
+    row(unfolding, summary["explosion"]["steps"] or None, "steps")
     row("Playback", playback and (playback["steps"] or None), "steps")
     for name, value in certificate_words.rows(certificate):
         row(sentence(name), value)

@@ -104,7 +104,7 @@ def _show(result: Verification, largest: tuple[float, str] | None) -> None:
     if result.reason is not None:
         holds = "confirmed" if result.reason.confirmed else "refuted"
         reason = verdict_for_people(result.reason.words)
-        console.print(f"The reason why the explosion stalled is {holds}: {reason}.", markup=False)
+        console.print(f"The reason why unfolding stalled is {holds}: {reason}.", markup=False)
     if result.replay is not None:
         depth = result.replay.overlap
         overlap = f"modules overlap by up to {spacings(depth, 2)}" if depth else "no overlap"

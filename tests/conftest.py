@@ -175,15 +175,15 @@ def service(tmp_path_factory: pytest.TempPathFactory, blog: Blog) -> Iterator[Se
 
 @pytest.fixture(scope="session")
 def wrench(service: Service) -> str:
-    """Id of a finished fold of a gallery shape, which is not the gallery's own fold."""
-    fold_id = service.fold(shape="wrench-24", seed="5")["id"]
+    """Id of a finished fold of a gallery shape by an explosion, not the gallery's own fold."""
+    fold_id = service.fold(shape="wrench-24", seed="5", strategy="simultaneous")["id"]
     assert service.wait_over(fold_id)["status"] == "verified"
     return fold_id
 
 
 @pytest.fixture(scope="session")
 def finished(service: Service) -> FinishedFold:
-    """Finished fold of a path without a name."""
-    accepted = service.fold(SNAKE, seed="3")
+    """Finished fold of a path without a name, by an explosion."""
+    accepted = service.fold(SNAKE, seed="3", strategy="simultaneous")
     events = list(service.events(accepted["id"]))
     return FinishedFold(service, accepted, events, service.state(accepted["id"]))

@@ -76,7 +76,7 @@ CLEARANCES: Final = (
     Figure(
         "Smallest clearance of the simulated robots", "min_clearance_playback", of_simulation=True
     ),
-    Figure("Smallest clearance in the explosion", "min_clearance_record"),
+    Figure("Smallest clearance while unfolding", "min_clearance_record"),
 )
 MOTION_FIGURES: Final = (
     Figure(
@@ -439,7 +439,7 @@ def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -
         if str(certificate.get("verdict")).startswith("verified")
         else ""
     )
-    return f"During the explosion, {' and '.join(told)}.{plan}"
+    return f"During unfolding, {' and '.join(told)}.{plan}"
 
 
 def baseline(strategy: object) -> str | None:

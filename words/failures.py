@@ -34,6 +34,7 @@ FAILURE_HEADINGS: Final = {
     "snapshots": "Stalled: too many recorded frames",
     "refusals": "Stalled: torque limit reached",
     "turns": "No sequence of turns was found",
+    "turn_steps": "Stalled: the turns take too many steps",
     "motion": "Stalled: nothing moved any more",
     "buried": "Stalled: the modules to be unfolded next were enclosed by other modules",
     "contacts": "Stalled: too many modules pressed against each other",
@@ -49,7 +50,7 @@ FAILURE_HEADINGS: Final = {
 }
 STAGE_WORDS: Final = {
     "read": "reading the input",
-    "explode": "the explosion",
+    "explode": "unfolding",
     "play_back": "the playback",
     "certify": "the clearance check",
     "export": "writing the plan",
@@ -254,6 +255,8 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     how = [path, f"seed {attempt['seed']}"]
     if attempt.get("gentle"):
         how.append("with half the force")
+    if attempt.get("roomy"):
+        how.append("only turns with the most room")
     if attempt.get("plain"):
         how.append("with hinges that turn more freely")
     if (smooths := attempt.get("smooths")) is not None:

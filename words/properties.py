@@ -23,7 +23,7 @@ from planner.errors import UNREADABLE, TimelineError
 from planner.file_names import CHAIN, PLAN, TIMELINE
 from planner.files import json_of
 from planner.motion.timeline import Timeline
-from planner.parameters.parameters import FLOATING
+from planner.parameters.parameters import FLOATING, TURN_STRATEGIES
 from planner.pipeline.fold_layout import result_path
 from planner.pipeline.preference import COMPUTING, preference_named
 from planner.verification.integrity import damaged_among
@@ -166,7 +166,9 @@ class _Fold:
 
     def computation_rows(self) -> Rows:
         explosion, playback = self.explosion, self.playback
-        made = "Smoothing" if self.summary.get("smoothing") else "Explosion"
+        made = "Unfolding" if explosion.get("strategy") in TURN_STRATEGIES else "Explosion"
+        if self.summary.get("smoothing"):
+            made = "Smoothing"
         kinematic = playback.get("kind") == "kinematic"
         not_simulated = certificate_words.NOT_SIMULATED if kinematic else None
         return [

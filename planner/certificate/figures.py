@@ -166,6 +166,7 @@ class AttemptFigures(TypedDict, total=False):
     other_end: bool
     gentle: bool
     plain: bool
+    roomy: bool
     smooths: int
     status: Required[str]
     reason: str

@@ -33,6 +33,7 @@ USED_UP: Final[dict[SpentKind, str]] = {
     "snapshots": "the limit of {allowed} snapshots was reached",
     "refusals": "the torque limit was exceeded {used} times; {allowed} times are allowed",
     "turns": "the search for turns ended after it had tried those of {used} states",
+    "turn_steps": "the turns that were found take {used} steps; {allowed} are allowed",
     "motion": "nothing moved any more after {used} of {allowed} steps",
 }
 
@@ -215,7 +216,7 @@ class BudgetEvidence:
             progress; ``retries``, returns to the last checkpoint before an error; ``snapshots``
             taken; on a table, ``refusals`` of frames that need more than the torque limit;
             or, as published, the ``motion`` itself, which came to rest; for turns, ``turns`` of
-            states that were tried.
+            states that were tried, or ``turn_steps`` of a sequence that was found.
         allowed, used: Limit and count. Where a count in a row is limited, the last one used is one
             too many.
         bent_hinges: Number of hinges still bent by more than a tenth of a radian.

@@ -2,8 +2,9 @@
 
 ``simultaneous`` is the paper's: all modules at once. ``blocks`` lets rigid blocks come apart first.
 ``peel`` releases one unit after the other from the chain's far end, so its cost grows linearly.
-``auto`` chooses by size and path, and explodes all modules calmly. ``turns`` and ``one-by-one``
-need no explosion: they search for quarter turns, and make some at once, or one after the other.
+``turns`` and ``one-by-one`` need no explosion: they search for quarter turns, and make some at
+once, or one after the other. ``auto`` folds a short chain in turns if they are as clear as an
+explosion; otherwise it chooses by size and path, and explodes all modules calmly.
 """
 
 from __future__ import annotations
@@ -30,6 +31,7 @@ from planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from planner.parameters.parameters import (
     AUTO,
     BASELINE,
+    MAX_AUTO_TURNING_MODULES,
     STRATEGY_CHOICES,
     TURNS,
     Parameters,
@@ -88,6 +90,25 @@ def ranked_strategies(
             f"{_limitation(chain, parameters, refolds)}",
         )
     return (wished,)
+
+
+def takes_turns(chain: Chain, parameters: Parameters, *, refolds: bool = False) -> bool:
+    """Return True if ``auto`` looks for turns with the most room before it explodes a chain.
+
+    Args:
+        chain: The chain.
+        parameters: Parameters of the fold.
+        refolds: True if the chain begins folded otherwise.
+    """
+    return (
+        parameters.strategy == AUTO
+        and parameters.world != "table"
+        and parameters.module_size == Parameters().module_size
+        and _has_own_explosion(parameters)
+        and not refolds
+        and len(chain) <= MAX_AUTO_TURNING_MODULES
+        and on_lattice(chain)
+    )
 
 
 def _limitation(chain: Chain, parameters: Parameters, refolds: bool) -> str:
@@ -179,6 +200,7 @@ def run_strategy(
     seed: int = 0,
     gentle: bool = False,
     calm: bool = False,
+    roomy: bool = False,
     sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,
@@ -192,6 +214,7 @@ def run_strategy(
         seed: Seed of all random numbers.
         gentle: True for half the tension, and steps that bring modules half as near.
         calm: True if an explosion of all modules is to make few detours.
+        roomy: True for turns with the most room alone, in few steps.
         sink: Receives the snapshots as they are made: windowed if ``windowed`` says so.
         progress: Receives the progress, a few times a second.
         cancelled: Returns True to stop; called every few steps.
@@ -212,6 +235,7 @@ def run_strategy(
             size=parameters.module_size,
             at_once=1 if strategy == BASELINE else parameters.at_once,
             seed=seed,
+            roomy=roomy,
             sink=sink,
             cancelled=cancelled,
         )

@@ -20,6 +20,10 @@ from planner.turns.turn_sequence import NoTurns, find_turns
 MAX_TURNING_MODULES: Final = 500
 """Maximum number of modules of a chain that folds in turns; the time of a search grows with about
 the third power of their number."""
+MODULES_PER_STEP: Final = 10
+"""Number of modules for each step that a roomy fold in turns may have. With so few steps, it takes
+at most 1.3 times as long as an explosion at the same speed of the hinges:
+docs/decisions/0028-turns.md."""
 MAX_FRAME_TURN_RAD: Final = 0.4
 """Maximum turn of a hinge between two recorded frames, rad."""
 TURNING_RATE_RAD_S: Final = 0.25
@@ -34,6 +38,7 @@ def unfold_in_turns(
     size: float,
     at_once: int | None,
     seed: int,
+    roomy: bool = False,
     sink: Callable[[Motion], None] | None = None,
     cancelled: Cancelled = never,
 ) -> Record:
@@ -45,20 +50,28 @@ def unfold_in_turns(
         size: Module size as a fraction of the pitch.
         at_once: Maximum number of hinges that turn in one step; None for no limit.
         seed: Seed of the search.
+        roomy: True for turns with the most room alone, in few steps.
         sink: Receives the snapshots.
         cancelled: Polled between turns.
     """
     begun = time.perf_counter()
-    turns = find_turns(chain, size=size, at_once=at_once, seed=seed, cancelled=cancelled)
+    turns = find_turns(
+        chain, size=size, at_once=at_once, seed=seed, roomy=roomy, cancelled=cancelled
+    )
     status: RecordStatus = "straight"
-    reason, spent, expanded = "", None, 0
+    reason, rests, spent, expanded = "", None, None, 0
     if isinstance(turns, NoTurns):
         status, reason, spent = _failure(chain, turns, size)
-        frames, rests, expanded = turns.last_rad, None, turns.expanded
+        frames, expanded = turns.last_rad, turns.expanded
+    elif roomy and len(turns.hinges) > (most := -(-len(chain) // MODULES_PER_STEP)):
+        status, frames = "stalled", turns.rest_angles_rad[-1:]
+        expanded = len(turns.hinges)
+        reason = f"turns were found in {expanded} steps, more than {most}"
+        spent = Spent(kind="turn_steps", allowed=most, used=expanded)
     elif turns.hinges:
         frames, rests = _between(turns.rest_angles_rad[::-1])
     else:  # a straight chain has no turns to rest between
-        frames, rests = np.repeat(turns.rest_angles_rad, 2, axis=0), None
+        frames = np.repeat(turns.rest_angles_rad, 2, axis=0)
     root = chain.folded_poses
     motion = Motion.from_frames(
         phase="explosion",

@@ -64,7 +64,9 @@ class QuarterTurnFigures(TypedDict):
     turns: list[TurnFigures]
 
 
-SpentKind = Literal["steps", "pushes", "retries", "snapshots", "motion", "refusals", "turns"]
+SpentKind = Literal[
+    "steps", "pushes", "retries", "snapshots", "motion", "refusals", "turns", "turn_steps"
+]
 """Name of a limit that can end an explosion."""
 
 

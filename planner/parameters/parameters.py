@@ -43,6 +43,9 @@ STRATEGY_CHOICES: Final[Choices] = {
 }
 """Explosion strategies, see ``planner.explosion.strategies``; ``auto`` chooses one of the others by
 size and path."""
+MAX_AUTO_TURNING_MODULES: Final = 64
+"""Maximum number of modules of a chain of cubes for which ``auto`` looks for turns before it
+explodes the chain: docs/decisions/0028-turns.md."""
 FLOATING: Final = "floating"
 WORLD_CHOICES: Final[Choices] = {
     FLOATING: Choice(

@@ -37,6 +37,7 @@ class Trial:
         other_end: True if the path is taken from its other end.
         gentle: True for half the force.
         plain: True for an explosion of all modules that is not calm, although ``auto`` chose it.
+        roomy: True for turns with the most room alone, which ``auto`` looks for before it explodes.
         smooths: Index of the attempt whose verified plan is smoothed in place of
             an explosion; the strategy then is one of ``planner.robot.SMOOTHING_WAYS``. None for an
             explosion.
@@ -48,11 +49,13 @@ class Trial:
     other_end: bool = False
     gentle: bool = False
     plain: bool = False
+    roomy: bool = False
     smooths: int | None = None
 
     def with_strategy(self, strategy: str) -> Trial:
         """Return the trial with another strategy; only explosions of all modules can be plain."""
-        return replace(self, strategy=strategy, plain=self.plain and strategy == "simultaneous")
+        plain = self.plain and strategy == "simultaneous"
+        return replace(self, strategy=strategy, plain=plain, roomy=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -227,8 +230,9 @@ class Attempt:
         values: dict[str, Any] = {**asdict(self.trial), "status": self.status}
         if self.trial.smooths is None:
             del values["smooths"]
-        if not self.trial.plain:
-            del values["plain"]
+        for name in ("plain", "roomy"):
+            if not values[name]:
+                del values[name]
         if self.status == "begun":
             return values
         values |= {name: getattr(self, name) for name in ("reason", "steps", "frames", "seconds")}

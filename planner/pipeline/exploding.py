@@ -59,6 +59,7 @@ def explode(chain: Chain, trial: Trial, parameters: Parameters, watch: Watch) ->
         parameters,
         seed=trial.seed,
         gentle=trial.gentle,
+        roomy=trial.roomy,
         calm=parameters.strategy == AUTO and not trial.plain,
         sink=None if writer is None else writer.append,
         progress=watch.progress,

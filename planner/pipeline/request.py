@@ -14,6 +14,7 @@ from planner.parameters.option import key_of_options, option
 from planner.parameters.parameters import (
     AUTO,
     BASELINE,
+    MAX_AUTO_TURNING_MODULES,
     PRESET_CHOICES,
     STRATEGY_CHOICES,
     TURNS,
@@ -132,12 +133,14 @@ class FoldRequest(PathOptions):
     )
     strategy: str = option(
         AUTO,
-        title="Explosion strategy",
+        title="Strategy",
         help="How the folded chain is pulled apart: all modules at once (`simultaneous`), rigid "
         "blocks first (`blocks`), or one part at a time from one end (`peel`). `turns` folds "
         "without an explosion: in steps of quarter turns that a person can follow, with a rest "
-        "after each; `one-by-one` turns one hinge in each step. `auto` chooses among the "
-        "explosions by size and path; for long chains it uses `peel`.",
+        "after each; `one-by-one` turns one hinge in each step. `auto` folds chains of up to "
+        f"{MAX_AUTO_TURNING_MODULES} cubes in turns if these keep as much clearance as an "
+        "explosion. Otherwise it chooses among the explosions by size and path; for long chains it "
+        "uses `peel`.",
         choices=STRATEGY_CHOICES,
     )
     at_once: int | None = option(

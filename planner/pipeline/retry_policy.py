@@ -11,9 +11,9 @@ from dataclasses import dataclass, replace
 from typing import Final, Literal
 
 from planner.explosion.diagnosis import Diagnosis
-from planner.explosion.strategies import alternative_strategies, ranked_strategies
+from planner.explosion.strategies import alternative_strategies, ranked_strategies, takes_turns
 from planner.parameters.explosion import ExplosionParameters
-from planner.parameters.parameters import AUTO, BASELINE, TURN_STRATEGIES
+from planner.parameters.parameters import AUTO, BASELINE, TURN_STRATEGIES, TURNS
 from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
 from planner.pipeline.improvements import Improvements
 from planner.pipeline.preference import CALM, COMPUTING
@@ -63,6 +63,7 @@ class RetryPolicy:
         forces: True if the forces may be others than asked for.
         seeds: Number of seeds that may be tried.
         calm: True if explosions of all modules are calm at first.
+        turns: True if turns with the most room are looked for before all explosions.
         improvements: Attempts after a verified plan; None when that is the end.
         retries_refused: True if attempts follow a plan that its certificate refuses.
     """
@@ -73,6 +74,7 @@ class RetryPolicy:
     forces: bool = False
     seeds: int = MAX_SEEDS
     calm: bool = False
+    turns: bool = False
     improvements: Improvements | None = None
     retries_refused: bool = True
 
@@ -108,6 +110,8 @@ class RetryPolicy:
             forces=ours,
             seeds=MAX_SEEDS if ours else 1,  # as published there is nothing that a seed changes
             calm=ours and parameters.strategy == AUTO and parameters.world != "table",
+            turns=request.prefer == COMPUTING
+            and takes_turns(chains[0], parameters, refolds=request.refold),
             improvements=improvements,
             retries_refused=ours and parameters.strategy != BASELINE,
         )
@@ -118,6 +122,11 @@ class RetryPolicy:
         Args:
             tried: The attempts so far.
         """
+        if self.turns:
+            if not tried:
+                return Trial(0, self.seed, TURNS, roomy=True)
+            # After a search in vain, the fold goes on as if there had been none.
+            tried = [attempt for attempt in tried if attempt.verified or not attempt.trial.roomy]
         if not tried:
             return Trial(0, self.seed, self.strategies[0][0])
         if any(attempt.verified for attempt in tried):

@@ -30,6 +30,7 @@ from planner.playback.time_scaling import (
     TimeScaling,
     hinge_bounded_scaling,
     resting_scaling,
+    torque_bounded_resting_scaling,
     torque_bounded_scaling,
 )
 from planner.playback.unfolding import Unfolding
@@ -204,9 +205,13 @@ class ReferenceTrajectory:
     def _scaling(self, reference: Reference) -> TimeScaling:
         p = self.parameters
         if reference.rests is not None:
-            lengths = reference.length_rad * np.diff(reference.rests)
-            seconds = p.steps_per_rad * p.step_s * lengths
-            return resting_scaling(reference.rests, seconds, step_s=self.step_s)
+            seconds = p.steps_per_rad * p.step_s * reference.length_rad
+            if p.paced_by == "speed":
+                parts = seconds * np.diff(reference.rests)
+                return resting_scaling(reference.rests, parts, step_s=self.step_s)
+            return torque_bounded_resting_scaling(
+                reference, self.chain.module, seconds=seconds, step_s=self.step_s
+            )
         steps = max(MIN_PLAYBACK_STEPS, int(self.finer * p.steps_per_rad * reference.length_rad))
         samples = max(
             100,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Final
 
@@ -36,6 +37,17 @@ SCALING_STEPS: Final = 4096
 """Number of equal time intervals in which the speed profile of a kinematic or hinge-paced playback
 is tabulated; times of frames are interpolated in the table. Larger values are more exact and take
 more time. Chosen."""
+MAX_RESTING_SPEED_RATIO: Final = 1.25
+"""Maximum speed of the fastest hinge in a motion that rests between turns, as a multiple of its
+mean speed: docs/decisions/0028-turns.md."""
+RESTING_SAMPLES: Final = 160
+"""Number of points from one rest to the next at which hinge torques are computed."""
+MIN_TORQUE_BOUND_RATIO: Final = 1e-6
+"""Least torque bound that is tried for turns, relative to one with which every turn reaches its
+full speed at once."""
+TORQUE_BOUND_HALVINGS: Final = 30
+"""Number of bisections in the search for the least torque bound of turns: a relative precision of
+1e-8."""
 TORQUE_CHUNK_SAMPLES: Final = 512
 """Maximum number of points of a playback's curve whose hinge torques are computed at once. Larger
 values take more memory and a little less time; the torques are the same. Chosen."""
@@ -286,17 +298,91 @@ def smooth_scaling(*, steps: int, step_s: float) -> TimeScaling:
 
 
 def resting_scaling(rests: Array, seconds: Array, *, step_s: float) -> TimeScaling:
-    """Return the time scaling that rests at some parameters, smooth from one rest to the next.
+    """Return the time scaling that rests at some parameters, with even speed in between.
 
     Args:
         rests: (R,) parameters from 0 to 1.
         seconds: (R − 1,) time from each rest to the next, s; rounded up to whole steps.
         step_s: Time step, s.
     """
-    counts = np.maximum(2, np.ceil(seconds / step_s - 1e-9).astype(np.int64))
+    parts = [smooth_scaling(steps=steps, step_s=step_s) for steps in _whole_steps(seconds, step_s)]
+    return _joined(rests, parts, step_s)
+
+
+def torque_bounded_resting_scaling(
+    reference: Reference, module: Module, *, seconds: float, step_s: float
+) -> TimeScaling:
+    """Return the time scaling that rests between turns and bounds the largest hinge torque.
+
+    Turns that move long parts take more of the time than others: the bound is the least with which
+    all turns are made in time, none faster than ``MAX_RESTING_SPEED_RATIO`` allows.
+
+    Args:
+        reference: The curve, with rests.
+        module: The kind of module that the chain is made of.
+        seconds: Duration, s; each turn is rounded up to whole steps.
+        step_s: Time step, s.
+    """
+    assert reference.rests is not None
+    u = np.linspace(0.0, 1.0, RESTING_SAMPLES)
+    poses = reference.spline(reference.rests)
+    turns = [_turn_terms(module, *ends, u) for ends in zip(poses[:-1], poses[1:], strict=True)]
+    speed = MAX_RESTING_SPEED_RATIO * reference.length_rad / seconds
+    ceilings = [(speed / turned) ** 2 for turned, _, _ in turns]
+
+    def profiles(bound: float) -> list[Array]:
+        return [
+            bounded_profile(u, a / bound, b / bound, np.full(len(u), ceiling))
+            for (_, a, b), ceiling in zip(turns, ceilings, strict=True)
+        ]
+
+    # With the largest bound, each turn reaches its full speed within one sample.
+    high = max(
+        float(ceiling * (len(u) * np.abs(a) + np.abs(b)).max())
+        for (_, a, b), ceiling in zip(turns, ceilings, strict=True)
+    )
+    low = high * MIN_TORQUE_BOUND_RATIO
+    for _ in range(TORQUE_BOUND_HALVINGS):
+        middle = math.sqrt(low * high)
+        late = sum(duration(u, z) for z in profiles(middle)) > seconds
+        low, high = (middle, high) if late else (low, middle)
+    found = profiles(high)
+    counts = _whole_steps(np.array([duration(u, z) for z in found]), step_s)
+    return _joined(
+        reference.rests,
+        [scaling_from_profile(u, z, steps, step_s) for z, steps in zip(found, counts, strict=True)],
+        step_s,
+    )
+
+
+def _turn_terms(module: Module, start: Array, end: Array, u: Array) -> tuple[float, Array, Array]:
+    """Return the largest turn of a hinge, rad, and (U, J) a and b of the torques a ü + b u̇².
+
+    Args:
+        module: The kind of module that the chain is made of.
+        start, end: (J,) angles at rest, joined by a straight line.
+        u: (U,) parameters along it.
+    """
+    turn = end - start
+    angles = start + u[:, None] * turn
+    slopes = np.broadcast_to(turn, angles.shape)
+    zero = np.zeros_like(angles)
+    return (
+        float(np.abs(turn).max()),
+        floating_torques(module, angles, zero, slopes),
+        floating_torques(module, angles, slopes, zero),
+    )
+
+
+def _whole_steps(seconds: Array, step_s: float) -> list[int]:
+    """Return the number of steps for each of some durations, rounded up."""
+    return np.maximum(2, np.ceil(seconds / step_s - 1e-9).astype(np.int64)).tolist()
+
+
+def _joined(rests: Array, parts: list[TimeScaling], step_s: float) -> TimeScaling:
+    """Return the time scaling that goes through parts, each from one rest to the next."""
     u, rates, accelerations = [rests[:1]], [np.zeros(1)], [np.zeros(1)]
-    for start, end, count in zip(rests[:-1], rests[1:], counts.tolist(), strict=True):
-        part = smooth_scaling(steps=count, step_s=step_s)
+    for start, end, part in zip(rests[:-1], rests[1:], parts, strict=True):
         u.append(start + (end - start) * part.u[1:])
         rates.append((end - start) * part.rate[1:])
         accelerations.append((end - start) * part.acceleration[1:])
@@ -306,5 +392,5 @@ def resting_scaling(rests: Array, seconds: Array, *, step_s: float) -> TimeScali
         rate=np.concatenate(rates),
         acceleration=np.concatenate(accelerations),
         step_s=step_s,
-        rests=tuple(np.cumsum(counts)[:-1].tolist()),
+        rests=tuple(np.cumsum([len(part) for part in parts])[:-1].tolist()),
     )

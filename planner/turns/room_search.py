@@ -37,6 +37,7 @@ class RoomSearch:
         chain: The chain.
         turning: Its turns.
         pairs: True if two hinges may turn at once where no single one leads on.
+        roomy: True to search with the most room alone.
         seed: Seed of the search.
         cancelled: Polled before each turn.
 
@@ -51,6 +52,7 @@ class RoomSearch:
         turning: Turning,
         *,
         pairs: bool,
+        roomy: bool,
         seed: int,
         cancelled: Cancelled = never,
     ) -> None:
@@ -59,6 +61,7 @@ class RoomSearch:
         self._chain = chain
         self._turning = turning
         self._pairs = pairs
+        self._roomy = roomy
         self._seed = seed
         self._cancelled = cancelled
 
@@ -66,7 +69,8 @@ class RoomSearch:
         """Return the first search that succeeds, or the one that got farthest."""
         farthest: Unfolded | None = None
         attempts = [(share, self._turning.width) for share in ROOM_SHARES]
-        for share, width in [*attempts, (ROOM_SHARES[-1], LAST_WIDTH)]:
+        attempts.append((ROOM_SHARES[-1], LAST_WIDTH))
+        for share, width in attempts[:1] if self._roomy else attempts:
             self.room = share * self._turning.cell_gap
             search = self._from(self._turning.folded[None], width)
             if self._pairs:

@@ -54,7 +54,13 @@ class NoTurns:
 
 
 def find_turns(
-    chain: Chain, *, size: float, at_once: int | None, seed: int, cancelled: Cancelled = never
+    chain: Chain,
+    *,
+    size: float,
+    at_once: int | None,
+    seed: int,
+    roomy: bool = False,
+    cancelled: Cancelled = never,
 ) -> TurnSequence | NoTurns:
     """Search for the turns that fold a chain, and merge them into steps.
 
@@ -65,10 +71,13 @@ def find_turns(
         size: Module size as a fraction of the pitch.
         at_once: Maximum number of hinges that turn in one step; None for no limit.
         seed: Seed of the search.
+        roomy: True to search with the most room alone.
         cancelled: Polled before each turn.
     """
     turning = (cube_turning if chain.module.fills_cell else tetrahedron_turning)(chain, size)
-    search = RoomSearch(chain, turning, pairs=at_once != 1, seed=seed, cancelled=cancelled)
+    search = RoomSearch(
+        chain, turning, pairs=at_once != 1, roomy=roomy, seed=seed, cancelled=cancelled
+    )
     unfolded = search.unfold()
     if unfolded.outcome != "straight":
         angles = QUARTER_RAD * unfolded.states.astype(float)

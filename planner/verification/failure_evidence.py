@@ -41,6 +41,7 @@ STATUSES_BY_LIMIT: Final = {
     "motion": ("stalled",),
     "refusals": ("stalled",),
     "turns": ("stalled",),
+    "turn_steps": ("stalled",),
 }
 """Final statuses of an explosion that fit each kind of limit that it may have used up (simulation
 steps, pushes, retries); a report with another combination is refused."""
@@ -163,7 +164,7 @@ def _spent_differs(
     if used != counted:
         yield f"used: got {used} {spent}, expected {counted}, as in the record"
     # An error ends a run when the last push is used up, a stall when one more is needed.
-    one_more = spent in ("snapshots", "refusals") or (
+    one_more = spent in ("snapshots", "refusals", "turn_steps") or (
         spent == "pushes" and (record.spent is None or record.status == "stalled")
     )
     if spent != "motion" and used < allowed + one_more:
@@ -189,6 +190,7 @@ def _counted(record: Record, spent: SpentKind) -> int:
         "steps": record.steps,
         "motion": record.steps,
         "turns": record.steps,
+        "turn_steps": record.steps,
         "pushes": record.pushes,
         "retries": record.retries,
         "snapshots": 0 if record.snapshots_rad is None else len(record.snapshots_rad),
@@ -199,7 +201,7 @@ def _limit(
     chain: Chain, record: Record, spent: SpentKind, parameters: Mapping[str, Any]
 ) -> int | None:
     """Return the limit that the parameters set; None for one that they do not set."""
-    if spent == "turns":
+    if spent in ("turns", "turn_steps"):
         return None
     name = _limits_of(record)
     limits = parameters[name]

@@ -405,9 +405,9 @@ def _reason(directory: FilePath, plan: Plan, found: _Findings) -> ReasonCheck | 
     reason = reason_of(directory, plan, found.notes)
     if reason is not None:
         found.look(
-            "the reason why the explosion stalled was confirmed",
+            "the reason why unfolding stalled was confirmed",
             (
-                f"the reason why the explosion stalled is not confirmed: {difference}"
+                f"the reason why unfolding stalled is not confirmed: {difference}"
                 for difference in reason.differences
             ),
         )

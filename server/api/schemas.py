@@ -242,7 +242,7 @@ class Fold(Body):
     seed: int
     module_size: float | None
     strategy: str
-    """Explosion strategy; `auto` chooses by size and path."""
+    """Strategy; `auto` chooses turns or an explosion by size and path."""
     prefer: str
     """Goal of the choice among verified plans; `computing` takes the first one."""
     world: str

@@ -96,7 +96,7 @@ def test_failure_by_a_limit_names_the_limit_and_the_progress() -> None:
     stuck = {"kind": "stopped", "modules": [3, 8], "words": "the chain was still unfolding"}
     error = {"code": "time-limit", "detail": "the stage 'explode' took long.", "where": "explode"}
     shown = failure(row(error=error), {"stuck": stuck})
-    assert shown["text"] == "The explosion took long. The chain was still unfolding."
+    assert shown["text"] == "Unfolding took long. The chain was still unfolding."
     # Completed stages are not reported as running.
     detail = {"detail": "the stage 'certify' exceeded its limit of 5 s"}
     shown = failure(row(error=detail, stage="certify"), {"stuck": stuck})

@@ -44,7 +44,7 @@ UNFOLDING = PHASES.index("unfolding")
 @pytest.fixture(scope="module")
 def square() -> Plan:
     """Plan of a square, from which refolds start."""
-    return fold(SQUARE)
+    return fold(SQUARE, strategy="simultaneous")
 
 
 @pytest.fixture(scope="module")

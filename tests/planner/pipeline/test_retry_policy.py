@@ -115,6 +115,39 @@ def test_plain_explosions_follow_a_calm_one() -> None:
     assert not RetryPolicy.of(replace(request, preset="paper"), chains).calm
 
 
+def test_turns_with_the_most_room_come_before_all_explosions() -> None:
+    """A search in vain takes no attempt from the explosions."""
+    request, short = FoldRequest(seed=3), Candidates((snake((4, 4, 4)),), two_ended=False)
+    policy = RetryPolicy.of(request, short)
+    roomy = Trial(0, 3, "turns", roomy=True)
+    kinds: tuple[Reason, ...] = ("blocked", "limit", "joints", "refused")
+    for kind in kinds:
+        first, *others = trials(policy, kind)
+        assert first == roomy
+        assert "turns" not in policy.strategies[0]
+        usual = trials(replace(policy, turns=False), kind)
+        assert others == (usual if kind != "blocked" else usual[:1])
+    straight = Attempt(trial=roomy, status="straight", verdict="verified (simulated)")
+    assert policy.next_attempt([straight]) is None
+    assert Attempt.from_dict(json.loads(json.dumps(straight.as_dict()))).trial == roomy
+
+
+def test_only_auto_without_a_preference_takes_turns_for_short_chains_of_usual_size() -> None:
+    usual = FoldRequest()
+    short, long = ((snake(sides),) for sides in ((4, 4, 4), (1, 1, 65)))
+    for request, chains in (
+        (usual, long),
+        (replace(usual, strategy="simultaneous"), short),
+        (replace(usual, prefer="time"), short),
+        (replace(usual, module_size=0.9), short),
+        (replace(usual, preset="paper"), short),
+        (replace(usual, preset="direct"), short),
+        (replace(usual, world="table"), short),
+        (replace(usual, refold=True), short),
+    ):
+        assert not RetryPolicy.of(request, Candidates(chains, two_ended=False)).turns
+
+
 def test_attempts_from_the_other_end_and_gentle_ones_depend_on_the_strategy() -> None:
     buried = RetryPolicy(strategies=(("peel", "blocks"),), seed=0, two_ended=True)
     assert trials(buried, "buried")[:3] == [

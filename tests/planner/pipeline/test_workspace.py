@@ -284,7 +284,7 @@ def test_history_names_the_attempt_under_way(tmp_path: FilePath) -> None:
         return False
 
     run_stage("explode", tmp_path, cancelled=note_attempts)
-    started = Attempt(trial=Trial(0, 0, "simultaneous"), status="begun")
+    started = Attempt(trial=Trial(0, 0, "turns", roomy=True), status="begun")
     assert seen[0] == [started.as_dict()]
     (after,) = Workspace(tmp_path).read_history()
     assert after.status == "straight"

@@ -3,8 +3,17 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.playback.reference_curve import Reference
-from planner.playback.time_scaling import TimeScaling, smooth_scaling, torque_bounded_scaling
+from planner.chain.chain import Chain
+from planner.chain.path import Path
+from planner.playback.reference_curve import Reference, resting_reference
+from planner.playback.setpoints import timed_torques
+from planner.playback.time_scaling import (
+    TimeScaling,
+    resting_scaling,
+    smooth_scaling,
+    torque_bounded_resting_scaling,
+    torque_bounded_scaling,
+)
 from planner.simulation.mujoco_models import Material
 from planner.simulation.mujoco_tree import Tree
 
@@ -108,3 +117,26 @@ def test_bounded_scaling_of_a_chain_at_rest(folded: Any) -> None:
     scaling = torque_bounded_scaling(reference, chain.module, steps=400, step_s=0.02, samples=100)
     assert np.isfinite(scaling.u).all()
     assert scaling.u[-1] == pytest.approx(1.0)
+
+
+def test_turns_that_move_long_parts_take_more_time_and_less_torque() -> None:
+    """At one end first, then in the middle: the second turn moves half of the rod."""
+    chain = Chain.from_path(Path.from_cells([(k, 0, 0) for k in range(24)], name="rod"))
+    rests = np.zeros((3, len(chain.folded_rad)))
+    rests[1:, 2] = rests[2, len(chain.folded_rad) // 2] = np.pi / 2.0
+    reference = resting_reference(rests)
+    assert reference.rests is not None
+    bounded = torque_bounded_resting_scaling(reference, chain.module, seconds=12.0, step_s=0.08)
+    even = resting_scaling(reference.rests, np.full(2, 6.0), step_s=0.08)
+    (rest,) = bounded.rests
+    assert 60 < rest < 0.47 * len(bounded)
+    assert 150 <= len(bounded) <= 152
+    assert bounded.u[[0, rest, -1]].tolist() == [0.0, 0.5, 1.0]
+    assert np.abs(bounded.rate[[0, rest, -1]]).max() < 1e-9
+    assert np.diff(bounded.u).min() > -1e-9
+    # No hinge is faster than 1.25 times the mean speed, but for the spline between samples.
+    assert bounded.rate.max() < 1.02 * 1.25 / 12.0
+    torques = [
+        np.abs(timed_torques(reference, scaling, chain.module)).max() for scaling in (bounded, even)
+    ]
+    assert torques[0] < 0.2 * torques[1]

@@ -13,6 +13,7 @@ from planner.chain.path import Path
 from planner.clearance.sweep import sweep
 from planner.errors import InputError
 from planner.explosion.blocking import no_quarter_turn
+from planner.explosion.diagnosis import diagnose
 from planner.explosion.strategies import ranked_strategies
 from planner.explosion.turning import unfold_in_turns
 from planner.kernels.cube_turns import turning_gap
@@ -164,6 +165,29 @@ def test_plan_rests_at_frames_and_is_proved(tmp_path: FilePath) -> None:
     assert np.abs(quarters - np.rint(quarters)).max() < 1e-6
     plan.save_npz(tmp_path / "plan.npz")
     assert foldback_check.check(str(tmp_path / "plan.npz"))["verdict"] == "proved"
+
+
+def test_auto_folds_short_chains_in_turns() -> None:
+    plan = fold(path_of("wrench-24"), seed=0)
+    (attempt,) = plan.attempts
+    assert (attempt["strategy"], attempt["roomy"]) == ("turns", True)
+    assert plan.certificate.verdict == "verified (simulated)"
+    assert (plan.certificate.clearance_bound or 0.0) > 0.044
+    assert len(steps_of(plan).steps) == 1
+
+
+def test_auto_explodes_where_turns_take_many_steps() -> None:
+    chain = shuffled((3, 3, 3), 50, 0)
+    sequence_steps = len(sequence(chain).hinges)
+    record = unfold_in_turns(chain, "turns", size=SIZE, at_once=None, seed=0, roomy=True)
+    assert sequence_steps > 3
+    assert record.status == "stalled"
+    assert record.reason == f"turns were found in {sequence_steps} steps, more than 3"
+    evidence = diagnose(chain, record, Parameters())
+    assert evidence is not None and f"take {sequence_steps} steps; 3 are allowed" in evidence.words
+    plan = fold(chain, seed=0)
+    assert [attempt["strategy"] for attempt in plan.attempts] == ["turns", "simultaneous"]
+    assert plan.certificate.verdict == "verified (simulated)"
 
 
 def test_straight_chain_folds_without_a_step() -> None:

@@ -49,7 +49,7 @@ def folds(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
     """Two folds of the same coil that differ in the seed."""
     place = tmp_path_factory.mktemp("folds")
     for seed in (1, 2):
-        run_fold(place / str(seed), seed=seed, settings="robots=1")
+        run_fold(place / str(seed), seed=seed, settings="robots=1", strategy="simultaneous")
     return place / "1", place / "2"
 
 

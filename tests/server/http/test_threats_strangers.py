@@ -66,7 +66,7 @@ def test_hostile_filename_stays_a_name(idle: Service) -> None:
 def test_downloads_of_a_hostile_name_are_harmless(service: Service) -> None:
     name = '=1+1"</script><script>alert(1)</script>&\r\nX: y'
     square = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
-    answer = service.upload("a.json", path_file(square, name=name))
+    answer = service.upload("a.json", path_file(square, name=name), strategy="simultaneous")
     page = f"/folds/{answer.json()['id']}"
     service.wait_over(answer.json()["id"])
     files = [e["href"] for e in service.http.get(f"/api{page}/exports").json()["exports"]]

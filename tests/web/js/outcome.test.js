@@ -23,7 +23,7 @@ test("the title of a running fold shows its progress", () => {
   const advance = new OverallProgress();
   const title = (now) => { advance.note(now); return titleOf(now, "torus", advance); };
   assert.equal(title({ status: "running", stage: "read" }), "Reading the input 0 % · torus · foldback");
-  assert.equal(title({ status: "running", stage: "explode", fraction: 0.429 }), "Exploding 42 % · torus · foldback");
+  assert.equal(title({ status: "running", stage: "explode", fraction: 0.429 }), "Unfolding 42 % · torus · foldback");
   assert.equal(title({ status: "running", stage: "export", fraction: 0 }), "Writing the files … · torus · foldback");
   assert.equal(title({ status: "queued", stage: "read", fraction: 0.4 }), "Waiting · torus · foldback");
 });
@@ -90,7 +90,7 @@ test("a plan that is being smoothed is never called exploding", () => {
   assert.equal(names[0], "Smoothing");
   assert.equal(names[1], "Smoothing");
   assert.notEqual(names[2], "Smoothing");
-  assert.equal(names[3], "Exploding");
+  assert.equal(names[3], "Unfolding");
 });
 
 test("permission to notify is asked on a click only, and a hidden tab notifies once", async (t) => {

@@ -2,7 +2,7 @@
 /** @type {Record<string, string>} */
 export const STAGES = {
   read: "Reading the input",
-  explode: "Exploding",
+  explode: "Unfolding",
   play_back: "Playing back",
   certify: "Checking clearance",
   export: "Writing the files",

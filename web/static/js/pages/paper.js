@@ -5,6 +5,8 @@ import { playerIn } from "../player/player.js";
 import { element, later, radians, seconds } from "../lib/text.js";
 
 const SPEED = 1.2;
+// All folds of the paper are made by explosions.
+const LABELS = { ...PHASES, explosion: "Explosion" };
 const sight = later(() => import("../viewer/viewpoint.js"), () => {});
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
@@ -76,10 +78,10 @@ class Showing {
   show({ playing, frame, frames, phase, time_s: time, error_rad: error }) {
     this.scrub.max = String(frames - 1);
     this.scrub.value = String(Math.round(frame));
-    const words = [PHASES[phase], time === null ? null : seconds(time), error === null ? null : `joint error ${radians(error)}`];
+    const words = [LABELS[phase], time === null ? null : seconds(time), error === null ? null : `joint error ${radians(error)}`];
     const told = words.filter(Boolean).join(" · ");
     within(this.figure, ".run-now").textContent = told;
-    this.scrub.setAttribute("aria-valuetext", `${PHASES[phase]}, frame ${Math.round(frame) + 1} of ${frames}`);
+    this.scrub.setAttribute("aria-valuetext", `${LABELS[phase]}, frame ${Math.round(frame) + 1} of ${frames}`);
     this.toggle.setAttribute("aria-label", playing ? "Pause" : "Play");
     this.toggle.querySelector("use")?.setAttribute("href", playing ? "#i-pause" : "#i-play");
   }

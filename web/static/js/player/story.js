@@ -8,8 +8,8 @@
 // Duration of a phase in seconds, independent of its number of frames. Chosen.
 const EXPLOSION_S = 5;
 const FOLD_S = 8;
-/** Minimum pace in frames per second; phases of few frames take less time. Chosen. */
-const MIN_FPS = 12;
+/** Minimum pace in frames per second; phases of few frames, such as turns, take less time. */
+const MIN_FPS = 4;
 /** Maximum pace of a long timeline, whose frames are fetched while they are played. Chosen. */
 const MAX_WINDOWED_FPS = 240;
 /**
