@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
 
@@ -38,12 +39,10 @@ class Schema:
         Raises:
             SQLAlchemyError: If the database does not answer.
         """
-        scripts = ScriptDirectory.from_config(config())
-        known = tuple(reversed([script.revision for script in scripts.walk_revisions()]))
-        if connection is None:
-            return cls(found=None, known=known)
-        found = MigrationContext.configure(connection).get_current_revision()
-        return cls(found=found, known=known)
+        found = None
+        if connection is not None:
+            found = MigrationContext.configure(connection).get_current_revision()
+        return cls(found=found, known=known_versions())
 
     @property
     def head(self) -> str:
@@ -74,6 +73,14 @@ class Schema:
                 f"most. A newer foldback than this one ({version('foldback')}) wrote the database. "
                 "Install the newer version again, or restore an older backup."
             )
+
+
+@cache
+def known_versions() -> tuple[str, ...]:
+    """Return the versions of tables that this foldback knows, oldest first."""
+    # Reading them runs every file of migrations.
+    scripts = ScriptDirectory.from_config(config())
+    return tuple(reversed([script.revision for script in scripts.walk_revisions()]))
 
 
 def config() -> Config:
