@@ -8,32 +8,32 @@ from playwright.sync_api import Locator, expect
 from foldback_check import Plan
 from planner.motion.timeline import Timeline
 from tests.browser.conftest import WIDTH, Visit
-from tests.server.service_process import Service
+from tests.server.service_process import FinishedFold
 
 
 def check_in_page(check: Locator) -> Locator:
     """Have a fold checked in its page, and return the element with the result."""
     check.get_by_role("button", name="Check this plan").click()
     status = check.get_by_role("status")
-    expect(status).to_contain_text("This browser checked 24 modules without our server")
+    expect(status).to_contain_text("This browser checked 16 modules without our server")
     return status
 
 
-def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, wrench: str) -> None:
-    page = visit(f"/folds/{wrench}", width=390, height=760, view=False)
+def test_fold_is_checked_and_broken_on_purpose(visit: Visit, finished: FinishedFold) -> None:
+    page = visit(finished.page, width=390, height=760, view=False)
     page.wait_for_function("() => window.foldback?.timeline.complete")
     page.locator("#details").click()
     check = page.locator("#check")
     urls: list[str] = []
     page.on("request", lambda request: urls.append(request.url))
     status = check_in_page(check)
-    plan = Plan(service.directory(wrench) / "plan.npz")
+    plan = Plan(finished.directory / "plan.npz")
     assert f"{int(1000 * plan.claim) / 10:.1f} % of the spacing apart" in status.inner_text()
     assert [url for url in urls if url.endswith("/plan.npz")]
     expect(check.get_by_role("button", name="Check this plan")).to_be_focused()
     check.get_by_text("What this check does not show").click()
     expect(check).to_contain_text("Real joints are slightly loose")
-    assert "def main" in service.http.get("/static/foldback_check.py").text
+    assert "def main" in finished.http.get("/static/foldback_check.py").text
     assert page.evaluate(WIDTH) <= 390
 
     check.get_by_role("button", name="Larger modules").click()
@@ -45,17 +45,17 @@ def test_fold_is_checked_and_broken_on_purpose(visit: Visit, service: Service, w
 
     check_in_page(check)
     check.get_by_role("button", name="Tightest place").click()
-    frames = len(Timeline.open(service.directory(wrench) / "timeline.zarr").frames())
+    frames = len(Timeline.open(finished.directory / "timeline.zarr").frames())
     found = re.match(r"Frame (\d+) of", page.locator("#r-frame").inner_text())
     assert found and frames - plan.frames < int(found[1]) <= frames
     assert len(page.evaluate("foldback.player.marked")) == 2
 
 
 def test_downloaded_page_checks_itself(
-    visit: Visit, service: Service, wrench: str, tmp_path: Path
+    visit: Visit, finished: FinishedFold, tmp_path: Path
 ) -> None:
     file = tmp_path / "fold.html"
-    file.write_bytes(service.http.get(f"/folds/{wrench}/standalone.html").content)
+    file.write_bytes(finished.http.get(f"{finished.page}/standalone.html").content)
     page = visit("about:blank", width=1366, height=768, view=False, offline=True)
     urls: list[str] = []
     page.on("request", lambda request: urls.append(request.url))
@@ -69,8 +69,8 @@ def test_downloaded_page_checks_itself(
     assert [url for url in urls if url.startswith("http")] == []
 
 
-def test_embedded_fold_is_checked_in_a_dialog(visit: Visit, wrench: str) -> None:
-    page = visit(f"/embed/{wrench}", width=640, height=420, view=False)
+def test_embedded_fold_is_checked_in_a_dialog(visit: Visit, finished: FinishedFold) -> None:
+    page = visit(f"/embed/{finished.id}", width=640, height=420, view=False)
     page.wait_for_function("() => window.foldback?.timeline.complete")
     page.get_by_role("button", name="Check this plan").click()
     dialog = page.get_by_role("dialog")

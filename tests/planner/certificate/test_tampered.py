@@ -20,7 +20,7 @@ from tests.planner.tampering import Tampered, may_be_ignored
 
 pytestmark = pytest.mark.filterwarnings("ignore::zarr.errors.ZarrUserWarning")
 """zarr ignores an array with damaged metadata and warns; its digest is then missing."""
-RING = b"- - - + - - - + - - -"
+CHAIN = b"- - - + - -"
 
 
 def fold_into(place: FilePath, shape: Chain | bytes, **options: Any) -> FilePath:
@@ -59,11 +59,11 @@ def unreported_changes(folds: list[Tampered], numbers: Iterable[int], seed: int)
 
 @pytest.fixture(scope="module")
 def few(tmp_path_factory: pytest.TempPathFactory) -> list[Tampered]:
-    """Folds of a peeled box of 8 cubes and of a simulated ring of 12 tetrahedra."""
+    """Folds of a peeled box of 8 cubes and of a simulated chain of 7 tetrahedra."""
     place = tmp_path_factory.mktemp("few")
     folds = [
         fold_into(place / "peeled", snake((2, 2, 2)), strategy="peel"),
-        fold_into(place / "ring", RING, module="tetrahedron"),
+        fold_into(place / "chain", CHAIN, module="tetrahedron"),
     ]
     for fold in folds:
         assert problems_of(fold) == [], fold

@@ -91,8 +91,8 @@ def test_likeness_of_voxels_counts_their_repair() -> None:
 def test_plan_states_the_likeness_that_verification_measures_again(tmp_path: FilePath) -> None:
     mesh = exported("stl", centred_box(2, 2, 2.6, at=(0, 0, 0)))
     place = tmp_path / "fold"
-    plan = run_fold(place, mesh, filename="box.stl", modules=8)
-    measured = prepare(mesh, "box.stl", PathOptions(modules=8)).likeness
+    plan = run_fold(place, mesh, filename="box.stl", modules=8, method="blocks")
+    measured = prepare(mesh, "box.stl", PathOptions(modules=8, method="blocks")).likeness
     assert measured is not None
     assert 0.6 < measured.iou < 0.9
     assert plan.likeness == measured

@@ -32,7 +32,7 @@ Change = Callable[[FilePath], Any]
 def whole(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """Verified fold of a box; tests must not change it."""
     place = tmp_path_factory.mktemp("whole") / "fold"
-    run_fold(place, SHAPE, filename="box.json", strategy="simultaneous")
+    run_fold(place, SHAPE, filename="box.json", strategy="simultaneous", settings="robots=2")
     return place
 
 

@@ -21,6 +21,7 @@ from tests.planner.folds import run_fold
 from tests.refusal import refused
 from tests.run_python import ROOT
 from tests.server.cli.test_command_line import foldback, foldback_json
+from tests.server.service_process import wait_until
 from web.viser import show
 
 READERS = (
@@ -190,7 +191,7 @@ def test_site_is_not_written_into_the_folder_of_a_fold(fold: Path) -> None:
     "number", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.long)]
 )
 def test_old_fold_is_whole_after_a_run_was_ended(fold: Path, number: signal.Signals) -> None:
-    command = [sys.executable, "-m", "server.cli.command_line", "fold", "wrench-160"]
+    command = [sys.executable, "-m", "server.cli.command_line", "fold", "wrench-80"]
     growing = fold / ".foldback-new"
     with subprocess.Popen(
         [*command, "--out", str(fold.resolve())],
@@ -198,8 +199,12 @@ def test_old_fold_is_whole_after_a_run_was_ended(fold: Path, number: signal.Sign
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     ) as running:
-        while json_of(growing / "chain.json").get("modules") != 160:
-            assert running.poll() is None
+        wait_until(
+            lambda: (
+                running.poll() is not None or json_of(growing / "chain.json").get("modules") == 80
+            )
+        )
+        assert running.poll() is None
         running.send_signal(number)
         assert running.wait(60) != 0
     assert check_fold(fold) is not None

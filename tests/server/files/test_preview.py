@@ -81,21 +81,21 @@ def test_mesh_becomes_about_as_many_modules_as_requested(idle: Service) -> None:
 
 
 def test_path_starts_at_the_requested_cell_and_is_folded_so(idle: Service) -> None:
-    found = report(idle, stl(), modules="64")
+    found = report(idle, stl(), modules="32")
     cell = found["cells"][17]
     start = ",".join(map(str, cell))
-    started = report(idle, preview=found["id"], modules="64", start=start)
+    started = report(idle, preview=found["id"], modules="32", start=start)
     assert (started["cells"][0], started["start"], started["not_started"]) == (cell, cell, "")
     assert is_path(started["cells"])
     form = {"token": new_token(), "preview": found["id"]}
-    fold = idle.fold(**form, modules="64", start=start)
+    fold = idle.fold(**form, modules="32", start=start)
     request = json.loads((idle.directory(fold["id"]) / "request.json").read_text())
-    assert (request["start"], request["modules"]) == (cell, 64)
+    assert (request["start"], request["modules"]) == (cell, 32)
     assert request["filename"] == "thing.bin"
-    assert idle.fold(**form, modules="64", start=start)["id"] == fold["id"]
-    for other in ({"modules": "72"}, {"modules": "64", "ends": "surface"}):
+    assert idle.fold(**form, modules="32", start=start)["id"] == fold["id"]
+    for other in ({"modules": "40"}, {"modules": "32", "ends": "surface"}):
         assert idle.fold(**form, **other)["id"] != fold["id"]
-    check_problem(ask(idle, preview=found["id"], modules="64", start="99,0,0"), 422, "not-a-cell")
+    check_problem(ask(idle, preview=found["id"], modules="32", start="99,0,0"), 422, "not-a-cell")
     assert ask(idle, preview=found["id"], start="here").json()["code"] == "bad-start"
 
 
