@@ -28,8 +28,8 @@ async function shown(given = vectors.timeline, options = {}) {
   return { timeline, player };
 }
 
-// Count the corners of modules outside the picture.
-function outside({ rig, shown: snapshot, timeline }) {
+// Count the corners of modules outside the picture, or behind a panel that covers a part of it.
+function outside({ rig, shown: snapshot, timeline }, covered = 0) {
   const { view } = rig;
   const { field, aspect } = rig.seeing();
   const [right, up, out] = axesOf(view.azimuth, view.elevation);
@@ -45,11 +45,24 @@ function outside({ rig, shown: snapshot, timeline }) {
       const off = at.map((value, k) => (value + snapshot.positions[3 * i + k]) * pitch - view.target[k]);
       const depth = view.distance - dot(off, out);
       const tall = Math.tan(field / 2) * depth;
-      if (depth <= 0 || Math.abs(dot(off, up)) > tall || Math.abs(dot(off, right)) > tall * aspect) count++;
+      if (depth <= 0 || dot(off, up) > tall || dot(off, up) < (2 * covered - 1) * tall || Math.abs(dot(off, right)) > tall * aspect) count++;
     }
   }
   return count;
 }
+
+test("the followed chain stays above a panel", async () => {
+  const { player, timeline } = await shown(vectors.films[0], { aspect: () => 1.6, calm: true });
+  const ends = [0, timeline.last >> 1, timeline.last];
+  const hidden = (covered) => ends.map((frame) => {
+    player.cover(covered);
+    player.send({ do: "seek", frame });
+    draw(1);
+    return outside(player, 0.4);
+  });
+  assert.ok(hidden(0).some((count) => count > 0));
+  assert.deepEqual(hidden(0.4), [0, 0, 0]);
+});
 
 const part = (low, high) => low + ((high - low) * random(10_000)) / 10_000;
 

@@ -9,6 +9,8 @@ const GOAL_SPREAD = 1.8; // larger values reduce the weight of distant views
 const MAX_GOALS = 4000; // views in memory
 const ROOM = 1.08; // minimum distance, as a multiple of that at which the chain touches the edge of the picture
 const USUAL_ASPECT = 1.6;
+const FREE_WIDTH = 0.9; // fraction of the picture's width that the chain fills at most, above a panel
+const FREE_HEIGHT = 0.86; // fraction of the height above a panel that the chain fills at most
 const AROUND_PITCH = 3; // radius of the visible surroundings of each module of a group
 const MAX_ZOOM = 8; // largest distance while following, as a multiple of the usual one
 const NEAREST_PITCH = 1.5; // smallest distance from the target with Follow off
@@ -47,6 +49,7 @@ export class CameraRig {
     this.sight = null; // finds the direction with the clearest sight of the group
     /** @type {Map<number, View>} */
     this.goals = new Map();
+    this.covered = 0; // fraction of the picture's height that a panel covers, from below
     this.approximate = false; // true if the goal depends on frames that are not loaded yet
   }
 
@@ -92,6 +95,15 @@ export class CameraRig {
     const [azimuth, elevation] = this.sight(shown.positions, this.group ?? [], [home, rise]);
     if (shown.exact) this.sight = null;
     this.choose({ ...USUAL, azimuth, elevation });
+  }
+
+  // Keep the followed chain above a panel. Return true if it covers more or less than before.
+  /** @param {number} covered fraction of the picture's height, from below */
+  cover(covered) {
+    if (covered === this.covered) return false;
+    this.covered = covered;
+    this.goals.clear();
+    return true;
   }
 
   // Switch Follow on, keeping the current direction, or off, keeping the current view.
@@ -224,9 +236,12 @@ export class CameraRig {
    * @param {number | null} azimuth
    */
   framed(snapshot, azimuth = null) {
-    const { choice } = this;
+    const { choice, covered } = this;
     const elevation = choice.elevation ?? this.timeline.bundle.header.camera.elevation_rad;
-    return framing(this.points(snapshot), { ...this.seeing(), azimuth: azimuth ?? choice.azimuth, elevation });
+    const seeing = { ...this.seeing(), azimuth: azimuth ?? choice.azimuth, elevation };
+    if (!covered) return framing(this.points(snapshot), seeing);
+    const view = framing(this.points(snapshot), { ...seeing, margin: [FREE_WIDTH, FREE_HEIGHT * (1 - covered)] });
+    return { ...view, target: across(view, 0, -covered * Math.tan(seeing.field / 2)) };
   }
 
   get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.framesPerSecond)); }

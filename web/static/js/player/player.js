@@ -181,6 +181,9 @@ export class Player extends PlayerState {
     this.show(true);
   }
 
+  /** @param {number} covered fraction of the picture's height that a panel covers, from below */
+  cover(covered) { if (this.rig.cover(covered)) this.show(true); }
+
   /**
    * @param {Vector} origin
    * @param {Vector} direction

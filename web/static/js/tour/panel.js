@@ -8,6 +8,7 @@ import { Flight } from "./flight.js";
 import { MAX_CAPTION, TourState } from "./state.js";
 
 const STYLE = "/static/css/tour.css";
+const MAX_COVERED = 0.5; // largest fraction of the picture's height that counts as covered
 const NOBODYS = "Only the owner of this fold can save its tour. You can download the tour instead.";
 
 /**
@@ -43,6 +44,16 @@ export class TourPanel {
     for (const [name, press] of Object.entries(ways)) get(`tour-${name}`).onclick = press;
     addStyle(STYLE);
     addEventListener("keydown", (event) => this.key(event));
+    new ResizeObserver(() => this.cover()).observe(this.box);
+  }
+
+  // Keep the chain above the panel: its captions differ in height.
+  cover() {
+    const { top, height } = this.box.getBoundingClientRect();
+    const picture = get("main").getBoundingClientRect();
+    const share = height ? (picture.bottom - top) / picture.height : 0;
+    const stands = getComputedStyle(this.box).position === "absolute"; // in an exhibition, it is below the picture
+    this.player.cover(stands ? Math.min(Math.max(share, 0), MAX_COVERED) : 0);
   }
 
   // Open the tour at a stop, counted from 1. With `view` false, keep the view of the address.
