@@ -28,7 +28,7 @@ RECORDED: Final = Button("Before smoothing", "The original plan")
 FLOATING_FOLD: Final = Button("In zero gravity", "The same fold without a table")
 PUBLISHED_CHANGED: Final = Button("Published method, modified", "With your own settings")
 OTHER_PRESETS: Final = {
-    "default": Button("Reverse explosion", "The default method"),
+    "default": Button("Default preset", "Turns for short chains, otherwise an explosion"),
     "direct": Button(
         "Direct servoing", "Turns every joint directly to its final angle (fails for most shapes)"
     ),
