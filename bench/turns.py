@@ -24,8 +24,13 @@ from planner.turns.turn_sequence import NoTurns, find_turns
 
 SIZES = (0.95, 0.9)
 """Module sizes at which random paths are folded."""
-RANDOM_BOXES = ((4, 4, 4), (3, 4, 6), (2, 6, 8), (4, 5, 6))
-"""Boxes with a random path each."""
+RANDOM_BOXES = (
+    *((2, 3, 4), (3, 3, 3), (2, 4, 4), (3, 3, 4), (2, 4, 5), (3, 4, 4), (3, 4, 5), (2, 5, 6)),
+    *((3, 3, 7), (4, 4, 4), (3, 4, 6), (2, 6, 8), (4, 5, 6)),
+)
+"""Boxes of 24 to 120 cells through which random paths are folded."""
+RANDOM_SEEDS = 3
+"""Number of random paths through each box."""
 MOVES_PER_CELL = 100
 """Largest number of moves per cell in which a random path is searched for."""
 SHORT_MODULES = 160
@@ -58,11 +63,15 @@ def turns(reference_seconds: float) -> Section:
         section.add(f"most {name}", f"{most:.2f}", f"at most {bar}", most <= bar)
     _add_wrench(section, next(chain for chain in chains if chain.name == WRENCH))
     section.rows = [*rows, *_tetrahedra(section, reference_seconds)]
-    section.rows += [
-        _row(Chain.from_path(_random_path(box)), size, reference_seconds)
+    random_chains = [
+        Chain.from_path(_random_path(box, seed))
         for box in RANDOM_BOXES
-        for size in SIZES
+        for seed in range(RANDOM_SEEDS)
     ]
+    for size in SIZES:
+        rows = [_row(chain, size, reference_seconds) for chain in random_chains]
+        _add_share(section, f"random paths, size {size}", rows, 0.9)
+        section.rows += rows
     return section
 
 
@@ -125,13 +134,13 @@ def _add_wrench(section: Section, chain: Chain) -> None:
     section.add(f"{WRENCH}, clearance bound", f"{bound:.4f}", "at least 0.02", bound >= 0.02)
 
 
-def _random_path(box: tuple[int, int, int]) -> Path:
+def _random_path(box: tuple[int, int, int], seed: int) -> Path:
     """Return a random path through all cells of a box."""
     cells = np.argwhere(np.ones(box, bool))
     moves = MOVES_PER_CELL * len(cells)
-    length, order = grow(neighbours(cells), np.ones(len(cells), bool), -1, moves, 0)
+    length, order = grow(neighbours(cells), np.ones(len(cells), bool), -1, moves, 100 * seed)
     assert length == len(cells)
-    return Path.from_cells(cells[order].tolist(), name="×".join(map(str, box)))
+    return Path.from_cells(cells[order].tolist(), name=f"{'×'.join(map(str, box))}, seed {seed}")
 
 
 def _row(chain: Chain, size: float, reference_seconds: float) -> dict[str, Any]:

@@ -26,8 +26,9 @@ MAX_PAIRS: Final = 6
 on."""
 MAX_TRIED_PAIRS: Final = 4
 """Maximum number of such pairs from which a search goes on, to take the one that gets farthest."""
-MAX_PAIR_PROOFS: Final = 400
-"""Maximum number of pairs of hinges whose motion is checked in an attempt."""
+MAX_CHECKED_PAIRS: Final = 2000
+"""Maximum number of pairs of hinges whose motion is checked in an attempt. With 2000, the mallet of
+160 cubes keeps 90 % of the gap between two cells, with 400 only 9 %."""
 
 
 class RoomSearch:
@@ -102,16 +103,17 @@ class RoomSearch:
     def _with_pairs(self, search: Unfolded) -> Unfolded:
         """Return a search that goes on where one has ended, by turning two hinges at once there."""
         proof = RoomProof(self._chain, self._turning, self.room)
-        proofs = 0
+        checked = 0
         for _ in range(MAX_PAIRS):
             if search.outcome in ("straight", "cancelled"):
                 break
             farthest, tried = search, 0
             for pair in self._turning.pairs(search.states[-1]):
-                proofs += 1
-                if proofs > MAX_PAIR_PROOFS or tried >= MAX_TRIED_PAIRS or self._cancelled():
+                checked += 1
+                if checked > MAX_CHECKED_PAIRS or tried >= MAX_TRIED_PAIRS or self._cancelled():
                     break
-                if not proof.at_once(search.states[-1], pair):
+                motion = search.states[-1], pair
+                if not (proof.seems_clear(*motion, sample_gap=0.0) and proof.at_once(*motion)):
                     continue
                 tried += 1
                 further = self._from(np.concatenate([search.states, pair[None]]), PAIR_WIDTH)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from planner.arrays import Array, Flags, Ints
 from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
 from planner.kernels import TABLE_FULL, Levels
 
 Keys = NDArray[np.uint64]
@@ -98,6 +99,7 @@ class Turning:
         self.size = size
         self.cell_gap = gap_between_cells(chain, size)
         self.folded: Levels = np.rint(chain.folded_rad / QUARTER_RAD).astype(np.int8)
+        self._module = chain.module
         self._kernels = kernels
         self._table = table
         self._scratch = scratch
@@ -148,21 +150,45 @@ class Turning:
         return clear
 
     def pairs(self, state: Levels) -> Levels:
-        """Return states that differ from one in two hinges that get straight, without overlaps.
+        """Return states that are one turn of each of two hinges away, without overlaps.
+
+        Both hinges get straight; or one does while the other one bends, and the pair is symmetric:
+        the hinges are parallel and turn against each other, so that all beyond them moves without
+        turning. In a packed chain, such a part may be able to leave where one that turns is not.
 
         Args:
             state: (J,) levels.
 
         Returns:
-            (M, J) levels, those of hinges that are near each other along the chain first.
+            (M, J) levels: first those with both hinges straight, each kind in the order of the
+            distance of the hinges along the chain.
         """
-        bent = np.flatnonzero(state)
-        first, second = np.triu_indices(len(bent), 1)
-        order = np.argsort(bent[second] - bent[first], kind="stable")
-        hinges = np.stack([bent[first], bent[second]], axis=1)[order]
-        states = np.repeat(state[None], len(hinges), axis=0)
-        np.put_along_axis(states, hinges, 0, axis=1)
+        hinge, up = np.nonzero(np.abs(state[:, None] + np.array([-1, 1])) <= 1)
+        change = 2 * up - 1
+        straightens = state[hinge] != 0
+        axis = change * self._hinge_axes(state)[hinge]
+        first, second = np.triu_indices(len(hinge), 1)
+        symmetric = axis[first] == -axis[second]
+        gain = straightens[first].astype(np.int64) + straightens[second]
+        some = (hinge[first] != hinge[second]) & ((gain == 2) | ((gain == 1) & symmetric))
+        first, second = first[some], second[some]
+        order = np.lexsort((hinge[second] - hinge[first], -gain[some]))
+        first, second = first[order], second[order]
+        states = np.repeat(state[None], len(order), axis=0)
+        for turn in (first, second):
+            states[np.arange(len(order)), hinge[turn]] += change[turn].astype(np.int8)
         return states[self._kernels.without_overlaps(states, self._scratch)]
+
+    def _hinge_axes(self, state: Levels) -> Ints:
+        """Return the (J,) axes of all hinges of a state: ±1, ±2, ±3 for x, y, z of the world."""
+        module = self._module
+        angles_rad = QUARTER_RAD * state.astype(float)
+        rotations = forward_kinematics(module, angles_rad).rotations[module.rigid_links :]
+        axes = np.empty((len(state), 3))
+        axes[:: module.hinges_per_joint] = rotations[:-1] @ module.axes[0]
+        if module.hinges_per_joint == 2:
+            axes[1::2] = rotations[1:] @ module.turn.T @ module.axes[1]
+        return np.rint(axes @ [1.0, 2.0, 3.0]).astype(np.int64)
 
     def clear_turns(self, start: Levels, hinges: Ints, changes: Ints, *, room: float) -> int:
         """Return the number of turns before the first that is not clear.

@@ -8,6 +8,7 @@ import pytest
 
 import foldback_check
 from planner.chain.chain import Chain
+from planner.chain.kinematics import forward_kinematics
 from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
 from planner.clearance.sweep import sweep
@@ -26,7 +27,9 @@ from planner.turns.beam_search import unfold
 from planner.turns.cube_turns import cube_turning
 from planner.turns.moves import RoomProof, moves_between
 from planner.turns.shortening import shortened
-from planner.turns.turn_sequence import TurnSequence, find_turns
+from planner.turns.tetrahedron_turns import tetrahedron_turning
+from planner.turns.turn_sequence import NoTurns, TurnSequence, find_turns
+from planner.turns.turning import QUARTER_RAD
 from tests.planner.chains import line, shuffled
 
 SHAPES = FilePath(__file__).parents[3] / "examples" / "shapes"
@@ -109,6 +112,32 @@ def test_two_hinges_turn_at_once_where_no_single_one_can() -> None:
     folding = sequence(chain)
     assert folding.turns <= 1.05 * np.count_nonzero(chain.folded_rad)
     assert sweep(chain, folding.rest_angles_rad, size=SIZE).clearance >= folding.room
+
+
+@pytest.mark.parametrize("module", ["cubes", "tetrahedra"])
+def test_pairs_get_straight_or_move_a_part_that_does_not_turn(module: str) -> None:
+    if module == "cubes":
+        chain = shuffled((3, 3, 4), 100, 200)
+        turning = cube_turning(chain, SIZE)
+    else:
+        levels = np.array([1.0, 0.0, -1.0, 1.0, 0.0, 0.0, 1.0, 0.0])
+        chain = Chain.from_angles(TETRAHEDRON, QUARTER_RAD * levels)
+        turning = tetrahedron_turning(chain, SIZE)
+    pairs = turning.pairs(turning.folded)
+    states = np.concatenate([turning.folded[None], pairs]).astype(float)
+    rotations = forward_kinematics(chain.module, QUARTER_RAD * states).rotations[:, -1]
+    assert (np.count_nonzero(pairs != turning.folded, axis=1) == 2).all()
+    gains = np.count_nonzero(turning.folded) - np.count_nonzero(pairs, axis=1)
+    assert set(gains.tolist()) == {0, 2}
+    for rotation in rotations[1:][gains == 0]:
+        assert rotation == pytest.approx(rotations[0], abs=1e-9)
+
+
+def test_a_symmetric_pair_frees_a_packed_chain() -> None:
+    chain = shuffled((3, 3, 4), 100, 200)
+    assert isinstance(find_turns(chain, size=SIZE, at_once=1, seed=0), NoTurns)
+    folding = sequence(chain)
+    assert sweep(chain, folding.rest_angles_rad, size=SIZE).clearance >= folding.room > 0.0
 
 
 def test_turns_that_are_undone_later_are_left_out_where_all_stays_clear() -> None:
