@@ -7,11 +7,12 @@ from typing import Final
 
 import numpy as np
 
+from planner.arrays import Array
 from planner.chain.chain import Chain
 from planner.chain.path import Path
 from planner.path_fit.fill_fitted import fill_fitted
 from planner.pathfinding.exact_search import exact_path
-from planner.pathfinding.knots import knot_of
+from planner.pathfinding.knots import knot_of, knot_of_polygon
 from planner.pathfinding.path_options import PathOptions
 from planner.pathfinding.trail_search import find_trails
 from planner.shapes.shape import Shape
@@ -46,8 +47,17 @@ def warm_up_paths() -> None:
 
 
 def warm_up_fit() -> None:
-    """Fit a path to a tetrahedron."""
+    """Fit a path to a tetrahedron, and test a knot, which only some chains have."""
     fill_fitted(_tetrahedron(), PathOptions(modules=8), seed=0)
+    knot_of_polygon(_trefoil(), np.random.default_rng(0))
+
+
+def _trefoil() -> Array:
+    """Return (12, 3) corners of a trefoil knot, the simplest knot there is."""
+    angle = np.arange(12) * np.pi / 6
+    x = np.sin(angle) + 2 * np.sin(2 * angle)
+    y = np.cos(angle) - 2 * np.cos(2 * angle)
+    return np.column_stack([x, y, -np.sin(3 * angle)])
 
 
 def _tetrahedron() -> Solid:

@@ -25,10 +25,13 @@ from tempfile import TemporaryDirectory
 import trimesh
 from planner.chain.path import Path
 from planner.pathfinding.assembly import layered_snake
+from planner.pathfinding.knots import knot_of
 from planner.pipeline.fold import smooth_plan
 from planner.pipeline.warm_up import warm_up
 from planner.plan.shape_writers import write_path
+from tests.planner.chains import walk
 from tests.planner.folds import run_fold
+from tests.planner.pathfinding.test_knots import OVERHAND
 """
 WORK = """
 def folded(data, **options):
@@ -37,6 +40,7 @@ def folded(data, **options):
         assert plan.verified, options
         return plan
 
+assert knot_of(walk(OVERHAND)).verdict == "knotted"
 few = write_path(Path.from_cells(layered_snake((2, 2, 3)), name="few"))
 path = write_path(Path.from_cells(layered_snake((4, 4, 4)), name="box"))
 assert smooth_plan(folded(path, strategy="simultaneous")).verified
