@@ -32,8 +32,8 @@ class Clouds:
         vertices: (v, 3) vertices of its surface.
         rough: Points inside by which placements are compared.
         fine: Points inside by which the cells of a placement are filled.
-        wall: Thickness of its walls where they are much thinner than a cell, in its units;
-            infinite for other solids.
+        wall: Thickness of a wall that makes a cell full of which it covers a face's area, in its
+            units; for solids with walls much thinner than a cell. Infinite for others.
     """
 
     vertices: Array

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 from itertools import islice
-from typing import Final
+from typing import Final, NamedTuple
 
 import numpy as np
 
@@ -29,6 +30,7 @@ from planner.path_fit.placements import Counts, Placement, Turn, best_placements
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import spread
 from planner.shapes.lattice_fits import Ladder
+from planner.shapes.tunnels import tunnels_of_cells
 
 MIN_SHARE: Final = 0.9
 """Smallest number of cells of a path, relative to the requested one."""
@@ -60,6 +62,12 @@ FINAL_RUNS: Final = 2
 """Number of last annealings of each finalist."""
 PITCH_FACTORS: Final = tuple(0.8 + 0.04 * k for k in range(11))
 """Pitches that are tried, relative to that of N cells with the volume of the solid."""
+SLANT: Final = float(np.sqrt(2.0))
+"""Area of a thin wall in a cell that counts as full, in faces of the cell: that of a wall from edge
+to edge."""
+GAP_COST: Final = 0.05
+"""Loss of score for each gap in thin walls: each tunnel that the solid does not have (decision
+0042)."""
 MIN_TILT_GAIN: Final = 0.03
 """Smallest gain in IoU for which the solid is turned: people expect a model upright."""
 SAME_IOU: Final = 0.004
@@ -80,7 +88,7 @@ class FittedPath:
         placement: The lattice.
         cells: (n, 3) cells in the order of the path.
         iou: Intersection over union with the solid, by the fine cloud.
-        score: The same by the worth of cells; see ``Placement``.
+        score: The same by the worth of cells (see ``Placement``), less the cost of gaps in walls.
     """
 
     placement: Placement
@@ -89,13 +97,25 @@ class FittedPath:
     score: float
 
     @classmethod
-    def along(cls, placement: Placement, path: Ints) -> FittedPath:
-        """Return the path through cells with flat indices."""
+    def along(cls, placement: Placement, path: Ints, tunnels: int | None = None) -> FittedPath:
+        """Return the path through cells with flat indices.
+
+        Args:
+            placement: The lattice.
+            path: (n,) flat indices.
+            tunnels: Number of tunnels of a solid with thin walls; more are gaps. None for others.
+        """
+        score = placement.score(path)
+        if tunnels is not None:
+            outside = np.ones(placement.fill.shape, dtype=np.bool_)
+            outside.reshape(-1)[path] = False
+            # Where cells share an edge, one cannot see through.
+            score -= GAP_COST * max(0, tunnels_of_cells(outside) - tunnels)
         return cls(
             placement=placement,
             cells=placement.cells_of(path),
             iou=placement.overlap(path),
-            score=placement.score(path),
+            score=score,
         )
 
 
@@ -162,11 +182,12 @@ def fit_path(
             miss the smallest number; then the paths are shorter.
     """
     low = modules if exact else int(np.ceil(MIN_SHARE * modules))
-    counts = Counts(low=low, high=modules)
+    counts, walls = Counts(low=low, high=modules), _walls(ladder, modules)
+    annealed = partial(_annealed, counts=counts, tunnels=walls.tunnels)
     runs: list[FittedPath] = []
     has_first = False
-    for number, placement in enumerate(_placements(ladder, counts, seed)):
-        runs.append(_annealed(placement, counts, RACE_MOVES * modules, [seed, 0, number]))
+    for number, placement in enumerate(_placements(ladder, counts, walls, seed)):
+        runs.append(annealed(placement, RACE_MOVES * modules, [seed, 0, number]))
         runs = ranked(runs, low)
         if not has_first and len(runs) >= FIRST_PLACEMENTS and len(runs[0].cells) >= low:
             yield PathFit(paths=(runs[0],), is_final=False)
@@ -177,27 +198,25 @@ def fit_path(
     while len(runs) > FINALISTS:
         moves *= 2
         runs = runs[: max(FINALISTS, len(runs) // 2)]
-        again = [
-            _annealed(run.placement, counts, moves, [seed, number, k]) for k, run in enumerate(runs)
-        ]
+        again = [annealed(run.placement, moves, [seed, number, k]) for k, run in enumerate(runs)]
         runs = ranked([ranked(list(pair), low)[0] for pair in zip(runs, again, strict=True)], low)
         number += 1
     finals = list(runs)
     for k, run in enumerate(runs):
         for attempt in range(FINAL_RUNS):
             moves = FINAL_MOVES * modules
-            finals.append(_annealed(run.placement, counts, moves, [seed, 100 + k, attempt]))
+            finals.append(annealed(run.placement, moves, [seed, 100 + k, attempt]))
     yield PathFit(paths=_chosen(ranked(finals, low), low), is_final=True)
 
 
-def _placements(ladder: Ladder, counts: Counts, seed: int) -> Iterator[Placement]:
+def _placements(ladder: Ladder, counts: Counts, walls: _Walls, seed: int) -> Iterator[Placement]:
     """Yield the placements of the race: upright ones, and turned ones that may pay."""
-    pitch, wall = _pitch_and_wall(ladder, counts.high)
-    clouds = clouds_of(ladder, seeds=(2 * seed, 2 * seed + 1), wall=wall)
+    clouds = clouds_of(ladder, seeds=(2 * seed, 2 * seed + 1), wall=walls.wall)
     rng = np.random.default_rng(seed)
     best = 0.0
     for number, rotation in enumerate(ladder.turns):
-        pitches = (*(pitch * factor for factor in PITCH_FACTORS), *ladder.dividing(number, pitch))
+        pitches = tuple(walls.pitch * factor for factor in PITCH_FACTORS)
+        pitches += tuple(ladder.dividing(number, walls.pitch))
         turn = Turn(rotation=rotation, pitches=pitches, is_upright=number == 0)
         tried = best_placements(clouds, counts, turn, least=best, rng=rng)
         for placement in islice(tried, UPRIGHT_PLACEMENTS if turn.is_upright else 1):
@@ -208,8 +227,16 @@ def _placements(ladder: Ladder, counts: Counts, seed: int) -> Iterator[Placement
             yield placement
 
 
-def _pitch_and_wall(ladder: Ladder, cells: int) -> tuple[float, float]:
-    """Return the pitch that others are near, and the thickness of walls; see ``Clouds``.
+class _Walls(NamedTuple):
+    """Pitch that others are near; and for a solid with thin walls, see ``Clouds`` and ``along``."""
+
+    pitch: float
+    wall: float = np.inf
+    tunnels: int | None = None
+
+
+def _walls(ladder: Ladder, cells: int) -> _Walls:
+    """Return how cells shall treat the walls of a solid.
 
     Cells with the pitch p₀ have the volume V of the solid together. If its walls have the thickness
     w, their area is V/w, and as many cells one layer thick close them with the pitch p₁ =
@@ -219,14 +246,18 @@ def _pitch_and_wall(ladder: Ladder, cells: int) -> tuple[float, float]:
     """
     pitch, wall = ladder.pitch_for(cells), ladder.thickness
     closing = pitch * float(np.sqrt(pitch / wall))
-    return (closing, wall) if closing > 2.0 * wall else (pitch, np.inf)
+    if closing <= 2.0 * wall:
+        return _Walls(pitch)
+    return _Walls(closing, SLANT * wall, ladder.tunnels)
 
 
-def _annealed(placement: Placement, counts: Counts, moves: int, seed: list[int]) -> FittedPath:
+def _annealed(
+    placement: Placement, moves: int, seed: list[int], *, counts: Counts, tunnels: int | None
+) -> FittedPath:
     field = field_of(placement, counts)
     number = int(np.random.SeedSequence(seed).generate_state(1)[0])
     path, _, _ = anneal(field, schedule(moves), first_step(field), number, False)
-    return FittedPath.along(placement, path)
+    return FittedPath.along(placement, path, tunnels)
 
 
 def _worth(run: FittedPath) -> float:

@@ -53,10 +53,7 @@ REACH_STEP: Final = 10
 """Step of suggested numbers of modules below ``LONG_CHAIN``."""
 MIN_FITTED_GAIN: Final = 0.02
 """Smallest gain in IoU for which a fitted path is taken instead of blocks, along which chains fold
-most reliably."""
-MIN_FITTED_RATIO: Final = 1.1
-"""Smallest ratio of both for which it is taken, too: all cells have a small IoU with walls that are
-much thinner than a cell."""
+most reliably; none is needed if only the fitted path keeps all parts of the solid."""
 TIME_INDEPENDENT_METHODS: Final = ("blocks", "fitted", "snake", "assembly")
 """Methods of searching a path through a shape whose result does not depend on a time limit, and so
 is the same on every machine. Only their chains may be stored by a preview and used by the fold."""
@@ -675,8 +672,12 @@ def _is_better(fitted: Preparation, voxelised: Preparation) -> bool:
         return True
     if fitted.likeness is None or fitted.not_started:
         return False
-    of_blocks = voxelised.likeness.iou
-    return fitted.likeness.iou >= min(of_blocks + MIN_FITTED_GAIN, MIN_FITTED_RATIO * of_blocks)
+    gain = fitted.likeness.iou - voxelised.likeness.iou
+    return gain >= (0.0 if _keeps_parts(fitted) > _keeps_parts(voxelised) else MIN_FITTED_GAIN)
+
+
+def _keeps_parts(made: Preparation) -> bool:
+    return made.voxels is not None and made.voxels.kept.parts
 
 
 def _fitted(solid: Solid, options: PathOptions, seed: int, *, quick: bool = False) -> Preparation:

@@ -8,7 +8,7 @@ import trimesh
 
 from planner.errors import InputError
 from planner.path_fit.fill_fitted import check_exact, fill_fitted
-from planner.path_fit.fit import fit_path, ranked
+from planner.path_fit.fit import GAP_COST, FittedPath, fit_path, ranked
 from planner.path_fit.fit_table import (
     MAX_TABLE_FITTED_MODULES,
     SIDES,
@@ -92,6 +92,9 @@ def test_a_path_that_misses_the_exact_number_is_ranked_last_and_refused() -> Non
     fit = next(fit_path(Ladder(solid_of(torus()), SIDES[:1]), 32))
     (path,) = fit.paths
     assert (path.placement.worth == path.placement.fill).all() and path.score == path.iou
+    flat = np.array(np.ravel_multi_index(tuple(path.cells.T), path.placement.fill.shape))
+    scores = [FittedPath.along(path.placement, flat, holes).score for holes in (0, 1)]
+    assert scores == [path.score - GAP_COST, path.score]  # the ring's hole is no gap
     short = replace(path, cells=path.cells[:-1], score=1.0)
     assert ranked([short, path], len(path.cells)) == [path, short]
     assert ranked([short, path], len(short.cells)) == [short, path]
