@@ -27,6 +27,7 @@ AGAIN_LABELS: Final = {
 RECORDED: Final = Button("Before smoothing", "The original plan")
 FLOATING_FOLD: Final = Button("In zero gravity", "The same fold without a table")
 PUBLISHED_CHANGED: Final = Button("Published method, modified", "With your own settings")
+EXPLOSION: Final = Button("By an explosion", "All hinges at once, without rests")
 OTHER_PRESETS: Final = {
     "default": Button("Default preset", "Turns for short chains, otherwise an explosion"),
     "direct": Button(

@@ -44,6 +44,7 @@ from words.properties import Properties, properties
 from words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
 from words.suggestions import (
     AGAIN_LABELS,
+    EXPLOSION,
     FLOATING_FOLD,
     OTHER_PRESETS,
     PUBLISHED_CHANGED,
@@ -348,6 +349,9 @@ def _other_methods(
         unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
         button = preferring(unlike, time(replace(cube, prefer=unlike)))
         others.append(_suggestion(button, _form(row, replace(plain, prefer=unlike), "prefer")))
+        if step_count(row.summary):  # it took turns
+            explosion = replace(plain, strategy="simultaneous")
+            others.append(_suggestion(EXPLOSION, _form(row, explosion)))
     for preset, button in OTHER_PRESETS.items():
         if (preset, "") != (row.preset, row.settings):
             others.append(_suggestion(button, _form(row, replace(plain, preset=preset), "preset")))

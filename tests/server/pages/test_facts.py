@@ -137,6 +137,16 @@ def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
     assert settable == {"Published method, modified": "must"}
 
 
+def test_fold_in_turns_may_be_compared_with_an_explosion(tmp_path: Path) -> None:
+    def offered(summary: dict[str, Any]) -> list[Any]:
+        offers = fold_facts(failed_fold(tmp_path, 0, status="verified", summary=summary))["compare"]
+        return [offer["form"] for offer in offers if offer["text"] == "By an explosion"]
+
+    assert not offered({"explosion": {"strategy": "simultaneous"}, "playback": {}})
+    (form,) = offered({"explosion": {"strategy": "turns"}, "playback": {"rest_frames": [0, 5, 9]}})
+    assert form["strategy"] == "simultaneous"
+
+
 def test_long_chain_is_not_offered_a_table_first(finished: FinishedFold, tmp_path: Path) -> None:
     """A chain of more than 96 modules usually gets stuck on a table."""
     shutil.copyfile(finished.directory / "chain.json", tmp_path / "chain.json")
