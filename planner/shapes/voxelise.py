@@ -273,10 +273,7 @@ def _notes(ladder: Ladder, kept: Kept, body_iou: float) -> list[str]:
             "modules to keep them."
         )
     elif body_iou < POOR_IOU:
-        notes.append(
-            f"the shape is thinner than a cell, and the match between cells and shape is only "
-            f"{percent(body_iou)}; use more modules."
-        )
+        notes.append("parts of the shape are thinner than a cell; use more modules.")
     if ladder.tunnels is not None and kept.tunnels < ladder.tunnels:
         notes.append(_tunnels_note(ladder.tunnels, kept.tunnels))
     return notes
