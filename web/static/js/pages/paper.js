@@ -6,6 +6,7 @@ import { element, later, radians, seconds } from "../lib/text.js";
 
 const SPEED = 1.2;
 // All folds of the paper are made by explosions.
+/** @type {Record<string, string>} */
 const LABELS = { ...PHASES, explosion: "Explosion" };
 const sight = later(() => import("../viewer/viewpoint.js"), () => {});
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
