@@ -62,6 +62,9 @@ FINAL_RUNS: Final = 2
 """Number of last annealings of each finalist."""
 PITCH_FACTORS: Final = tuple(0.8 + 0.04 * k for k in range(11))
 """Pitches that are tried, relative to that of N cells with the volume of the solid."""
+MIN_CLOSING_PITCH: Final = 2.5
+"""Smallest pitch that closes walls, in their thickness, for which they are closed: below, cells
+with the best IoU leave few gaps (decision 0042)."""
 SLANT: Final = float(np.sqrt(2.0))
 """Area of a thin wall in a cell that counts as full, in faces of the cell: that of a wall from edge
 to edge."""
@@ -246,7 +249,7 @@ def _walls(ladder: Ladder, cells: int) -> _Walls:
     """
     pitch, wall = ladder.pitch_for(cells), ladder.thickness
     closing = pitch * float(np.sqrt(pitch / wall))
-    if closing <= 2.0 * wall:
+    if closing < MIN_CLOSING_PITCH * wall:
         return _Walls(pitch)
     return _Walls(closing, SLANT * wall, ladder.tunnels)
 
