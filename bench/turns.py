@@ -70,7 +70,7 @@ def turns(reference_seconds: float) -> Section:
     ]
     for size in SIZES:
         rows = [_row(chain, size, reference_seconds) for chain in random_chains]
-        _add_share(section, f"random paths, size {size}", rows, 0.9)
+        _add_share(section, f"random paths, size {size}", rows, 0.85)
         section.rows += rows
     return section
 
