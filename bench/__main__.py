@@ -12,7 +12,7 @@ from bench.clearance.sweeps import sweeps
 from bench.first_minutes import first_minutes
 from bench.folds import folds, gallery
 from bench.hard_paths import hard_paths
-from bench.likeness import likeness, likeness_folds, previews
+from bench.likeness import likeness, likeness_folds, likeness_tetrahedra, previews
 from bench.long_folds import long_folds
 from bench.machine import machine
 from bench.measured_tables import write_sections
@@ -56,6 +56,7 @@ SECTIONS = {
     "meshes": meshes,
     "likeness": likeness,
     "likeness-folds": likeness_folds,
+    "likeness-tetrahedra": likeness_tetrahedra,
     "previews": previews,
     "paths": paths,
     "peeling": peeling,

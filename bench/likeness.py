@@ -18,8 +18,10 @@ from bench.held_out_meshes import HELD_OUT
 from bench.measured_tables import Section
 from bench.meshes import MESHES, Mesh
 from bench.thin_meshes import THIN, WALLS
+from planner.chain.module import TETRAHEDRON
 from planner.errors import InputError
 from planner.path_fit.fill_fitted import fill_fitted
+from planner.path_fit.fill_trail import fill_with_trail
 from planner.path_fit.fit import fit_path
 from planner.pathfinding.path_options import PathOptions
 from planner.pipeline.prepare import prepare_found
@@ -49,6 +51,8 @@ MIN_EXACT: Final = 0.9
 """Target for the share of meshes with a path of exactly that many."""
 MAX_MISSING: Final = 0.1
 """Target for the share of walls much thinner than a module that no module covers."""
+MIN_TETRAHEDRA_GAIN: Final = 0.1
+"""Target for the mean IoU that fitted tetrahedra gain over rings of twelve in voxels."""
 MIN_VERIFIED: Final = 28 / 30
 """Target for the share of chains that are verified at the first attempt."""
 
@@ -108,6 +112,32 @@ def likeness_folds(reference_seconds: float) -> Section:
     """Fold chains of 160 modules for all thirty meshes."""
     del reference_seconds
     return _with_folds(Section(name="likeness-folds"), tuple(FORMS))
+
+
+def likeness_tetrahedra(reference_seconds: float) -> Section:
+    """Compare fitted tetrahedra with rings of twelve in the voxels of ten meshes."""
+    section = Section(name="likeness-tetrahedra")
+    fill_with_trail(_solid("torus"), PathOptions(modules=32, module=TETRAHEDRON.name), seed=0)
+    for name in MORE_MODULES:
+        row: dict[str, Any] = {"mesh": name}
+        for method in ("fitted", "blocks"):
+            options = PathOptions(modules=MODULES, module=TETRAHEDRON.name, method=method)
+            begun = time.process_time()
+            made = prepare_found(_solid(name), options)
+            seconds = time.process_time() - begun
+            assert made.likeness is not None
+            row |= {f"iou, {made.method}": made.likeness.iou, f"{made.method} s": seconds}
+        section.rows.append({**row, "ratio": row["fitted s"] / reference_seconds})
+    fitted, rings, seconds = (
+        float(np.mean([row[name] for row in section.rows]))
+        for name in ("iou, fitted", "iou, rings", "fitted s")
+    )
+    what = f"{len(section.rows)} meshes, {MODULES} tetrahedra"
+    bar = f"≥ {rings + MIN_TETRAHEDRA_GAIN:.3f}"
+    is_met = fitted >= rings + MIN_TETRAHEDRA_GAIN
+    section.add(f"IoU, mean of {what}", f"{fitted:.3f}; rings {rings:.3f}", bar, is_met)
+    section.add(f"processor time of the preparation, mean of {what}", f"{seconds:.2f} s")
+    return section
 
 
 def previews(reference_seconds: float) -> Section:

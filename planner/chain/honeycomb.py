@@ -9,15 +9,12 @@ have the same volume; the ring's surface is that of its tetrahedra.
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from planner.arrays import Array
-from planner.chain.module import TETRAHEDRON
-from planner.chain.trail import hinge_axes
 
 Nodes = NDArray[np.int64]
 TETRAHEDRA_PER_RING: Final = 12
@@ -60,9 +57,13 @@ def dodecahedron_pairs(centres: Nodes) -> Nodes:
 
 def ring_of(nodes: Nodes, cells: Nodes) -> Nodes:
     """(n,) index of the cell in whose ring each module of a trail lies."""
+    return rings_with(nodes[:-1] + nodes[1:], cells)
+
+
+def rings_with(sums: Nodes, cells: Nodes) -> Nodes:
+    """(n,) index of the cell in whose ring each tetrahedron lies, by the sum of its two nodes."""
     keys = ring_pairs(cells).sum(axis=1)
-    wanted = nodes[:-1] + nodes[1:]
-    _, inverse = np.unique(np.concatenate([keys, wanted]), axis=0, return_inverse=True)
+    _, inverse = np.unique(np.concatenate([keys, sums]), axis=0, return_inverse=True)
     inverse = inverse.reshape(-1)
     place = np.empty(inverse.max() + 1, dtype=np.int64)
     place[inverse[: len(keys)]] = np.arange(len(keys)) // TETRAHEDRA_PER_RING
@@ -72,44 +73,15 @@ def ring_of(nodes: Nodes, cells: Nodes) -> Nodes:
 def tetrahedra_at(points: Array) -> Nodes:
     """(P, 3) sums of the node pairs of the tetrahedra that points lie in.
 
-    The honeycomb repeats every two steps along each axis; of the tetrahedra that reach into one
-    such box, each point is in one (in several on their faces: then the first).
+    The first node is one step from the nearest point with even coordinates, along the axis on which
+    the given point is farthest from that; the second node is a step further along the axis on which
+    it is second farthest.
     """
-    box = np.floor(points / 2.0)
-    inside = points - 2.0 * box
-    found = np.full(len(points), -1)
-    sums, normals, reaches = _base_patch()
-    for k in range(len(sums)):
-        left = np.flatnonzero(found < 0)
-        if not len(left):
-            break
-        hit = (inside[left] @ normals[k].T <= reaches[k] + 1e-9).all(axis=1)
-        found[left[hit]] = k
-    return sums[found] + 4 * box.astype(np.int64)
-
-
-@cache
-def _base_patch() -> tuple[Nodes, Array, Array]:
-    """Tetrahedra around the box from 0 to 2: sums of node pairs, face normals and reaches."""
-    grid = np.stack(np.meshgrid(*[np.arange(-2, 5)] * 3, indexing="ij"), axis=-1).reshape(-1, 3)
-    odd = (grid % 2 != 0).sum(axis=1)
-    nodes = grid[(odd == 1) | (odd == 2)]
-    pairs = np.concatenate(
-        [np.stack([nodes, nodes + step], axis=1) for step in np.eye(3, dtype=int)]
-    )
-    odd = (pairs[:, 1] % 2 != 0).sum(axis=1)
-    pairs = pairs[(odd == 1) | (odd == 2)]
-    near = ((pairs.mean(axis=1) > -1.0) & (pairs.mean(axis=1) < 3.0)).all(axis=1)
-    pairs = pairs[near]
-    frames = _frames(pairs)
-    normals = np.einsum("pij,aj->pai", frames, TETRAHEDRON.face_normals)
-    middle = pairs.mean(axis=1)
-    reach = (TETRAHEDRON.vertices @ TETRAHEDRON.face_normals.T).max(axis=0)
-    return pairs.sum(axis=1), normals, np.einsum("pai,pi->pa", normals, middle) + reach
-
-
-def _frames(pairs: Nodes) -> Array:
-    """(n, 3, 3) orientations of the tetrahedra between node pairs."""
-    along = (pairs[:, 1] - pairs[:, 0]).astype(np.float64)
-    across = np.eye(3)[hinge_axes(pairs[:, 0])]
-    return np.stack([along, across, np.cross(along, across)], axis=-1)
+    even = 2.0 * np.floor(0.5 * points + 0.5)
+    apart = points - even
+    _, second, first = np.argsort(np.abs(apart), axis=1, kind="stable").T
+    rows = np.arange(len(points))
+    sums = 2 * even.astype(np.int64)
+    sums[rows, first] += np.where(apart[rows, first] > 0.0, 2, -2)
+    sums[rows, second] += np.where(apart[rows, second] > 0.0, 1, -1)
+    return sums

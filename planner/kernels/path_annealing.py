@@ -34,7 +34,9 @@ DETOUR, CUT, CORNER, GROW, RETRACT, SLITHER, BACKBITE, PARALLEL = range(8)
 MOVES: Final = 8
 """Number of kinds of moves."""
 
-_HEAD, _TAIL, _COUNT, _SHARED, _COST, _RANDOM = range(6)
+_HEAD, _TAIL, _COUNT, _SHARED, _COST = range(5)
+RANDOM: Final = 5
+"""Place of the state of the random numbers in the sums of a state."""
 _SHORT_PENALTY: Final = 0.6
 """Energy of each cell below the smallest number, in cells: more than a cell that helps is worth, so
 that shorter paths do not last."""
@@ -100,14 +102,15 @@ class _Links(NamedTuple):
 
 
 @njit(**_BARE)
-def _draw(sums: Ints, count: int) -> int:
+def draw(sums: Ints, count: int) -> int:
     """Return a random number below ``count``, which is at most 2¹⁶."""
-    sums[_RANDOM] = (int(sums[_RANDOM]) * _MULTIPLIER + _INCREMENT) & _MASK
-    return ((int(sums[_RANDOM]) >> 17) * count) >> 31
+    sums[RANDOM] = (int(sums[RANDOM]) * _MULTIPLIER + _INCREMENT) & _MASK
+    return ((int(sums[RANDOM]) >> 17) * count) >> 31
 
 
 @njit(**_BARE)
-def _energy(field: Field, count: int, shared: int, cost: int) -> float:
+def energy_of(field: Field, count: int, shared: int, cost: int) -> float:
+    """Return the energy of ``count`` cells; ``shared`` and ``cost`` in 1/``FULL`` cells."""
     union = (field.volume + count) * FULL - shared
     energy = cost / FULL - field.target * shared / union
     if count < field.low:
@@ -122,8 +125,8 @@ def _accepts(field: Field, path: _Links, count: int, fill: int, cost: int, limit
     n = sums[_COUNT] + count
     if n > field.high or n < 2:
         return False
-    old = _energy(field, sums[_COUNT], sums[_SHARED], sums[_COST])
-    new = _energy(field, n, sums[_SHARED] + fill, sums[_COST] + cost)
+    old = energy_of(field, sums[_COUNT], sums[_SHARED], sums[_COST])
+    new = energy_of(field, n, sums[_SHARED] + fill, sums[_COST] + cost)
     if new - old > limit:
         return False
     sums[_SHARED] += fill
@@ -182,9 +185,9 @@ def _reverse(path: _Links, first: int, last: int) -> None:
 @njit(**_INLINED)
 def _detour(field: Field, path: _Links, limit: float) -> bool:
     """Replace a step a b by a c d b, beside it."""
-    a = path.cells[_draw(path.sums, path.sums[_COUNT])]
+    a = path.cells[draw(path.sums, path.sums[_COUNT])]
     b = path.after[a]
-    step = field.steps[_draw(path.sums, 6)]
+    step = field.steps[draw(path.sums, 6)]
     if b < 0:
         return False
     c = a + step
@@ -206,7 +209,7 @@ def _detour(field: Field, path: _Links, limit: float) -> bool:
 @njit(**_INLINED)
 def _cut(field: Field, path: _Links, limit: float) -> bool:
     """Replace a bay a c d b by the step a b: the inverse of a detour."""
-    a = path.cells[_draw(path.sums, path.sums[_COUNT])]
+    a = path.cells[draw(path.sums, path.sums[_COUNT])]
     c = path.after[a]
     if c < 0:
         return False
@@ -229,7 +232,7 @@ def _cut(field: Field, path: _Links, limit: float) -> bool:
 @njit(**_INLINED)
 def _corner(field: Field, path: _Links, limit: float) -> bool:
     """Flip a corner a b d to the opposite corner of its square, a c d."""
-    a = path.cells[_draw(path.sums, path.sums[_COUNT])]
+    a = path.cells[draw(path.sums, path.sums[_COUNT])]
     b = path.after[a]
     if b < 0:
         return False
@@ -276,13 +279,13 @@ def _shorten(path: _Links, at_tail: bool) -> None:
 @njit(**_INLINED)
 def _move_ends(field: Field, path: _Links, kind: int, limit: float) -> bool:
     """Let an end grow, retract, or grow while the other end retracts (slither)."""
-    at_tail = _draw(path.sums, 2) == 1
+    at_tail = draw(path.sums, 2) == 1
     count = ZERO
     fill = ZERO
     cost = ZERO
     cell = ZERO
     if kind != RETRACT:
-        cell = path.sums[_TAIL if at_tail else _HEAD] + field.steps[_draw(path.sums, 6)]
+        cell = path.sums[_TAIL if at_tail else _HEAD] + field.steps[draw(path.sums, 6)]
         if path.slot[cell] != _FREE:
             return False
         count += 1
@@ -307,9 +310,9 @@ def _move_ends(field: Field, path: _Links, kind: int, limit: float) -> bool:
 @njit(**_INLINED)
 def _backbite(field: Field, path: _Links) -> bool:
     """Link an end to a neighbour on the path, and cut there: the same cells with another end."""
-    at_tail = _draw(path.sums, 2) == 1
+    at_tail = draw(path.sums, 2) == 1
     end = path.sums[_TAIL if at_tail else _HEAD]
-    other = end + field.steps[_draw(path.sums, 6)]
+    other = end + field.steps[draw(path.sums, 6)]
     if path.slot[other] < 0 or other == path.before[end] or other == path.after[end]:
         return False
     if at_tail:
@@ -326,9 +329,9 @@ def _backbite(field: Field, path: _Links) -> bool:
 @njit(**_INLINED)
 def _exchange(field: Field, path: _Links) -> bool:
     """Exchange two steps a b and c d side by side for a c and b d: the stretch between reverses."""
-    a = path.cells[_draw(path.sums, path.sums[_COUNT])]
+    a = path.cells[draw(path.sums, path.sums[_COUNT])]
     b = path.after[a]
-    step = field.steps[_draw(path.sums, 6)]
+    step = field.steps[draw(path.sums, 6)]
     if b < 0:
         return False
     c = a + step
@@ -400,7 +403,7 @@ def _load(field: Field, path: _Links, order: Ints, count: int) -> None:
         path.slot[cell] = _FREE
         path.after[cell] = _FREE
         path.before[cell] = _FREE
-    for k in range(_RANDOM):
+    for k in range(RANDOM):
         sums[k] = 0
     for i in range(count):
         cell = order[i]
@@ -443,7 +446,7 @@ def anneal(
         if field.fill[i] < 0:
             path.slot[i] = _SHUT
     _load(field, path, start, start.shape[0])
-    path.sums[_RANDOM] = (seed ^ _MULTIPLIER) & _MASK
+    path.sums[RANDOM] = (seed ^ _MULTIPLIER) & _MASK
     accepted = np.zeros(MOVES, dtype=np.int64)
     orders = np.empty((2, room), dtype=np.int64)
     best, count = _walk(field, schedule, path, rises, accepted, orders[0], orders[1])
@@ -468,8 +471,8 @@ def _walk(
     for turn in range(schedule.moves):
         if turn % 256 == 255:
             temperature *= schedule.cooling
-        kind = schedule.kinds[_draw(path.sums, 256)]
-        limit = temperature * schedule.thresholds[_draw(path.sums, 1024)]
+        kind = schedule.kinds[draw(path.sums, 256)]
+        limit = temperature * schedule.thresholds[draw(path.sums, 1024)]
         if not _changed(field, path, kind, limit):
             continue
         if rises:
@@ -481,13 +484,13 @@ def _walk(
         accepted[kind] += 1
         if _RECORD_AFTER * turn < schedule.moves:
             continue
-        energy = _energy(field, path.sums[_COUNT], path.sums[_SHARED], path.sums[_COST])
+        energy = energy_of(field, path.sums[_COUNT], path.sums[_SHARED], path.sums[_COST])
         if energy < best - 1e-9:
             best = energy
             best_count = path.sums[_COUNT]
             _store(path, best_order)
     if best_count == 0:
-        best = _energy(field, path.sums[_COUNT], path.sums[_SHARED], path.sums[_COST])
+        best = energy_of(field, path.sums[_COUNT], path.sums[_SHARED], path.sums[_COST])
         best_count = path.sums[_COUNT]
         _store(path, best_order)
     return best, best_count

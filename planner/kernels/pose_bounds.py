@@ -1,4 +1,7 @@
-"""Cells of a lattice that is laid over a cloud of points inside a solid, compiled."""
+"""Cells or tetrahedra of a lattice over a cloud of points inside a solid, compiled.
+
+A tetrahedron from the node with the flat index k one step along ``axis`` has the number 3 k + axis.
+"""
 # pyright: reportUntypedFunctionDecorator=false, reportArgumentType=false
 
 from __future__ import annotations
@@ -33,6 +36,52 @@ def count_points(points: Array, stride: int, pitch: float, offset: Array, span: 
         y = int(points[i, 1] / pitch + offset[1])
         z = int(points[i, 2] / pitch + offset[2])
         counts[(x * span[1] + y) * span[2] + z] += 1
+    return counts
+
+
+@njit(**KERNEL)
+def count_in_tetrahedra(
+    points: Array, stride: int, pitch: float, offset: Array, span: Ints
+) -> Ints:
+    """Count the points in each tetrahedron.
+
+    A point lies between the nearest node-lattice point with even coordinates and the farthest
+    corner of their unit cube; the two axes along which it is farthest from the former tell the
+    tetrahedron.
+
+    Args:
+        points: (p, 3) points; every ``stride``-th counts.
+        stride: See above.
+        pitch: Distance of two nodes.
+        offset: (3,) shift: a point x has the node coordinates x / pitch + offset, at least 1.
+        span: (3,) nodes along the axes; all tetrahedra with points must lie in them.
+
+    Returns:
+        (3 · X · Y · Z,) numbers of points.
+    """
+    counts = np.zeros(3 * span[0] * span[1] * span[2], dtype=np.int64)
+    even = np.zeros(3, dtype=np.int64)
+    apart = np.zeros(3)
+    steps = (span[1] * span[2], span[2], 1)
+    for i in range(0, points.shape[0], stride):
+        node = ZERO
+        for axis in range(3):
+            at = points[i, axis] / pitch + offset[axis]
+            even[axis] = 2 * int(0.5 * (at + 1.0))
+            apart[axis] = at - even[axis]
+            node += even[axis] * steps[axis]
+        first = 0
+        for axis in range(1, 3):
+            if abs(apart[axis]) > abs(apart[first]):
+                first = axis
+        second = 1 if first == 0 else 0
+        other = 3 - first - second
+        if abs(apart[other]) > abs(apart[second]):
+            second = other
+        node += steps[first] if apart[first] > 0.0 else -steps[first]
+        if apart[second] < 0.0:
+            node -= steps[second]
+        counts[3 * node + second] += 1
     return counts
 
 

@@ -1,14 +1,47 @@
-"""Kernels for Eulerian trails: pairings at nodes of degree two and four, and what they make."""
+"""Kernels for closed trails of tetrahedra: pairings at nodes, and annealing towards a solid.
+
+A set of tetrahedra of the tetragonal disphenoid honeycomb has a closed trail if it is connected by
+hinges and an even number of them meets at every node: two or four. Each unit cube of the nodes'
+lattice has a ring of six tetrahedra around one of its diagonals. A move of the annealing takes
+those tetrahedra of one ring that are in the set out of it, and puts the others in, which leaves the
+numbers at all nodes even. Worse sets are accepted as in ``path_annealing``.
+
+The annealing numbers tetrahedra by their lower node and axis: that from the node with the flat
+index k one step along ``axis`` is 3 k + axis.
+"""
+# pyright: reportUntypedFunctionDecorator=false, reportArgumentType=false
 
 from __future__ import annotations
+
+from typing import Any, Final, NamedTuple
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
+from planner.kernels import INNER, KERNEL, ZERO
+from planner.kernels.path_annealing import RANDOM, Field, Schedule, draw, energy_of
 
 Ints = NDArray[np.int64]
+
+RING: Final = 6
+"""Number of tetrahedra around a diagonal of a unit cube."""
+_COUNT, _SHARED, _COST, _STAMP = range(4)
+_RECORD_AFTER: Final = 3
+"""A third of the moves passes, while the set is hot, before the best one is recorded."""
+_BARE: Final[dict[str, Any]] = INNER | {"_nrt": False}
+"""Options of a kernel that creates no arrays; references to them are then not counted."""
+
+
+class _Set(NamedTuple):
+    """Tetrahedra, in any order, the place of each in that order, marks of nodes, and sums."""
+
+    members: Ints
+    slot: Ints
+    marks: Ints
+    stack: Ints
+    ring: Ints
+    sums: Ints
 
 
 @njit(**INNER)
@@ -88,3 +121,200 @@ def circuit_order(partner: Ints, first: int, order: Ints) -> int:
         end = partner[out]
         if end == first:
             return count
+
+
+@njit(**_BARE)
+def _find_ring(steps: Ints, corner: int, parity: int, ring: Ints) -> None:
+    """Write the tetrahedra around the diagonal of a unit cube.
+
+    Args:
+        steps: (6,) differences of the flat indices of neighbouring nodes.
+        corner: Flat index of the lowest corner.
+        parity: 4, 2 and 1 added for odd coordinates x, y and z of that corner.
+        ring: (6,) tetrahedra, written to.
+    """
+    count = 0
+    for axis in range(3):
+        one, two = (axis + 1) % 3, (axis + 2) % 3
+        for k in range(4):
+            bits = parity ^ ((k & 1) << (2 - one)) ^ ((k >> 1) << (2 - two))
+            if bits in (0, 7) or bits ^ (4 >> axis) in (0, 7):
+                continue
+            node = corner + (k & 1) * steps[2 * one] + (k >> 1) * steps[2 * two]
+            ring[count] = 3 * node + axis
+            count += 1
+
+
+@njit(**_BARE)
+def _toggle(group: _Set, tetrahedron: int) -> None:
+    """Put a tetrahedron into the set, or take it out."""
+    n = group.sums[_COUNT]
+    at = group.slot[tetrahedron]
+    if at < 0:
+        group.slot[tetrahedron] = n
+        group.members[n] = tetrahedron
+        group.sums[_COUNT] = n + 1
+        return
+    last = group.members[n - 1]
+    group.members[at] = last
+    group.slot[last] = at
+    group.slot[tetrahedron] = -1
+    group.sums[_COUNT] = n - 1
+
+
+@njit(**_BARE)
+def _is_connected(group: _Set, steps: Ints) -> bool:
+    """Return True if all members that touch the ring are connected by hinges.
+
+    A part of the set that does not touch it would have been apart before the ring was changed.
+    """
+    group.sums[_STAMP] += 2
+    wanted = group.sums[_STAMP]
+    reached = wanted + 1
+    missing = ZERO
+    start = -1
+    for k in range(RING):
+        node = group.ring[k] // 3
+        for end in (node, node + steps[2 * (group.ring[k] % 3)]):
+            if group.marks[end] == wanted:
+                continue
+            for side in range(6):
+                if group.slot[_beside(steps, end, side)] >= 0:
+                    group.marks[end] = wanted
+                    missing += 1
+                    start = end
+                    break
+    if start < 0:
+        return False
+    group.marks[start] = reached
+    missing -= 1
+    group.stack[0] = start
+    size = 1
+    while size > 0 and missing > 0:
+        size -= 1
+        node = group.stack[size]
+        for side in range(6):
+            if group.slot[_beside(steps, node, side)] < 0:
+                continue
+            other = node + steps[side]
+            if group.marks[other] == reached:
+                continue
+            if group.marks[other] == wanted:
+                missing -= 1
+            group.marks[other] = reached
+            group.stack[size] = other
+            size += 1
+    return missing == 0
+
+
+@njit(**_BARE)
+def _beside(steps: Ints, node: int, side: int) -> int:
+    """Return the tetrahedron from a node to its neighbour on a side."""
+    lower = node if side % 2 == 0 else node + steps[side]
+    return 3 * lower + side // 2
+
+
+@njit(**_BARE)
+def _changed(field: Field, parities: Ints, group: _Set, limit: float) -> bool:
+    """Try to exchange the tetrahedra of a ring beside a member; return True if that was done."""
+    sums = group.sums
+    member = group.members[draw(sums, sums[_COUNT])]
+    axis = member % 3
+    node = member // 3
+    if draw(sums, 2) == 1:
+        node += field.steps[2 * axis]
+    corner = node
+    octant = draw(sums, 8)
+    for k in range(3):
+        if octant & (1 << k):
+            corner += field.steps[2 * k + 1]
+    _find_ring(field.steps, corner, parities[corner], group.ring)
+    count = ZERO
+    fill = ZERO
+    cost = ZERO
+    for k in range(RING):
+        tetrahedron = group.ring[k]
+        if field.fill[tetrahedron] < 0:
+            return False
+        sign = 1 if group.slot[tetrahedron] < 0 else -1
+        count += sign
+        fill += sign * field.fill[tetrahedron]
+        cost += sign * field.cost[tetrahedron]
+    n = sums[_COUNT] + count
+    if n > field.high or n < RING:
+        return False
+    old = energy_of(field, sums[_COUNT], sums[_SHARED], sums[_COST])
+    new = energy_of(field, n, sums[_SHARED] + fill, sums[_COST] + cost)
+    if new - old > limit:
+        return False
+    for k in range(RING):
+        _toggle(group, group.ring[k])
+    if not _is_connected(group, field.steps):
+        for k in range(RING):
+            _toggle(group, group.ring[k])
+        return False
+    sums[_SHARED] += fill
+    sums[_COST] += cost
+    return True
+
+
+@njit(**KERNEL)
+def anneal_trail(
+    field: Field, schedule: Schedule, parities: Ints, corner: int, seed: int
+) -> tuple[Ints, float]:
+    """Anneal a set of tetrahedra with a closed trail.
+
+    Args:
+        field: The tetrahedra and the goal; ``fill`` and ``cost`` by their numbers.
+        schedule: The moves; their kinds are not used.
+        parities: (m,) 4, 2 and 1 added for odd coordinates x, y and z of each node.
+        corner: Flat index of the lowest corner of the unit cube with the first ring.
+        seed: Random seed, 0…2⁴⁸ − 1.
+
+    Returns:
+        (n,) numbers of the best tetrahedra, and their energy.
+    """
+    nodes = parities.shape[0]
+    room = field.high + RING
+    group = _Set(
+        np.empty(room, dtype=np.int64),
+        np.full(3 * nodes, -1, dtype=np.int64),
+        np.zeros(nodes, dtype=np.int64),
+        np.empty(nodes, dtype=np.int64),
+        np.empty(RING, dtype=np.int64),
+        np.zeros(6, dtype=np.int64),
+    )
+    group.sums[RANDOM] = seed
+    _find_ring(field.steps, corner, parities[corner], group.ring)
+    for k in range(RING):
+        _toggle(group, group.ring[k])
+        group.sums[_SHARED] += field.fill[group.ring[k]]
+        group.sums[_COST] += field.cost[group.ring[k]]
+    best_members = group.members.copy()
+    best, count = _walk(field, schedule, parities, group, best_members)
+    return best_members[:count].copy(), best
+
+
+@njit(**_BARE)
+def _walk(
+    field: Field, schedule: Schedule, parities: Ints, group: _Set, best_members: Ints
+) -> tuple[float, int]:
+    sums = group.sums
+    best = np.inf
+    best_count = RING + ZERO
+    temperature = schedule.hot
+    for turn in range(schedule.moves):
+        if turn % 256 == 255:
+            temperature *= schedule.cooling
+        limit = temperature * schedule.thresholds[draw(sums, 1024)]
+        if not _changed(field, parities, group, limit):
+            continue
+        if _RECORD_AFTER * turn < schedule.moves:
+            continue
+        value = energy_of(field, sums[_COUNT], sums[_SHARED], sums[_COST])
+        if value < best - 1e-9:
+            best = value
+            best_count = sums[_COUNT]
+            for k in range(best_count):
+                best_members[k] = group.members[k]
+    return best, best_count

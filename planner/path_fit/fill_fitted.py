@@ -16,6 +16,7 @@ from planner.errors import InputError
 from planner.kernels.backbite import grow
 from planner.path_fit.fit import FittedPath, PathFit, fit_path
 from planner.path_fit.fit_table import MAX_TABLE_FITTED_MODULES, SIDES, fit_on_table
+from planner.path_fit.placements import Placement
 from planner.pathfinding.filled_shape import FilledShape
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import index_of, neighbours, surface
@@ -198,13 +199,18 @@ def _stages(solid: Solid, modules: int, seed: int, *, exact: bool) -> Iterator[_
 def _worth(laid: _LaidFit) -> float:
     """Return the IoU with the whole solid, less what joined bodies must gain."""
     ladder, fit = laid
-    return _whole_iou(ladder, fit.paths[0]) - (MIN_JOINED_GAIN if ladder.whole else 0.0)
+    return _path_iou(ladder, fit.paths[0]) - (MIN_JOINED_GAIN if ladder.whole else 0.0)
 
 
-def _whole_iou(ladder: Ladder, fitted: FittedPath) -> float:
+def _path_iou(ladder: Ladder, fitted: FittedPath) -> float:
     """Return the IoU of a path with the whole solid."""
-    volume, count = fitted.placement.volume, len(fitted.cells)
-    shared = fitted.iou * (volume + count) / (1.0 + fitted.iou)
+    return whole_iou(ladder, fitted.placement, len(fitted.cells), fitted.iou)
+
+
+def whole_iou(ladder: Ladder, placement: Placement, count: int, iou: float) -> float:
+    """Return the IoU of ``count`` modules with the whole solid, from that with the used body."""
+    volume = placement.volume
+    shared = iou * (volume + count) / (1.0 + iou)
     return shared / (volume / ladder.share + count - shared)
 
 
@@ -225,7 +231,7 @@ def _voxels(ladder: Ladder, fitted: FittedPath, modules: int) -> Voxels:
     laid = LaidCells(
         cells=cells, pitch=place.pitch, rotation=place.turn.rotation, offset=place.offset
     )
-    kept = kept_of(ladder, cells, filled, _whole_iou(ladder, fitted))
+    kept = kept_of(ladder, cells, filled, _path_iou(ladder, fitted))
     voxels = voxels_of(ladder, laid, kept, fitted.iou, asked=modules)
     if ladder.whole and not voxels.unused:
         notes = (joined_note(len(ladder.bodies)), *voxels.notes)

@@ -26,7 +26,7 @@ from planner.kernels.path_annealing import (
     anneal,
 )
 from planner.path_fit.cloud import clouds_of
-from planner.path_fit.placements import Counts, Placement, Turn, best_placements
+from planner.path_fit.placements import CUBES, Counts, Lattice, Placement, Turn, best_placements
 from planner.pathfinding.knots import knot_of
 from planner.pathfinding.lattice import spread
 from planner.shapes.lattice_fits import Ladder
@@ -189,7 +189,7 @@ def fit_path(
     annealed = partial(_annealed, counts=counts, tunnels=walls.tunnels)
     runs: list[FittedPath] = []
     has_first = False
-    for number, placement in enumerate(_placements(ladder, counts, walls, seed)):
+    for number, placement in enumerate(placements_of(ladder, counts, walls, seed)):
         runs.append(annealed(placement, RACE_MOVES * modules, [seed, 0, number]))
         runs = ranked(runs, low)
         if not has_first and len(runs) >= FIRST_PLACEMENTS and len(runs[0].cells) >= low:
@@ -212,8 +212,16 @@ def fit_path(
     yield PathFit(paths=_chosen(ranked(finals, low), low), is_final=True)
 
 
-def _placements(ladder: Ladder, counts: Counts, walls: _Walls, seed: int) -> Iterator[Placement]:
-    """Yield the placements of the race: upright ones, and turned ones that may pay."""
+def placements_of(
+    ladder: Ladder,
+    counts: Counts,
+    walls: Walls,
+    seed: int,
+    *,
+    lattice: Lattice = CUBES,
+    upright: int = UPRIGHT_PLACEMENTS,
+) -> Iterator[Placement]:
+    """Yield the placements of the race: ``upright`` ones, and turned ones that may pay."""
     clouds = clouds_of(ladder, seeds=(2 * seed, 2 * seed + 1), wall=walls.wall)
     rng = np.random.default_rng(seed)
     best = 0.0
@@ -221,8 +229,8 @@ def _placements(ladder: Ladder, counts: Counts, walls: _Walls, seed: int) -> Ite
         pitches = tuple(walls.pitch * factor for factor in PITCH_FACTORS)
         pitches += tuple(ladder.dividing(number, walls.pitch))
         turn = Turn(rotation=rotation, pitches=pitches, is_upright=number == 0)
-        tried = best_placements(clouds, counts, turn, least=best, rng=rng)
-        for placement in islice(tried, UPRIGHT_PLACEMENTS if turn.is_upright else 1):
+        tried = best_placements(clouds, counts, turn, least=best, rng=rng, lattice=lattice)
+        for placement in islice(tried, upright if turn.is_upright else 1):
             if turn.is_upright:
                 best = max(best, placement.bound)
             elif placement.bound < best + MIN_TILT_GAIN:
@@ -230,7 +238,7 @@ def _placements(ladder: Ladder, counts: Counts, walls: _Walls, seed: int) -> Ite
             yield placement
 
 
-class _Walls(NamedTuple):
+class Walls(NamedTuple):
     """Pitch that others are near; and for a solid with thin walls, see ``Clouds`` and ``along``."""
 
     pitch: float
@@ -238,7 +246,7 @@ class _Walls(NamedTuple):
     tunnels: int | None = None
 
 
-def _walls(ladder: Ladder, cells: int) -> _Walls:
+def _walls(ladder: Ladder, cells: int) -> Walls:
     """Return how cells shall treat the walls of a solid.
 
     Cells with the pitch p₀ have the volume V of the solid together. If its walls have the thickness
@@ -250,8 +258,8 @@ def _walls(ladder: Ladder, cells: int) -> _Walls:
     pitch, wall = ladder.pitch_for(cells), ladder.thickness
     closing = pitch * float(np.sqrt(pitch / wall))
     if closing < MIN_CLOSING_PITCH * wall:
-        return _Walls(pitch)
-    return _Walls(closing, SLANT * wall, ladder.tunnels)
+        return Walls(pitch)
+    return Walls(closing, SLANT * wall, ladder.tunnels)
 
 
 def _annealed(
@@ -263,9 +271,13 @@ def _annealed(
     return FittedPath.along(placement, path, tunnels)
 
 
+def worth_of(score: float, placement: Placement) -> float:
+    """Return a score, less what a turned solid must gain."""
+    return score - (0.0 if placement.turn.is_upright else MIN_TILT_GAIN)
+
+
 def _worth(run: FittedPath) -> float:
-    """Return the score, less what a turned solid must gain."""
-    return run.score - (0.0 if run.placement.turn.is_upright else MIN_TILT_GAIN)
+    return worth_of(run.score, run.placement)
 
 
 def ranked(runs: list[FittedPath], low: int) -> list[FittedPath]:

@@ -5,7 +5,7 @@ They are compared by the best set of cells, which need not have a path: no path 
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from itertools import product
 from typing import Final
@@ -14,22 +14,44 @@ import numpy as np
 
 from planner.arrays import Array, Ints
 from planner.kernels.path_annealing import CLOSED, FULL
-from planner.kernels.pose_bounds import best_overlap, count_points
+from planner.kernels.pose_bounds import best_overlap, count_in_tetrahedra, count_points
 from planner.path_fit.cloud import Clouds
 from planner.shapes.inside_points import turned
 
 MARGIN: Final = 2
 """Number of empty cells around a solid that a path may use."""
 SHIFTS: Final = tuple(np.array(shift) / 4.0 for shift in product(range(4), repeat=3))
-"""Shifts of the lattice that are tried for the upright solid, in cells."""
+"""Shifts of the lattice that are tried for the upright solid, in periods."""
 FEW_SHIFTS: Final = tuple(np.array(shift) / 2.0 for shift in product(range(2), repeat=3))
-"""Shifts of the lattice that are tried for other orientations, in cells."""
+"""Shifts of the lattice that are tried for other orientations, in periods."""
 ROUGH_POINTS: Final = 6_000
 """Number of points by which all pitches and shifts are compared."""
 CLIMBS: Final = 120
 """Number of random steps of an improvement."""
 CLIMB_PITCH, CLIMB_SHIFT = 0.025, 0.25
-"""Largest random steps of the pitch, relative, and of each shift, in cells, at first."""
+"""Largest random steps of the pitch, relative, and of each shift, in periods, at first."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Lattice:
+    """Places for modules.
+
+    Attributes:
+        count: Kernel that counts the points in each place, by flat indices of the places.
+        shape: Number of places at each point of the grid, as the further axes of an array of them.
+        volume: Volume of a module, in cubes of the pitch.
+        period: Shift by which the lattice repeats along each axis, in pitches.
+    """
+
+    count: Callable[[Array, int, float, Array, Ints], Ints]
+    shape: tuple[int, ...]
+    volume: float
+    period: int
+
+
+CUBES: Final = Lattice(count=count_points, shape=(), volume=1.0, period=1)
+TETRAHEDRA: Final = Lattice(count=count_in_tetrahedra, shape=(3,), volume=2.0 / 3.0, period=2)
+"""Tetrahedra, of which the pitch is the distance of two nodes; see ``kernels.trails``."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -56,6 +78,7 @@ class Placement:
         pitch: Edge of a cell, in the solid's units.
         offset: (3,) shift, in cells.
         fill: (X, Y, Z) share of each cell inside the solid, in 1/``FULL``; ``CLOSED`` at the rim.
+            Of tetrahedra, (X, Y, Z, 3): from each node one step along each axis.
         volume: Volume of the solid, in cells.
         worth: (X, Y, Z) like ``fill``, but a wall that is much thinner than a cell counts as thick
             as a cell: a cell with a whole wall through it is worth ``FULL``.
@@ -78,7 +101,7 @@ class Placement:
 
     def steps(self) -> Ints:
         """Return the (6,) differences of flat indices to the neighbours; +z and −z come last."""
-        _, y, z = self.fill.shape
+        y, z = self.fill.shape[1:3]
         return np.array([y * z, -y * z, z, -z, 1, -1], dtype=np.int64)
 
     def overlap(self, path: Ints) -> float:
@@ -128,6 +151,7 @@ class _TurnedCloud:
         each: Volume that a point stands for.
         wall: Same as in ``Clouds``.
         counts: Numbers of cells.
+        lattice: The cells.
     """
 
     points: Array
@@ -136,11 +160,20 @@ class _TurnedCloud:
     each: float
     wall: float
     counts: Counts
+    lattice: Lattice
+
+    def tally(
+        self, pitch: float, shift: Array, *, stride: int = 1, margin: int = 0
+    ) -> tuple[Ints, Ints]:
+        """Count every ``stride``-th point; return the points in each cell, and the grid's size."""
+        period = self.lattice.period
+        span = np.ceil(self.extents / pitch).astype(np.int64) + 2 * margin + 4 * period
+        tally = self.lattice.count(self.points, stride, pitch, shift + margin + period, span)
+        return tally, span
 
     def bound(self, pitch: float, shift: Array, stride: int = 1) -> float:
         """Return the IoU of the best cells of a pose, by every ``stride``-th point."""
-        span = np.ceil(self.extents / pitch).astype(np.int64) + 4
-        tally = count_points(self.points, stride, pitch, shift + 1.0, span)
+        tally, _ = self.tally(pitch, shift, stride=stride)
         counted = -(-len(self.points) // stride)
         return self.best(tally, pitch, counted)
 
@@ -152,7 +185,7 @@ class _TurnedCloud:
             pitch: Edge of a cell.
             counted: Number of points that were counted.
         """
-        full = pitch**3 / self.each * counted / len(self.points)
+        full = self.lattice.volume * pitch**3 / self.each * counted / len(self.points)
         total = float(counted)
         if self.wall < pitch:
             full *= self.wall / pitch
@@ -167,6 +200,7 @@ def best_placements(
     *,
     least: float,
     rng: np.random.Generator,
+    lattice: Lattice = CUBES,
 ) -> Iterator[Placement]:
     """Yield placements of a turned solid: of each pitch the best shift, both improved.
 
@@ -178,6 +212,7 @@ def best_placements(
         turn: The rotation and its pitches.
         least: Smallest bound of the best pose before it is improved; else there are none.
         rng: Random numbers.
+        lattice: The cells.
     """
     vertices = turned(clouds.vertices, turn.rotation)
     corner = vertices.min(axis=0)
@@ -189,11 +224,12 @@ def best_placements(
             each=inside.volume / len(inside.points),
             wall=clouds.wall,
             counts=counts,
+            lattice=lattice,
         )
         for inside in (clouds.rough, clouds.fine)
     )
     stride = max(1, len(rough.points) // ROUGH_POINTS)
-    shifts = SHIFTS if turn.is_upright else FEW_SHIFTS
+    shifts = [lattice.period * shift for shift in (SHIFTS if turn.is_upright else FEW_SHIFTS)]
     poses: list[_Pose] = []
     for pitch in turn.pitches:
         bounds = [rough.bound(pitch, shift, stride) for shift in shifts]
@@ -208,12 +244,13 @@ def best_placements(
 
 def _climbed(cloud: _TurnedCloud, pose: _Pose, rng: np.random.Generator) -> _Pose:
     """Improve a pitch and shift by random steps, which get smaller."""
+    period = cloud.lattice.period
     best = _Pose(pitch=pose.pitch, shift=pose.shift, bound=cloud.bound(pose.pitch, pose.shift))
     width = 1.0
     for k in range(CLIMBS):
         steps = rng.uniform(-width, width, 4)
         pitch = best.pitch * (1.0 + CLIMB_PITCH * float(steps[0]))
-        shift = (best.shift + CLIMB_SHIFT * steps[1:]) % 1.0
+        shift = (best.shift + period * CLIMB_SHIFT * steps[1:]) % period
         bound = cloud.bound(pitch, shift)
         if bound > best.bound:
             best = _Pose(pitch=pitch, shift=shift, bound=bound)
@@ -224,15 +261,13 @@ def _climbed(cloud: _TurnedCloud, pose: _Pose, rng: np.random.Generator) -> _Pos
 
 def _filled(cloud: _TurnedCloud, turn: Turn, pose: _Pose) -> Placement:
     """Fill the cells of a pose."""
-    pitch, points = pose.pitch, cloud.points
-    shift = pose.shift + MARGIN + 1
-    span = np.ceil(cloud.extents / pitch).astype(np.int64) + 2 * MARGIN + 4
-    tally = count_points(points, 1, pitch, shift, span)
-    full = pitch**3 / cloud.each
+    pitch, points, lattice = pose.pitch, cloud.points, cloud.lattice
+    tally, span = cloud.tally(pitch, pose.shift, margin=MARGIN)
+    full = lattice.volume * pitch**3 / cloud.each
     fill, worth = (
         np.minimum(np.rint(tally * (FULL / points_in_full)), FULL)
         .astype(np.int64)
-        .reshape(tuple(span.tolist()))
+        .reshape((*span.tolist(), *lattice.shape))
         for points_in_full in (full, full * min(1.0, cloud.wall / pitch))
     )
     volume = len(points) / full
@@ -240,11 +275,12 @@ def _filled(cloud: _TurnedCloud, turn: Turn, pose: _Pose) -> Placement:
     for axis in range(3):
         for cells in (fill, worth):
             rim = np.moveaxis(cells, axis, 0)
-            rim[0] = rim[-1] = CLOSED
+            rim[0] = CLOSED
+            rim[-lattice.period :] = CLOSED
     return Placement(
         turn=turn,
         pitch=pitch,
-        offset=shift - cloud.corner / pitch,
+        offset=pose.shift + MARGIN + lattice.period - cloud.corner / pitch,
         fill=fill,
         volume=volume,
         worth=worth,

@@ -8,13 +8,13 @@ from typing import Final
 import numpy as np
 
 from planner.arrays import Flags, Ints
-from planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_pairs
+from planner.chain.honeycomb import ring_pairs
 from planner.chain.trail import Trail
 from planner.errors import InputError
 from planner.pathfinding import Cell
 from planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit, free_cuts
 from planner.pathfinding.knots import knot_of
-from planner.pathfinding.lattice import parts
+from planner.pathfinding.lattice import index_of, parts
 from planner.pathfinding.path_search import MAX_CHOICE_MODULES, MAX_KNOT_CELLS
 from planner.shapes.shape import Shape
 
@@ -57,14 +57,32 @@ def find_trails(
         InputError: ``no-trail`` when the cells are in several parts, ``not-a-cell`` for a start
             that is not among them, ``no-start`` when no end of that ring is on the surface.
     """
-    first = None if start is None else _index(shape.cells, start)
+    first = index_of(shape.cells, start)
     if parts(shape.cells)[0] > 1:
         raise InputError(
             "no-trail",
             f"the cells are in {parts(shape.cells)[0]} parts, but the chain passes from "
             "cell to cell through their faces; join the parts or keep one part.",
         )
-    pairs = ring_pairs(shape.cells)
+    first_cell = None if first is None else shape.cells[first]
+    return trails_through(shape, ring_pairs(shape.cells), ends=ends, first=first_cell, seed=seed)
+
+
+def trails_through(
+    shape: Shape, pairs: Ints, *, ends: str = "any", first: Ints | None = None, seed: int = 0
+) -> TrailSearch:
+    """Find trails through all of some tetrahedra.
+
+    Args:
+        shape: The cells, for the name and the size.
+        pairs: (n, 2, 3) node pairs, of which an even number meets at each node.
+        ends: See ``find_trails``.
+        first: (3,) cell with the tetrahedra of which one is first, None for any.
+        seed: Seed of all random choices.
+
+    Raises:
+        InputError: ``no-trail`` for pairs in several parts, ``no-start`` as in ``find_trails``.
+    """
     made = TRAILS_PER_SHAPE if len(pairs) <= MAX_CHOICE_MODULES else 1
     ranked_trails: dict[bytes, tuple[tuple[int, int, int], Trail]] = {}
     for k in range(made):
@@ -72,7 +90,7 @@ def find_trails(
         along = np.random.default_rng((seed, k)).normal(size=3) if k else None
         nodes = eulerian_circuit(pairs, along)
         free = free_cuts(nodes)
-        allowed = _cuts(nodes, pairs, free, first, ends)
+        allowed = _cuts(nodes, free, first, ends)
         cut = _best_cut(nodes, allowed)
         trail = Trail.from_nodes(cut_open(nodes, cut), name=shape.name, pitch_m=0.5 * shape.pitch_m)
         knotted = 0
@@ -84,18 +102,11 @@ def find_trails(
     return TrailSearch(trails=tuple(trail for _, trail in ranked))
 
 
-def _index(cells: Ints, start: Cell) -> int:
-    at = np.flatnonzero((cells == np.array(start)).all(axis=1))
-    if not len(at):
-        raise InputError("not-a-cell", f"got the start cell {start}, expected a cell of the shape.")
-    return int(at[0])
-
-
-def _cuts(nodes: Ints, pairs: Ints, free: Flags, first: int | None, ends: str) -> Ints:
+def _cuts(nodes: Ints, free: Flags, first: Ints | None, ends: str) -> Ints:
     """Return (k,) modules before which the circuit may be cut; free ones if there are any."""
     allowed = np.ones(len(nodes) - 1, dtype=bool)
     if first is not None:
-        own = pairs[TETRAHEDRA_PER_RING * first : TETRAHEDRA_PER_RING * (first + 1)].sum(axis=1)
+        own = ring_pairs(first[None]).sum(axis=1)
         sums = nodes[:-1] + nodes[1:]
         allowed = (sums[:, None, :] == own[None]).all(axis=2).any(axis=1)
     if (allowed & free).any():

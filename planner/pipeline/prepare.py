@@ -10,7 +10,7 @@ import numpy as np
 
 from planner.arrays import Array, Ints
 from planner.chain.chain import Chain
-from planner.chain.module import CUBE, LONG_CHAIN
+from planner.chain.module import CUBE, LONG_CHAIN, TETRAHEDRON
 from planner.chain.path import Path
 from planner.errors import InputError
 from planner.pathfinding import PATH_METHODS
@@ -579,16 +579,14 @@ def _check_for_fitted(found: Shape | Solid, options: PathOptions) -> None:
     """Refuse the method 'fitted' where it chooses nothing."""
     if isinstance(found, Shape):
         got, remedy = "cells", "Use the method 'exact' or 'blocks', as the cells are given."
-    elif options.module != CUBE.name:
-        got, remedy = f"{options.module} modules", "Use the method 'auto' or cubes."
     elif options.world == "table":
         got, remedy = "a fold on a table", "Use the method 'auto'."
     else:
         return
     raise InputError(
         "unsuited-method",
-        f"got the method 'fitted' for {got}, expected a mesh that is folded from cubes in zero "
-        f"gravity. {remedy}",
+        f"got the method 'fitted' for {got}, expected a mesh that is folded in zero gravity. "
+        f"{remedy}",
         where="method",
     )
 
@@ -597,7 +595,8 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
     """Return the better of a fitted path and the path through voxels; see ``MIN_FITTED_GAIN``.
 
     With the method ``exact`` a fitted path has exactly the requested number of modules. On a table
-    the path is taken that should fold more easily.
+    the path is taken that should fold more easily. Tetrahedra are always fitted, below
+    ``LONG_CHAIN``: through any set of them that is chosen a trail leads.
     """
     if options.world == "table":
         voxelised = _voxelised(solid, options, seed, time_limit_s)
@@ -605,7 +604,7 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
         return _easier_on_table(solid, voxelised, seed) if may_fit else voxelised
     if not _can_fit(options):
         return _voxelised(solid, options, seed, time_limit_s)
-    if options.method != "auto":
+    if options.method != "auto" or options.module == TETRAHEDRON.name:
         return _fitted(solid, options, seed)
     from planner.shapes.voxelise import chooser_for
 
@@ -635,13 +634,14 @@ def _can_fit(options: PathOptions) -> bool:
     if options.method not in ("auto", "exact"):
         return options.method == "fitted"
     modules = DEFAULT_MODULES if options.modules is None else options.modules
-    return options.module == CUBE.name and modules < LONG_CHAIN
+    is_suited = options.module == CUBE.name or options.method == "auto"
+    return is_suited and modules < LONG_CHAIN
 
 
 def _has_first_result(options: PathOptions) -> bool:
     """Return True if a fit of a path to a mesh has a first result worth showing."""
     plain = options.world != "table" and options.method != "exact" and options.start is None
-    return plain and _can_fit(options)
+    return plain and options.module == CUBE.name and _can_fit(options)
 
 
 def _easier_on_table(solid: Solid, voxelised: Preparation, seed: int) -> Preparation:
@@ -682,8 +682,12 @@ def _keeps_parts(made: Preparation) -> bool:
 
 def _fitted(solid: Solid, options: PathOptions, seed: int, *, quick: bool = False) -> Preparation:
     from planner.path_fit.fill_fitted import fill_fitted
+    from planner.path_fit.fill_trail import fill_with_trail
 
-    voxels, filled = fill_fitted(solid, options, seed=seed, quick=quick)
+    if options.module == TETRAHEDRON.name:
+        voxels, filled = fill_with_trail(solid, options, seed=seed)
+    else:
+        voxels, filled = fill_fitted(solid, options, seed=seed, quick=quick)
     notes = (*voxels.notes, *solid.notes)
     return replace(_of_solid(solid, options, voxels, filled, notes), final=not quick)
 

@@ -9,8 +9,10 @@ import numpy as np
 
 from planner.arrays import Array
 from planner.chain.chain import Chain
+from planner.chain.module import TETRAHEDRON
 from planner.chain.path import Path
 from planner.path_fit.fill_fitted import fill_fitted
+from planner.path_fit.fill_trail import fill_with_trail
 from planner.pathfinding.exact_search import exact_path
 from planner.pathfinding.knots import knot_of, knot_of_polygon
 from planner.pathfinding.path_options import PathOptions
@@ -47,8 +49,9 @@ def warm_up_paths() -> None:
 
 
 def warm_up_fit() -> None:
-    """Fit a path to a tetrahedron, and test a knot, which only some chains have."""
+    """Fit a path and a trail to a tetrahedron, and test a knot, which only some chains have."""
     fill_fitted(_tetrahedron(), PathOptions(modules=8), seed=0)
+    fill_with_trail(_tetrahedron(), PathOptions(modules=24, module=TETRAHEDRON.name), seed=0)
     knot_of_polygon(_trefoil(), np.random.default_rng(0))
 
 

@@ -163,11 +163,10 @@ def test_the_ends_and_the_start_are_as_requested(fitted_ring: Preparation) -> No
             )
 
 
-def test_the_method_fitted_needs_a_mesh_of_cubes() -> None:
+def test_the_method_fitted_needs_a_mesh_in_zero_gravity() -> None:
     cells = read(b"[[0,0,0],[1,0,0],[1,1,0]]", filename="a.json", as_voxels=True)
     refused = {
         "cells": (cells, {}),
-        "tetrahedra": (solid_of(torus()), {"module": "tetrahedron"}),
         "table": (solid_of(torus()), {"world": "table"}),
         "too many": (solid_of(torus()), {"modules": 5000}),
     }

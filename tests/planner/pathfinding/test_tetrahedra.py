@@ -82,7 +82,7 @@ def test_separate_parts_are_dropped_on_request_only() -> None:
 def test_mesh_is_filled_with_tetrahedra() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=3)
     data = mesh.export(file_type="stl")
-    few, many = prepare_chain(data, modules=72), prepare_chain(data, modules=300)
+    few, many = (prepare_chain(data, modules=n, method="blocks") for n in (72, 300))
     assert few.likeness is not None
     assert many.likeness is not None
     assert 0.3 < few.likeness.iou < many.likeness.iou < 1.0

@@ -29,7 +29,7 @@ def test_shape_command_writes_a_chain_for_a_mesh(tmp_path: Path) -> None:
     written = json.loads(out.read_text())
     assert (report["module"], written["module"]) == ("tetrahedron", "tetrahedron")
     assert len(written["joint_angles_deg"]) == report["modules"] - 1
-    assert report["modules"] % 12 == 0
+    assert 0.9 * 48 <= report["modules"] <= 48
 
 
 def test_uploads_of_tetrahedra_are_checked(idle: Service) -> None:
