@@ -1,6 +1,7 @@
 """Running a service: it ends with a signal, replaces hung workers, and lives with few files."""
 
 import os
+import re
 import signal
 import socket
 from collections.abc import Callable
@@ -22,8 +23,19 @@ def running(processes: list[psutil.Process]) -> list[psutil.Process]:
     return [p for p in processes if p.is_running() and p.status() != psutil.STATUS_ZOMBIE]
 
 
+def catches_stop_signals(pid: int) -> bool:
+    """Return whether foldback's own code has begun, which catches SIGTERM first of all.
+
+    Before, SIGINT may be lost: while the interpreter starts, Python drops a KeyboardInterrupt that
+    is raised in a callback.
+    """
+    status = Path(f"/proc/{pid}/status").read_text(encoding="ascii")
+    (caught,) = re.findall(r"^SigCgt:\s*([0-9a-f]+)$", status, re.MULTILINE)
+    return bool(int(caught, 16) >> (signal.SIGTERM - 1) & 1)
+
+
 MOMENTS: dict[str, Callable[[Service], object]] = {
-    "first": lambda service: service.process,
+    "first": lambda service: catches_stop_signals(service.process.pid),
     "worker": lambda service: service.processes("server.jobs.worker_process"),
     "database": lambda service: (service.data_dir / "foldback.db").exists(),
 }
