@@ -113,9 +113,9 @@ coverage: $(STAMP) tools ## Measure which lines and branches `make test` runs, f
 		tests/golden tests/planner/clearance/test_proof.py \
 		tests/planner/pathfinding/test_knots.py
 	@$(BIN)/python -m coverage combine -q
-	@for package in planner web words cli server foldback_client; do \
+	@for package in planner web words cli server client; do \
 		printf '%-16s ' $$package; \
-		$(BIN)/python -m coverage report --include="$$package/*" | tail -n 1; done
+		$(BIN)/python -m coverage report --include="foldback/$$package/*" | tail -n 1; done
 
 faults: $(STAMP) tools ## Put deliberate mistakes into the code and run the test that finds each (ARGS="--all NAME …")
 	@$(BIN)/python -m tests.faults $(ARGS)
@@ -124,7 +124,7 @@ load: $(STAMP) tools ## Measure the service under load, attacks and crashes: a t
 	@$(BIN)/python -m bench.load
 
 audit: $(STAMP) ## Search code and dependencies for known vulnerabilities
-	@$(BIN)/bandit -q -c pyproject.toml -r server cli words web planner foldback_client
+	@$(BIN)/bandit -q -c pyproject.toml -r server cli words web planner client foldback
 	@$(BIN)/pip-audit -r constraints.txt --no-deps
 
 compose-check: $(STAMP) tools ## Run compose.yaml without containers: folds, backup, restore (root, Linux)

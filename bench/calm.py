@@ -18,16 +18,16 @@ from rich.console import Console
 from bench.machine import processor_seconds
 from bench.measured_tables import Section
 from bench.success_map.__main__ import path_of
-from planner.chain.module import CUBE
-from planner.chain.path import Path
-from planner.explosion.simultaneous import MAX_STRAIGHT_HINGE_RAD
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up import warm_up
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_path
-from planner.readers.gallery import gallery
+from foldback.planner.chain.module import CUBE
+from foldback.planner.chain.path import Path
+from foldback.planner.explosion.simultaneous import MAX_STRAIGHT_HINGE_RAD
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.readers.gallery import gallery
 
 MAX_MODULES: Final = 160
 """Largest number of cubes of the chains that are folded."""

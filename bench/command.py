@@ -51,7 +51,7 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
     """Fold an example shape or a file in a separate process; write the plan to ``out``."""
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
         command = [
-            *(sys.executable, "-m", "server.cli.command_line", "fold", shape),
+            *(sys.executable, "-m", "foldback.server.cli.command_line", "fold", shape),
             *("--out", str(out or Path(directory) / "fold"), "--json", *options),
         ]
         begun = time.perf_counter()
@@ -113,7 +113,14 @@ def _watch(pid: int, readings: list[int]) -> None:
 def playing(directory: Path) -> Iterator[str]:
     """Run ``foldback play`` on a directory; yield the address of its page."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "server.cli.command_line", "play", str(directory), "--no-browser"],
+        [
+            sys.executable,
+            "-m",
+            "foldback.server.cli.command_line",
+            "play",
+            str(directory),
+            "--no-browser",
+        ],
         stdout=subprocess.PIPE,
         text=True,
     )

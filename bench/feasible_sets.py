@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.pathfinding.block_merging import block_path
-from planner.pathfinding.lattice import STEPS
+from foldback.planner.pathfinding.block_merging import block_path
+from foldback.planner.pathfinding.lattice import STEPS
 
 Ints = NDArray[np.int64]
 Cell = tuple[int, int, int]

@@ -10,7 +10,7 @@ from bench.command import Run, fold
 from bench.measured_tables import Section
 from examples.run_gallery import PROCESSES, fold_shape
 from examples.run_gallery import SHAPES as GALLERY
-from planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.warm_up import warm_up
 
 SHAPES = (
     "mallet-64",

@@ -25,15 +25,15 @@ from bench.measured_tables import Section
 from bench.meshes import Mesh
 from bench.success_map.__main__ import path_of
 from bench.success_map.stored import run_missing, version_of
-from planner.chain.path import Path as CellPath
-from planner.errors import InputError
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up import warm_up
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_path
-from planner.verification.plan_failure import reason_of
+from foldback.planner.chain.path import Path as CellPath
+from foldback.planner.errors import InputError
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.verification.plan_failure import reason_of
 
 OUT: Final = Path(__file__).parents[1] / "out"
 SIDES: Final = {

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from bench.feasible_sets import MAX_SET_CELLS, MIN_SET_CELLS, Cell, FeasibleSet
-from planner.pathfinding.lattice import STEPS, colours
+from foldback.planner.pathfinding.lattice import STEPS, colours
 
 HARD_SETS_SEED = 300
 """Random seed of all 48 sets of cells that may or may not have a path. Another value draws other

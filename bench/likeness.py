@@ -18,16 +18,16 @@ from bench.held_out_meshes import HELD_OUT
 from bench.measured_tables import Section
 from bench.meshes import MESHES, Mesh
 from bench.thin_meshes import THIN, WALLS
-from planner.chain.module import TETRAHEDRON
-from planner.errors import InputError
-from planner.path_fit.fill_fitted import fill_fitted
-from planner.path_fit.fill_trail import fill_with_trail
-from planner.path_fit.fit import fit_path
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.prepare import prepare_found
-from planner.shapes.lattice_fits import Ladder
-from planner.shapes.orientations import candidates
-from planner.shapes.solid import Solid
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.errors import InputError
+from foldback.planner.path_fit.fill_fitted import fill_fitted
+from foldback.planner.path_fit.fill_trail import fill_with_trail
+from foldback.planner.path_fit.fit import fit_path
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.prepare import prepare_found
+from foldback.planner.shapes.lattice_fits import Ladder
+from foldback.planner.shapes.orientations import candidates
+from foldback.planner.shapes.solid import Solid
 
 FORMS: Final[dict[str, Callable[[], Mesh]]] = {**MESHES, **HELD_OUT, **THIN}
 """Thirty meshes by their names."""

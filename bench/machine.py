@@ -10,8 +10,8 @@ from typing import Any
 
 import mujoco
 
-from planner import Chain, Path
-from planner.simulation.mujoco_models import Material, compiled, tree_spec
+from foldback import Chain, Path
+from foldback.planner.simulation.mujoco_models import Material, compiled, tree_spec
 
 REFERENCE_STEPS = 1000
 """Number of MuJoCo time steps of the reference simulation, whose duration on a machine is the unit

@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from bench.command import watched
 from bench.measured_tables import Section
-from planner.shapes.solid import Solid
-from planner.shapes.voxelise import voxelise
+from foldback.planner.shapes.solid import Solid
+from foldback.planner.shapes.voxelise import voxelise
 
 MESH_CELLS = 1000
 """Number of cells that is requested when the benchmark turns each triangle mesh into cells and
@@ -213,7 +213,7 @@ def _large(section: Section) -> None:
         file, out = Path(directory) / "torus.stl", Path(directory) / "path.json"
         file.write_bytes(fine.export(file_type="stl"))
         command = [
-            *(sys.executable, "-m", "server.cli.command_line", "shape", str(file)),
+            *(sys.executable, "-m", "foldback.server.cli.command_line", "shape", str(file)),
             *("--modules", str(MESH_CELLS), "--method", "blocks", "--out", str(out), "--json"),
         ]
         begun = time.perf_counter()

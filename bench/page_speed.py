@@ -15,12 +15,12 @@ from playwright.sync_api import Browser, Page, sync_playwright
 
 from bench.command import playing
 from bench.measured_tables import Section
-from planner.chain.chain import Chain
-from planner.chain.path import Path as CellPath
-from planner.motion.motion import Motion
-from planner.motion.timeline import TimelineWriter
-from planner.pathfinding.snake import snake_path
-from planner.readers.gallery import Gallery
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path as CellPath
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.planner.pathfinding.snake import snake_path
+from foldback.planner.readers.gallery import Gallery
 from tests.browser.conftest import FLAGS
 from tests.server.service_process import Service
 from tests.tools import CHROMIUM

@@ -18,10 +18,10 @@ import numpy as np
 from bench.feasible_sets import FeasibleSet, feasible_sets
 from bench.hard_sets import hard_sets
 from bench.measured_tables import Section
-from planner.chain.path import Path as ChainPath
-from planner.pathfinding.block_merging import block_path
-from planner.pathfinding.exact_search import exact_path
-from planner.shapes.shape import Shape
+from foldback.planner.chain.path import Path as ChainPath
+from foldback.planner.pathfinding.block_merging import block_path
+from foldback.planner.pathfinding.exact_search import exact_path
+from foldback.planner.shapes.shape import Shape
 
 DATA = Path(__file__).parent / "data"
 RESULTS = DATA / "exact_cells.json"

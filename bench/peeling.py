@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from bench.measured_tables import Section
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.clearance.sweep import sweep
-from planner.explosion.peeling import peel
-from planner.parameters.explosion import PeelingParameters
-from planner.pathfinding.assembly import assembly_path, layered_snake
-from planner.pathfinding.path_search import find_paths
-from planner.shapes.shape import Shape
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.explosion.peeling import peel
+from foldback.planner.parameters.explosion import PeelingParameters
+from foldback.planner.pathfinding.assembly import assembly_path, layered_snake
+from foldback.planner.pathfinding.path_search import find_paths
+from foldback.planner.shapes.shape import Shape
 
 SHAPES = ("12x8x12", "12x8x12:blocks", "cup-12", "ball-16", "16x16x16", "20x20x24")
 """Shapes that ``make bench`` peels."""

@@ -10,10 +10,10 @@ import numpy as np
 from scipy.interpolate import CubicSpline
 
 from bench.measured_tables import Section
-from planner.motion.angle_encoding import quantised
-from planner.motion.motion import Motion
-from planner.parameters.parameters import Parameters
-from planner.plan.plan import Plan
+from foldback.planner.motion.angle_encoding import quantised
+from foldback.planner.motion.motion import Motion
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.plan.plan import Plan
 from tests.planner.chains import line
 from tests.planner.plans import unverified
 

@@ -17,12 +17,12 @@ from rich.console import Console
 
 from bench.machine import processor_seconds
 from bench.measured_tables import Section
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up import warm_up
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_chain
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_chain
 from tests.planner.chains import knotted
 
 FOLDS = ("knot", "torus")

@@ -19,10 +19,10 @@ from rich.console import Console
 from bench.command import fold
 from bench.machine import machine
 from bench.measured_tables import Section
-from planner.chain.path import Path
-from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.warm_up import warm_up
-from planner.plan.shape_writers import write_path
+from foldback.planner.chain.path import Path
+from foldback.planner.pathfinding.assembly import layered_snake
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.plan.shape_writers import write_path
 
 SCALING_MODULE_SIZE: Final = 0.98
 """Size of the modules for which all folds of this benchmark must be free of collisions, as a

@@ -16,11 +16,11 @@ from rich.console import Console
 
 from bench.measured_tables import Section
 from examples.run_gallery import SHAPES
-from planner.pipeline.fold import smooth_plan
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
+from foldback.planner.pipeline.fold import smooth_plan
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
 
 NAMES = (
     "wrench-24",

@@ -23,21 +23,21 @@ from bench.measured_tables import Section
 from bench.scaling import CASES, LONGER
 from bench.scaling import Case as Command
 from bench.success_map.__main__ import path_of
-from planner.chain.chain import Chain
-from planner.chain.path import Path as CellPath
-from planner.explosion.blocks_first import explode_blocks_first
-from planner.explosion.simultaneous import explode
-from planner.motion.record import Record
-from planner.parameters.parameters import Parameters
-from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stage
-from planner.pipeline.warm_up import warm_up
-from planner.pipeline.workspace import Workspace
-from planner.plan.shape_writers import write_path
-from planner.playback.playback import play_back
-from planner.progress import STAGES
-from planner.readers.gallery import Gallery
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path as CellPath
+from foldback.planner.explosion.blocks_first import explode_blocks_first
+from foldback.planner.explosion.simultaneous import explode
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pathfinding.assembly import layered_snake
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stage
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.playback.playback import play_back
+from foldback.planner.progress import STAGES
+from foldback.planner.readers.gallery import Gallery
 
 RUNS_PER_COMMAND: Final = 3
 """Number of times that each command is run; the median of its times counts. A larger value takes

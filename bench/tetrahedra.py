@@ -13,15 +13,15 @@ import numpy as np
 
 from bench.command import Run, fold
 from bench.measured_tables import Section
-from planner.chain.chain import Chain
-from planner.chain.honeycomb import ring_pairs
-from planner.clearance.margins import largest_size
-from planner.pathfinding.eulerian_circuits import eulerian_circuit
-from planner.pathfinding.trail_search import find_trails
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_chain
-from planner.readers.gallery import gallery
-from planner.shapes.shape import Shape
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.honeycomb import ring_pairs
+from foldback.planner.clearance.margins import largest_size
+from foldback.planner.pathfinding.eulerian_circuits import eulerian_circuit
+from foldback.planner.pathfinding.trail_search import find_trails
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.readers.gallery import gallery
+from foldback.planner.shapes.shape import Shape
 
 SEEDS = (0, 1, 2)
 """Seeds with which each chain is folded."""

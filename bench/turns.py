@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 
 from bench.measured_tables import Section
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.module import CUBE, TETRAHEDRON
-from planner.chain.path import Path
-from planner.clearance.sweep import sweep
-from planner.kernels.backbite import grow
-from planner.pathfinding.lattice import neighbours
-from planner.pipeline.fold import fold
-from planner.plan.steps import steps_of
-from planner.readers import read
-from planner.readers.gallery import gallery
-from planner.turns.turn_sequence import NoTurns, find_turns
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE, TETRAHEDRON
+from foldback.planner.chain.path import Path
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.kernels.backbite import grow
+from foldback.planner.pathfinding.lattice import neighbours
+from foldback.planner.pipeline.fold import fold
+from foldback.planner.plan.steps import steps_of
+from foldback.planner.readers import read
+from foldback.planner.readers.gallery import gallery
+from foldback.planner.turns.turn_sequence import NoTurns, find_turns
 
 SIZES = (0.95, 0.9)
 """Module sizes at which random paths are folded."""

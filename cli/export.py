@@ -11,17 +11,17 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cli.inputs import read_plan, refuse
-from cli.options import AsJson, FoldDirectory
-from planner.errors import InputError
-from planner.exports.export import Export
-from planner.exports.formats import EXPORTS, export_named, exports_of
-from planner.file_names import PLAN
-from planner.files import write_whole
-from planner.output_directory import replacing_listed
-from planner.pipeline.fold_layout import holds_fold
-from planner.plan.plan import Plan
-from planner.plan.steps import rest_frames
+from foldback.cli.inputs import read_plan, refuse
+from foldback.cli.options import AsJson, FoldDirectory
+from foldback.planner.errors import InputError
+from foldback.planner.exports.export import Export
+from foldback.planner.exports.formats import EXPORTS, export_named, exports_of
+from foldback.planner.file_names import PLAN
+from foldback.planner.files import write_whole
+from foldback.planner.output_directory import replacing_listed
+from foldback.planner.pipeline.fold_layout import holds_fold
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.steps import rest_frames
 
 
 def export(

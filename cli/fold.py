@@ -8,18 +8,18 @@ from typing import Annotated
 
 import typer
 
-from cli.inputs import read_input, refuse
-from cli.options import AsJson, PlanDirectory, Workers, takes
-from cli.progress_bars import compute
-from cli.summary import finish, show_choice
-from planner.errors import InputError
-from planner.pathfinding.path_options import table_warning
-from planner.pipeline.fold_layout import replacing_fold
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stage
-from planner.pipeline.workspace import Workspace
-from planner.progress import STAGES
-from words.plan_choice import choice_of
+from foldback.cli.inputs import read_input, refuse
+from foldback.cli.options import AsJson, PlanDirectory, Workers, takes
+from foldback.cli.progress_bars import compute
+from foldback.cli.summary import finish, show_choice
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding.path_options import table_warning
+from foldback.planner.pipeline.fold_layout import replacing_fold
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stage
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.progress import STAGES
+from foldback.words.plan_choice import choice_of
 
 
 @takes()

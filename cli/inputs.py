@@ -9,16 +9,16 @@ from typing import TYPE_CHECKING, NoReturn
 import typer
 from rich.console import Console
 
-from cli.exit_statuses import INVALID_INPUT
-from planner.errors import InputError
-from planner.readers.angle_strings import HEADING
-from planner.readers.gallery import Gallery
-from planner.readers.limits import megabytes
-from planner.readers.text import READ_AS_VOXELS
-from words.messages import count_from_one
+from foldback.cli.exit_statuses import INVALID_INPUT
+from foldback.planner.errors import InputError
+from foldback.planner.readers.angle_strings import HEADING
+from foldback.planner.readers.gallery import Gallery
+from foldback.planner.readers.limits import megabytes
+from foldback.planner.readers.text import READ_AS_VOXELS
+from foldback.words.messages import count_from_one
 
 if TYPE_CHECKING:
-    from planner.plan.plan import Plan
+    from foldback.planner.plan.plan import Plan
 
 TYPED_REMEDY = "if the order of the cells has no meaning, use --as-voxels"
 MAX_INPUT_BYTES = 64 * 2**20
@@ -64,7 +64,7 @@ def read_plan(directory: Path) -> Plan:
     Raises:
         InputError: If there is none, it cannot be read, or other files are of another fold.
     """
-    from planner.verification.stored_fold import read_fold  # imports the whole planner
+    from foldback.planner.verification.stored_fold import read_fold  # imports the whole planner
 
     return read_fold(directory)
 

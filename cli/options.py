@@ -10,12 +10,12 @@ from typing import Annotated, Any, Final
 
 import typer
 
-from cli.inputs import refuse
-from planner.errors import InputError
-from planner.parameters.option import Option, options_of
-from planner.parameters.settings_text import IDEAL
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.request import FoldRequest
+from foldback.cli.inputs import refuse
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.option import Option, options_of
+from foldback.planner.parameters.settings_text import IDEAL
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.request import FoldRequest
 
 ROBOT_KINDS: Final = {"typical": (), "ideal": (IDEAL,)}
 """Values of the option ``--robot``, with the planner settings that each one adds: ``typical`` keeps

@@ -10,10 +10,10 @@ from typing import Any
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from planner.cpu_cores import cores
-from planner.pipeline.stages import run_stages
-from planner.progress import STAGES, Report
-from planner.progress import Progress as StageProgress
+from foldback.planner.cpu_cores import cores
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.progress import STAGES, Report
+from foldback.planner.progress import Progress as StageProgress
 
 STAGE_VERBS = {
     "explode": "Unfolding",
@@ -31,7 +31,7 @@ def compute(out: Path, workers: int | None, **words: str) -> dict[str, Any]:
         workers: Maximum number of concurrent explosions; the number of cores if None.
         words: Labels of stages that differ from the default ones.
     """
-    from planner.pipeline.compiling import Compiling
+    from foldback.planner.pipeline.compiling import Compiling
 
     with Progress(
         TextColumn("{task.description:<10}"),

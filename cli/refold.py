@@ -9,22 +9,22 @@ from typing import Annotated, Any
 
 import typer
 
-from cli.inputs import read_input, read_plan, refuse
-from cli.options import AsJson, PlanDirectory, Workers, takes
-from cli.progress_bars import compute
-from cli.summary import finish
-from planner.chain.chain import Chain
-from planner.errors import InputError
-from planner.file_names import CHAIN, FIRST_FOLD_DIR, PLAN
-from planner.motion.timeline import chain_from_attributes
-from planner.pipeline.fold_layout import replacing_fold
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stage
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_chain
-from planner.progress import STAGES
-from planner.readers.gallery import Gallery
+from foldback.cli.inputs import read_input, read_plan, refuse
+from foldback.cli.options import AsJson, PlanDirectory, Workers, takes
+from foldback.cli.progress_bars import compute
+from foldback.cli.summary import finish
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import InputError
+from foldback.planner.file_names import CHAIN, FIRST_FOLD_DIR, PLAN
+from foldback.planner.motion.timeline import chain_from_attributes
+from foldback.planner.pipeline.fold_layout import replacing_fold
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stage
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.progress import STAGES
+from foldback.planner.readers.gallery import Gallery
 
 
 @takes("preset", "settings", "seed", "module_size", "strategy", "at_once")

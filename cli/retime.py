@@ -14,28 +14,28 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cli.exit_statuses import NOT_ACHIEVED
-from cli.inputs import read_plan, refuse
-from cli.options import AsJson, FoldDirectory
-from planner.certificate.figures import CertificateFigures
-from planner.chain.cantilever_statics import GRAVITY_M_S2
-from planner.clearance.sweep import Sweep
-from planner.errors import InputError
-from planner.exports.trajectory import (
+from foldback.cli.exit_statuses import NOT_ACHIEVED
+from foldback.cli.inputs import read_plan, refuse
+from foldback.cli.options import AsJson, FoldDirectory
+from foldback.planner.certificate.figures import CertificateFigures
+from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
+from foldback.planner.clearance.sweep import Sweep
+from foldback.planner.errors import InputError
+from foldback.planner.exports.trajectory import (
     MAX_TOUCH_DEPTH_PITCH,
     clearance,
     deviation,
     export,
     sufficient_rate,
 )
-from planner.files import written_aside
-from planner.plan.plan import Plan
-from planner.robot.motors import Build, MotorTable, motor_table
-from planner.robot.retiming import retime as retime_plan
-from planner.robot.trajectory import Trajectory
-from words import certificate as certificate_words
-from words.messages import nearest_frame, verdict_for_people
-from words.quantities import spacings
+from foldback.planner.files import written_aside
+from foldback.planner.plan.plan import Plan
+from foldback.planner.robot.motors import Build, MotorTable, motor_table
+from foldback.planner.robot.retiming import retime as retime_plan
+from foldback.planner.robot.trajectory import Trajectory
+from foldback.words import certificate as certificate_words
+from foldback.words.messages import nearest_frame, verdict_for_people
+from foldback.words.quantities import spacings
 
 MAX_LISTED_JOINTS = 10
 """Maximum number of joints in the printed table of motor torques: those with the largest peak

@@ -12,15 +12,15 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cli.exit_statuses import NOT_ACHIEVED
-from cli.inputs import read_plan, refuse
-from cli.options import AsJson
-from planner.chain.cantilever_statics import GRAVITY_M_S2
-from planner.errors import InputError
-from planner.robot.module_materials import CASINGS, Casing, casing_named
-from planner.robot.servos import MIN_SERVO_RANGE_DEG, Servo, servo_named
-from planner.robot.servos import servos as all_servos
-from planner.robot.sizing import (
+from foldback.cli.exit_statuses import NOT_ACHIEVED
+from foldback.cli.inputs import read_plan, refuse
+from foldback.cli.options import AsJson
+from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
+from foldback.planner.errors import InputError
+from foldback.planner.robot.module_materials import CASINGS, Casing, casing_named
+from foldback.planner.robot.servos import MIN_SERVO_RANGE_DEG, Servo, servo_named
+from foldback.planner.robot.servos import servos as all_servos
+from foldback.planner.robot.sizing import (
     PERMANENT_TORQUE_SHARE,
     Fit,
     LargestShape,

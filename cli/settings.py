@@ -9,9 +9,9 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cli.options import AsJson
-from planner.parameters.settings_text import NO_LIMIT
-from words.settings import PAPER_ROWS, ROBOT_ROWS, SOURCE_LABELS, TABLE_ROWS
+from foldback.cli.options import AsJson
+from foldback.planner.parameters.settings_text import NO_LIMIT
+from foldback.words.settings import PAPER_ROWS, ROBOT_ROWS, SOURCE_LABELS, TABLE_ROWS
 
 
 def settings(as_json: AsJson = False) -> None:

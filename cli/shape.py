@@ -12,22 +12,22 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cli.exit_statuses import NOT_ACHIEVED
-from cli.inputs import read_input, refuse
-from cli.options import PATH_OPTIONS, AsJson, takes
-from planner.chain.path import Path as CellPath
-from planner.errors import InputError
-from planner.files import write_whole
-from planner.pathfinding.path_options import table_warning
-from planner.pipeline.prepare import Preparation, prepare_in_any_order
-from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
-from planner.plan.shape_writers import write_chain, write_path
-from planner.shapes.shape import MAX_CELLS
-from words.likeness import likeness_words, reach_words
-from words.messages import count_from_one
+from foldback.cli.exit_statuses import NOT_ACHIEVED
+from foldback.cli.inputs import read_input, refuse
+from foldback.cli.options import PATH_OPTIONS, AsJson, takes
+from foldback.planner.chain.path import Path as CellPath
+from foldback.planner.errors import InputError
+from foldback.planner.files import write_whole
+from foldback.planner.pathfinding.path_options import table_warning
+from foldback.planner.pipeline.prepare import Preparation, prepare_in_any_order
+from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
+from foldback.planner.plan.shape_writers import write_chain, write_path
+from foldback.planner.shapes.shape import MAX_CELLS
+from foldback.words.likeness import likeness_words, reach_words
+from foldback.words.messages import count_from_one
 
 if TYPE_CHECKING:
-    from planner.table_paths.offers import Offer
+    from foldback.planner.table_paths.offers import Offer
 
 KNOT_WORDS = {
     "unknot": "none",
@@ -92,9 +92,9 @@ def print_no_path(prepared: Preparation, offers: Sequence[Offer]) -> None:
 
 def offers_for(data: bytes, filename: str, request: FoldRequest) -> list[Offer]:
     """Return versions of a shape that have a path for a table; none for another world."""
-    from planner.chain.chain import Chain
-    from planner.readers import read
-    from planner.table_paths.offers import table_offers
+    from foldback.planner.chain.chain import Chain
+    from foldback.planner.readers import read
+    from foldback.planner.table_paths.offers import table_offers
 
     options = request.path_options()
     if options.world != "table":

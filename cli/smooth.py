@@ -7,18 +7,18 @@ from typing import Any
 from rich.console import Console
 from rich.table import Table
 
-from cli.inputs import read_plan, refuse
-from cli.options import AsJson, FoldDirectory, PlanDirectory, takes
-from cli.progress_bars import compute
-from cli.summary import finish
-from planner.errors import InputError
-from planner.pipeline.fold_layout import replacing_fold
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stage
-from planner.pipeline.workspace import Workspace
-from planner.plan.shape_writers import write_chain
-from planner.progress import STAGES
-from words.smoothing import smoothing_note, smoothing_rows
+from foldback.cli.inputs import read_plan, refuse
+from foldback.cli.options import AsJson, FoldDirectory, PlanDirectory, takes
+from foldback.cli.progress_bars import compute
+from foldback.cli.summary import finish
+from foldback.planner.errors import InputError
+from foldback.planner.pipeline.fold_layout import replacing_fold
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stage
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.progress import STAGES
+from foldback.words.smoothing import smoothing_note, smoothing_rows
 
 
 @takes(

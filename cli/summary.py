@@ -11,16 +11,16 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cli.exit_statuses import NOT_ACHIEVED
-from planner.certificate.figures import FoldSummary
-from planner.chain.module import module_named
-from planner.parameters.parameters import TURN_STRATEGIES
-from words import certificate as certificate_words
-from words.failures import reason_for_people
-from words.likeness import likeness_words
-from words.messages import verdict_for_people
-from words.plan_choice import Choice
-from words.quantities import sentence
+from foldback.cli.exit_statuses import NOT_ACHIEVED
+from foldback.planner.certificate.figures import FoldSummary
+from foldback.planner.chain.module import module_named
+from foldback.planner.parameters.parameters import TURN_STRATEGIES
+from foldback.words import certificate as certificate_words
+from foldback.words.failures import reason_for_people
+from foldback.words.likeness import likeness_words
+from foldback.words.messages import verdict_for_people
+from foldback.words.plan_choice import Choice
+from foldback.words.quantities import sentence
 
 
 def finish(

@@ -10,17 +10,17 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cli.exit_statuses import NOT_ACHIEVED
-from cli.inputs import read_plan, refuse
-from cli.options import AsJson
-from planner.certificate.table_certificate import table_certificate
-from planner.certificate.table_figures import TableCertificate
-from planner.errors import InputError
-from planner.file_names import PLAN, TABLE_FILE
-from planner.files import write_whole
-from planner.parameters.explosion import Base
-from planner.plan.plan import Plan
-from words.messages import assumption_for_people, verdict_for_people
+from foldback.cli.exit_statuses import NOT_ACHIEVED
+from foldback.cli.inputs import read_plan, refuse
+from foldback.cli.options import AsJson
+from foldback.planner.certificate.table_certificate import table_certificate
+from foldback.planner.certificate.table_figures import TableCertificate
+from foldback.planner.errors import InputError
+from foldback.planner.file_names import PLAN, TABLE_FILE
+from foldback.planner.files import write_whole
+from foldback.planner.parameters.explosion import Base
+from foldback.planner.plan.plan import Plan
+from foldback.words.messages import assumption_for_people, verdict_for_people
 
 MM_PER_M = 1000.0
 """Millimetres in a metre: the command line takes and prints lengths in millimetres, and computes

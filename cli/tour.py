@@ -10,17 +10,17 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from cli.inputs import read_plan, refuse
-from cli.options import AsJson, FoldDirectory
-from planner.errors import InputError, TimelineError
-from planner.file_names import TIMELINE, TOUR
-from planner.files import json_of, write_whole
-from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import result_path, stored_moments
-from planner.pipeline.workspace import Workspace
-from planner.plan.tour import Tour
-from words.fold import ShownFold
-from words.tour import draft_tour
+from foldback.cli.inputs import read_plan, refuse
+from foldback.cli.options import AsJson, FoldDirectory
+from foldback.planner.errors import InputError, TimelineError
+from foldback.planner.file_names import TIMELINE, TOUR
+from foldback.planner.files import json_of, write_whole
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.pipeline.fold_layout import result_path, stored_moments
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.tour import Tour
+from foldback.words.fold import ShownFold
+from foldback.words.tour import draft_tour
 
 
 def tour(

@@ -10,21 +10,21 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from cli.exit_statuses import NOT_ACHIEVED
-from cli.inputs import refuse
-from cli.options import AsJson, FoldDirectory
-from planner.certificate.swept_motions import followed
-from planner.clearance.margins import largest_size as find_largest
-from planner.errors import InputError, TimelineError
-from planner.file_names import PLAN, PLAYBACK
-from planner.pipeline.request import FoldRequest
-from planner.plan.plan import Plan
-from planner.playback.playback import Playback
-from planner.verification.verify import Verification
-from planner.verification.verify import verify as verify_files
-from words import certificate as certificate_words
-from words.messages import verdict_for_people
-from words.quantities import spacings
+from foldback.cli.exit_statuses import NOT_ACHIEVED
+from foldback.cli.inputs import refuse
+from foldback.cli.options import AsJson, FoldDirectory
+from foldback.planner.certificate.swept_motions import followed
+from foldback.planner.clearance.margins import largest_size as find_largest
+from foldback.planner.errors import InputError, TimelineError
+from foldback.planner.file_names import PLAN, PLAYBACK
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.plan.plan import Plan
+from foldback.planner.playback.playback import Playback
+from foldback.planner.verification.verify import Verification
+from foldback.planner.verification.verify import verify as verify_files
+from foldback.words import certificate as certificate_words
+from foldback.words.messages import verdict_for_people
+from foldback.words.quantities import spacings
 
 MODULE_SIZE_HELP = (
     "Module size in the clearance check, as a fraction of the pitch. "

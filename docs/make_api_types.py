@@ -9,8 +9,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Final
 
-from server.app import create_app
-from server.settings import Settings
+from foldback.server.app import create_app
+from foldback.server.settings import Settings
 
 FILE: Final = Path(__file__).parents[1] / "web" / "api.d.ts"
 HEAD: Final = """\

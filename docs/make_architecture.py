@@ -113,6 +113,11 @@ def component_of(module: str) -> str | None:
     )
 
 
+def _place(module: str) -> str:
+    """Return a module's name by the folders of the repository, of which ``foldback`` has links."""
+    return module.removeprefix("foldback.")
+
+
 @cache
 def imports() -> tuple[Import, ...]:
     """Return all imports between modules of the packages, also those inside functions."""
@@ -125,7 +130,8 @@ def imports() -> tuple[Import, ...]:
                 names = [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom) and node.module:
                 inner = [f"{node.module}.{alias.name}" for alias in node.names]
-                names = [name if name in known else node.module for name in inner]
+                names = [name if _place(name) in known else node.module for name in inner]
+            names = [_place(name) for name in names]
             found += [Import(module, name) for name in names if name in known]
     return tuple(found)
 

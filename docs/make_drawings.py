@@ -13,10 +13,10 @@ from pathlib import Path
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from planner.chain.chain import Chain  # noqa: E402
-from planner.chain.path import Path as CellPath  # noqa: E402
-from planner.readers import read  # noqa: E402
-from web.pictures.isometric_modules import chain_svg  # noqa: E402
+from foldback.planner.chain.chain import Chain  # noqa: E402
+from foldback.planner.chain.path import Path as CellPath  # noqa: E402
+from foldback.planner.readers import read  # noqa: E402
+from foldback.web.pictures.isometric_modules import chain_svg  # noqa: E402
 
 PICTURES = (
     ("wrench-cubes.svg", "wrench-128", "A wrench of 128 cubes"),

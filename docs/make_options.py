@@ -9,13 +9,13 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from planner.parameters.option import Option, options_of
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.request import FoldRequest
+from foldback.planner.parameters.option import Option, options_of
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.request import FoldRequest
 
 ROOT: Final = Path(__file__).parents[1]
 PAGE: Final = ROOT / "docs" / "api.md"
-CLIENT: Final = ROOT / "foldback_client" / "options.py"
+CLIENT: Final = ROOT / "client" / "options.py"
 BEGIN, END = "<!-- options -->\n", "<!-- end of options -->\n"
 PREVIEW_OPTIONS: Final = (*options_of(PathOptions), "seed")
 """Names of the options that previews also accept."""

@@ -22,7 +22,7 @@ from playwright.sync_api import Page, sync_playwright
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
 
-from planner.motion.timeline import Timeline  # noqa: E402
+from foldback.planner.motion.timeline import Timeline  # noqa: E402
 from tests.browser.conftest import FLAGS  # noqa: E402
 from tests.tools import CHROMIUM  # noqa: E402
 
@@ -56,7 +56,7 @@ BARE = (
 @contextmanager
 def player(directory: Path) -> Iterator[str]:
     """Fold the wrench, serve the fold, and yield the address of its page."""
-    command = [sys.executable, "-m", "server.cli.command_line"]
+    command = [sys.executable, "-m", "foldback.server.cli.command_line"]
     subprocess.run([*command, "fold", "wrench-160", "--out", str(directory)], check=True, cwd=ROOT)
     serving = subprocess.Popen(
         [*command, "play", str(directory), "--no-browser"], stdout=subprocess.PIPE, text=True

@@ -18,12 +18,12 @@ import pdoc.render
 
 ROOT: Final = Path(__file__).parents[1]
 OUT: Final = ROOT / "out" / "reference"
-MODULES: Final = ("planner", "web.viser")
+MODULES: Final = ("foldback", "foldback.viewer")
 HEADING: Final = "## Ten lines of Python\n"
 PUBLIC_MARK: Final = "\n\n@public"
 """Makes pdoc include a name that begins with underscores."""
-INDEX: Final = '<!doctype html><meta http-equiv="refresh" content="0; url=planner.html">'
-"""Page that forwards to the reference of ``planner``."""
+INDEX: Final = '<!doctype html><meta http-equiv="refresh" content="0; url=foldback.html">'
+"""Page that forwards to the reference of ``foldback``."""
 BEGIN, END = "```python\n", "```\n"
 
 

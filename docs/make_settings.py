@@ -6,7 +6,7 @@ from pathlib import Path
 
 from pydantic.fields import FieldInfo
 
-from server.settings import MIB_BYTES, Settings
+from foldback.server.settings import MIB_BYTES, Settings
 
 PAGE = Path(__file__).with_name("operations.md")
 BEGIN, END = "<!-- settings -->\n", "<!-- end of settings -->\n"

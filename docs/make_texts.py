@@ -22,7 +22,7 @@ AREAS = (
     "server/**/*.py",
     "cli/**/*.py",
     "planner/**/*.py",
-    "foldback_client/**/*.py",
+    "client/**/*.py",
     "web/**/*.py",
     "*.md",
     "docs/*.md",

@@ -14,11 +14,11 @@ from typing import Final
 from PIL import Image
 from playwright.sync_api import sync_playwright
 
-from planner import Chain, fold, read
-from planner import Path as CellPath
+from foldback import Chain, fold, read
+from foldback import Path as CellPath
+from foldback.viewer import show
 from tests.browser.conftest import FLAGS
 from tests.tools import CHROMIUM
-from web.viser import show
 
 ROOT: Final = Path(__file__).parents[1]
 OUT: Final = ROOT / "docs" / "pictures" / "viser.webp"

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path as FilePath
 
-from planner.certificate.certificate import certify
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.explosion.simultaneous import explode
-from planner.parameters.parameters import preset
-from planner.playback.playback import play_back
-from planner.readers import read
+from foldback.planner.certificate.certificate import certify
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.explosion.simultaneous import explode
+from foldback.planner.parameters.parameters import preset
+from foldback.planner.playback.playback import play_back
+from foldback.planner.readers import read
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

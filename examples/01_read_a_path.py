@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from planner.errors import InputError
-from planner.readers import read
+from foldback.planner.errors import InputError
+from foldback.planner.readers import read
 
 FILES = {
     "corner.csv": b"x,y,z\n0,0,0\n1,0,0\n1,1,0\n",

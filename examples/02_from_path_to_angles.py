@@ -6,10 +6,10 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.plan.shape_writers import write_chain
-from planner.readers import read
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.readers import read
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

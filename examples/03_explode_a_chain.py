@@ -6,12 +6,12 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.explosion.simultaneous import explode
-from planner.parameters.explosion import ExplosionParameters
-from planner.progress import Progress
-from planner.readers import read
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.explosion.simultaneous import explode
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.progress import Progress
+from foldback.planner.readers import read
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

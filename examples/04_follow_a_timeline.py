@@ -7,12 +7,12 @@ import threading
 import time
 from pathlib import Path as FilePath
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.explosion.simultaneous import explode
-from planner.motion.timeline import Timeline, TimelineWriter
-from planner.parameters.explosion import ExplosionParameters
-from planner.readers import read
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.explosion.simultaneous import explode
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.readers import read
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

@@ -6,10 +6,10 @@ import sys
 import tempfile
 from pathlib import Path as FilePath
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.readers import read
-from web.pictures.isometric_modules import chain_svg
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.readers import read
+from foldback.web.pictures.isometric_modules import chain_svg
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

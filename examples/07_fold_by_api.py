@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from foldback_client import Client, Progress
+from foldback.client import Client, Progress
 
 
 def show(progress: Progress) -> None:

@@ -10,8 +10,8 @@ import sys
 from contextlib import suppress
 from pathlib import Path as FilePath
 
-from planner import Chain, Path, fold, read
-from web.viser import show
+from foldback import Chain, Path, fold, read
+from foldback.viewer import show
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

@@ -8,12 +8,12 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from planner.file_names import TIMELINE
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
-from web.timeline.frame_batch import thinned
-from web.timeline.view import TimelineView
+from foldback.planner.file_names import TIMELINE
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.web.timeline.frame_batch import thinned
+from foldback.web.timeline.view import TimelineView
 
 SHAPE = Path(__file__).parent / "shapes" / "wrench-160.json"
 BATCH = Path(__file__).parents[1] / "web" / "featured.batch"

@@ -17,10 +17,10 @@ from pathlib import Path as FilePath
 
 import numpy as np
 
-from planner.chain.path import Path
-from planner.pathfinding.block_merging import block_path
-from planner.pathfinding.lattice import spread
-from planner.plan.shape_writers import write_path
+from foldback.planner.chain.path import Path
+from foldback.planner.pathfinding.block_merging import block_path
+from foldback.planner.pathfinding.lattice import spread
+from foldback.planner.plan.shape_writers import write_path
 
 HERE = FilePath(__file__).parent
 HEADING = re.compile(r"([a-z0-9-]+): (.+) \((.+)\) (front|plan) (\d+)")

@@ -9,14 +9,14 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from zipfile import ZIP_DEFLATED, ZipFile, ZipInfo
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.readers import read
-from planner.readers.gallery import GalleryShape, gallery
-from web.pictures.isometric_modules import chain_svg
-from web.pictures.shipped_pictures import ARCHIVE
-from web.pictures.social_picture import social_picture
-from web.viser.scene_bundle import bundle_of
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.readers import read
+from foldback.planner.readers.gallery import GalleryShape, gallery
+from foldback.web.pictures.isometric_modules import chain_svg
+from foldback.web.pictures.shipped_pictures import ARCHIVE
+from foldback.web.pictures.social_picture import social_picture
+from foldback.web.viser.scene_bundle import bundle_of
 
 FEATURED = "wrench-160"
 CARD_SIZE, HERO_SIZE = 160, 480

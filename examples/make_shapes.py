@@ -17,12 +17,12 @@ from pathlib import Path as FilePath
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.path import Path
-from planner.pathfinding.lattice import surface
-from planner.pathfinding.loose_block_merging import loose_block_path
-from planner.pathfinding.sat_paths import find_path_by_sat
-from planner.pathfinding.snake import snake_path
-from planner.plan.shape_writers import write_path
+from foldback.planner.chain.path import Path
+from foldback.planner.pathfinding.lattice import surface
+from foldback.planner.pathfinding.loose_block_merging import loose_block_path
+from foldback.planner.pathfinding.sat_paths import find_path_by_sat
+from foldback.planner.pathfinding.snake import snake_path
+from foldback.planner.plan.shape_writers import write_path
 
 SHAPES = FilePath(__file__).parent / "shapes"
 

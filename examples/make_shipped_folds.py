@@ -16,21 +16,27 @@ from typing import Any
 
 import numpy as np
 
-from planner.certificate.metrics_store import Figures, write
-from planner.file_names import FIGURES, PLAN, PLAYBACK, RECORD, START_CHAIN, TIMELINE
-from planner.motion.angle_encoding import PLAN_STEP_RAD
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.motion.timeline import TimelineWriter
-from planner.pipeline import manifest
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stage, run_stages
-from planner.pipeline.workspace import Workspace
-from planner.plan.packed_fold import CLEARANCE_STEP_PITCH, ROOT_STEPS, pack, torque_step, unpack
-from planner.plan.plan import Plan
-from planner.playback.playback import Playback
-from planner.readers.gallery import Gallery
-from server.api.shipped_folds import SHIPPED_FOLDS_DIR
+from foldback.planner.certificate.metrics_store import Figures, write
+from foldback.planner.file_names import FIGURES, PLAN, PLAYBACK, RECORD, START_CHAIN, TIMELINE
+from foldback.planner.motion.angle_encoding import PLAN_STEP_RAD
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.planner.pipeline import manifest
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stage, run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.packed_fold import (
+    CLEARANCE_STEP_PITCH,
+    ROOT_STEPS,
+    pack,
+    torque_step,
+    unpack,
+)
+from foldback.planner.plan.plan import Plan
+from foldback.planner.playback.playback import Playback
+from foldback.planner.readers.gallery import Gallery
+from foldback.server.api.shipped_folds import SHIPPED_FOLDS_DIR
 
 SHAPES = Path(__file__).parent / "shapes"
 FOLDS: tuple[tuple[str, str | None], ...] = (

@@ -11,13 +11,13 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.honeycomb import dodecahedron_pairs
-from planner.chain.trail import Trail
-from planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit
-from planner.pathfinding.trail_search import find_trails
-from planner.plan.shape_writers import write_chain
-from planner.shapes.shape import Shape
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.honeycomb import dodecahedron_pairs
+from foldback.planner.chain.trail import Trail
+from foldback.planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit
+from foldback.planner.pathfinding.trail_search import find_trails
+from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.shapes.shape import Shape
 
 HERE = Path(__file__).parent
 Cells = list[tuple[int, ...]]

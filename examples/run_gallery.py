@@ -20,12 +20,12 @@ from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from planner.errors import InputError
-from planner.file_names import ATTEMPTS
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up import warm_up
-from planner.pipeline.workspace import Workspace
+from foldback.planner.errors import InputError
+from foldback.planner.file_names import ATTEMPTS
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.workspace import Workspace
 
 HERE = FilePath(__file__).parent
 SHAPES, RESULTS, TABLE_RESULTS = (

@@ -18,8 +18,8 @@ from hashlib import sha256
 from pathlib import Path as FilePath
 from typing import TYPE_CHECKING, Any, Final, cast
 
-from planner.errors import DamagedError
-from planner.files import load_zarr
+from foldback.planner.errors import DamagedError
+from foldback.planner.files import load_zarr
 
 if TYPE_CHECKING:
     import zarr

@@ -27,7 +27,7 @@ from numba import config
 from numba.core.caching import CacheImpl, IndexDataCacheFile, _SourceFileBackedLocatorMixin
 
 KERNELS: Final = Path(__file__).parent / "kernels"
-KERNEL_IMPORT: Final = re.compile(rb"(?m)^from planner\.kernels\.(\w+) import ")
+KERNEL_IMPORT: Final = re.compile(rb"(?m)^from foldback\.planner\.kernels\.(\w+) import ")
 """Matches the line by which a file of kernels imports another one, so that a change of the imported
 file invalidates the importing file's cached machine code."""
 

@@ -16,8 +16,8 @@ from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Final
 
-from planner.errors import InputError
-from planner.files import json_of, write_json
+from foldback.planner.errors import InputError
+from foldback.planner.files import json_of, write_json
 
 if sys.platform != "win32":
     from fcntl import LOCK_EX, LOCK_NB, flock

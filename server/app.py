@@ -11,7 +11,7 @@ from typing import Final
 
 from fastapi import FastAPI
 
-from server.api import (
+from foldback.server.api import (
     folds,
     health,
     mine,
@@ -23,34 +23,34 @@ from server.api import (
     shapes,
     tours,
 )
-from server.api.context import Context
-from server.api.shipped_folds import import_shipped_folds
-from server.http import problems
-from server.http.access_log import Access
-from server.http.base_path import BelowPath
-from server.http.forwarded_address import ForwardedAddress
-from server.http.head import HeadAsGet
-from server.http.read_only import ReadOnly
-from server.http.request_rate import RequestRate
-from server.http.response_cache import ResponseCache
-from server.http.security import (
+from foldback.server.api.context import Context
+from foldback.server.api.shipped_folds import import_shipped_folds
+from foldback.server.http import problems
+from foldback.server.http.access_log import Access
+from foldback.server.http.base_path import BelowPath
+from foldback.server.http.forwarded_address import ForwardedAddress
+from foldback.server.http.head import HeadAsGet
+from foldback.server.http.read_only import ReadOnly
+from foldback.server.http.request_rate import RequestRate
+from foldback.server.http.response_cache import ResponseCache
+from foldback.server.http.security import (
     AllowedHosts,
     SameOrigin,
     SecurityHeaders,
     ShortPrintableAddresses,
     hosts_of,
 )
-from server.http.upload_limits import (
+from foldback.server.http.upload_limits import (
     MAX_FORM_FIELD_BYTES,
     MAX_FORM_FIELDS,
     MAX_FORM_FILES,
     BodyLimit,
     UploadsAtOnce,
 )
-from server.limits.fair_threads import FairThreads
-from server.ops.metrics import Metrics
-from server.ops.readiness import Readiness
-from server.pages import (
+from foldback.server.limits.fair_threads import FairThreads
+from foldback.server.ops.metrics import Metrics
+from foldback.server.ops.readiness import Readiness
+from foldback.server.pages import (
     class_connections,
     fold,
     gallery,
@@ -65,9 +65,9 @@ from server.pages import (
     share,
     static,
 )
-from server.pages.problem_page import problem_page
-from server.settings import Settings
-from server.store.stats import Stats
+from foldback.server.pages.problem_page import problem_page
+from foldback.server.settings import Settings
+from foldback.server.store.stats import Stats
 
 WARM_UP_DELAY_S: Final = 1.5
 """Time between the start of the web process and the preparation of its landing page, in s, so that

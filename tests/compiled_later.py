@@ -10,7 +10,7 @@ from numba.core.dispatcher import Dispatcher
 {imports}
 
 def kernels():
-    names = [name for name in sys.modules if name.startswith("planner.kernels.")]
+    names = [name for name in sys.modules if name.startswith("foldback.planner.kernels.")]
     return {{
         f"{{name}}.{{kernel}}": len(found.signatures)
         for name in names

@@ -137,7 +137,7 @@ def _compile(config: pytest.Config) -> None:
     if cache is None or cache.get("foldback/compiled", None) == compiled:
         return
     print("Compiling the kernels, once: about a minute …", flush=True)
-    warm_up = "from planner.pipeline.warm_up import warm_up; warm_up(at_once=True)"
+    warm_up = "from foldback.planner.pipeline.warm_up import warm_up; warm_up(at_once=True)"
     root = KERNELS.parents[1]
     collect = [
         sys.executable,

@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from planner.errors import InputError
+from foldback.planner.errors import InputError
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.module import Module
+from foldback.planner.chain.module import Module
 
 Array = NDArray[np.float64]
 Rgb = tuple[int, int, int]

@@ -9,15 +9,15 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final, TypedDict
 
-from planner.certificate.figures import CertificateFigures, MarginFigures
-from planner.certificate.table_figures import TableCertificate
-from planner.motion.record import TableRecord
-from planner.parameters.parameters import BASELINE
-from planner.robot.module_materials import CASINGS
-from planner.robot.servos import Servo, servos
-from planner.robot.sizing import find_suitable_servos, suitable_pitches
-from words.messages import assumption_for_people, nearest_frame, verdict_for_people
-from words.quantities import (
+from foldback.planner.certificate.figures import CertificateFigures, MarginFigures
+from foldback.planner.certificate.table_figures import TableCertificate
+from foldback.planner.motion.record import TableRecord
+from foldback.planner.parameters.parameters import BASELINE
+from foldback.planner.robot.module_materials import CASINGS
+from foldback.planner.robot.servos import Servo, servos
+from foldback.planner.robot.sizing import find_suitable_servos, suitable_pitches
+from foldback.words.messages import assumption_for_people, nearest_frame, verdict_for_people
+from foldback.words.quantities import (
     SIGNIFICANT_DIGITS,
     STRATEGY_LABELS,
     length_m,

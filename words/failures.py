@@ -9,21 +9,21 @@ from typing import Final, TypedDict, cast
 
 import numpy as np
 
-from planner.certificate.figures import (
+from foldback.planner.certificate.figures import (
     AttemptFigures,
     CertificateFigures,
     ExplosionFigures,
     Fault,
     FoldSummary,
 )
-from planner.errors import DamagedError
-from planner.file_names import ATTEMPTS
-from planner.motion.failure_schemas import EvidenceFigures
-from planner.verification.integrity import check
-from web.pictures.knot_drawing import KnotDrawing, drawing_of
-from words.fold import ShownFold
-from words.messages import verdict_for_people
-from words.quantities import STRATEGY_LABELS, quantity, sentence, spacings
+from foldback.planner.errors import DamagedError
+from foldback.planner.file_names import ATTEMPTS
+from foldback.planner.motion.failure_schemas import EvidenceFigures
+from foldback.planner.verification.integrity import check
+from foldback.web.pictures.knot_drawing import KnotDrawing, drawing_of
+from foldback.words.fold import ShownFold
+from foldback.words.messages import verdict_for_people
+from foldback.words.quantities import STRATEGY_LABELS, quantity, sentence, spacings
 
 FAILURE_HEADINGS: Final = {
     "knot": "The chain is knotted",

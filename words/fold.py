@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any, Final
 
-from planner.certificate.figures import Fault, FoldSummary
-from planner.chain.module import CUBE
-from planner.parameters.parameters import AUTO, FLOATING
-from planner.pipeline.preference import COMPUTING
-from planner.plan.steps import rest_frames
+from foldback.planner.certificate.figures import Fault, FoldSummary
+from foldback.planner.chain.module import CUBE
+from foldback.planner.parameters.parameters import AUTO, FLOATING
+from foldback.planner.pipeline.preference import COMPUTING
+from foldback.planner.plan.steps import rest_frames
 
 RUNNING_STATUSES: Final = ("queued", "running")
 """Statuses of folds that wait or are being computed."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Final
 
-from planner.parameters.parameters import FLOATING, WORLD_CHOICES
-from planner.pathfinding.path_options import MODULE_CHOICES
+from foldback.planner.parameters.parameters import FLOATING, WORLD_CHOICES
+from foldback.planner.pathfinding.path_options import MODULE_CHOICES
 
 TAG_LABELS: Final = {
     "tool": "Tools",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from words.fold import ShownFold
+from foldback.words.fold import ShownFold
 
 TIME_UNITS: Final = ((86400.0, "day"), (3600.0, "hour"), (60.0, "minute"), (1.0, "second"))
 LINK_ONLY: Final = "Only people with the link can see it."

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from planner.certificate.figures import LikenessFigures
+from foldback.planner.certificate.figures import LikenessFigures
 
 LIKENESS_MEANING = "overlap of both, divided by what either covers"
 """Meaning of the percentage that states a likeness."""

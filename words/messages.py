@@ -6,7 +6,7 @@ import math
 import re
 from typing import Final
 
-from words.quantities import spacings
+from foldback.words.quantities import spacings
 
 GOT_EXPECTED: Final = re.compile(
     r"\bgot (?P<got>.+?), expected (?P<expected>(?:[^;.]|\.(?=\d))+)", re.DOTALL

@@ -7,14 +7,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypedDict, cast
 
-from planner.certificate.figures import AttemptFigures
-from planner.errors import DamagedError
-from planner.file_names import ATTEMPTS, CHAIN, PLANS_DIR
-from planner.pipeline.preference import CALM, COMPUTING, PREFERENCES, PlanFigures, Preference
-from planner.robot import RECORDED, SMOOTHED, SOFTENED
-from planner.verification.integrity import check
-from words.certificate import degrees_down, rounded_down
-from words.quantities import STRATEGY_LABELS, number, quantity
+from foldback.planner.certificate.figures import AttemptFigures
+from foldback.planner.errors import DamagedError
+from foldback.planner.file_names import ATTEMPTS, CHAIN, PLANS_DIR
+from foldback.planner.pipeline.preference import (
+    CALM,
+    COMPUTING,
+    PREFERENCES,
+    PlanFigures,
+    Preference,
+)
+from foldback.planner.robot import RECORDED, SMOOTHED, SOFTENED
+from foldback.planner.verification.integrity import check
+from foldback.words.certificate import degrees_down, rounded_down
+from foldback.words.quantities import STRATEGY_LABELS, number, quantity
 
 TORQUE_COLUMNS: Final = ("Torque", "Torque at the same folding time")
 """Column headings of the largest torque, and of the largest torque if all plans took as long as the

@@ -12,35 +12,35 @@ from zipfile import ZipFile
 
 import numpy as np
 
-from planner.certificate.figures import (
+from foldback.planner.certificate.figures import (
     CertificateFigures,
     ExplosionFigures,
     FoldSummary,
     PlaybackFigures,
 )
-from planner.chain.module import CUBE, MODULES
-from planner.errors import UNREADABLE, TimelineError
-from planner.file_names import CHAIN, PLAN, TIMELINE
-from planner.files import json_of
-from planner.motion.timeline import Timeline
-from planner.parameters.parameters import FLOATING, TURN_STRATEGIES
-from planner.pipeline.fold_layout import result_path
-from planner.pipeline.preference import COMPUTING, preference_named
-from planner.verification.integrity import damaged_among
-from words import certificate as certificate_words
-from words.failures import reason_for_people
-from words.fold import RUNNING_STATUSES, ShownFold
-from words.likeness import likeness_words
-from words.plan_choice import PREFERENCE_WORDS
-from words.quantities import (
+from foldback.planner.chain.module import CUBE, MODULES
+from foldback.planner.errors import UNREADABLE, TimelineError
+from foldback.planner.file_names import CHAIN, PLAN, TIMELINE
+from foldback.planner.files import json_of
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.parameters.parameters import FLOATING, TURN_STRATEGIES
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.pipeline.preference import COMPUTING, preference_named
+from foldback.planner.verification.integrity import damaged_among
+from foldback.words import certificate as certificate_words
+from foldback.words.failures import reason_for_people
+from foldback.words.fold import RUNNING_STATUSES, ShownFold
+from foldback.words.likeness import likeness_words
+from foldback.words.plan_choice import PREFERENCE_WORDS
+from foldback.words.quantities import (
     PRESET_LABELS,
     STRATEGY_LABELS,
     length_m,
     quantity,
     sentence,
 )
-from words.quantities import parameters as parameters_in_words
-from words.settings import changed
+from foldback.words.quantities import parameters as parameters_in_words
+from foldback.words.settings import changed
 
 VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
 PLAN_MEMBER: Final = "plan.npy"

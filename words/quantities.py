@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Context, Decimal
 from typing import Final, cast
 
-from planner.parameters.parameters import PRESET_CHOICES, STRATEGY_CHOICES
+from foldback.planner.parameters.parameters import PRESET_CHOICES, STRATEGY_CHOICES
 
 SIGNIFICANT_DIGITS: Final = 3
 """Default number of significant digits to which displayed numbers are rounded. A larger value makes

@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from planner.errors import InputError
-from planner.parameters.parameters import Parameters, preset
-from planner.parameters.setting import Setting, Source, Value
-from planner.parameters.settings_text import (
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.parameters import Parameters, preset
+from foldback.planner.parameters.setting import Setting, Source, Value
+from foldback.planner.parameters.settings_text import (
     ALL_SETTINGS,
     ROBOT_SETTINGS,
     SETTINGS,
@@ -17,7 +17,7 @@ from planner.parameters.settings_text import (
     value_of,
     value_text,
 )
-from words.quantities import quantity
+from foldback.words.quantities import quantity
 
 SETTING_DIGITS: Final = 6
 """Maximum number of significant digits of a displayed setting's value. With fewer, some default

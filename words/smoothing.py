@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final, TypedDict
 
-from planner.certificate.figures import SmoothingFigures
-from planner.robot import RECORDED, SOFTENED
-from words.quantities import number, quantity
+from foldback.planner.certificate.figures import SmoothingFigures
+from foldback.planner.robot import RECORDED, SOFTENED
+from foldback.words.quantities import number, quantity
 
 SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
     "frames": ("Frames", "", 3),

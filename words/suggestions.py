@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Final, NamedTuple
 
-from planner.pathfinding.path_options import MAX_TABLE_MODULES
-from planner.pipeline.preference import Preference
-from words.plan_choice import PREFERENCE_WORDS
+from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES
+from foldback.planner.pipeline.preference import Preference
+from foldback.words.plan_choice import PREFERENCE_WORDS
 
 
 class Button(NamedTuple):

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Final
 
-from planner.certificate.figures import CertificateFigures
-from planner.chain.module import CUBE
-from planner.display_names import clean_name
-from planner.plan.moments import CONTACT_LINKS, Meeting, Moments
-from planner.plan.tour import MAX_CAPTION, MAX_STOP_MODULES, MAX_TITLE, Stop, Tour
-from words.certificate import clearance, headline, main_rows, torque
-from words.failures import failure
-from words.fold import ShownFold, shown_name
-from words.messages import nearest_frame
-from words.quantities import sentence, spacings
+from foldback.planner.certificate.figures import CertificateFigures
+from foldback.planner.chain.module import CUBE
+from foldback.planner.display_names import clean_name
+from foldback.planner.plan.moments import CONTACT_LINKS, Meeting, Moments
+from foldback.planner.plan.tour import MAX_CAPTION, MAX_STOP_MODULES, MAX_TITLE, Stop, Tour
+from foldback.words.certificate import clearance, headline, main_rows, torque
+from foldback.words.failures import failure
+from foldback.words.fold import ShownFold, shown_name
+from foldback.words.messages import nearest_frame
+from foldback.words.quantities import sentence, spacings
 
 LINKS: Final = ("none", "one", "two", "three", "four")
 """Small numbers as words."""

@@ -6,16 +6,16 @@ import re
 from collections.abc import Iterable
 from typing import Final, TypedDict
 
-from planner.certificate.figures import CertificateFigures, Fault, FoldSummary
-from planner.parameters.parameters import FLOATING
-from planner.progress import STAGES
-from words import certificate as certificate_words
-from words.failures import reason_for_people
-from words.fold import ShownFold
-from words.messages import count_from_one, message_for_people
-from words.plan_choice import Choice, superlative
-from words.quantities import PRESET_LABELS, sentence
-from words.settings import in_a_line
+from foldback.planner.certificate.figures import CertificateFigures, Fault, FoldSummary
+from foldback.planner.parameters.parameters import FLOATING
+from foldback.planner.progress import STAGES
+from foldback.words import certificate as certificate_words
+from foldback.words.failures import reason_for_people
+from foldback.words.fold import ShownFold
+from foldback.words.messages import count_from_one, message_for_people
+from foldback.words.plan_choice import Choice, superlative
+from foldback.words.quantities import PRESET_LABELS, sentence
+from foldback.words.settings import in_a_line
 
 COVER_LOADING: Final = "Loading the view"
 COVER_WAITING: Final = "Waiting for the first frame"

@@ -18,17 +18,17 @@ from typing import Any, Final
 
 from rich.console import Console
 
-import foldback_check
 from bench.command import fold
 from bench.machine import machine
 from bench.measured_tables import Section
 from bench.scaling import CASES
 from examples.run_gallery import PROCESSES, SHAPES
-from planner.file_names import PLAN
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up import warm_up
-from planner.pipeline.workspace import Workspace
+from foldback import foldback_check
+from foldback.planner.file_names import PLAN
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.workspace import Workspace
 
 MAX_CHECK_S: Final = {
     "wrench-160": 2.0,

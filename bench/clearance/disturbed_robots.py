@@ -21,14 +21,14 @@ from rich.console import Console
 from bench.machine import machine
 from bench.measured_tables import Section
 from examples.run_gallery import SHAPES
-from planner.chain.chain import Chain
-from planner.clearance.sweep import sweep
-from planner.file_names import PLAN
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up import warm_up
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.file_names import PLAN
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
 
 Array = NDArray[np.float64]
 PLANS: Final = (

@@ -23,17 +23,17 @@ from numpy.typing import NDArray
 from rich.console import Console
 from scipy.optimize import nnls
 
-import foldback_check
 from bench.measured_tables import Section
 from examples.run_gallery import PROCESSES, SHAPES
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.file_names import PLAN
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up import warm_up
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
+from foldback import foldback_check
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.errors import InputError
+from foldback.planner.file_names import PLAN
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
 from tests.planner.verification.forged_plans import MOTIONS, forge
 from tests.web.node import JavaScriptChecker
 

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from bench.measured_tables import Section
 from examples.run_gallery import SHAPES
-from planner.chain.chain import Chain
-from planner.clearance.sweep import Sweep, sweep
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.sweep import Sweep, sweep
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
 from tests.planner.peels import peel, snake
 
 RECORD_FRAMES = 1000

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 from typing import Final
 
-from server.settings import MIB_BYTES
+from foldback.server.settings import MIB_BYTES
 
 DISK_MIB: Final = 512
 """Size of the disk that the fault test mounts for the service under test, in MiB. It is larger than

@@ -27,7 +27,7 @@ import psutil
 from bench.load.site import ONE_MACHINE, NotReadyError, Setup, Site
 from bench.load.witness import Witness
 from bench.measured_tables import Section
-from planner.progress import STAGES
+from foldback.planner.progress import STAGES
 from tests.server.service_process import SNAKE
 
 OUT: Final = Path("out/load")

@@ -13,10 +13,10 @@ from typing import Final
 import numpy as np
 import trimesh
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.plan.shape_writers import write_chain, write_path, write_shape
-from planner.shapes.shape import Shape
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.plan.shape_writers import write_chain, write_path, write_shape
+from foldback.planner.shapes.shape import Shape
 from tests.planner.shapes.test_readers_fuzz import SPICE, mutate
 from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, exported, zipped
 

@@ -20,7 +20,7 @@ import psutil
 from bench.load.clocks import Clock
 from bench.load.disks import Disk
 from bench.load.loopback import checked
-from server.settings import MIB_BYTES
+from foldback.server.settings import MIB_BYTES
 from tests.server.service_process import Service
 
 MARK: Final = "FOLDBACK_LOAD_SITE"
@@ -127,7 +127,7 @@ class Site:
         service = self._service(f"host-{k}" if self.setup.apart else "web")
         with open(self.place / f"host-{k}.log", "a") as log:
             return subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.cli", "worker"],
+                [sys.executable, "-P", "-m", "foldback.server.cli", "worker"],
                 env=service.environment,
                 stderr=log,
             )
@@ -203,7 +203,7 @@ class Site:
 
 
 def _kind(command: list[str]) -> str:
-    if "server.jobs.worker_process" in command or command[-1:] == ["worker"]:
+    if "foldback.server.jobs.worker_process" in command or command[-1:] == ["worker"]:
         return "worker"
     if command and command[0].startswith("foldback "):
         return command[0].removeprefix("foldback ")

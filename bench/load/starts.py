@@ -61,7 +61,7 @@ def _end_s(at_s: float, number: signal.Signals, *, warm: bool) -> float:
         service.data_dir.mkdir()
         with open(service.log, "a") as log:
             process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.cli", "serve"],
+                [sys.executable, "-P", "-m", "foldback.server.cli", "serve"],
                 env=service.environment,
                 stdout=log,
                 stderr=log,

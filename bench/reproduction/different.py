@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from examples.run_gallery import SHAPES
-from planner.chain.path import Path
-from planner.readers import read
+from foldback.planner.chain.path import Path
+from foldback.planner.readers import read
 
 Array = NDArray[np.float64]
 CHOSEN_SHAPES: Final = 10

@@ -10,7 +10,7 @@ from typing import Final, Literal
 
 from bench.reproduction.different import different_shapes
 from examples.run_gallery import SHAPES
-from planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.request import FoldRequest
 
 Outcome = Literal["verified", "tangled"]
 RECORDING_PACE: Final = "steps_per_snapshot=10"

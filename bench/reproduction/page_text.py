@@ -14,9 +14,9 @@ from bench.reproduction.experiments import (
     Statement,
 )
 from bench.reproduction.runs import Phase, Run
-from planner.parameters.parameters import preset
-from planner.parameters.settings_text import SETTINGS, value_of
-from words.messages import count_from_one
+from foldback.planner.parameters.parameters import preset
+from foldback.planner.parameters.settings_text import SETTINGS, value_of
+from foldback.words.messages import count_from_one
 
 FORMAT: Final = "foldback-reproduction/1"
 """Format of the page's data."""

@@ -16,11 +16,11 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from bench.reproduction.still import STILL_PX, still
-from planner.files import write_json
-from planner.motion.timeline import chain_attributes
-from web.palette import STALLED_RGB, error_colours
-from web.timeline.frame_batch import chosen
-from web.timeline.view import Snapshot, TimelineView
+from foldback.planner.files import write_json
+from foldback.planner.motion.timeline import chain_attributes
+from foldback.web.palette import STALLED_RGB, error_colours
+from foldback.web.timeline.frame_batch import chosen
+from foldback.web.timeline.view import Snapshot, TimelineView
 
 Ints = NDArray[np.int64]
 FRAMES_PER_PHASE: Final = 120

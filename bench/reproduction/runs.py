@@ -20,13 +20,13 @@ from bench.reproduction.experiments import Experiment, experiments
 from bench.reproduction.pictures import Moment, keep_pictures
 from bench.success_map.stored import version_of
 from examples.run_gallery import SHAPES
-from planner.errors import InputError
-from planner.files import write_whole
-from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up import warm_up
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from web.timeline.view import TimelineView
+from foldback.planner.errors import InputError
+from foldback.planner.files import write_whole
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.web.timeline.view import TimelineView
 
 STARTS_DIR: Final = Path(__file__).parents[2] / "out" / "reproduction"
 """Directory of plans that other experiments start from."""

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from planner.chain.module import Module
-from planner.chain.rotations import matrix_from_wxyz
-from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, View, framing
-from web.pictures.drawn_modules import SUPERSAMPLING, Camera, module_triangles
-from web.pictures.lighting import THEMES
-from web.pictures.rasteriser import draw_triangles
+from foldback.planner.chain.module import Module
+from foldback.planner.chain.rotations import matrix_from_wxyz
+from foldback.web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, View, framing
+from foldback.web.pictures.drawn_modules import SUPERSAMPLING, Camera, module_triangles
+from foldback.web.pictures.lighting import THEMES
+from foldback.web.pictures.rasteriser import draw_triangles
 
 Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]

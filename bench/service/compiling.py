@@ -17,7 +17,7 @@ processor time than this, in s. At or above it the target is reported as not met
 FIRST_KERNELS: Final = """
 import sys
 from pathlib import Path
-from planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.warm_up import warm_up
 
 warm_up(soon=True, directory=Path(sys.argv[1]))
 """
@@ -26,9 +26,9 @@ OWN_FOLD: Final = """
 import sys
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from planner.pipeline.workspace import Workspace
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
 
 with TemporaryDirectory() as folder:
     data = Path(sys.argv[1]).read_bytes()
@@ -45,7 +45,7 @@ def compiling(reference_seconds: float) -> Section:
     with tempfile.TemporaryDirectory(prefix="foldback-kernels-") as cache:
         first = _processor_s(cache, "-c", FIRST_KERNELS, cache)
         fold = _processor_s(cache, "-c", OWN_FOLD, str(OWN_SHAPE))
-        rest = _processor_s(cache, "-m", "planner.pipeline.warm_up")
+        rest = _processor_s(cache, "-m", "foldback.planner.pipeline.warm_up")
     section.rows.append({"first_s": first, "fold_s": fold, "rest_s": rest})
     bar = f"< {MAX_FIRST_CPU_S:.0f} s of the processor"
     section.add("kernels of a first fold", f"{first:.1f} s", bar, first < MAX_FIRST_CPU_S)

@@ -10,7 +10,7 @@ import time
 from pathlib import Path
 
 from bench.measured_tables import Section
-from planner.motion.timeline import Timeline
+from foldback.planner.motion.timeline import Timeline
 from tests.tools import OPENGL
 
 SHAPE = "wrench-160"
@@ -33,7 +33,7 @@ def movies(reference_seconds: float) -> Section:
     del reference_seconds
     section = Section(name="movies")
     backend = OPENGL.get()
-    command = [sys.executable, "-m", "server.cli.command_line"]
+    command = [sys.executable, "-m", "foldback.server.cli.command_line"]
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder:
         directory = Path(folder) / "fold"
         subprocess.run([*command, "fold", SHAPE, "--out", str(directory)], check=True)
@@ -55,7 +55,7 @@ def movies(reference_seconds: float) -> Section:
 
 
 def _picture(section: Section, directory: Path) -> None:
-    from web.pictures.social_picture import social_picture
+    from foldback.web.pictures.social_picture import social_picture
 
     chain = Timeline.open(directory / "timeline.zarr").chain
     social_picture(chain)  # compile and load modules first

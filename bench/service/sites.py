@@ -18,9 +18,9 @@ from playwright.sync_api import Browser, sync_playwright
 from bench.command import fold
 from bench.measured_tables import Section
 from bench.page_speed import MOVING
-from planner.readers.gallery import Gallery
-from server.api.shipped_folds import SHIPPED_FOLDS_DIR
-from server.cli.site import site
+from foldback.planner.readers.gallery import Gallery
+from foldback.server.api.shipped_folds import SHIPPED_FOLDS_DIR
+from foldback.server.cli.site import site
 from tests.browser.conftest import FLAGS
 from tests.tools import CHROMIUM
 

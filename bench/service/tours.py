@@ -25,19 +25,19 @@ from scipy.optimize import LinearConstraint, linprog, minimize
 
 from bench.machine import machine
 from bench.measured_tables import Section
-from cli.tour import drafted
 from examples.run_gallery import PROCESSES, SHAPES
-from planner.chain.chain import Chain
-from planner.file_names import CERTIFICATE, FIGURES, TIMELINE
-from planner.files import json_of
-from planner.motion.timeline import Timeline
-from planner.pathfinding.knots import knot_of
-from planner.pipeline.fold_layout import result_path
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up import warm_up
-from planner.pipeline.workspace import Workspace
-from planner.plan.tour import Stop, Tour
+from foldback.cli.tour import drafted
+from foldback.planner.chain.chain import Chain
+from foldback.planner.file_names import CERTIFICATE, FIGURES, TIMELINE
+from foldback.planner.files import json_of
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.tour import Stop, Tour
 
 Array = NDArray[np.float64]
 MAX_DRAFT_S: Final = 1.0

@@ -22,17 +22,17 @@ from rich.table import Table
 
 from bench.success_map.picture import Shares, picture
 from bench.success_map.stored import judge, run_missing
-from planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.kernels.backbite import grow
-from planner.pathfinding.assembly import layered_snake
-from planner.pathfinding.lattice import neighbours
-from planner.pathfinding.path_search import find_paths
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.warm_up import warm_up
-from planner.plan.shape_writers import write_path
-from planner.shapes.shape import Shape
+from foldback.planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.kernels.backbite import grow
+from foldback.planner.pathfinding.assembly import layered_snake
+from foldback.planner.pathfinding.lattice import neighbours
+from foldback.planner.pathfinding.path_search import find_paths
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.shapes.shape import Shape
 
 Ints = NDArray[np.int64]
 ROOT: Final = FilePath(__file__).parents[2]

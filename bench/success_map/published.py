@@ -19,12 +19,12 @@ from rich.console import Console
 
 from bench.measured_tables import Section
 from bench.success_map.stored import run_missing, version_of
-from planner.chain.path import Path as CellPath
-from planner.pathfinding.block_merging import block_path
-from planner.pathfinding.lattice import STEPS
-from planner.pipeline.fold import fold
-from planner.pipeline.warm_up import warm_up
-from planner.readers import read
+from foldback.planner.chain.path import Path as CellPath
+from foldback.planner.pathfinding.block_merging import block_path
+from foldback.planner.pathfinding.lattice import STEPS
+from foldback.planner.pipeline.fold import fold
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.readers import read
 
 ROOT: Final = Path(__file__).parents[2]
 SHAPES: Final = ("mallet-64", "wrench-94", "wrench-160", "mallet-160", "mallet-192")

@@ -21,9 +21,9 @@ from bench.measured_tables import Section
 from bench.meshes import MESHES
 from bench.success_map.stored import judge, run_missing, version_of
 from examples.run_gallery import SHAPES
-from planner.errors import InputError
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.warm_up import warm_up
+from foldback.planner.errors import InputError
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.warm_up import warm_up
 
 OUT: Final = Path(__file__).parents[2] / "out"
 SEEDS_PER_SHAPE: Final = 5

@@ -13,10 +13,10 @@ from itertools import islice
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from planner.progress import Cancelled, never
+from foldback.planner.progress import Cancelled, never
 
 if TYPE_CHECKING:
-    from planner.pipeline.request import FoldRequest
+    from foldback.planner.pipeline.request import FoldRequest
 
 Case = TypeVar("Case")
 Row = dict[str, Any]
@@ -93,8 +93,8 @@ def judge(
         InputError: If the input cannot be used.
     """
     # Imported late: processes that run other cases would import all of the planner.
-    from planner.pipeline.stages import run_stages
-    from planner.pipeline.workspace import Workspace
+    from foldback.planner.pipeline.stages import run_stages
+    from foldback.planner.pipeline.workspace import Workspace
 
     Workspace(directory).write_request(request, data)
     return run_stages(directory, until="export", cancelled=cancelled)

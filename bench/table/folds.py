@@ -16,12 +16,12 @@ from numpy.typing import NDArray
 
 from bench.measured_tables import Section
 from bench.table.paths import gallery_cells
-from planner.certificate.table_certificate import table_certificate
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.clearance.sweep import sweep
-from planner.explosion.table_explosion import explode_on_table
-from planner.parameters.explosion import Base, TableParameters
+from foldback.planner.certificate.table_certificate import table_certificate
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.explosion.table_explosion import explode_on_table
+from foldback.planner.parameters.explosion import Base, TableParameters
 from tests.planner.table_search import table_paths
 
 Cells = NDArray[np.int64]

@@ -19,15 +19,15 @@ from rich.console import Console
 from bench.held_out_meshes import HELD_OUT, ball, rod
 from bench.measured_tables import Section
 from bench.meshes import MESHES, Mesh, box, joined, revolved
-from planner.errors import InputError
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.prepare import prepare_found
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.shapes.solid import Solid
-from planner.table_paths.rules import rule_violations
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.prepare import prepare_found
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.shapes.solid import Solid
+from foldback.planner.table_paths.rules import rule_violations
 
 FURTHER: Final[dict[str, Callable[[], Mesh]]] = {
     "cone": lambda: trimesh.creation.cone(2.0, 5.0),

@@ -15,11 +15,11 @@ import trimesh
 
 from bench.command import fold
 from bench.measured_tables import Section
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.prepare import prepare
-from planner.readers import read
-from planner.shapes.solid import Solid
-from planner.table_paths.offers import Offer, table_offers
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.prepare import prepare
+from foldback.planner.readers import read
+from foldback.planner.shapes.solid import Solid
+from foldback.planner.table_paths.offers import Offer, table_offers
 
 COUNTS: Final = (80, 100, 120, 160, 200, 240, 300)
 """Numbers of modules that are requested."""

@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from rich.console import Console
 
 from bench.measured_tables import Section
-from planner.chain.path import Path as ChainPath
-from planner.errors import InputError
-from planner.readers import read
-from planner.table_paths.rules import LAYERS, rule_violations
-from planner.table_paths.table_paths import TablePath
+from foldback.planner.chain.path import Path as ChainPath
+from foldback.planner.errors import InputError
+from foldback.planner.readers import read
+from foldback.planner.table_paths.rules import LAYERS, rule_violations
+from foldback.planner.table_paths.table_paths import TablePath
 from tests.planner.table_search import table_paths
 
 SHAPES = Path(__file__).parents[2] / "examples" / "shapes"

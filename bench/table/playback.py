@@ -17,12 +17,12 @@ import numpy as np
 from bench.measured_tables import Section
 from bench.table.folds import SMALL_BOXES
 from bench.table.paths import SHAPES
-from planner.certificate.table_figures import FRICTIONLESS
-from planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
-from planner.verification.verify import verify
+from foldback.planner.certificate.table_figures import FRICTIONLESS
+from foldback.planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.verification.verify import verify
 from tests.planner.table_replay import TableReplay, table_replay
 
 GALLERY_SHAPES: Final = ("mallet-24", "mallet-64", "letter-l", "letter-f")

@@ -14,17 +14,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.measured_tables import Section
-from planner.certificate.table_certificate import table_certificate
-from planner.certificate.table_figures import FRICTIONLESS
-from planner.chain.cantilever_statics import static_torque
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.path import Path
-from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.fold import fold
-from planner.readers import read
-from planner.readers.gallery import Gallery
-from planner.statics.balance import Balance
+from foldback.planner.certificate.table_certificate import table_certificate
+from foldback.planner.certificate.table_figures import FRICTIONLESS
+from foldback.planner.chain.cantilever_statics import static_torque
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.path import Path
+from foldback.planner.pathfinding.assembly import layered_snake
+from foldback.planner.pipeline.fold import fold
+from foldback.planner.readers import read
+from foldback.planner.readers.gallery import Gallery
+from foldback.planner.statics.balance import Balance
 
 Array = NDArray[np.float64]
 TIMED_FRAMES: Final = 30

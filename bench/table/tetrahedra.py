@@ -19,23 +19,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bench.measured_tables import Section
-from planner.certificate.table_certificate import table_certificate
-from planner.certificate.table_figures import FRICTIONLESS
-from planner.chain.cantilever_statics import static_torque
-from planner.chain.chain import Chain
-from planner.chain.rotations import wxyz_from_matrix
-from planner.clearance.clearance import closest
-from planner.clearance.sweep import sweep
-from planner.motion.motion import Motion
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.fold import fold
-from planner.pipeline.prepare import prepare
-from planner.readers.gallery import Gallery
-from planner.simulation.lazy_mujoco import mujoco
-from planner.simulation.mujoco_models import SOLIMP, Material, compiled, tree_spec
-from planner.statics.balance import Balance
-from planner.statics.contacts import floor_clearances
-from planner.statics.stable_poses import resting_poses
+from foldback.planner.certificate.table_certificate import table_certificate
+from foldback.planner.certificate.table_figures import FRICTIONLESS
+from foldback.planner.chain.cantilever_statics import static_torque
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.clearance.clearance import closest
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.motion.motion import Motion
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.fold import fold
+from foldback.planner.pipeline.prepare import prepare
+from foldback.planner.readers.gallery import Gallery
+from foldback.planner.simulation.lazy_mujoco import mujoco
+from foldback.planner.simulation.mujoco_models import SOLIMP, Material, compiled, tree_spec
+from foldback.planner.statics.balance import Balance
+from foldback.planner.statics.contacts import floor_clearances
+from foldback.planner.statics.stable_poses import resting_poses
 
 Array = NDArray[np.float64]
 SEEDS_PER_CHAIN: Final = 12

@@ -14,25 +14,25 @@ from typing import cast
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.certificate.earlier_certificates import told_honestly
-from planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
-from planner.certificate.plan_figures import largest_angle, plan_figures, robot_figures
-from planner.certificate.swept_motions import Sweeper, followed
-from planner.certificate.table_certificate import table_certificate
-from planner.certificate.table_figures import TableCertificate
-from planner.certificate.table_forces import TableForces
-from planner.certificate.verdict import find_verdict
-from planner.chain.chain import Chain
-from planner.clearance.exempt_pairs import ExemptPairs, Place, exempt_pairs
-from planner.clearance.margins import Margins, margins
-from planner.errors import InputError
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.parameters.parameters import Parameters
-from planner.plain_values import from_plain
-from planner.playback.playback import Playback
-from planner.progress import Cancelled, Progress, Report, never, silent
+from foldback.planner.arrays import Array
+from foldback.planner.certificate.earlier_certificates import told_honestly
+from foldback.planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
+from foldback.planner.certificate.plan_figures import largest_angle, plan_figures, robot_figures
+from foldback.planner.certificate.swept_motions import Sweeper, followed
+from foldback.planner.certificate.table_certificate import table_certificate
+from foldback.planner.certificate.table_figures import TableCertificate
+from foldback.planner.certificate.table_forces import TableForces
+from foldback.planner.certificate.verdict import find_verdict
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.exempt_pairs import ExemptPairs, Place, exempt_pairs
+from foldback.planner.clearance.margins import Margins, margins
+from foldback.planner.errors import InputError
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.plain_values import from_plain
+from foldback.planner.playback.playback import Playback
+from foldback.planner.progress import Cancelled, Progress, Report, never, silent
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Final, cast
 
-from planner.certificate.figures import (
+from foldback.planner.certificate.figures import (
     KINEMATICS_ONLY,
     SIMULATED,
     CertificateFigures,

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import Any, Final, NotRequired, Required, TypedDict
 
-from planner.motion.failure_schemas import StuckFigures
+from foldback.planner.motion.failure_schemas import StuckFigures
 
 SIMULATED: Final = "verified (simulated)"
 """Verdict of a verified plan whose playback was simulated."""

@@ -15,9 +15,9 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.certificate.certificate import Certificate
-from planner.certificate.metrics_store import (
+from foldback.planner.arrays import Array
+from foldback.planner.certificate.certificate import Certificate
+from foldback.planner.certificate.metrics_store import (
     CLEARANCE_REACH_PITCH,
     FIGURE_FRAMES_PER_CHUNK,
     Curves,
@@ -26,16 +26,16 @@ from planner.certificate.metrics_store import (
     Integers,
     write,
 )
-from planner.certificate.plan_figures import MOVING_SPEED_SHARE, torque_unit_nm
-from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques, spline_derivatives
-from planner.chain.kinematics import forward_kinematics
-from planner.clearance.sweep import sweep
-from planner.kernels.clearance import Solid, module_clearances
-from planner.motion.inverse_dynamics import inverse_dynamics
-from planner.motion.motion import PHASES, Motion
-from planner.motion.timeline import Timeline
-from planner.parameters.parameters import Parameters
+from foldback.planner.certificate.plan_figures import MOVING_SPEED_SHARE, torque_unit_nm
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.floating_torques import floating_torques, spline_derivatives
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.kernels.clearance import Solid, module_clearances
+from foldback.planner.motion.inverse_dynamics import inverse_dynamics
+from foldback.planner.motion.motion import PHASES, Motion
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.parameters.parameters import Parameters
 
 SPLINE_MARGIN_FRAMES: Final = 32
 """Number of frames beyond each end of a chunk of a motion that the spline for the chunk's rates and

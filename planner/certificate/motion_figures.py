@@ -7,9 +7,9 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.motion.motion import PHASES, Motion
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.motion import PHASES, Motion
 
 MIN_COUNTED_MOTION_RAD: Final = float(np.deg2rad(1.0))
 """Minimum motion of a hinge that counts as a reversal, or as a detour, rad: one degree, which

@@ -7,16 +7,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.certificate.figures import RobotFigures
-from planner.certificate.motion_figures import MotionFigures
-from planner.certificate.swept_motions import Sweeps, followed
-from planner.chain.cantilever_statics import GRAVITY_M_S2, static_torque
-from planner.chain.chain import Chain
-from planner.chain.rotations import aligned_distances
-from planner.motion.motion import Motion
-from planner.parameters.parameters import Parameters
-from planner.playback.playback import Playback
+from foldback.planner.arrays import Array
+from foldback.planner.certificate.figures import RobotFigures
+from foldback.planner.certificate.motion_figures import MotionFigures
+from foldback.planner.certificate.swept_motions import Sweeps, followed
+from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2, static_torque
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import aligned_distances
+from foldback.planner.motion.motion import Motion
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.playback.playback import Playback
 
 MOVING_SPEED_SHARE: Final = 0.1
 """Minimum speed of a hinge that counts as moving, as a fraction of the fastest hinge's speed at

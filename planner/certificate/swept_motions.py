@@ -6,15 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Any
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.clearance.exempt_pairs import Place
-from planner.clearance.rounding_errors import clearance_rounding
-from planner.clearance.sweep import BOUND_RATIO, Sweep, sweep
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.playback.playback import Playback
-from planner.progress import Cancelled, Progress, Report
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.exempt_pairs import Place
+from foldback.planner.clearance.rounding_errors import clearance_rounding
+from foldback.planner.clearance.sweep import BOUND_RATIO, Sweep, sweep
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.playback.playback import Playback
+from foldback.planner.progress import Cancelled, Progress, Report
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,20 +17,20 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
-from planner.certificate.table_figures import TableCertificate
-from planner.certificate.table_forces import TableForces
-from planner.chain.cantilever_statics import GRAVITY_M_S2
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses
-from planner.cpu_cores import cores
-from planner.errors import InputError
-from planner.motion.motion import Motion
-from planner.parameters.explosion import Base
-from planner.statics.balance import MIN_TORQUE_WP, Balance, Standing
-from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, floor_clearances
-from planner.statics.friction import CONE_SIDES, DIRECTION_SPREADS_RAD, Friction
-from planner.statics.stable_poses import resting_poses
+from foldback.planner.arrays import Array
+from foldback.planner.certificate.table_figures import TableCertificate
+from foldback.planner.certificate.table_forces import TableForces
+from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses
+from foldback.planner.cpu_cores import cores
+from foldback.planner.errors import InputError
+from foldback.planner.motion.motion import Motion
+from foldback.planner.parameters.explosion import Base
+from foldback.planner.statics.balance import MIN_TORQUE_WP, Balance, Standing
+from foldback.planner.statics.contacts import FLOOR_GAP, MODULE_GAP, floor_clearances
+from foldback.planner.statics.friction import CONE_SIDES, DIRECTION_SPREADS_RAD, Friction
+from foldback.planner.statics.stable_poses import resting_poses
 
 MAX_TABLE_ENTRY_PITCH: Final = 0.02
 """Maximum depth, in pitches, to which modules may sink below the table's surface in a plan that is

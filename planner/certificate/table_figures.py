@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import Any, Final
 
-from planner.errors import InputError
-from planner.parameters.explosion import Base
-from planner.plain_values import from_plain, plain_lists
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.explosion import Base
+from foldback.planner.plain_values import from_plain, plain_lists
 
 TABLE_FORMAT: Final = "foldback-table/1"
 FRICTIONLESS: Final = "frictionless"

@@ -11,7 +11,7 @@ from pathlib import Path as FilePath
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.errors import UNREADABLE, InputError
+from foldback.planner.errors import UNREADABLE, InputError
 
 Floats = NDArray[np.float32]
 

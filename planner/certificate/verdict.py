@@ -6,16 +6,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
-from planner.certificate.plan_figures import distances_from_shape, rms
-from planner.certificate.swept_motions import Sweeps, followed, others
-from planner.chain.chain import Chain
-from planner.chain.rotations import aligned_distances
-from planner.clearance.sweep import Sweep
-from planner.motion.motion import PHASES, Motion
-from planner.motion.record import Record
-from planner.playback.playback import Playback
-from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD
+from foldback.planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
+from foldback.planner.certificate.plan_figures import distances_from_shape, rms
+from foldback.planner.certificate.swept_motions import Sweeps, followed, others
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import aligned_distances
+from foldback.planner.clearance.sweep import Sweep
+from foldback.planner.motion.motion import PHASES, Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.playback.playback import Playback
+from foldback.planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD
 
 MAX_VERIFIED_ERROR_PITCH: Final = 0.01
 """Maximum RMS position error of the modules, in pitches, at the end of a simulated playback that is

@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses
-from planner.chain.rotations import matrix_from_wxyz
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses
+from foldback.planner.chain.rotations import matrix_from_wxyz
 
 GRAVITY_M_S2: Final = 9.81
 """Standard acceleration of gravity, rounded, in m/s²."""

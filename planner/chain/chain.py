@@ -6,19 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.close_points import first_close_pair
-from planner.chain.kinematics import Poses, forward_kinematics
-from planner.chain.module import CUBE, TETRAHEDRON, Module
-from planner.chain.path import (
+from foldback.planner.arrays import Array
+from foldback.planner.chain.close_points import first_close_pair
+from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.chain.path import (
     DEFAULT_PITCH_M,
     MIN_CELLS,
     Path,
     check_pitch,
 )
-from planner.chain.rotations import wxyz_from_matrix
-from planner.chain.trail import Trail, hinge_axes
-from planner.errors import InputError
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.chain.trail import Trail, hinge_axes
+from foldback.planner.errors import InputError
 
 MIN_CENTRE_DISTANCE_SHARE = 0.98
 """Minimum distance between the centres of any two modules of a folded chain, as a fraction of the

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
+from foldback.planner.arrays import Array
 
 
 def first_close_pair(points: Array, closest: float) -> tuple[int, int] | None:

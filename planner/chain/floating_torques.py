@@ -7,11 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.module import Module
-from planner.cpu_cores import cores
-from planner.kernels.dynamics import many_floating_torques
-from planner.kernels.module import Lumps
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.module import Module
+from foldback.planner.cpu_cores import cores
+from foldback.planner.kernels.dynamics import many_floating_torques
+from foldback.planner.kernels.module import Lumps
 
 MIN_ANGLES_PER_THREAD: Final = 20_000
 """Minimum number of joint angles (hinges × frames) per thread that computes torques. Smaller values

@@ -14,7 +14,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
+from foldback.planner.arrays import Array
 
 Nodes = NDArray[np.int64]
 TETRAHEDRA_PER_RING: Final = 12

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.module import Module
-from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
-from planner.kernels.module import Joint
-from planner.may_compile import may_compile
+from foldback.planner.arrays import Array
+from foldback.planner.chain.module import Module
+from foldback.planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
+from foldback.planner.kernels.module import Joint
+from foldback.planner.may_compile import may_compile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,7 +66,7 @@ def forward_kinematics(
     positions = np.empty((frames, n, 3))
     rotations = np.empty((frames, n, 3, 3))
     if may_compile():
-        from planner.kernels.kinematics import many_chain_poses as write_poses
+        from foldback.planner.kernels.kinematics import many_chain_poses as write_poses
     else:
         write_poses = _write_poses
     write_poses(angles, module.joint, root, roots, turns, positions, rotations)

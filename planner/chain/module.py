@@ -8,9 +8,9 @@ from typing import Final, Literal
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.errors import InputError
-from planner.kernels.module import Hull, Joint
+from foldback.planner.arrays import Array
+from foldback.planner.errors import InputError
+from foldback.planner.kernels.module import Hull, Joint
 
 LONG_CHAIN: Final = 600
 """Minimum number of modules for which a chain gets a path whose cells can be removed one after the

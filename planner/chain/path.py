@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.arrays import Array, Flags, Ints
-from planner.errors import InputError
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.errors import InputError
 
 MAX_COORDINATE: Final = 1_000_000
 """Maximum magnitude of a cell's coordinate in an input, in cells; a larger one is refused. It keeps

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.arrays import Array
+from foldback.planner.arrays import Array
 
 
 def matrix_from_wxyz(wxyz: Array) -> Array:

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
+from foldback.planner.arrays import Array
 
 MIN_PROJECTED_SHARE: Final = 0.3
 """Minimum length of a link (the line between two neighbouring modules' centres) in the projection

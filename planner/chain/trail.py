@@ -13,12 +13,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planner.chain.path import (
+from foldback.planner.chain.path import (
     DEFAULT_PITCH_M,
     MAX_COORDINATE,
     check_pitch,
 )
-from planner.errors import InputError
+from foldback.planner.errors import InputError
 
 Nodes = NDArray[np.int64]
 MIN_NODES = 3

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from planner.arrays import Array
-from planner.chain.module import Module
-from planner.kernels.clearance import least_separation
-from planner.kernels.pairs import near_pairs
+from foldback.planner.arrays import Array
+from foldback.planner.chain.module import Module
+from foldback.planner.kernels.clearance import least_separation
+from foldback.planner.kernels.pairs import near_pairs
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

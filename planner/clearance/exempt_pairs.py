@@ -12,11 +12,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.module import Module
-from planner.kernels.linked import Link, deepest_overlap
-from planner.motion.motion import Motion, as_motion
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
+from foldback.planner.kernels.linked import Link, deepest_overlap
+from foldback.planner.motion.motion import Motion, as_motion
 
 RULE_LINKED: Final = "consecutive modules (i, i+1)"
 """Text for certificates of chains of cubes: the rule by which consecutive modules, which overlap at

@@ -13,12 +13,12 @@ from typing import Final, cast
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.clearance.exempt_pairs import Place
-from planner.clearance.rounding_errors import clearance_rounding
-from planner.clearance.sweep import (
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.clearance.exempt_pairs import Place
+from foldback.planner.clearance.rounding_errors import clearance_rounding
+from foldback.planner.clearance.sweep import (
     Sweep,
     between_frames,
     disturbed_sweep,
@@ -26,9 +26,9 @@ from planner.clearance.sweep import (
     rest_motions,
     sweep,
 )
-from planner.kernels.clearance_bounds import Levers, Tolerance, allowance
-from planner.motion.motion import Motion, as_motion
-from planner.progress import Cancelled, never
+from foldback.planner.kernels.clearance_bounds import Levers, Tolerance, allowance
+from foldback.planner.motion.motion import Motion, as_motion
+from foldback.planner.progress import Cancelled, never
 
 FULL_SIZE: Final = 1.0
 """Module size, in pitches, at which neighbouring modules touch: the largest size that is tried when

@@ -10,7 +10,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.chain.chain import Chain
+from foldback.planner.chain.chain import Chain
 
 UNIT_ROUNDOFF: Final = 2.0**-53
 """Largest relative error of one operation in IEEE double precision, 2⁻⁵³. Every proved clearance is

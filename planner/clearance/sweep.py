@@ -24,15 +24,15 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses, forward_kinematics
-from planner.chain.module import Module
-from planner.kernels.clearance import least_separation
-from planner.kernels.clearance_bounds import Tolerance
-from planner.kernels.motion_bounds import BODY_COLUMNS, ROTATION, VELOCITY
-from planner.kernels.pairs import near_pairs
-from planner.kernels.sweep import (
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.chain.module import Module
+from foldback.planner.kernels.clearance import least_separation
+from foldback.planner.kernels.clearance_bounds import Tolerance
+from foldback.planner.kernels.motion_bounds import BODY_COLUMNS, ROTATION, VELOCITY
+from foldback.planner.kernels.pairs import near_pairs
+from foldback.planner.kernels.sweep import (
     ROUNDING_MARGIN,
     Angles,
     Shape,
@@ -40,8 +40,8 @@ from planner.kernels.sweep import (
     rigid_clearances,
     sweep_frames,
 )
-from planner.motion.motion import Motion, as_motion
-from planner.progress import Cancelled, never
+from foldback.planner.motion.motion import Motion, as_motion
+from foldback.planner.progress import Cancelled, never
 
 FRAMES_PER_TASK: Final = 64
 """Number of intervals between frames that a thread checks for collisions before it takes the next

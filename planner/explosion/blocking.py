@@ -12,12 +12,17 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses, forward_kinematics
-from planner.explosion.failure_evidence import BlockEvidence, Move, QuarterTurnEvidence, Turn
-from planner.kernels.clearance import least_separation
-from planner.kernels.pairs import near_pairs
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.explosion.failure_evidence import (
+    BlockEvidence,
+    Move,
+    QuarterTurnEvidence,
+    Turn,
+)
+from foldback.planner.kernels.clearance import least_separation
+from foldback.planner.kernels.pairs import near_pairs
 
 STUCK_JOINT_BEND_RAD: Final = 1.0
 """Minimum angle of a hinge, rad, at which the report on a stalled unfolding counts its joint as

@@ -14,15 +14,15 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.explosion.explosion_loop import Watch, run
-from planner.explosion.simultaneous import Simultaneous
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.parameters.explosion import ExplosionParameters
-from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.rigid_blocks import Blocks
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.explosion_loop import Watch, run
+from foldback.planner.explosion.simultaneous import Simultaneous
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.simulation.rigid_blocks import Blocks
 
 MIN_BLOCK_MODULES: Final = 64
 """Minimum number of consecutive modules that move as one rigid block in the first stage of the

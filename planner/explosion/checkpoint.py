@@ -7,9 +7,9 @@ from typing import Final, Literal
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.motion.record import Spent
-from planner.simulation.reduced_state import State
+from foldback.planner.arrays import Array
+from foldback.planner.motion.record import Spent
+from foldback.planner.simulation.reduced_state import State
 
 MAX_CHECKPOINT_RETRIES: Final = 6
 """Maximum number of times that a simulation goes back to the same saved state. Beyond it deep

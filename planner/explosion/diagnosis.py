@@ -12,10 +12,10 @@ from typing import Any, Final, Literal, cast
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.explosion.blocking import STUCK_JOINT_BEND_RAD, blocked, no_quarter_turn
-from planner.explosion.failure_evidence import (
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.blocking import STUCK_JOINT_BEND_RAD, blocked, no_quarter_turn
+from foldback.planner.explosion.failure_evidence import (
     BlockEvidence,
     BudgetEvidence,
     Crossing,
@@ -24,15 +24,15 @@ from planner.explosion.failure_evidence import (
     Point,
     evidence_from,
 )
-from planner.explosion.peeling_window import MIN_LAST_UNIT_MODULES
-from planner.kernels.folded_core import FIXED
-from planner.kernels.pairs import near_pairs
-from planner.motion.failure_schemas import StuckFigures
-from planner.motion.motion import PHASES, Motion
-from planner.motion.record import Record
-from planner.parameters.explosion import ExplosionParameters
-from planner.parameters.parameters import BASELINE, TURNS, Parameters
-from planner.pathfinding.knot_diagram import diagram_of
+from foldback.planner.explosion.peeling_window import MIN_LAST_UNIT_MODULES
+from foldback.planner.kernels.folded_core import FIXED
+from foldback.planner.kernels.pairs import near_pairs
+from foldback.planner.motion.failure_schemas import StuckFigures
+from foldback.planner.motion.motion import PHASES, Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.parameters.parameters import BASELINE, TURNS, Parameters
+from foldback.planner.pathfinding.knot_diagram import diagram_of
 
 Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped", "blocked"]
 SLIGHT_BEND_RAD: Final = 0.1

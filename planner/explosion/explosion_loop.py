@@ -16,13 +16,13 @@ from typing import Any, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from planner.errors import SimulationError
-from planner.explosion.checkpoint import Checkpoint, Pulses
-from planner.explosion.recorder import Recorder
-from planner.explosion.step_control import StepControl
-from planner.motion.record import Record, RecordStatus, Spent
-from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
-from planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.errors import SimulationError
+from foldback.planner.explosion.checkpoint import Checkpoint, Pulses
+from foldback.planner.explosion.recorder import Recorder
+from foldback.planner.explosion.step_control import StepControl
+from foldback.planner.motion.record import Record, RecordStatus, Spent
+from foldback.planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
+from foldback.planner.simulation.reduced_state import Acceleration, State
 
 COMMIT_EVERY_STEPS: Final = 25
 """Number of simulation steps after which the state is saved, if contacts are shallow, as the point

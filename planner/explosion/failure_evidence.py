@@ -12,7 +12,7 @@ from typing import Final, cast
 
 import numpy as np
 
-from planner.motion.failure_schemas import (
+from foldback.planner.motion.failure_schemas import (
     BlockFigures,
     BudgetFigures,
     EvidenceFigures,
@@ -20,7 +20,7 @@ from planner.motion.failure_schemas import (
     QuarterTurnFigures,
     SpentKind,
 )
-from planner.plain_values import from_plain, plain_lists
+from foldback.planner.plain_values import from_plain, plain_lists
 
 Point = tuple[float, float, float]
 MAX_NAMED_PAIRS: Final = 3

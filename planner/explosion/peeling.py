@@ -17,41 +17,46 @@ from typing import TYPE_CHECKING, ClassVar, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.explosion.checkpoint import MAX_STALLED_PULSES, BendDecrease, Checkpoint, Pulses
-from planner.explosion.explosion_loop import (
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.checkpoint import (
+    MAX_STALLED_PULSES,
+    BendDecrease,
+    Checkpoint,
+    Pulses,
+)
+from foldback.planner.explosion.explosion_loop import (
     PULSE_REPULSION_SCALE,
     PULSE_TENSION_SCALE,
     STOP_COMPLIANCE_RAD,
     Watch,
     run,
 )
-from planner.explosion.peeling_recorder import Proof, WindowRule
-from planner.explosion.peeling_run import SAME_HEADING_COSINE, Peeling
-from planner.explosion.peeling_window import (
+from foldback.planner.explosion.peeling_recorder import Proof, WindowRule
+from foldback.planner.explosion.peeling_run import SAME_HEADING_COSINE, Peeling
+from foldback.planner.explosion.peeling_window import (
     Peelable,
     ReleasePoint,
     Window,
     WindowConfiguration,
     WindowSetting,
 )
-from planner.explosion.radial_forces import radial_weights
-from planner.explosion.recorder import Mark, Recorder, Refusal
-from planner.explosion.step_control import ContactDepth, StepControl
-from planner.kernels.window_forces import WindowLoads, window_forces
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.parameters.explosion import PeelingParameters
-from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.contact_finder import ContactFinder
-from planner.simulation.mujoco_models import Material
+from foldback.planner.explosion.radial_forces import radial_weights
+from foldback.planner.explosion.recorder import Mark, Recorder, Refusal
+from foldback.planner.explosion.step_control import ContactDepth, StepControl
+from foldback.planner.kernels.window_forces import WindowLoads, window_forces
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.explosion import PeelingParameters
+from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.simulation.contact_finder import ContactFinder
+from foldback.planner.simulation.mujoco_models import Material
 
 if TYPE_CHECKING:
-    from planner.explosion.peeling_core import Core, CoreOnTable
-    from planner.explosion.table_explosion import TableRules
-    from planner.explosion.table_guard import Guard
-    from planner.explosion.table_window_forces import TableForces
+    from foldback.planner.explosion.peeling_core import Core, CoreOnTable
+    from foldback.planner.explosion.table_explosion import TableRules
+    from foldback.planner.explosion.table_guard import Guard
+    from foldback.planner.explosion.table_window_forces import TableForces
 
 MIN_PEELING_PROGRESS_RAD: Final = 0.5
 """Minimum decrease of the sum of all hinge angles, rad, that counts as progress of a chain that

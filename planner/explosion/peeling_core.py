@@ -6,12 +6,12 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.table_projection import TableProjection
-from planner.errors import InputError
-from planner.kernels.folded_core import box_cover, distances_at
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.table_projection import TableProjection
+from foldback.planner.errors import InputError
+from foldback.planner.kernels.folded_core import box_cover, distances_at
 
 FIELD_PADDING_CELLS: Final = 6
 """Width, in lattice cells, of the margin around the folded core in which the distance field of the

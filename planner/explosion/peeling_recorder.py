@@ -8,14 +8,14 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.clearance.sweep import windows_shape
-from planner.explosion.peeling_window import Peelable, WindowConfiguration
-from planner.explosion.recorder import MIN_CLEARANCE_LOSS_PITCH
-from planner.kernels.sweep import Angles, sweep_frames
-from planner.motion.angle_encoding import quantised
-from planner.motion.motion import Motion
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.sweep import windows_shape
+from foldback.planner.explosion.peeling_window import Peelable, WindowConfiguration
+from foldback.planner.explosion.recorder import MIN_CLEARANCE_LOSS_PITCH
+from foldback.planner.kernels.sweep import Angles, sweep_frames
+from foldback.planner.motion.angle_encoding import quantised
+from foldback.planner.motion.motion import Motion
 
 CLEARANCE_CAP_PITCH: Final = 0.02
 """Cap of the clearance that is computed for snapshots of a peeling, pitches; larger clearances are

@@ -7,29 +7,29 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.explosion.checkpoint import (
+from foldback.planner.arrays import Array
+from foldback.planner.explosion.checkpoint import (
     MAX_CHECKPOINT_RETRIES,
     MAX_STALLED_PULSES,
     BendDecrease,
 )
-from planner.explosion.explosion_loop import (
+from foldback.planner.explosion.explosion_loop import (
     COMMIT_EVERY_STEPS,
     STRAIGHT,
     End,
     Explosion,
     return_to_checkpoint,
 )
-from planner.explosion.peeling_recorder import Proof
-from planner.explosion.peeling_window import Window, WindowConfiguration
-from planner.explosion.recorder import TOO_CLOSE, Refusal
-from planner.explosion.straightening import KINEMATIC_FRAME_S
-from planner.motion.record import Spent
-from planner.parameters.explosion import PeelingParameters
+from foldback.planner.explosion.peeling_recorder import Proof
+from foldback.planner.explosion.peeling_window import Window, WindowConfiguration
+from foldback.planner.explosion.recorder import TOO_CLOSE, Refusal
+from foldback.planner.explosion.straightening import KINEMATIC_FRAME_S
+from foldback.planner.motion.record import Spent
+from foldback.planner.parameters.explosion import PeelingParameters
 
 if TYPE_CHECKING:
-    from planner.explosion.peeling import FloatingRules
-    from planner.explosion.table_explosion import TableRules
+    from foldback.planner.explosion.peeling import FloatingRules
+    from foldback.planner.explosion.table_explosion import TableRules
 
 RELEASE_CHECK_STEPS: Final = 5
 """Number of simulation steps between two checks of whether the next modules may be released from

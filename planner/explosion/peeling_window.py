@@ -11,23 +11,23 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.explosion.peeling_core import Core, CoreOnTable
-from planner.explosion.step_control import StepControl
-from planner.kernels.folded_core import FIXED, CoreCells
-from planner.kernels.kinematics import chain_poses
-from planner.kernels.pairs import PairLimits
-from planner.kernels.window_forces import StepLimits, window_inverse_step_limit
-from planner.parameters.explosion import PeelingParameters
-from planner.simulation.contact_finder import ContactFinder
-from planner.simulation.fixed_base_window import FixedBaseWindow
-from planner.simulation.mujoco_models import Material
-from planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.peeling_core import Core, CoreOnTable
+from foldback.planner.explosion.step_control import StepControl
+from foldback.planner.kernels.folded_core import FIXED, CoreCells
+from foldback.planner.kernels.kinematics import chain_poses
+from foldback.planner.kernels.pairs import PairLimits
+from foldback.planner.kernels.window_forces import StepLimits, window_inverse_step_limit
+from foldback.planner.parameters.explosion import PeelingParameters
+from foldback.planner.simulation.contact_finder import ContactFinder
+from foldback.planner.simulation.fixed_base_window import FixedBaseWindow
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.reduced_state import Acceleration, State
 
 if TYPE_CHECKING:
-    from planner.explosion.peeling import FloatingForces
-    from planner.explosion.table_window_forces import TableForces
+    from foldback.planner.explosion.peeling import FloatingForces
+    from foldback.planner.explosion.table_window_forces import TableForces
 
 MIN_LAST_UNIT_MODULES: Final = 6
 """Minimum number of modules of the last group that is released from the folded core; if fewer would

@@ -13,11 +13,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.module import Module
-from planner.explosion.checkpoint import Checkpoint, Pulses
-from planner.explosion.explosion_loop import (
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
+from foldback.planner.explosion.checkpoint import Checkpoint, Pulses
+from foldback.planner.explosion.explosion_loop import (
     STRAIGHT,
     UNREPELLED_LINKS,
     End,
@@ -25,18 +25,18 @@ from planner.explosion.explosion_loop import (
     Watch,
     run,
 )
-from planner.explosion.recorder import FrameRule, Recorder, Step
-from planner.explosion.step_control import StepControl
-from planner.explosion.whole_chain import chain_at_rest, unfolded_share
-from planner.kernels.pairs import near_pairs, repulsion
-from planner.motion.angle_encoding import quantised
-from planner.motion.motion import Motion
-from planner.motion.record import Record, Spent
-from planner.parameters.published import PaperExplosionParameters
-from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.mujoco_models import Material
-from planner.simulation.reduced_state import Acceleration
-from planner.simulation.segments import Segments
+from foldback.planner.explosion.recorder import FrameRule, Recorder, Step
+from foldback.planner.explosion.step_control import StepControl
+from foldback.planner.explosion.whole_chain import chain_at_rest, unfolded_share
+from foldback.planner.kernels.pairs import near_pairs, repulsion
+from foldback.planner.motion.angle_encoding import quantised
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record, Spent
+from foldback.planner.parameters.published import PaperExplosionParameters
+from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.reduced_state import Acceleration
+from foldback.planner.simulation.segments import Segments
 
 MAX_STRAIGHT_BEND_RAD: Final = 0.05
 """Maximum angle of any hinge of a chain that counts as straight, rad; then an unfolding by the

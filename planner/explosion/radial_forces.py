@@ -7,19 +7,19 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.explosion.checkpoint import Pulses
-from planner.explosion.explosion_loop import (
+from foldback.planner.arrays import Array
+from foldback.planner.explosion.checkpoint import Pulses
+from foldback.planner.explosion.explosion_loop import (
     PULSE_REPULSION_SCALE,
     PULSE_TENSION_SCALE,
     RADIAL_GAIN_JITTER,
 )
-from planner.explosion.step_control import StepControl
-from planner.kernels.pairs import repulsion
-from planner.parameters.explosion import ExplosionParameters
+from foldback.planner.explosion.step_control import StepControl
+from foldback.planner.kernels.pairs import repulsion
+from foldback.planner.parameters.explosion import ExplosionParameters
 
 if TYPE_CHECKING:
-    from planner.explosion.whole_chain import WholeChain
+    from foldback.planner.explosion.whole_chain import WholeChain
 
 REPTATION_FORCE: Final = 0.1
 """Force on each module along the chain, in module weights, that makes a knotted or jammed chain

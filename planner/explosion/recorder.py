@@ -9,14 +9,14 @@ from typing import ClassVar, Final, Generic, Protocol, TypeVar
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.rotations import wxyz_from_matrix
-from planner.clearance.clearance import closest
-from planner.clearance.sweep import Between
-from planner.motion.motion import Motion
-from planner.simulation.reduced_state import State
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.clearance.clearance import closest
+from foldback.planner.clearance.sweep import Between
+from foldback.planner.motion.motion import Motion
+from foldback.planner.simulation.reduced_state import State
 
 CLEAR_ENOUGH_PITCH: Final = 0.06
 """Clearance, pitches, from which on the motion between two snapshots counts as safe, and no

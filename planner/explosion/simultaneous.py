@@ -17,17 +17,17 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.chain.chain import Chain
-from planner.chain.module import MAX_SMOOTH_CURVE_MODULES
-from planner.explosion.checkpoint import (
+from foldback.planner.arrays import Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import MAX_SMOOTH_CURVE_MODULES
+from foldback.planner.explosion.checkpoint import (
     MAX_CHECKPOINT_RETRIES,
     MAX_STALLED_PULSES,
     Checkpoint,
     JamDetector,
     Pulses,
 )
-from planner.explosion.explosion_loop import (
+from foldback.planner.explosion.explosion_loop import (
     COMMIT_EVERY_STEPS,
     STOP_COMPLIANCE_RAD,
     STRAIGHT,
@@ -37,19 +37,19 @@ from planner.explosion.explosion_loop import (
     return_to_checkpoint,
     run,
 )
-from planner.explosion.radial_forces import RadialForces, radial_weights
-from planner.explosion.recorder import FrameRule, Recorder, Step
-from planner.explosion.step_control import ContactDepth, StepControl
-from planner.explosion.straightening import straightening
-from planner.explosion.whole_chain import WholeChain, body_cap_scale
-from planner.motion.motion import Motion
-from planner.motion.record import Record, Spent
-from planner.parameters.explosion import ExplosionParameters
-from planner.pathfinding.knots import knot_of
-from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.mujoco_models import Material
-from planner.simulation.rigid_blocks import Blocks
-from planner.simulation.segments import Segments
+from foldback.planner.explosion.radial_forces import RadialForces, radial_weights
+from foldback.planner.explosion.recorder import FrameRule, Recorder, Step
+from foldback.planner.explosion.step_control import ContactDepth, StepControl
+from foldback.planner.explosion.straightening import straightening
+from foldback.planner.explosion.whole_chain import WholeChain, body_cap_scale
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record, Spent
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.rigid_blocks import Blocks
+from foldback.planner.simulation.segments import Segments
 
 FIRST_FINISH_STEPS: Final = 50
 """Number of simulation steps between two attempts to straighten the chain without simulation, by

@@ -7,8 +7,8 @@ from typing import Final
 
 import numpy as np
 
-from planner.parameters.explosion import ExplosionParameters, PeelingParameters
-from planner.simulation.reduced_state import State
+from foldback.planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from foldback.planner.simulation.reduced_state import State
 
 MIN_TENSION_SCALE: Final = 0.05
 """Minimum factor to which deep contacts reduce the force that pulls the chain straight. Larger

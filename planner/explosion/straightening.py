@@ -6,14 +6,14 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.rotations import wxyz_from_matrix
-from planner.clearance.clearance import closest
-from planner.clearance.sweep import sweep
-from planner.motion.motion import Motion
-from planner.simulation.reduced_state import State
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.clearance.clearance import closest
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.motion.motion import Motion
+from foldback.planner.simulation.reduced_state import State
 
 STRAIGHTENING_CLEARANCE_PITCH: Final = 0.02
 """Minimum clearance, pitches, while all angles of a nearly straight chain shrink to 0 without

@@ -15,20 +15,20 @@ from typing import Final, TypeVar
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.errors import InputError
-from planner.explosion.blocks_first import explode_blocks_first
-from planner.explosion.peeling import peel
-from planner.explosion.published_explosion import explode_as_published
-from planner.explosion.simultaneous import explode
-from planner.explosion.strategy_cost import by_cost
-from planner.explosion.table_explosion import explode_on_table
-from planner.explosion.turning import MAX_TURNING_MODULES, unfold_in_turns
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.parameters.explosion import ExplosionParameters, PeelingParameters
-from planner.parameters.parameters import (
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import InputError
+from foldback.planner.explosion.blocks_first import explode_blocks_first
+from foldback.planner.explosion.peeling import peel
+from foldback.planner.explosion.published_explosion import explode_as_published
+from foldback.planner.explosion.simultaneous import explode
+from foldback.planner.explosion.strategy_cost import by_cost
+from foldback.planner.explosion.table_explosion import explode_on_table
+from foldback.planner.explosion.turning import MAX_TURNING_MODULES, unfold_in_turns
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from foldback.planner.parameters.parameters import (
     AUTO,
     BASELINE,
     MAX_AUTO_TURNING_MODULES,
@@ -37,9 +37,9 @@ from planner.parameters.parameters import (
     Parameters,
     unknown_strategy,
 )
-from planner.parameters.published import PaperExplosionParameters
-from planner.pathfinding.removal_analysis import analyse_removal
-from planner.progress import Cancelled, Report, never, silent
+from foldback.planner.parameters.published import PaperExplosionParameters
+from foldback.planner.pathfinding.removal_analysis import analyse_removal
+from foldback.planner.progress import Cancelled, Report, never, silent
 
 RIGHT_ANGLE_TOLERANCE: Final = 1e-4
 """Maximum deviation of a folded hinge angle from a multiple of 90°, as a fraction of 90°, for a

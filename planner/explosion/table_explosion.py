@@ -18,23 +18,28 @@ from typing import ClassVar, Final
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.rotations import matrix_from_wxyz
-from planner.chain.table_projection import TableProjection
-from planner.explosion.checkpoint import Pulses
-from planner.explosion.explosion_loop import End, Watch, run
-from planner.explosion.peeling import build_peeling
-from planner.explosion.peeling_core import CoreOnTable
-from planner.explosion.peeling_run import Peeling
-from planner.explosion.peeling_window import Peelable, ReleasePoint, Window, WindowConfiguration
-from planner.explosion.recorder import Mark, Refusal
-from planner.explosion.step_control import StepControl
-from planner.explosion.table_guard import Guard
-from planner.explosion.table_window_forces import TableForces
-from planner.motion.motion import Motion
-from planner.motion.record import Record, Spent
-from planner.parameters.explosion import TableParameters
-from planner.progress import Cancelled, Report, never, silent
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import matrix_from_wxyz
+from foldback.planner.chain.table_projection import TableProjection
+from foldback.planner.explosion.checkpoint import Pulses
+from foldback.planner.explosion.explosion_loop import End, Watch, run
+from foldback.planner.explosion.peeling import build_peeling
+from foldback.planner.explosion.peeling_core import CoreOnTable
+from foldback.planner.explosion.peeling_run import Peeling
+from foldback.planner.explosion.peeling_window import (
+    Peelable,
+    ReleasePoint,
+    Window,
+    WindowConfiguration,
+)
+from foldback.planner.explosion.recorder import Mark, Refusal
+from foldback.planner.explosion.step_control import StepControl
+from foldback.planner.explosion.table_guard import Guard
+from foldback.planner.explosion.table_window_forces import TableForces
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record, Spent
+from foldback.planner.parameters.explosion import TableParameters
+from foldback.planner.progress import Cancelled, Report, never, silent
 
 MIN_TABLE_PROGRESS_RAD: Final = 0.3
 """Decrease of the sum of all hinge angles, rad, that counts as progress of a chain that unfolds on

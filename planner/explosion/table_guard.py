@@ -13,18 +13,22 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses, forward_kinematics
-from planner.chain.table_projection import crosses_itself
-from planner.explosion.peeling_window import MIN_LAST_UNIT_MODULES, Peelable, WindowConfiguration
-from planner.explosion.recorder import Refusal
-from planner.kernels.folded_core import FIXED
-from planner.motion.record import TableRecord
-from planner.parameters.explosion import TableParameters
-from planner.statics.balance import Balance
-from planner.statics.contacts import MAX_TABLE_PENETRATION_PITCH, floor_clearances
-from planner.statics.friction import Friction
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.chain.table_projection import crosses_itself
+from foldback.planner.explosion.peeling_window import (
+    MIN_LAST_UNIT_MODULES,
+    Peelable,
+    WindowConfiguration,
+)
+from foldback.planner.explosion.recorder import Refusal
+from foldback.planner.kernels.folded_core import FIXED
+from foldback.planner.motion.record import TableRecord
+from foldback.planner.parameters.explosion import TableParameters
+from foldback.planner.statics.balance import Balance
+from foldback.planner.statics.contacts import MAX_TABLE_PENETRATION_PITCH, floor_clearances
+from foldback.planner.statics.friction import Friction
 
 REJECTION_DECAY: Final = 0.2
 """Amount by which the count of rejected frames falls each time that frames are accepted. Frames

@@ -7,13 +7,13 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.table_projection import TableProjection, unwrap_near
-from planner.explosion.peeling import crossed
-from planner.explosion.peeling_window import Window
-from planner.explosion.step_control import StepControl
-from planner.kernels.folded_core import FIXED
-from planner.parameters.explosion import TableParameters
+from foldback.planner.arrays import Array
+from foldback.planner.chain.table_projection import TableProjection, unwrap_near
+from foldback.planner.explosion.peeling import crossed
+from foldback.planner.explosion.peeling_window import Window
+from foldback.planner.explosion.step_control import StepControl
+from foldback.planner.kernels.folded_core import FIXED
+from foldback.planner.parameters.explosion import TableParameters
 
 MIN_SPRING_BEND_RAD: Final = 1e-3
 """Angle of a hinge, rad, below which the stiffness of its spring of limited torque, torque / angle,

@@ -8,14 +8,14 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.explosion.blocking import no_quarter_turn
-from planner.motion.angle_encoding import quantised
-from planner.motion.motion import Motion
-from planner.motion.record import Record, RecordStatus, Spent
-from planner.progress import Cancelled, never
-from planner.turns.turn_sequence import NoTurns, find_turns
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.blocking import no_quarter_turn
+from foldback.planner.motion.angle_encoding import quantised
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record, RecordStatus, Spent
+from foldback.planner.progress import Cancelled, never
+from foldback.planner.turns.turn_sequence import NoTurns, find_turns
 
 MAX_TURNING_MODULES: Final = 500
 """Maximum number of modules of a chain that folds in turns; the time of a search grows with about

@@ -6,18 +6,18 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.explosion.explosion_loop import UNREPELLED_LINKS
-from planner.explosion.radial_forces import RadialForces
-from planner.explosion.recorder import Step
-from planner.explosion.step_control import StepControl
-from planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs
-from planner.parameters.explosion import ExplosionParameters
-from planner.simulation.mujoco_models import Material
-from planner.simulation.reduced_state import Acceleration, State
-from planner.simulation.rigid_blocks import Blocks
-from planner.simulation.segments import Segments
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.explosion_loop import UNREPELLED_LINKS
+from foldback.planner.explosion.radial_forces import RadialForces
+from foldback.planner.explosion.recorder import Step
+from foldback.planner.explosion.step_control import StepControl
+from foldback.planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.simulation.rigid_blocks import Blocks
+from foldback.planner.simulation.segments import Segments
 
 Engine = Segments | Blocks
 BODY_CAP_REFERENCE_MODULES: Final = 512

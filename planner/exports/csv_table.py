@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.exports.export import require_frames, rising
-from planner.motion.motion import PHASES
-from planner.plan.plan import Plan
-from planner.plan.steps import find_steps
+from foldback.planner.arrays import Ints
+from foldback.planner.exports.export import require_frames, rising
+from foldback.planner.motion.motion import PHASES
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.steps import find_steps
 
 ROOT_COLUMNS = ("root_x_m", "root_y_m", "root_z_m", "root_qw", "root_qx", "root_qy", "root_qz")
 

@@ -10,14 +10,14 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
-from planner.display_names import clean_name
-from planner.errors import InputError
+from foldback.planner.display_names import clean_name
+from foldback.planner.errors import InputError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from planner.plan.plan import Plan
+    from foldback.planner.plan.plan import Plan
 
 Write = Callable[["Plan"], bytes]
 FONT_FILE: Final = Path(__file__).with_name("dejavu-sans.ttf")

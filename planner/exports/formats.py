@@ -13,17 +13,17 @@ from __future__ import annotations
 from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
-from planner.errors import InputError
-from planner.exports.export import Export, Write, write_json, write_npz
-from planner.file_names import MODEL, PLAN, PLAN_TEXT
+from foldback.planner.errors import InputError
+from foldback.planner.exports.export import Export, Write, write_json, write_npz
+from foldback.planner.file_names import MODEL, PLAN, PLAN_TEXT
 
 if TYPE_CHECKING:
-    from planner.plan.plan import Plan
+    from foldback.planner.plan.plan import Plan
 
 
 def _by(module: str, function: str = "write") -> Write:
     def write(plan: Plan) -> bytes:
-        return getattr(import_module(f"planner.exports.{module}"), function)(plan)
+        return getattr(import_module(f"foldback.planner.exports.{module}"), function)(plan)
 
     return write
 

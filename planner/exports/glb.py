@@ -15,12 +15,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.exports.export import export_name, require_frames, rising
-from planner.exports.stl import hull_of
-from planner.plan.plan import Plan
-from planner.plan.steps import find_steps
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.exports.export import export_name, require_frames, rising
+from foldback.planner.exports.stl import hull_of
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.steps import find_steps
 
 Single = NDArray[np.float32]
 MIN_KEYFRAME_TOLERANCE: Final = 3e-3

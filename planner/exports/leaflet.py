@@ -6,19 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
-from planner.chain.module import CUBE
-from planner.errors import InputError
-from planner.exports.export import export_name, require_frames
-from planner.exports.step_drawing import (
+from foldback.planner.chain.module import CUBE
+from foldback.planner.errors import InputError
+from foldback.planner.exports.export import export_name, require_frames
+from foldback.planner.exports.step_drawing import (
     MAX_SMALL_WIDTH_PITCH,
     Drawing,
     Shape,
     draw_shape,
     draw_step,
 )
-from planner.plan.plan import Plan
-from planner.plan.step_text import step_text
-from planner.plan.steps import Steps, steps_of
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.step_text import step_text
+from foldback.planner.plan.steps import Steps, steps_of
 
 SQUARE: Final = ((0.1, 0.1), (0.9, 0.1), (0.9, 0.9), (0.1, 0.9))
 MIDDLE: Final = ((0.5, 0.5),)

@@ -6,8 +6,8 @@ from html import escape
 from itertools import groupby
 from typing import Final
 
-from planner.exports.leaflet import HEAD_MM, LEGEND, PAGE_MM, LeafletStep, leaflet_of
-from planner.exports.step_drawing import (
+from foldback.planner.exports.leaflet import HEAD_MM, LEGEND, PAGE_MM, LeafletStep, leaflet_of
+from foldback.planner.exports.step_drawing import (
     INKS,
     MAX_SCALE_MM,
     Drawing,
@@ -16,7 +16,7 @@ from planner.exports.step_drawing import (
     line_width,
     radius_of,
 )
-from planner.plan.plan import Plan
+from foldback.planner.plan.plan import Plan
 
 LABEL_MM: Final = 2.4
 """Size of the numbers in drawings, in mm."""

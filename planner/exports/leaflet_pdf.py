@@ -14,10 +14,17 @@ from reportlab.pdfbase import pdfmetrics
 from reportlab.pdfbase.ttfonts import TTFont
 from reportlab.pdfgen.canvas import Canvas
 
-from planner.exports.export import FONT_FILE
-from planner.exports.leaflet import LEGEND, Leaflet, LeafletStep, leaflet_of
-from planner.exports.step_drawing import INKS, MAX_SCALE_MM, Drawing, Shape, line_width, radius_of
-from planner.plan.plan import Plan
+from foldback.planner.exports.export import FONT_FILE
+from foldback.planner.exports.leaflet import LEGEND, Leaflet, LeafletStep, leaflet_of
+from foldback.planner.exports.step_drawing import (
+    INKS,
+    MAX_SCALE_MM,
+    Drawing,
+    Shape,
+    line_width,
+    radius_of,
+)
+from foldback.planner.plan.plan import Plan
 
 FONT: Final = "DejaVuSans"
 MARGIN: Final = 14 * mm

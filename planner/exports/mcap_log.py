@@ -21,12 +21,12 @@ from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from mcap.writer import Writer
 from mcap_ros2._dynamic import serialize_dynamic
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.exports import urdf
-from planner.exports.export import export_name, require_frames, rising
-from planner.motion.motion import Motion
-from planner.plan.plan import Plan
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.exports import urdf
+from foldback.planner.exports.export import export_name, require_frames, rising
+from foldback.planner.motion.motion import Motion
+from foldback.planner.plan.plan import Plan
 
 SECOND_NS: Final = 1_000_000_000
 """Number of nanoseconds in a second; ROS 2 logs state times in nanoseconds."""

@@ -9,12 +9,12 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.rotations import wxyz_from_matrix
-from planner.exports.mjcf_pieces import coordinates, pieces
-from planner.plan.plan import Plan
-from planner.simulation.mujoco_models import Material, tree_spec
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.exports.mjcf_pieces import coordinates, pieces
+from foldback.planner.plan.plan import Plan
+from foldback.planner.simulation.mujoco_models import Material, tree_spec
 
 MAX_TREE_MODULES: Final = 800
 """Maximum number of modules that an MJCF model nests in one kinematic tree. A longer chain is split

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.rotations import wxyz_from_matrix
-from planner.simulation.mujoco_models import hinge_names
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.simulation.mujoco_models import hinge_names
 
 MODULES_PER_TREE = 64
 """Number of modules in each kinematic tree of an MJCF model of a long chain; trees are joined by

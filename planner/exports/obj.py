@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from planner.exports.stl import hull_of
-from planner.plan.plan import Plan
+from foldback.planner.exports.stl import hull_of
+from foldback.planner.plan.plan import Plan
 
 
 def write(plan: Plan) -> bytes:

@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import Final
 from xml.etree import ElementTree  # nosec B405 (it writes, and reads nothing)
 
-from planner.exports.export import identifier
-from planner.exports.urdf import xml_bytes
-from planner.plan.plan import Plan
+from foldback.planner.exports.export import identifier
+from foldback.planner.exports.urdf import xml_bytes
+from foldback.planner.plan.plan import Plan
 
 GROUP: Final = "chain"
 

@@ -13,10 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
-from planner.chain.kinematics import Poses
-from planner.chain.module import Module
-from planner.plan.steps import Step, Turn, hinge_axis
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.kinematics import Poses
+from foldback.planner.chain.module import Module
+from foldback.planner.plan.steps import Step, Turn, hinge_axis
 
 EYES: Final = (
     (1.0, -1.0, 1.0),

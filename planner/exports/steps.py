@@ -7,12 +7,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses
-from planner.exports.export import export_name, require_frames
-from planner.plan.plan import Plan
-from planner.plan.step_text import step_text
-from planner.plan.steps import Steps, Turn, hinge_axis, steps_of
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses
+from foldback.planner.exports.export import export_name, require_frames
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.step_text import step_text
+from foldback.planner.plan.steps import Steps, Turn, hinge_axis, steps_of
 
 STEPS_FORMAT: Final = "foldback-steps/1"
 DECIMALS: Final = 9

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Final
 
-from planner.chain.module import Module
-from planner.plan.plan import Plan
+from foldback.planner.chain.module import Module
+from foldback.planner.plan.plan import Plan
 
 if TYPE_CHECKING:
     from trimesh import Trimesh

@@ -12,12 +12,12 @@ from typing import Any, Final, Literal
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.clearance.sweep import Sweep, sweep
-from planner.errors import InputError
-from planner.progress import Cancelled, never
-from planner.robot.trajectory import Trajectory
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.sweep import Sweep, sweep
+from foldback.planner.errors import InputError
+from foldback.planner.progress import Cancelled, never
+from foldback.planner.robot.trajectory import Trajectory
 
 Form = Literal["csv", "json"]
 TRAJECTORY_FORMAT: Final = "foldback-trajectory/1"

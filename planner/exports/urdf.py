@@ -15,12 +15,12 @@ from xml.etree import ElementTree  # nosec B405 (it writes, and reads nothing)
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.module import Module
-from planner.exports.export import identifier
-from planner.plan.plan import Plan
-from planner.simulation.mujoco_models import hinge_names
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
+from foldback.planner.exports.export import identifier
+from foldback.planner.plan.plan import Plan
+from foldback.planner.simulation.mujoco_models import hinge_names
 
 MESH_FILE: Final = "module.obj"
 """File name of a tetrahedral module's mesh beside a URDF model, in metres. It is an OBJ file,

@@ -24,8 +24,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL, ONE, ZERO
-from planner.kernels.kinematics import (
+from foldback.planner.kernels import INNER, KERNEL, ONE, ZERO
+from foldback.planner.kernels.kinematics import (
     Vector,
     copy_matrix,
     copy_vector,
@@ -36,8 +36,8 @@ from planner.kernels.kinematics import (
     rotate,
     vector,
 )
-from planner.kernels.module import ChainModel, Joint, Lumps, ModuleStates
-from planner.kernels.velocities import write_lump
+from foldback.planner.kernels.module import ChainModel, Joint, Lumps, ModuleStates
+from foldback.planner.kernels.velocities import write_lump
 
 Array = NDArray[np.float64]
 LOCKED_INERTIA = 1e15

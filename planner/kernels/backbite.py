@@ -11,7 +11,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL, ZERO
+from foldback.planner.kernels import INNER, KERNEL, ZERO
 
 Ints = NDArray[np.int64]
 Flags = NDArray[np.bool_]

@@ -15,9 +15,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.module import Hull
-from planner.kernels.pairs import near_pairs
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.module import Hull
+from foldback.planner.kernels.pairs import near_pairs
 
 Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]

@@ -14,8 +14,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.motion_bounds import (
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.motion_bounds import (
     ACCELERATION,
     ANGULAR_ACCELERATION,
     ANGULAR_ACCELERATION_BOUND,

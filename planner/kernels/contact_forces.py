@@ -19,16 +19,16 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL, ZERO
-from planner.kernels.articulated import (
+from foldback.planner.kernels import INNER, KERNEL, ZERO
+from foldback.planner.kernels.articulated import (
     Accelerations,
     ArticulatedBodies,
     link_vector,
     shift_acceleration,
     solve_joint,
 )
-from planner.kernels.kinematics import copy_vector, cross, vector
-from planner.kernels.module import ChainModel, ModuleStates
+from foldback.planner.kernels.kinematics import copy_vector, cross, vector
+from foldback.planner.kernels.module import ChainModel, ModuleStates
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

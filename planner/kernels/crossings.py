@@ -9,7 +9,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
+from foldback.planner.kernels import INNER, KERNEL
 
 Array = NDArray[Any]
 

@@ -15,7 +15,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL, TABLE_FULL, ZERO, Levels
+from foldback.planner.kernels import INNER, KERNEL, TABLE_FULL, ZERO, Levels
 
 BORDER: Final = 2
 """Number of empty cells on each side of a state in its grid, so that all cells beside one that

@@ -13,8 +13,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.kinematics import (
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.kinematics import (
     Matrix,
     Vector,
     cross,
@@ -24,7 +24,7 @@ from planner.kernels.kinematics import (
     rotate,
     vector,
 )
-from planner.kernels.module import Joint, Lumps
+from foldback.planner.kernels.module import Joint, Lumps
 
 Array = NDArray[np.float64]
 Symmetric: TypeAlias = tuple[float, float, float, float, float, float]

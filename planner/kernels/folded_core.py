@@ -15,8 +15,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.kinematics import Vector
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.kinematics import Vector
 
 Array = NDArray[np.float64]
 Grid = NDArray[np.int32]

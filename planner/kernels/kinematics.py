@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.module import Joint
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
 Vector: TypeAlias = tuple[float, float, float]

@@ -12,8 +12,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.kinematics import copy_vector
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.kinematics import copy_vector
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

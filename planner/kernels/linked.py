@@ -16,10 +16,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.clearance import pair_separation
-from planner.kernels.kinematics import copy_vector
-from planner.kernels.module import Hull, Joint
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.clearance import pair_separation
+from foldback.planner.kernels.kinematics import copy_vector
+from foldback.planner.kernels.module import Hull, Joint
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -17,9 +17,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL, ZERO
-from planner.kernels.kinematics import axis_rotation, copy_matrix, copy_vector, multiply
-from planner.kernels.module import Joint
+from foldback.planner.kernels import INNER, KERNEL, ZERO
+from foldback.planner.kernels.kinematics import axis_rotation, copy_matrix, copy_vector, multiply
+from foldback.planner.kernels.module import Joint
 
 Array = NDArray[np.float64]
 

@@ -9,9 +9,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.kinematics import Vector, cross, vector
-from planner.kernels.module import ModuleStates
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.kinematics import Vector, cross, vector
+from foldback.planner.kernels.module import ModuleStates
 
 Array = NDArray[np.float64]
 Pairs = NDArray[np.int64]

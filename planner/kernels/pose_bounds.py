@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import KERNEL, ZERO
+from foldback.planner.kernels import KERNEL, ZERO
 
 Ints = NDArray[np.int64]
 Array = NDArray[np.float64]

@@ -9,8 +9,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.module import ModuleStates
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.module import ModuleStates
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

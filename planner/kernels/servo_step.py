@@ -13,11 +13,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.articulated import Accelerations
-from planner.kernels.kinematics import chain_poses, cross, multiply, vector
-from planner.kernels.module import ChainModel, ModuleStates, ReducedState
-from planner.kernels.velocities import chain_velocities, equivalent_rigid_velocity
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.articulated import Accelerations
+from foldback.planner.kernels.kinematics import chain_poses, cross, multiply, vector
+from foldback.planner.kernels.module import ChainModel, ModuleStates, ReducedState
+from foldback.planner.kernels.velocities import chain_velocities, equivalent_rigid_velocity
 
 Array = NDArray[np.float64]
 FRICTION_SPEED_RAD_S = 2e-3

@@ -7,11 +7,11 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import KERNEL
-from planner.kernels.clearance import pair_separation
-from planner.kernels.kinematics import poses_at_origin
-from planner.kernels.module import Hull, Joint
-from planner.kernels.pairs import near_pairs
+from foldback.planner.kernels import KERNEL
+from foldback.planner.kernels.clearance import pair_separation
+from foldback.planner.kernels.kinematics import poses_at_origin
+from foldback.planner.kernels.module import Hull, Joint
+from foldback.planner.kernels.pairs import near_pairs
 
 Array = NDArray[np.float64]
 

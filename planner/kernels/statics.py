@@ -17,8 +17,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.pairs import near_pairs
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.pairs import near_pairs
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -14,9 +14,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL, ZERO
-from planner.kernels.clearance import pair_separation, separation_along
-from planner.kernels.clearance_bounds import (
+from foldback.planner.kernels import INNER, KERNEL, ZERO
+from foldback.planner.kernels.clearance import pair_separation, separation_along
+from foldback.planner.kernels.clearance_bounds import (
     RELATIVE_COLUMNS,
     Tolerance,
     allowance,
@@ -25,9 +25,9 @@ from planner.kernels.clearance_bounds import (
     relative_motion_bound,
     write_largest_allowances,
 )
-from planner.kernels.kinematics import copy_vector
-from planner.kernels.module import Hull, Joint
-from planner.kernels.motion_bounds import (
+from foldback.planner.kernels.kinematics import copy_vector
+from foldback.planner.kernels.module import Hull, Joint
+from foldback.planner.kernels.motion_bounds import (
     ANGULAR_SPEED_BOUND,
     BODY_COLUMNS,
     DISPLACEMENT_BOUND,
@@ -38,7 +38,7 @@ from planner.kernels.motion_bounds import (
     move_bodies,
     rod_body,
 )
-from planner.kernels.pairs import append_pair, near_pairs
+from foldback.planner.kernels.pairs import append_pair, near_pairs
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

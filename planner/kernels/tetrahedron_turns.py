@@ -18,9 +18,9 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL, TABLE_FULL, Levels
-from planner.kernels.clearance import pair_separation
-from planner.kernels.module import Hull
+from foldback.planner.kernels import INNER, KERNEL, TABLE_FULL, Levels
+from foldback.planner.kernels.clearance import pair_separation
+from foldback.planner.kernels.module import Hull
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

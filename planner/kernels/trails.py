@@ -19,8 +19,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL, ZERO
-from planner.kernels.path_annealing import RANDOM, Field, Schedule, draw, energy_of
+from foldback.planner.kernels import INNER, KERNEL, ZERO
+from foldback.planner.kernels.path_annealing import RANDOM, Field, Schedule, draw, energy_of
 
 Ints = NDArray[np.int64]
 

@@ -7,8 +7,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.kinematics import (
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.kinematics import (
     Vector,
     copy_vector,
     cross,
@@ -18,7 +18,7 @@ from planner.kernels.kinematics import (
     rodrigues,
     vector,
 )
-from planner.kernels.module import ChainModel, Joint, Lumps, ModuleStates
+from foldback.planner.kernels.module import ChainModel, Joint, Lumps, ModuleStates
 
 Array = NDArray[np.float64]
 

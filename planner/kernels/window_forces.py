@@ -12,17 +12,17 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-from planner.kernels import INNER, KERNEL
-from planner.kernels.folded_core import (
+from foldback.planner.kernels import INNER, KERNEL
+from foldback.planner.kernels.folded_core import (
     FIXED,
     CoreCells,
     is_checked_core_cell,
     near_cells,
     tail_span,
 )
-from planner.kernels.kinematics import cross, vector
-from planner.kernels.module import ModuleStates
-from planner.kernels.pairs import (
+from foldback.planner.kernels.kinematics import cross, vector
+from foldback.planner.kernels.module import ModuleStates
+from foldback.planner.kernels.pairs import (
     MIN_REPULSION_SQUARE,
     PairLimits,
     inverse_step_limit,

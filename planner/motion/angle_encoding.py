@@ -19,7 +19,7 @@ from zipfile import ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
+from foldback.planner.arrays import Array
 
 Ints = NDArray[np.signedinteger[Any]]
 Planes = NDArray[np.uint8]

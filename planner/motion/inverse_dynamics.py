@@ -11,10 +11,10 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques
-from planner.motion.motion import Motion
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.floating_torques import floating_torques
+from foldback.planner.motion.motion import Motion
 
 MAX_TORQUE_FRAME_MODULES: Final = 2_000_000
 """Maximum product of frames and modules for which the joint torques of a motion are computed;

@@ -19,11 +19,11 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Flags, Ints
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses, forward_kinematics
-from planner.chain.rotations import motion_in_plane, wxyz_from_matrix
-from planner.errors import InputError
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.chain.rotations import motion_in_plane, wxyz_from_matrix
+from foldback.planner.errors import InputError
 
 Angles = NDArray[np.floating[Any]]
 Phase = Literal["explosion", "playback", "unfolding"]
@@ -508,7 +508,7 @@ class Motion:
             each = np.abs(np.diff(self.joint_angles_rad, axis=0))
             largest = each.max(axis=1)
             return largest, (each > fraction * largest[:, None]).sum(axis=1)
-        from planner.kernels.windows import window_steps  # late: it needs a compiler
+        from foldback.planner.kernels.windows import window_steps  # late: it needs a compiler
 
         count = max(0, len(self) - 1)
         largest, moving = np.zeros(count), np.zeros(count, dtype=np.int64)

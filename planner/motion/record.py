@@ -12,11 +12,11 @@ from zipfile import ZIP_DEFLATED, ZIP_STORED, ZipFile
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Ints
-from planner.files import written_aside
-from planner.motion.angle_encoding import packed_frames, unpacked_frames
-from planner.motion.failure_schemas import SpentKind
-from planner.motion.motion import Motion
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.files import written_aside
+from foldback.planner.motion.angle_encoding import packed_frames, unpacked_frames
+from foldback.planner.motion.failure_schemas import SpentKind
+from foldback.planner.motion.motion import Motion
 
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
 PROBE_HALF_WIDTH_VALUES: Final = 8192

@@ -20,10 +20,10 @@ from typing import TYPE_CHECKING, Any, Final, Literal, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.chain.module import module_named
-from planner.checked_zarr import (
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import module_named
+from foldback.planner.checked_zarr import (
     ROOT_FILE,
     checksums_of,
     create_array,
@@ -33,8 +33,8 @@ from planner.checked_zarr import (
     read_group,
     sealed,
 )
-from planner.errors import UNREADABLE, DamagedError, InputError, TimelineError
-from planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
+from foldback.planner.errors import UNREADABLE, DamagedError, InputError, TimelineError
+from foldback.planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
 
 if TYPE_CHECKING:
     import zarr

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
-from planner.parameters.setting import setting
+from foldback.planner.parameters.setting import setting
 
 Base = Literal["clamped", "free"]
 

@@ -24,7 +24,7 @@ from typing import (
     get_type_hints,
 )
 
-from planner.errors import InputError
+from foldback.planner.errors import InputError
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

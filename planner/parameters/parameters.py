@@ -9,11 +9,15 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, field, replace
 from typing import Any, Final, Literal
 
-from planner.errors import InputError
-from planner.parameters.explosion import ExplosionParameters, PeelingParameters, TableParameters
-from planner.parameters.option import Choice, Choices
-from planner.parameters.playback import PlaybackParameters
-from planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.explosion import (
+    ExplosionParameters,
+    PeelingParameters,
+    TableParameters,
+)
+from foldback.planner.parameters.option import Choice, Choices
+from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
 
 World = Literal["floating", "table"]
 PRESET_CHOICES: Final[Choices] = {

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
-from planner.parameters.setting import setting, shared
+from foldback.planner.parameters.setting import setting, shared
 
 ENCODER_STEP_RAD: Final = 2.0 * math.pi / 2**18
 """Resolution of a simulated joint encoder with 18 bits per turn, in rad. A larger value makes the

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from planner.chain.module import Module
-from planner.parameters.playback import PlaybackParameters
-from planner.parameters.setting import setting
+from foldback.planner.chain.module import Module
+from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.parameters.setting import setting
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

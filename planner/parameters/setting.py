@@ -10,7 +10,7 @@ from collections.abc import Mapping
 from dataclasses import Field, dataclass, field, replace
 from typing import Any, Final, Literal, TypeVar
 
-from planner.parameters.option import described_by
+from foldback.planner.parameters.option import described_by
 
 T = TypeVar("T")
 Source = Literal["published", "named", "ours"]

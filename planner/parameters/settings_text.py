@@ -14,12 +14,12 @@ from collections.abc import Iterator, Mapping
 from dataclasses import fields, replace
 from typing import Any, Final
 
-from planner.errors import InputError
-from planner.parameters.explosion import TableParameters
-from planner.parameters.parameters import Parameters
-from planner.parameters.playback import PlaybackParameters, RobotParameters
-from planner.parameters.published import PaperExplosionParameters
-from planner.parameters.setting import Setting, Value, setting_of
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.explosion import TableParameters
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
+from foldback.planner.parameters.published import PaperExplosionParameters
+from foldback.planner.parameters.setting import Setting, Value, setting_of
 
 MAX_TEXT_CHARS: Final = 500
 """Maximum length, in characters, of a request's text of settings (``name=value`` pairs); a longer

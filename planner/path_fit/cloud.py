@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.shapes.inside_points import InsidePoints, points_of
-from planner.shapes.lattice_fits import Ladder, largest_body
-from planner.shapes.orientations import about_axis
-from planner.shapes.solid_sampling import grid_of, sample
+from foldback.planner.arrays import Array
+from foldback.planner.shapes.inside_points import InsidePoints, points_of
+from foldback.planner.shapes.lattice_fits import Ladder, largest_body
+from foldback.planner.shapes.orientations import about_axis
+from foldback.planner.shapes.solid_sampling import grid_of, sample
 
 ROUGH_CLOUD: Final = 24_000
 """Number of points by which placements are compared."""

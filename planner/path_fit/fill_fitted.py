@@ -9,25 +9,25 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Flags, Ints
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.kernels.backbite import grow
-from planner.path_fit.fit import FittedPath, PathFit, fit_path
-from planner.path_fit.fit_table import MAX_TABLE_FITTED_MODULES, SIDES, fit_on_table
-from planner.path_fit.placements import Placement
-from planner.pathfinding.filled_shape import FilledShape
-from planner.pathfinding.knots import knot_of
-from planner.pathfinding.lattice import index_of, neighbours, surface
-from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
-from planner.shapes.lattice_fits import Ladder
-from planner.shapes.orientations import candidates
-from planner.shapes.separate_bodies import joined_note
-from planner.shapes.shape import Shape
-from planner.shapes.solid import Solid
-from planner.shapes.voxelise import LaidCells, Voxels, kept_of, voxels_of
-from planner.table_paths.base_sides import SIDE_NAMES
+from foldback.planner.arrays import Flags, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.kernels.backbite import grow
+from foldback.planner.path_fit.fit import FittedPath, PathFit, fit_path
+from foldback.planner.path_fit.fit_table import MAX_TABLE_FITTED_MODULES, SIDES, fit_on_table
+from foldback.planner.path_fit.placements import Placement
+from foldback.planner.pathfinding.filled_shape import FilledShape
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pathfinding.lattice import index_of, neighbours, surface
+from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.shapes.lattice_fits import Ladder
+from foldback.planner.shapes.orientations import candidates
+from foldback.planner.shapes.separate_bodies import joined_note
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import Solid
+from foldback.planner.shapes.voxelise import LaidCells, Voxels, kept_of, voxels_of
+from foldback.planner.table_paths.base_sides import SIDE_NAMES
 
 METHOD: Final = "fitted"
 MAX_FITTED_MODULES: Final = 2_000

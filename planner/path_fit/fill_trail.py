@@ -6,22 +6,22 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.chain.chain import Chain
-from planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_of, rings_with
-from planner.errors import InputError
-from planner.path_fit.fill_fitted import METHOD, whole_iou
-from planner.path_fit.fit_trail import FittedTetrahedra, fit_trail
-from planner.pathfinding.filled_shape import FilledShape
-from planner.pathfinding.knots import knot_of
-from planner.pathfinding.lattice import index_of
-from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
-from planner.pathfinding.trail_search import TrailSearch, trails_through
-from planner.shapes.lattice_fits import Ladder
-from planner.shapes.orientations import candidates
-from planner.shapes.shape import Shape
-from planner.shapes.solid import Solid
-from planner.shapes.voxelise import PART_LOST_SHARE, Kept, LaidCells, Voxels, voxels_of
+from foldback.planner.arrays import Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_of, rings_with
+from foldback.planner.errors import InputError
+from foldback.planner.path_fit.fill_fitted import METHOD, whole_iou
+from foldback.planner.path_fit.fit_trail import FittedTetrahedra, fit_trail
+from foldback.planner.pathfinding.filled_shape import FilledShape
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pathfinding.lattice import index_of
+from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.pathfinding.trail_search import TrailSearch, trails_through
+from foldback.planner.shapes.lattice_fits import Ladder
+from foldback.planner.shapes.orientations import candidates
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import Solid
+from foldback.planner.shapes.voxelise import PART_LOST_SHARE, Kept, LaidCells, Voxels, voxels_of
 
 
 def fill_with_trail(solid: Solid, options: PathOptions, *, seed: int) -> tuple[Voxels, FilledShape]:

@@ -10,8 +10,8 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.kernels.path_annealing import (
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.kernels.path_annealing import (
     BACKBITE,
     CORNER,
     CUT,
@@ -25,12 +25,19 @@ from planner.kernels.path_annealing import (
     Schedule,
     anneal,
 )
-from planner.path_fit.cloud import clouds_of
-from planner.path_fit.placements import CUBES, Counts, Lattice, Placement, Turn, best_placements
-from planner.pathfinding.knots import knot_of
-from planner.pathfinding.lattice import spread
-from planner.shapes.lattice_fits import Ladder
-from planner.shapes.tunnels import tunnels_of_cells
+from foldback.planner.path_fit.cloud import clouds_of
+from foldback.planner.path_fit.placements import (
+    CUBES,
+    Counts,
+    Lattice,
+    Placement,
+    Turn,
+    best_placements,
+)
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pathfinding.lattice import spread
+from foldback.planner.shapes.lattice_fits import Ladder
+from foldback.planner.shapes.tunnels import tunnels_of_cells
 
 MIN_SHARE: Final = 0.9
 """Smallest number of cells of a path, relative to the requested one."""

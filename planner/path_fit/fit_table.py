@@ -14,10 +14,10 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.kernels.path_annealing import FULL, Field, anneal
-from planner.path_fit.cloud import clouds_of
-from planner.path_fit.fit import (
+from foldback.planner.arrays import Ints
+from foldback.planner.kernels.path_annealing import FULL, Field, anneal
+from foldback.planner.path_fit.cloud import clouds_of
+from foldback.planner.path_fit.fit import (
     MIN_SHARE,
     PITCH_FACTORS,
     FittedPath,
@@ -25,12 +25,12 @@ from planner.path_fit.fit import (
     first_step,
     schedule,
 )
-from planner.path_fit.placements import MARGIN, Counts, Placement, Turn, best_placements
-from planner.pathfinding.path_options import MAX_TABLE_MODULES
-from planner.shapes.lattice_fits import Ladder
-from planner.table_paths.base_sides import SIDE_ROTATIONS
-from planner.table_paths.rules import rule_violations
-from planner.table_paths.score import WEIGHTS, parts_of
+from foldback.planner.path_fit.placements import MARGIN, Counts, Placement, Turn, best_placements
+from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES
+from foldback.planner.shapes.lattice_fits import Ladder
+from foldback.planner.table_paths.base_sides import SIDE_ROTATIONS
+from foldback.planner.table_paths.rules import rule_violations
+from foldback.planner.table_paths.score import WEIGHTS, parts_of
 
 SIDES: Final = tuple(np.array(rows, dtype=np.float64) for rows in SIDE_ROTATIONS.values())
 """Rotations that lay the solid on each of its six sides."""

@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Flags, Ints
-from planner.kernels.path_annealing import FULL, Field
-from planner.kernels.trails import anneal_trail
-from planner.path_fit.fit import MIN_SHARE, Walls, placements_of, schedule, worth_of
-from planner.path_fit.placements import TETRAHEDRA, Counts, Placement
-from planner.shapes.lattice_fits import Ladder
+from foldback.planner.arrays import Flags, Ints
+from foldback.planner.kernels.path_annealing import FULL, Field
+from foldback.planner.kernels.trails import anneal_trail
+from foldback.planner.path_fit.fit import MIN_SHARE, Walls, placements_of, schedule, worth_of
+from foldback.planner.path_fit.placements import TETRAHEDRA, Counts, Placement
+from foldback.planner.shapes.lattice_fits import Ladder
 
 UPRIGHT_PLACEMENTS: Final = 5
 """Number of placements of the upright solid in the race."""

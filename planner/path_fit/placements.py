@@ -12,11 +12,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.kernels.path_annealing import CLOSED, FULL
-from planner.kernels.pose_bounds import best_overlap, count_in_tetrahedra, count_points
-from planner.path_fit.cloud import Clouds
-from planner.shapes.inside_points import turned
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.kernels.path_annealing import CLOSED, FULL
+from foldback.planner.kernels.pose_bounds import best_overlap, count_in_tetrahedra, count_points
+from foldback.planner.path_fit.cloud import Clouds
+from foldback.planner.shapes.inside_points import turned
 
 MARGIN: Final = 2
 """Number of empty cells around a solid that a path may use."""

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import Final, TypeAlias
 
-from planner.parameters.option import Choice, Choices
+from foldback.planner.parameters.option import Choice, Choices
 
 Cell: TypeAlias = tuple[int, int, int]
 

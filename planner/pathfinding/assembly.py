@@ -15,11 +15,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.pathfinding.lattice import neighbours
-from planner.pathfinding.removal_analysis import analyse_removal
-from planner.pathfinding.snake import snake_path
-from planner.shapes.layered_path import layered_path
+from foldback.planner.arrays import Ints
+from foldback.planner.pathfinding.lattice import neighbours
+from foldback.planner.pathfinding.removal_analysis import analyse_removal
+from foldback.planner.pathfinding.snake import snake_path
+from foldback.planner.shapes.layered_path import layered_path
 
 MAX_SEARCHES: Final = 6
 """Maximum number of searches for one path through blocks of cells, in layers along z, y and x in

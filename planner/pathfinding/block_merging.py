@@ -25,10 +25,10 @@ from scipy.sparse.csgraph import (
     minimum_spanning_tree,
 )
 
-from planner.arrays import Array, Ints
-from planner.errors import InputError
-from planner.pathfinding.lattice import contacts, spreads_of_cuts, surface
-from planner.shapes.shape import Shape
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding.lattice import contacts, spreads_of_cuts, surface
+from foldback.planner.shapes.shape import Shape
 
 Tree: TypeAlias = Literal["bfs", "dfs", "random"]
 

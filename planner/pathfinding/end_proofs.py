@@ -19,7 +19,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import breadth_first_order, maximum_flow
 
-from planner.arrays import Flags, Ints
+from foldback.planner.arrays import Flags, Ints
 
 PATH_ENDS: Final = 2
 """Number of ends of a path, and of the neighbours of each other cell along it."""

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Flags
-from planner.chain.trail import hinge_axes
-from planner.errors import InputError
-from planner.kernels.trails import circuit_order, one_circuit
+from foldback.planner.arrays import Array, Flags
+from foldback.planner.chain.trail import hinge_axes
+from foldback.planner.errors import InputError
+from foldback.planner.kernels.trails import circuit_order, one_circuit
 
 Nodes = NDArray[np.int64]
 

@@ -9,13 +9,13 @@ from typing import Final, Literal
 
 import numpy as np
 
-from planner.arrays import Flags, Ints
-from planner.kernels.backbite import ease, grow
-from planner.pathfinding import Cell
-from planner.pathfinding.lattice import colours, index_of, neighbours, surface
-from planner.pathfinding.no_path_proofs import obstacles
-from planner.pathfinding.sat_paths import find_path_by_sat
-from planner.shapes.shape import Shape
+from foldback.planner.arrays import Flags, Ints
+from foldback.planner.kernels.backbite import ease, grow
+from foldback.planner.pathfinding import Cell
+from foldback.planner.pathfinding.lattice import colours, index_of, neighbours, surface
+from foldback.planner.pathfinding.no_path_proofs import obstacles
+from foldback.planner.pathfinding.sat_paths import find_path_by_sat
+from foldback.planner.shapes.shape import Shape
 
 MAX_REVERSED_CELLS: Final = 40_000_000
 """Maximum number of cells that one attempt at a path may reverse by backbite moves (a random change

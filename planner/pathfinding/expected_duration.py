@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from planner.chain.module import LONG_CHAIN
-from planner.parameters.parameters import FLOATING
+from foldback.planner.chain.module import LONG_CHAIN
+from foldback.planner.parameters.parameters import FLOATING
 
 CHOICE_FACTOR: Final = 8.0
 """Duration of a fold that computes several plans and chooses the best, relative to one that takes

@@ -11,15 +11,15 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.chain.path import MIN_CELLS
-from planner.pathfinding import Cell
-from planner.pathfinding.block_merging import halved
-from planner.pathfinding.exact_search import exact_path
-from planner.pathfinding.lattice import STEPS, colours, neighbours, parts
-from planner.pathfinding.no_path_proofs import Problem, obstacles, written
-from planner.pathfinding.snake import is_box
-from planner.shapes.shape import Shape
+from foldback.planner.arrays import Ints
+from foldback.planner.chain.path import MIN_CELLS
+from foldback.planner.pathfinding import Cell
+from foldback.planner.pathfinding.block_merging import halved
+from foldback.planner.pathfinding.exact_search import exact_path
+from foldback.planner.pathfinding.lattice import STEPS, colours, neighbours, parts
+from foldback.planner.pathfinding.no_path_proofs import Problem, obstacles, written
+from foldback.planner.pathfinding.snake import is_box
+from foldback.planner.shapes.shape import Shape
 
 _PAST: Final = {"add": "added", "remove": "removed", "keep": "kept"}
 """Verbs of repairs, and their past forms."""

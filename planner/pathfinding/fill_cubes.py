@@ -7,17 +7,17 @@ from typing import Final
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.module import LONG_CHAIN
-from planner.errors import InputError
-from planner.pathfinding.block_merging import halved
-from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair, feasibility
-from planner.pathfinding.filled_shape import FilledShape
-from planner.pathfinding.knots import knot_of
-from planner.pathfinding.lattice import parts
-from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
-from planner.pathfinding.path_search import PathSearch, find_paths
-from planner.shapes.shape import Shape
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import LONG_CHAIN
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding.block_merging import halved
+from foldback.planner.pathfinding.feasibility import Feasibility, Repair, apply_repair, feasibility
+from foldback.planner.pathfinding.filled_shape import FilledShape
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pathfinding.lattice import parts
+from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.pathfinding.path_search import PathSearch, find_paths
+from foldback.planner.shapes.shape import Shape
 
 BLOCK_CELLS: Final = 8
 """Number of cells, 2×2×2, by which a repair replaces each voxel of a shape, as such shapes always

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_of
-from planner.errors import InputError
-from planner.pathfinding.feasibility import Feasibility, Repair, apply_repair
-from planner.pathfinding.filled_shape import FilledShape
-from planner.pathfinding.knots import knot_of
-from planner.pathfinding.lattice import parts
-from planner.pathfinding.no_path_proofs import Problem
-from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
-from planner.pathfinding.trail_search import find_trails
-from planner.shapes.shape import Shape
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.honeycomb import TETRAHEDRA_PER_RING, ring_of
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding.feasibility import Feasibility, Repair, apply_repair
+from foldback.planner.pathfinding.filled_shape import FilledShape
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pathfinding.lattice import parts
+from foldback.planner.pathfinding.no_path_proofs import Problem
+from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.pathfinding.trail_search import find_trails
+from foldback.planner.shapes.shape import Shape
 
 
 class Tetrahedra:

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.pathfinding import Cell
-from planner.pathfinding.feasibility import Feasibility
-from planner.pathfinding.knots import Knot
-from planner.shapes.shape import Shape
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.pathfinding import Cell
+from foldback.planner.pathfinding.feasibility import Feasibility
+from foldback.planner.pathfinding.knots import Knot
+from foldback.planner.shapes.shape import Shape
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import Final, Protocol
 
-from planner.chain.module import CUBE, TETRAHEDRON
-from planner.pathfinding.fill_cubes import Cubes
-from planner.pathfinding.fill_tetrahedra import Tetrahedra
-from planner.pathfinding.filled_shape import FilledShape
-from planner.pathfinding.path_options import PathOptions
-from planner.shapes.shape import Shape
+from foldback.planner.chain.module import CUBE, TETRAHEDRON
+from foldback.planner.pathfinding.fill_cubes import Cubes
+from foldback.planner.pathfinding.fill_tetrahedra import Tetrahedra
+from foldback.planner.pathfinding.filled_shape import FilledShape
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.shapes.shape import Shape
 
 
 class FillingMethod(Protocol):

@@ -11,9 +11,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.arrays import Array, Ints
-from planner.kernels.knots import simplified, tightened
-from planner.pathfinding.knots import Knot, best_view, closed_polygons, knot_of, smaller
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.kernels.knots import simplified, tightened
+from foldback.planner.pathfinding.knots import Knot, best_view, closed_polygons, knot_of, smaller
 
 MAX_SHORTENINGS: Final = 60
 """Maximum number of rounds in which a knotted polygon is shortened before it is drawn as a diagram.

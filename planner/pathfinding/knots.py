@@ -15,11 +15,11 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.arrays import Array, Ints
-from planner.errors import InputError
-from planner.kernels.knots import crossings as seen_crossings
-from planner.kernels.knots import determinant as determinant_modulo
-from planner.kernels.knots import simplified, tightened
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.errors import InputError
+from foldback.planner.kernels.knots import crossings as seen_crossings
+from foldback.planner.kernels.knots import determinant as determinant_modulo
+from foldback.planner.kernels.knots import simplified, tightened
 
 Verdict = Literal["unknot", "knotted", "undecided"]
 

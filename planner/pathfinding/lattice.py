@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
-from planner.errors import InputError
-from planner.pathfinding import Cell
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding import Cell
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array

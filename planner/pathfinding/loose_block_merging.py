@@ -12,9 +12,9 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.pathfinding.block_merging import cut, cut_costs
-from planner.pathfinding.lattice import STEPS
+from foldback.planner.arrays import Ints
+from foldback.planner.pathfinding.block_merging import cut, cut_costs
+from foldback.planner.pathfinding.lattice import STEPS
 
 Cell: TypeAlias = tuple[int, int, int]
 Edge: TypeAlias = frozenset[Cell]

@@ -8,11 +8,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.chain.path import MIN_CELLS
-from planner.pathfinding import Cell
-from planner.pathfinding.end_proofs import PATH_ENDS, EndProof, end_proof
-from planner.pathfinding.lattice import colours, neighbours, parts
+from foldback.planner.arrays import Ints
+from foldback.planner.chain.path import MIN_CELLS
+from foldback.planner.pathfinding import Cell
+from foldback.planner.pathfinding.end_proofs import PATH_ENDS, EndProof, end_proof
+from foldback.planner.pathfinding.lattice import colours, neighbours, parts
 
 MAX_NAMED_CELLS: Final = 200
 """Maximum number of cells that the report of a shape without a path lists as the cause of one

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Final, Self, cast
 
-from planner.chain.module import CUBE, TETRAHEDRON
-from planner.parameters.option import Choice, Choices, option, options_of
-from planner.parameters.parameters import FLOATING, WORLD_CHOICES, World
-from planner.parameters.settings_text import TABLE_SETTINGS, names_with_units
-from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
-from planner.pathfinding.start_cell import CELL_TEXT, parse_cell
+from foldback.planner.chain.module import CUBE, TETRAHEDRON
+from foldback.planner.parameters.option import Choice, Choices, option, options_of
+from foldback.planner.parameters.parameters import FLOATING, WORLD_CHOICES, World
+from foldback.planner.parameters.settings_text import TABLE_SETTINGS, names_with_units
+from foldback.planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
+from foldback.planner.pathfinding.start_cell import CELL_TEXT, parse_cell
 
 DEFAULT_MODULES: Final = 160
 """Number of modules into which a mesh is divided if the request states none. Larger values follow

@@ -10,20 +10,20 @@ from typing import Any, Final, Literal, TypeAlias
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.chain.module import LONG_CHAIN
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
-from planner.pathfinding.assembly import layered_snake, solid_paths
-from planner.pathfinding.block_merging import aligned_blocks, block_cycle, cut, cut_costs
-from planner.pathfinding.exact_search import exact_path
-from planner.pathfinding.knots import knot_of
-from planner.pathfinding.lattice import index_of, parts, spread, spreads_of_cuts, surface
-from planner.pathfinding.loose_block_merging import loose_block_cycle
-from planner.pathfinding.removal_analysis import analyse_removal
-from planner.pathfinding.snake import is_box, snake_path
-from planner.shapes.shape import Shape
+from foldback.planner.arrays import Ints
+from foldback.planner.chain.module import LONG_CHAIN
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
+from foldback.planner.pathfinding.assembly import layered_snake, solid_paths
+from foldback.planner.pathfinding.block_merging import aligned_blocks, block_cycle, cut, cut_costs
+from foldback.planner.pathfinding.exact_search import exact_path
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pathfinding.lattice import index_of, parts, spread, spreads_of_cuts, surface
+from foldback.planner.pathfinding.loose_block_merging import loose_block_cycle
+from foldback.planner.pathfinding.removal_analysis import analyse_removal
+from foldback.planner.pathfinding.snake import is_box, snake_path
+from foldback.planner.shapes.shape import Shape
 
 Ends: TypeAlias = Literal["any", "surface"]
 

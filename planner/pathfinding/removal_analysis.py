@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
+from foldback.planner.arrays import Array, Ints
 
 UNIT_CELLS: Final = 32
 """Number of consecutive cells in one group when it is analysed how easily a path comes apart from

@@ -7,9 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from planner.arrays import Flags, Ints
-from planner.pathfinding.circuit_solver import CircuitSolver
-from planner.pathfinding.lattice import colours, neighbours
+from foldback.planner.arrays import Flags, Ints
+from foldback.planner.pathfinding.circuit_solver import CircuitSolver
+from foldback.planner.pathfinding.lattice import colours, neighbours
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

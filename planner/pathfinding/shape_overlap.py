@@ -7,15 +7,15 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
-from planner.chain.chain import Chain
-from planner.chain.honeycomb import tetrahedra_at
-from planner.chain.module import TETRAHEDRON
-from planner.errors import checked_fraction
-from planner.shapes.inside_points import InsidePoints
-from planner.shapes.likeness import Likeness
-from planner.shapes.shape import Shape
-from planner.shapes.uncovered_surface import ModuleRegions
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.honeycomb import tetrahedra_at
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.errors import checked_fraction
+from foldback.planner.shapes.inside_points import InsidePoints
+from foldback.planner.shapes.likeness import Likeness
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.uncovered_surface import ModuleRegions
 
 LIKENESS_DIGITS: Final = 4
 """Number of decimal places of the stored shares."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.shapes.shape import Shape
+from foldback.planner.arrays import Ints
+from foldback.planner.shapes.shape import Shape
 
 
 def is_box(shape: Shape) -> bool:

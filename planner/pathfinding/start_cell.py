@@ -7,12 +7,12 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.pathfinding import Cell
-from planner.pathfinding.lattice import index_of
+from foldback.planner.arrays import Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding import Cell
+from foldback.planner.pathfinding.lattice import index_of
 
 CELL_TEXT: Final = r"\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*,\s*-?\d{1,6}\s*"
 

@@ -7,16 +7,16 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Flags, Ints
-from planner.chain.honeycomb import ring_pairs
-from planner.chain.trail import Trail
-from planner.errors import InputError
-from planner.pathfinding import Cell
-from planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit, free_cuts
-from planner.pathfinding.knots import knot_of
-from planner.pathfinding.lattice import index_of, parts
-from planner.pathfinding.path_search import MAX_CHOICE_MODULES, MAX_KNOT_CELLS
-from planner.shapes.shape import Shape
+from foldback.planner.arrays import Flags, Ints
+from foldback.planner.chain.honeycomb import ring_pairs
+from foldback.planner.chain.trail import Trail
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding import Cell
+from foldback.planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit, free_cuts
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pathfinding.lattice import index_of, parts
+from foldback.planner.pathfinding.path_search import MAX_CHOICE_MODULES, MAX_KNOT_CELLS
+from foldback.planner.shapes.shape import Shape
 
 TRAILS_PER_SHAPE: Final = 4
 """Number of trails (paths through tetrahedra) that are made for a shape, to choose the best. Larger

@@ -6,17 +6,17 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Final, Literal
 
-from planner.certificate.certificate import Certificate
-from planner.certificate.verdict import MAX_VERIFIED_ERROR_PITCH, straight_error
-from planner.chain.chain import Chain
-from planner.explosion.diagnosis import Diagnosis, Kind, diagnose
-from planner.motion.motion import PHASES
-from planner.motion.record import Record, RecordStatus
-from planner.motion.timeline import chain_attributes, chain_from_attributes
-from planner.parameters.parameters import Parameters
-from planner.pipeline.preference import PlanFigures
-from planner.playback.playback import Playback
-from planner.shapes.likeness import Likeness
+from foldback.planner.certificate.certificate import Certificate
+from foldback.planner.certificate.verdict import MAX_VERIFIED_ERROR_PITCH, straight_error
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.diagnosis import Diagnosis, Kind, diagnose
+from foldback.planner.motion.motion import PHASES
+from foldback.planner.motion.record import Record, RecordStatus
+from foldback.planner.motion.timeline import chain_attributes, chain_from_attributes
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pipeline.preference import PlanFigures
+from foldback.planner.playback.playback import Playback
+from foldback.planner.shapes.likeness import Likeness
 
 MAX_EXPLOSIONS: Final = 6
 """Maximum number of times that one fold explodes its chain (simulates how the folded chain comes

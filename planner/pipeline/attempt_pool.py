@@ -20,14 +20,14 @@ from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any, Final
 
-from planner.file_names import RECORD, TIMELINE, TRIALS_DIR
-from planner.files import write_json
-from planner.motion.record import Record
-from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
-from planner.pipeline.job import Watch
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.workspace import Workspace
-from planner.progress import Cancelled, Progress, Report
+from foldback.planner.file_names import RECORD, TIMELINE, TRIALS_DIR
+from foldback.planner.files import write_json
+from foldback.planner.motion.record import Record
+from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from foldback.planner.pipeline.job import Watch
+from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.progress import Cancelled, Progress, Report
 
 SPECULATION_PULSES: Final = 2
 """Consecutive pulses (weakened tension and stronger repulsion, to loosen a jam) without progress,
@@ -167,13 +167,13 @@ class _AttemptProcess:
         self.place = exchange / "-".join(map(str, astuple(trial)))
         rmtree(self.place, ignore_errors=True)
         self.place.mkdir(parents=True)
-        modules = [str(FilePath(__file__).parents[2]), *filter(None, [os.getenv("PYTHONPATH")])]
+        modules = [str(FilePath(__file__).parents[3]), *filter(None, [os.getenv("PYTHONPATH")])]
         self._process = subprocess.Popen(
             [
                 sys.executable,
                 "-P",
                 "-m",
-                "planner.pipeline.attempt_pool",
+                "foldback.planner.pipeline.attempt_pool",
                 json.dumps(asdict(trial)),
             ],
             cwd=self.place,
@@ -232,7 +232,7 @@ def _compute_attempt() -> None:
     The process ends when its standard input does: its result is not needed any more, or the fold's
     process is gone.
     """
-    from planner.pipeline.exploding import explode  # late: it imports this module
+    from foldback.planner.pipeline.exploding import explode  # late: it imports this module
 
     unwanted = threading.Event()
     threading.Thread(target=_wait_for_end, args=(unwanted,), daemon=True).start()

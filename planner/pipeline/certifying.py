@@ -6,8 +6,8 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from planner.certificate.certificate import certify
-from planner.pipeline.job import Job, Search, Watch
+from foldback.planner.certificate.certificate import certify
+from foldback.planner.pipeline.job import Job, Search, Watch
 
 
 def with_certificate(job: Job, search: Search, watch: Watch) -> Search:

@@ -15,10 +15,10 @@ from typing import Final
 
 from numba.core.event import Event, Listener, install_listener
 
-from planner.pipeline.compiling_lock import LOCK_POLL_S, CompilingLock, fraction_of
-from planner.progress import COMPILING, Progress, Report, silent
+from foldback.planner.pipeline.compiling_lock import LOCK_POLL_S, CompilingLock, fraction_of
+from foldback.planner.progress import COMPILING, Progress, Report, silent
 
-KERNEL_PACKAGE_PREFIX: Final = "planner.kernels."
+KERNEL_PACKAGE_PREFIX: Final = "foldback.planner.kernels."
 GC_THRESHOLD_OBJECTS: Final = 100_000
 """Newly allocated objects after which Python's garbage collector runs while numba compiles kernels
 (threshold 0 of ``gc.set_threshold``). Python's default of 700 spends an eighth of the compilation
@@ -95,7 +95,7 @@ def beside(part: str, directory: Path | None) -> subprocess.Popen[bytes]:
     """
     place = [] if directory is None else [str(directory)]
     process = subprocess.Popen(
-        [sys.executable, "-P", "-m", "planner.pipeline.warm_up", part, *place],
+        [sys.executable, "-P", "-m", "foldback.planner.pipeline.warm_up", part, *place],
         stdin=subprocess.PIPE,
     )
 

@@ -11,14 +11,14 @@ import math
 from dataclasses import dataclass, replace
 from typing import Final
 
-from planner.chain.module import Module, module_named
-from planner.explosion.strategy_cost import COSTS_IN_LAYERS, COSTS_INTERLOCKED
-from planner.parameters.parameters import FLOATING, Parameters
-from planner.parameters.playback import PlaybackParameters
-from planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
-from planner.pathfinding.expected_duration import expected_seconds
-from planner.pipeline.preference import COMPUTING
-from planner.pipeline.request import FoldRequest
+from foldback.planner.chain.module import Module, module_named
+from foldback.planner.explosion.strategy_cost import COSTS_IN_LAYERS, COSTS_INTERLOCKED
+from foldback.planner.parameters.parameters import FLOATING, Parameters
+from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
+from foldback.planner.pathfinding.expected_duration import expected_seconds
+from foldback.planner.pipeline.preference import COMPUTING
+from foldback.planner.pipeline.request import FoldRequest
 
 MAX_EXPECTED_S: Final = 3600.0
 """Maximum expected cost of a fold, in s of processor time; larger estimates are cut to it, because

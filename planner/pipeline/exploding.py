@@ -4,18 +4,18 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from planner.chain.chain import Chain
-from planner.explosion.strategies import records_windows, run_strategy
-from planner.motion.record import Record
-from planner.motion.timeline import TimelineWriter
-from planner.parameters.parameters import AUTO, Parameters
-from planner.pipeline.attempt import Attempt, Trial
-from planner.pipeline.attempt_pool import AttemptPool
-from planner.pipeline.job import Job, Result, Search, Watch
-from planner.pipeline.preference import CALM
-from planner.plan.plan import Plan
-from planner.progress import Progress
-from planner.robot.smoothed_plan import smoothed_record
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.strategies import records_windows, run_strategy
+from foldback.planner.motion.record import Record
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.planner.parameters.parameters import AUTO, Parameters
+from foldback.planner.pipeline.attempt import Attempt, Trial
+from foldback.planner.pipeline.attempt_pool import AttemptPool
+from foldback.planner.pipeline.job import Job, Result, Search, Watch
+from foldback.planner.pipeline.preference import CALM
+from foldback.planner.plan.plan import Plan
+from foldback.planner.progress import Progress
+from foldback.planner.robot.smoothed_plan import smoothed_record
 
 
 def with_explosion(

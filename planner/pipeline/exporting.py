@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from planner.chain.chain import Chain
-from planner.pipeline.attempt import Attempt, Candidates
-from planner.pipeline.job import Result, is_smoothing
-from planner.pipeline.request import FoldRequest
-from planner.plan.plan import Plan
-from planner.robot.smoothed_plan import before_and_after
+from foldback.planner.chain.chain import Chain
+from foldback.planner.pipeline.attempt import Attempt, Candidates
+from foldback.planner.pipeline.job import Result, is_smoothing
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.plan.plan import Plan
+from foldback.planner.robot.smoothed_plan import before_and_after
 
 
 def finish(

@@ -11,27 +11,34 @@ from contextlib import contextmanager
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.parameters.parameters import AUTO, FLOATING, World
-from planner.pipeline.attempt import Candidates
-from planner.pipeline.attempt_pool import AttemptPool
-from planner.pipeline.certifying import with_certificate
-from planner.pipeline.exploding import with_explosion
-from planner.pipeline.exporting import finish
-from planner.pipeline.fold_layout import replacing_fold
-from planner.pipeline.job import Job, Search, Watch
-from planner.pipeline.next_step import Certify, Explode, PlayBack, Step, next_step, with_choice
-from planner.pipeline.playing_back import with_playback
-from planner.pipeline.preference import COMPUTING, Preference
-from planner.pipeline.reading import read_plan, read_shape
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.stages import rest, run_stages
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_chain, write_path
-from planner.progress import Cancelled, Report, naming, never, silent
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.parameters.parameters import AUTO, FLOATING, World
+from foldback.planner.pipeline.attempt import Candidates
+from foldback.planner.pipeline.attempt_pool import AttemptPool
+from foldback.planner.pipeline.certifying import with_certificate
+from foldback.planner.pipeline.exploding import with_explosion
+from foldback.planner.pipeline.exporting import finish
+from foldback.planner.pipeline.fold_layout import replacing_fold
+from foldback.planner.pipeline.job import Job, Search, Watch
+from foldback.planner.pipeline.next_step import (
+    Certify,
+    Explode,
+    PlayBack,
+    Step,
+    next_step,
+    with_choice,
+)
+from foldback.planner.pipeline.playing_back import with_playback
+from foldback.planner.pipeline.preference import COMPUTING, Preference
+from foldback.planner.pipeline.reading import read_plan, read_shape
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.pipeline.stages import rest, run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_chain, write_path
+from foldback.planner.progress import Cancelled, Report, naming, never, silent
 
 
 def fold(
@@ -121,7 +128,7 @@ def refold(
 
     Raises:
         InputError: ``refold-differs`` when the modules or their number do, ``refold-not-folded``
-            when ``start`` does not lead from straight to folded, or as ``planner.fold``.
+            when ``start`` does not lead from straight to folded, or as ``foldback.fold``.
     """
     request = FoldRequest(
         filename=shape.name,

@@ -15,12 +15,12 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from planner.parameters.parameters import TURNS
-from planner.pathfinding.expected_duration import MAX_IMPROVING_S
-from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
-from planner.pipeline.preference import CALM, COMPUTING, Preference
-from planner.pipeline.request import MAX_SEED
-from planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
+from foldback.planner.parameters.parameters import TURNS
+from foldback.planner.pathfinding.expected_duration import MAX_IMPROVING_S
+from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from foldback.planner.pipeline.preference import CALM, COMPUTING, Preference
+from foldback.planner.pipeline.request import MAX_SEED
+from foldback.planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 
 SEEDS_PER_SMOOTHED_PLAN: Final = 3
 """Number of random seeds, the first one included, with which the smoothing (by random shortcuts)

@@ -14,22 +14,22 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.certificate.certificate import Certificate
-from planner.certificate.table_forces import TableForces
-from planner.chain.chain import Chain
-from planner.motion.motion import PHASES, Motion
-from planner.motion.record import Record
-from planner.parameters.parameters import Parameters
-from planner.pipeline.attempt import Attempt, Candidates, latest_playback
-from planner.pipeline.preference import COMPUTING, Preference, Rank, rank
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.plan.plan import Plan
-from planner.playback.playback import Playback
-from planner.playback.unfolding import Unfolding
-from planner.progress import Cancelled, Report, never, silent
-from planner.robot import SMOOTHING_WAYS
+from foldback.planner.arrays import Array
+from foldback.planner.certificate.certificate import Certificate
+from foldback.planner.certificate.table_forces import TableForces
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.motion import PHASES, Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pipeline.attempt import Attempt, Candidates, latest_playback
+from foldback.planner.pipeline.preference import COMPUTING, Preference, Rank, rank
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.plan.plan import Plan
+from foldback.planner.playback.playback import Playback
+from foldback.planner.playback.unfolding import Unfolding
+from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.robot import SMOOTHING_WAYS
 
 _EXPLOSION: Final = PHASES.index("explosion")
 

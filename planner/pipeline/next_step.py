@@ -16,10 +16,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from planner.pipeline.attempt import Attempt, Trial, latest_playback
-from planner.pipeline.preference import PlanFigures
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.progress import Report
+from foldback.planner.pipeline.attempt import Attempt, Trial, latest_playback
+from foldback.planner.pipeline.preference import PlanFigures
+from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.progress import Report
 
 MAX_REFUSED_EXPLOSIONS: Final = 4
 """Maximum number of explosions of one fold whose plans all fail certification, before the fold

@@ -9,20 +9,20 @@ from functools import partial
 from pathlib import Path as FilePath
 from typing import Final
 
-from planner.certificate.table_certificate import table_certificate
-from planner.chain.chain import Chain
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.motion.timeline import TimelineWriter
-from planner.parameters.explosion import TableParameters
-from planner.parameters.parameters import Parameters
-from planner.pipeline.job import Job, Search, Watch, is_smoothing
-from planner.pipeline.next_step import before_playback
-from planner.playback.playback import Playback
-from planner.playback.playback import play_back as simulate_playback
-from planner.playback.table_playback import play_on_table
-from planner.playback.unfolding import Unfolding
-from planner.progress import Progress
+from foldback.planner.certificate.table_certificate import table_certificate
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.planner.parameters.explosion import TableParameters
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pipeline.job import Job, Search, Watch, is_smoothing
+from foldback.planner.pipeline.next_step import before_playback
+from foldback.planner.playback.playback import Playback
+from foldback.planner.playback.playback import play_back as simulate_playback
+from foldback.planner.playback.table_playback import play_on_table
+from foldback.planner.playback.unfolding import Unfolding
+from foldback.planner.progress import Progress
 
 TABLE_MOTOR_RESERVE: Final = 1.5
 """Torque limit of the simulated motors on a table, as a multiple of the largest static torque in

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from math import inf
 from typing import Final, Literal
 
-from planner.certificate.figures import CertificateFigures
-from planner.errors import InputError
-from planner.parameters.option import Choice
+from foldback.planner.certificate.figures import CertificateFigures
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.option import Choice
 
 Preference = Literal["computing", "time", "torque", "clearance", "margin", "calm"]
 COMPUTING: Final = "computing"

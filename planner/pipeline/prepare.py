@@ -8,29 +8,29 @@ from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.chain.module import CUBE, LONG_CHAIN, TETRAHEDRON
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.pathfinding import PATH_METHODS
-from planner.pathfinding.knots import Knot, knot_of
-from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
-from planner.pathfinding.snake import is_box
-from planner.pathfinding.start_cell import starting_at
-from planner.plan.prepared_chains import PreparedChains
-from planner.readers import read
-from planner.shapes.likeness import Likeness
-from planner.shapes.shape import MAX_CELLS, Shape
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE, LONG_CHAIN, TETRAHEDRON
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding import PATH_METHODS
+from foldback.planner.pathfinding.knots import Knot, knot_of
+from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.pathfinding.snake import is_box
+from foldback.planner.pathfinding.start_cell import starting_at
+from foldback.planner.plan.prepared_chains import PreparedChains
+from foldback.planner.readers import read
+from foldback.planner.shapes.likeness import Likeness
+from foldback.planner.shapes.shape import MAX_CELLS, Shape
 
 # What reads meshes and fills cells is imported for those: a path or a chain needs none of it.
 if TYPE_CHECKING:
-    from planner.pathfinding.feasibility import Feasibility
-    from planner.pathfinding.filling_methods import FilledShape, FillingMethod
-    from planner.shapes.inside_points import InsidePoints
-    from planner.shapes.solid import Solid
-    from planner.shapes.voxel_choice import Chooser
-    from planner.shapes.voxelise import Voxels
+    from foldback.planner.pathfinding.feasibility import Feasibility
+    from foldback.planner.pathfinding.filling_methods import FilledShape, FillingMethod
+    from foldback.planner.shapes.inside_points import InsidePoints
+    from foldback.planner.shapes.solid import Solid
+    from foldback.planner.shapes.voxel_choice import Chooser
+    from foldback.planner.shapes.voxelise import Voxels
 
 MAX_PREVIEW_TRIANGLES: Final = 20_000
 """Maximum number of triangles of the mesh that the web page's preview shows; larger meshes are
@@ -140,8 +140,8 @@ class Preparation:
 
     def _nearest_on_table(self) -> str:
         """Return a sentence on the nearest cells or number with a path for a table, or nothing."""
-        from planner.path_fit.fit_table import MAX_TABLE_FITTED_MODULES
-        from planner.table_paths.mending import nearest_words
+        from foldback.planner.path_fit.fit_table import MAX_TABLE_FITTED_MODULES
+        from foldback.planner.table_paths.mending import nearest_words
 
         if self.shape is None or self.options.repair:
             return ""
@@ -157,7 +157,7 @@ class Preparation:
 
     def _nearest(self, state: Feasibility) -> str:
         """Return the nearest sets of cells that have a path, to follow a colon."""
-        from planner.pathfinding.fill_cubes import repair_words
+        from foldback.planner.pathfinding.fill_cubes import repair_words
 
         if self.shape is None or self.options.module != CUBE.name:
             return state.repairs[0].as_step
@@ -293,9 +293,9 @@ class Preparation:
         solid, voxels = self.solid, self.voxels
         if solid is None or voxels is None or self.filled is None:
             return {"mesh": None, "missing": None}
-        from planner.pathfinding.shape_overlap import regions_of
-        from planner.shapes.decimation import decimated
-        from planner.shapes.uncovered_surface import uncovered_surface
+        from foldback.planner.pathfinding.shape_overlap import regions_of
+        from foldback.planner.shapes.decimation import decimated
+        from foldback.planner.shapes.uncovered_surface import uncovered_surface
 
         vertices, faces = decimated(solid.vertices, solid.faces, most=MAX_PREVIEW_TRIANGLES)
         in_cells = vertices @ voxels.rotation.T / voxels.pitch + voxels.offset
@@ -402,8 +402,8 @@ def _reach(solid: Solid, made: Preparation) -> dict[float, int | None]:
     cannot be estimated: for other modules, on a table, and for solids of which separate bodies are
     left out.
     """
-    from planner.pathfinding.fill_cubes import BLOCK_CELLS
-    from planner.shapes.reachable_likeness import LEVELS, CellUse, cells_reaching
+    from foldback.planner.pathfinding.fill_cubes import BLOCK_CELLS
+    from foldback.planner.shapes.reachable_likeness import LEVELS, CellUse, cells_reaching
 
     options, voxels = made.options, made.voxels
     if options.module != CUBE.name or options.world == "table" or made.filled is None:
@@ -485,7 +485,7 @@ def check_for_table(chain: Chain) -> None:
         InputError: ``unsuited-world`` for other modules than cubes, ``not-for-a-table`` for its
             path.
     """
-    from planner.table_paths.rules import rule_violations
+    from foldback.planner.table_paths.rules import rule_violations
 
     if chain.module.name != CUBE.name:
         raise InputError(
@@ -509,8 +509,8 @@ def check_for_table(chain: Chain) -> None:
 
 def filling_of(options: PathOptions) -> FillingMethod:
     """Return the method by which cells become chains."""
-    from planner.pathfinding.filling_methods import FILLING_METHODS
-    from planner.table_paths.fill_table import TableCubes
+    from foldback.planner.pathfinding.filling_methods import FILLING_METHODS
+    from foldback.planner.table_paths.fill_table import TableCubes
 
     return TableCubes() if options.world == "table" else FILLING_METHODS[options.module]
 
@@ -544,8 +544,8 @@ def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Prepa
             shape=found,
             notes=found.notes,
         )
-    from planner.pathfinding.shape_overlap import likeness_of
-    from planner.shapes.voxelise import voxelise
+    from foldback.planner.pathfinding.shape_overlap import likeness_of
+    from foldback.planner.shapes.voxelise import voxelise
 
     voxels = voxelise(found, cells=filling_of(options).cells_for(options), seed=seed)
     placed = _in_cells(found, voxels).moved(np.eye(3), 1.0, -0.5)
@@ -564,7 +564,7 @@ def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Prepa
 def _from_shape(
     kind: str, shape: Shape, options: PathOptions, seed: int, time_limit_s: float
 ) -> Preparation:
-    from planner.pathfinding.shape_overlap import points_of_cells
+    from foldback.planner.pathfinding.shape_overlap import points_of_cells
 
     filled = filling_of(options).fill(
         shape, options, of_solid=False, seed=seed, time_limit_s=time_limit_s
@@ -606,7 +606,7 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
         return _voxelised(solid, options, seed, time_limit_s)
     if options.method != "auto" or options.module == TETRAHEDRON.name:
         return _fitted(solid, options, seed)
-    from planner.shapes.voxelise import chooser_for
+    from foldback.planner.shapes.voxelise import chooser_for
 
     # A requested start is a cell of the path that is chosen without it, as a preview shows it.
     anywhere = replace(options, start=None)
@@ -649,8 +649,8 @@ def _easier_on_table(solid: Solid, voxelised: Preparation, seed: int) -> Prepara
 
     The cost counts the difficulty of the fold and the likeness (``fit_table.cost_of``).
     """
-    from planner.path_fit.fill_fitted import fill_for_table
-    from planner.path_fit.fit_table import MIN_IOU_SHARE, cost_of
+    from foldback.planner.path_fit.fill_fitted import fill_for_table
+    from foldback.planner.path_fit.fit_table import MIN_IOU_SHARE, cost_of
 
     filling = fill_for_table(solid, voxelised.options, seed=seed)
     if filling is None:
@@ -681,8 +681,8 @@ def _keeps_parts(made: Preparation) -> bool:
 
 
 def _fitted(solid: Solid, options: PathOptions, seed: int, *, quick: bool = False) -> Preparation:
-    from planner.path_fit.fill_fitted import fill_fitted
-    from planner.path_fit.fill_trail import fill_with_trail
+    from foldback.planner.path_fit.fill_fitted import fill_fitted
+    from foldback.planner.path_fit.fill_trail import fill_with_trail
 
     if options.module == TETRAHEDRON.name:
         voxels, filled = fill_with_trail(solid, options, seed=seed)
@@ -701,7 +701,7 @@ def _voxelised(
     chooser: Chooser | None = None,
     offering: bool = True,
 ) -> Preparation:
-    from planner.shapes.voxelise import chooser_for, voxels_for
+    from foldback.planner.shapes.voxelise import chooser_for, voxels_for
 
     filling = filling_of(options)
     chooser = chooser_for(solid, seed) if chooser is None else chooser
@@ -735,7 +735,7 @@ def _of_solid(
 
 def _in_cells(solid: Solid, voxels: Voxels) -> InsidePoints:
     """Return points of the whole solid in the space of its cells; c reaches from c to c + 1."""
-    from planner.shapes.inside_points import inside_points
+    from foldback.planner.shapes.inside_points import inside_points
 
     return inside_points(solid).moved(voxels.rotation, 1.0 / voxels.pitch, voxels.offset)
 
@@ -745,7 +745,7 @@ def _likenesses(points: InsidePoints, filled: FilledShape) -> tuple[Likeness, ..
 
     Without a chain it is that of cubes in the cells; empty for other modules.
     """
-    from planner.pathfinding.shape_overlap import likeness_of
+    from foldback.planner.pathfinding.shape_overlap import likeness_of
 
     placed = points.moved(filled.turn, filled.scale, filled.shift)
     if not filled.chains:
@@ -788,7 +788,7 @@ def _made(
 
 
 def _feasibility(state: Feasibility, shape: Shape) -> dict[str, Any]:
-    from planner.pathfinding.fill_cubes import modules_after
+    from foldback.planner.pathfinding.fill_cubes import modules_after
 
     return {
         "feasible": state.feasible,

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
-from planner.chain.chain import Chain
-from planner.explosion.strategies import on_lattice, ranked_strategies
-from planner.pipeline.attempt import Candidates
-from planner.pipeline.prepare import prepare
-from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
-from planner.plan.plan import Plan
-from planner.plan.prepared_chains import PreparedChains
-from planner.playback.unfolding import check_fits
-from planner.robot.smoothed_plan import check_smoothable
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.strategies import on_lattice, ranked_strategies
+from foldback.planner.pipeline.attempt import Candidates
+from foldback.planner.pipeline.prepare import prepare
+from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.prepared_chains import PreparedChains
+from foldback.planner.playback.unfolding import check_fits
+from foldback.planner.robot.smoothed_plan import check_smoothable
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

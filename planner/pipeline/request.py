@@ -9,9 +9,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Final
 
-from planner.errors import InputError
-from planner.parameters.option import key_of_options, option
-from planner.parameters.parameters import (
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.option import key_of_options, option
+from foldback.planner.parameters.parameters import (
     AUTO,
     BASELINE,
     MAX_AUTO_TURNING_MODULES,
@@ -21,7 +21,7 @@ from planner.parameters.parameters import (
     Parameters,
     preset,
 )
-from planner.parameters.settings_text import (
+from foldback.planner.parameters.settings_text import (
     MAX_TEXT_CHARS,
     SETTINGS,
     names_with_units,
@@ -29,11 +29,11 @@ from planner.parameters.settings_text import (
     settings_text,
     with_settings,
 )
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.preference import COMPUTING, PREFERENCES, Preference
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.preference import COMPUTING, PREFERENCES, Preference
 
 if TYPE_CHECKING:
-    from planner.plan.plan import Plan
+    from foldback.planner.plan.plan import Plan
 
 MODULE_SIZE_RANGE: Final = (0.1, 1.0)
 """Minimum and maximum module size that a request may ask for, as a fraction of the pitch (distance

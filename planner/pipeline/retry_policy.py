@@ -10,15 +10,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, Literal
 
-from planner.explosion.diagnosis import Diagnosis
-from planner.explosion.strategies import alternative_strategies, ranked_strategies, takes_turns
-from planner.parameters.explosion import ExplosionParameters
-from planner.parameters.parameters import AUTO, BASELINE, TURN_STRATEGIES, TURNS
-from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
-from planner.pipeline.improvements import Improvements
-from planner.pipeline.preference import CALM, COMPUTING
-from planner.pipeline.request import MAX_SEED, FoldRequest
-from planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
+from foldback.planner.explosion.diagnosis import Diagnosis
+from foldback.planner.explosion.strategies import (
+    alternative_strategies,
+    ranked_strategies,
+    takes_turns,
+)
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.parameters.parameters import AUTO, BASELINE, TURN_STRATEGIES, TURNS
+from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
+from foldback.planner.pipeline.improvements import Improvements
+from foldback.planner.pipeline.preference import CALM, COMPUTING
+from foldback.planner.pipeline.request import MAX_SEED, FoldRequest
+from foldback.planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
 Change = Literal["plain", "path", "strategy", "end", "forces", "seed"]
 MAX_SEEDS: Final = 3

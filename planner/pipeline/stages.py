@@ -15,16 +15,16 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, Final
 
-from planner.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
-from planner.motion.record import Record
-from planner.pipeline import manifest
-from planner.pipeline.attempt import Attempt
-from planner.pipeline.attempt_pool import AttemptPool
-from planner.pipeline.certifying import with_certificate
-from planner.pipeline.exploding import with_explosion
-from planner.pipeline.exporting import finish
-from planner.pipeline.job import Search, Watch, is_smoothing
-from planner.pipeline.next_step import (
+from foldback.planner.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
+from foldback.planner.motion.record import Record
+from foldback.planner.pipeline import manifest
+from foldback.planner.pipeline.attempt import Attempt
+from foldback.planner.pipeline.attempt_pool import AttemptPool
+from foldback.planner.pipeline.certifying import with_certificate
+from foldback.planner.pipeline.exploding import with_explosion
+from foldback.planner.pipeline.exporting import finish
+from foldback.planner.pipeline.job import Search, Watch, is_smoothing
+from foldback.planner.pipeline.next_step import (
     Explode,
     before_explosion,
     before_playback,
@@ -32,13 +32,13 @@ from planner.pipeline.next_step import (
     with_choice,
     with_count,
 )
-from planner.pipeline.playing_back import with_playback
-from planner.pipeline.preference import COMPUTING, Preference
-from planner.pipeline.reading import Reading, read_plan, read_shape
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.progress import STAGES, Cancelled, Progress, Report, never, silent
+from foldback.planner.pipeline.playing_back import with_playback
+from foldback.planner.pipeline.preference import COMPUTING, Preference
+from foldback.planner.pipeline.reading import Reading, read_plan, read_shape
+from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.progress import STAGES, Cancelled, Progress, Report, never, silent
 
 STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
 """Stages of a fold that process the attempt that the stage ``explode`` made last; their progress

@@ -11,48 +11,53 @@ from typing import Final
 
 import numpy as np
 
-from planner.certificate.frame_metrics import clearances_of
-from planner.certificate.table_certificate import table_certificate
-from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques
-from planner.chain.module import CUBE, TETRAHEDRON
-from planner.chain.path import Path
-from planner.clearance.exempt_pairs import exempt_pairs
-from planner.clearance.sweep import sweep
-from planner.cpu_cores import cores
-from planner.explosion.published_explosion import explode_as_published
-from planner.explosion.simultaneous import explode
-from planner.kernels.articulated import Accelerations, ArticulatedBodies
-from planner.kernels.contact_forces import ContactModel, PairContacts, add_many_contacts
-from planner.kernels.module import ModuleStates
-from planner.kernels.trails import one_circuit
-from planner.parameters.explosion import ExplosionParameters
-from planner.parameters.playback import RobotParameters
-from planner.parameters.published import PaperExplosionParameters
-from planner.pathfinding.assembly import layered_snake
-from planner.pipeline.compiling import Compiling, beside, end_with_parent, second_process
-from planner.pipeline.compiling_lock import FIRST_LOCK, PATHS_LOCK, REST_LOCK, CompilingLock
-from planner.pipeline.fold import fold, smooth_plan
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.warm_up_paths import (
+from foldback.planner.certificate.frame_metrics import clearances_of
+from foldback.planner.certificate.table_certificate import table_certificate
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.floating_torques import floating_torques
+from foldback.planner.chain.module import CUBE, TETRAHEDRON
+from foldback.planner.chain.path import Path
+from foldback.planner.clearance.exempt_pairs import exempt_pairs
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.cpu_cores import cores
+from foldback.planner.explosion.published_explosion import explode_as_published
+from foldback.planner.explosion.simultaneous import explode
+from foldback.planner.kernels.articulated import Accelerations, ArticulatedBodies
+from foldback.planner.kernels.contact_forces import ContactModel, PairContacts, add_many_contacts
+from foldback.planner.kernels.module import ModuleStates
+from foldback.planner.kernels.trails import one_circuit
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.parameters.playback import RobotParameters
+from foldback.planner.parameters.published import PaperExplosionParameters
+from foldback.planner.pathfinding.assembly import layered_snake
+from foldback.planner.pipeline.compiling import Compiling, beside, end_with_parent, second_process
+from foldback.planner.pipeline.compiling_lock import (
+    FIRST_LOCK,
+    PATHS_LOCK,
+    REST_LOCK,
+    CompilingLock,
+)
+from foldback.planner.pipeline.fold import fold, smooth_plan
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.warm_up_paths import (
     WARM_UP_CELLS,
     warm_up_chains,
     warm_up_fit,
     warm_up_paths,
 )
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_path
-from planner.progress import Progress, Report, silent
-from planner.robot.retiming import retime
-from planner.simulation.contact_finder import robot_contacts
-from planner.simulation.engine import build_chain_model
-from planner.simulation.mujoco_models import SOLIMP
-from planner.simulation.robot import Robot
-from planner.turns.beam_search import unfold
-from planner.turns.cube_turns import cube_turning
-from planner.turns.tetrahedron_turns import tetrahedron_turning
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.progress import Progress, Report, silent
+from foldback.planner.robot.retiming import retime
+from foldback.planner.simulation.contact_finder import robot_contacts
+from foldback.planner.simulation.engine import build_chain_model
+from foldback.planner.simulation.mujoco_models import SOLIMP
+from foldback.planner.simulation.robot import Robot
+from foldback.planner.turns.beam_search import unfold
+from foldback.planner.turns.cube_turns import cube_turning
+from foldback.planner.turns.tetrahedron_turns import tetrahedron_turning
 
 BACKGROUND_NICENESS: Final = 10
 """Niceness (POSIX) of a process that compiles kernels in advance. A larger value leaves more of the

@@ -7,19 +7,19 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.module import TETRAHEDRON
-from planner.chain.path import Path
-from planner.path_fit.fill_fitted import fill_fitted
-from planner.path_fit.fill_trail import fill_with_trail
-from planner.pathfinding.exact_search import exact_path
-from planner.pathfinding.knots import knot_of, knot_of_polygon
-from planner.pathfinding.path_options import PathOptions
-from planner.pathfinding.trail_search import find_trails
-from planner.shapes.shape import Shape
-from planner.shapes.solid import Solid
-from planner.shapes.voxelise import voxelise
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.chain.path import Path
+from foldback.planner.path_fit.fill_fitted import fill_fitted
+from foldback.planner.path_fit.fill_trail import fill_with_trail
+from foldback.planner.pathfinding.exact_search import exact_path
+from foldback.planner.pathfinding.knots import knot_of, knot_of_polygon
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pathfinding.trail_search import find_trails
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import Solid
+from foldback.planner.shapes.voxelise import voxelise
 
 WARM_UP_CELLS: Final = (
     *((0, 0, 0), (1, 0, 0), (1, 1, 0), (0, 1, 0)),

@@ -18,29 +18,29 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner import file_names as names
-from planner.certificate.certificate import Certificate
-from planner.certificate.frame_metrics import write_figures
-from planner.chain.chain import Chain
-from planner.explosion.diagnosis import stopped
-from planner.exports import mjcf
-from planner.files import write_json, write_whole
-from planner.motion.record import Record
-from planner.motion.timeline import Timeline, chain_attributes, chain_from_attributes
-from planner.pipeline import fold_layout as layout
-from planner.pipeline.attempt import Attempt, Candidates
-from planner.pipeline.fold_layout import last_frame
-from planner.pipeline.job import Job, Result, Search, share_bent
-from planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, rank
-from planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.plan.moment_search import moments_of
-from planner.plan.moments import Moments
-from planner.plan.plan import Plan
-from planner.plan.prepared_chains import PreparedChains, key_of
-from planner.plan.steps import find_steps
-from planner.playback.playback import Playback
-from planner.playback.unfolding import Unfolding
+from foldback.planner import file_names as names
+from foldback.planner.certificate.certificate import Certificate
+from foldback.planner.certificate.frame_metrics import write_figures
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.diagnosis import stopped
+from foldback.planner.exports import mjcf
+from foldback.planner.files import write_json, write_whole
+from foldback.planner.motion.record import Record
+from foldback.planner.motion.timeline import Timeline, chain_attributes, chain_from_attributes
+from foldback.planner.pipeline import fold_layout as layout
+from foldback.planner.pipeline.attempt import Attempt, Candidates
+from foldback.planner.pipeline.fold_layout import last_frame
+from foldback.planner.pipeline.job import Job, Result, Search, share_bent
+from foldback.planner.pipeline.preference import COMPUTING, Preference, Rank, judgement, rank
+from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
+from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.plan.moment_search import moments_of
+from foldback.planner.plan.moments import Moments
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.prepared_chains import PreparedChains, key_of
+from foldback.planner.plan.steps import find_steps
+from foldback.planner.playback.playback import Playback
+from foldback.planner.playback.unfolding import Unfolding
 
 MAX_PLANS_BYTES: Final = 64 * 2**20
 """Maximum size, in bytes, of all stored plans of one fold that were not chosen; plans beyond it are

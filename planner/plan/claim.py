@@ -14,9 +14,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.chain.module import Module
-from planner.motion.angle_encoding import PLANES_NAME, encode_frames, encode_windows, plane_metadata
-from planner.motion.motion import Motion
+from foldback.planner.chain.module import Module
+from foldback.planner.motion.angle_encoding import (
+    PLANES_NAME,
+    encode_frames,
+    encode_windows,
+    plane_metadata,
+)
+from foldback.planner.motion.motion import Motion
 
 CLAIM_FORMAT: Final = "foldback-claim/1"
 """Format of a plan's claim; a change of its meaning gets a new number."""

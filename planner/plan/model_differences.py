@@ -11,8 +11,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.errors import InputError
-from planner.simulation.lazy_mujoco import mujoco
+from foldback.planner.errors import InputError
+from foldback.planner.simulation.lazy_mujoco import mujoco
 
 MODEL_RTOL: Final = 5e-7
 """Maximum relative difference between numbers of two compiled MuJoCo models that count as equal:

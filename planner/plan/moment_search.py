@@ -11,19 +11,19 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
-from planner.certificate.metrics_store import Curves, Figures
-from planner.certificate.table_forces import TableForces
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses
-from planner.chain.rotations import wxyz_from_matrix
-from planner.errors import TimelineError
-from planner.kernels.clearance import Solid, module_clearances
-from planner.motion.inverse_dynamics import inverse_dynamics
-from planner.motion.motion import PHASES
-from planner.motion.timeline import Timeline
-from planner.pathfinding.knots import knot_of
-from planner.plan.moments import (
+from foldback.planner.arrays import Array
+from foldback.planner.certificate.metrics_store import Curves, Figures
+from foldback.planner.certificate.table_forces import TableForces
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.errors import TimelineError
+from foldback.planner.kernels.clearance import Solid, module_clearances
+from foldback.planner.motion.inverse_dynamics import inverse_dynamics
+from foldback.planner.motion.motion import PHASES
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.plan.moments import (
     CONTACT_LINKS,
     CONTACT_PITCH,
     HeldModule,
@@ -31,8 +31,8 @@ from planner.plan.moments import (
     Moments,
     StepMoment,
 )
-from planner.plan.step_text import step_text
-from planner.plan.steps import Steps
+from foldback.planner.plan.step_text import step_text
+from foldback.planner.plan.steps import Steps
 
 MAX_MEETING_MODULES: Final = 2_000_000
 """Maximum number of module poses (frames × modules) of a fold that are searched for the first

@@ -16,15 +16,20 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner import file_names as names
-from planner.arrays import Array
-from planner.certificate.metrics_store import Curves, Figures, write
-from planner.errors import InputError
-from planner.files import write_json, write_whole, zarr_group
-from planner.motion.angle_encoding import PLAN_STEP_RAD, byte_planes, to_step_counts, whole_numbers
-from planner.motion.motion import Motion
-from planner.motion.record import save_npz
-from planner.motion.timeline import TimelineWriter, chain_from_attributes
+from foldback.planner import file_names as names
+from foldback.planner.arrays import Array
+from foldback.planner.certificate.metrics_store import Curves, Figures, write
+from foldback.planner.errors import InputError
+from foldback.planner.files import write_json, write_whole, zarr_group
+from foldback.planner.motion.angle_encoding import (
+    PLAN_STEP_RAD,
+    byte_planes,
+    to_step_counts,
+    whole_numbers,
+)
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import save_npz
+from foldback.planner.motion.timeline import TimelineWriter, chain_from_attributes
 
 Ints = NDArray[np.signedinteger[Any]]
 Arrays = dict[str, NDArray[Any]]

@@ -15,13 +15,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
-from planner.certificate.certificate import Certificate
-from planner.chain.chain import Chain
-from planner.errors import UNREADABLE, InputError, named
-from planner.explosion.diagnosis import stuck_of
-from planner.files import write_whole
-from planner.motion.angle_encoding import (
+from foldback.planner.arrays import Array
+from foldback.planner.certificate.certificate import Certificate
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import UNREADABLE, InputError, named
+from foldback.planner.explosion.diagnosis import stuck_of
+from foldback.planner.files import write_whole
+from foldback.planner.motion.angle_encoding import (
     MAX_PLAIN_ANGLES,
     PLANES_NAME,
     Planes,
@@ -31,15 +31,15 @@ from planner.motion.angle_encoding import (
     to_step_counts,
     with_plain_angles,
 )
-from planner.motion.motion import FRAME_COLUMNS, PHASES, WINDOW_COLUMNS, Columns, Motion
-from planner.motion.record import Record, save_npz
-from planner.motion.timeline import chain_attributes, chain_from_attributes
-from planner.parameters.parameters import Parameters
-from planner.plan.claim import claim_of
-from planner.plan.steps import rest_frames
-from planner.playback.playback import Playback
-from planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
-from planner.shapes.likeness import Likeness
+from foldback.planner.motion.motion import FRAME_COLUMNS, PHASES, WINDOW_COLUMNS, Columns, Motion
+from foldback.planner.motion.record import Record, save_npz
+from foldback.planner.motion.timeline import chain_attributes, chain_from_attributes
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.plan.claim import claim_of
+from foldback.planner.plan.steps import rest_frames
+from foldback.planner.playback.playback import Playback
+from foldback.planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
+from foldback.planner.shapes.likeness import Likeness
 
 PLAN_FORMAT: Final = "foldback-plan/3"
 EARLIER_FORMATS: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windows"}

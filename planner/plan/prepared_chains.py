@@ -13,13 +13,13 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path as FilePath
 from typing import Any, Self
 
-from planner.chain.chain import Chain
-from planner.errors import UNREADABLE
-from planner.file_names import PREPARED
-from planner.files import write_json
-from planner.motion.timeline import chain_attributes, chain_from_attributes
-from planner.pathfinding.path_options import PathOptions
-from planner.shapes.likeness import Likeness
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import UNREADABLE
+from foldback.planner.file_names import PREPARED
+from foldback.planner.files import write_json
+from foldback.planner.motion.timeline import chain_attributes, chain_from_attributes
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.shapes.likeness import Likeness
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

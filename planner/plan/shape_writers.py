@@ -7,10 +7,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.readers.json_formats import CHAIN_FORMAT, PATH_FORMAT, VOXELS_FORMAT
-from planner.shapes.shape import Shape
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.readers.json_formats import CHAIN_FORMAT, PATH_FORMAT, VOXELS_FORMAT
+from foldback.planner.shapes.shape import Shape
 
 ROWS_PER_LINE = 8
 """Number of cells or joint angles on one line of an exported JSON file of a path, shape or chain,

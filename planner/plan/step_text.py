@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from planner.chain.module import CUBE, Module
-from planner.plan.steps import Modules, Step, Turn
+from foldback.planner.chain.module import CUBE, Module
+from foldback.planner.plan.steps import Modules, Step, Turn
 
 MAX_LISTED_TURNS: Final = 5
 """Maximum number of turns that a sentence lists; it gives the number of the others."""

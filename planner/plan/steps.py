@@ -8,15 +8,15 @@ from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses, forward_kinematics
-from planner.chain.module import Module
-from planner.chain.rotations import wxyz_from_matrix
-from planner.errors import InputError
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.chain.module import Module
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.errors import InputError
 
 if TYPE_CHECKING:
-    from planner.plan.plan import Plan
+    from foldback.planner.plan.plan import Plan
 
 MIN_TURN_RAD: Final = 1e-3
 """Smallest difference of a hinge's angle between two rests that counts as a turn, in radians; a

@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, Final, cast
 
-from planner.display_names import clean_name
-from planner.errors import unexpected
+from foldback.planner.display_names import clean_name
+from foldback.planner.errors import unexpected
 
 TOUR_FORMAT: Final = "foldback-tour/1"
 _bad: Final = partial(unexpected, "bad-tour")

@@ -9,16 +9,16 @@ from typing import Final, Literal
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.rotations import aligned_distances
-from planner.errors import SimulationError
-from planner.motion.angle_encoding import quantised
-from planner.motion.motion import Motion, Phase
-from planner.playback.controllers import build_plant
-from planner.playback.reference_trajectory import ReferenceTrajectory
-from planner.playback.setpoints import Setpoints, Target
-from planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import aligned_distances
+from foldback.planner.errors import SimulationError
+from foldback.planner.motion.angle_encoding import quantised
+from foldback.planner.motion.motion import Motion, Phase
+from foldback.planner.playback.controllers import build_plant
+from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
+from foldback.planner.playback.setpoints import Setpoints, Target
+from foldback.planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FRAME_TURN_RAD: Final = 0.01

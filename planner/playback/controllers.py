@@ -6,12 +6,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from planner.parameters.playback import PlaybackParameters
-from planner.playback.reference_trajectory import ReferenceTrajectory
-from planner.playback.setpoints import Target
-from planner.simulation.mujoco_models import Material
-from planner.simulation.mujoco_tree import RateMotors, Servos, Tree
-from planner.simulation.robot import Robot
+from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
+from foldback.planner.playback.setpoints import Target
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.mujoco_tree import RateMotors, Servos, Tree
+from foldback.planner.simulation.robot import Robot
 
 Plant = Robot | Tree
 """Chain that is simulated step by step, from ``begin_step`` to ``end_step``."""

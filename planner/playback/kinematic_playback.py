@@ -7,19 +7,19 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.chain.module import MAX_SMOOTH_CURVE_MODULES
-from planner.motion.angle_encoding import quantised
-from planner.motion.motion import Motion, Phase
-from planner.parameters.playback import PlaybackParameters
-from planner.playback.reference_curve import Reference, clear_reference, resting_reference
-from planner.playback.time_scaling import (
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import MAX_SMOOTH_CURVE_MODULES
+from foldback.planner.motion.angle_encoding import quantised
+from foldback.planner.motion.motion import Motion, Phase
+from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.playback.reference_curve import Reference, clear_reference, resting_reference
+from foldback.planner.playback.time_scaling import (
     SCALING_STEPS,
     hinge_bounded_times,
     smooth_scaling,
 )
-from planner.playback.unfolding import Unfolding
+from foldback.planner.playback.unfolding import Unfolding
 
 KINEMATIC_CHUNK_FRAMES: Final = 256
 """Number of frames that a kinematic playback (angles follow the planned curve exactly, without

@@ -11,21 +11,21 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from planner.errors import InputError
-from planner.motion.angle_encoding import packed_frames, unpacked_frames
-from planner.motion.inverse_dynamics import inverse_dynamics
-from planner.motion.motion import Angles, Motion
-from planner.motion.record import Record, save_npz
-from planner.parameters.playback import PlaybackParameters
-from planner.playback.chain_run import PlaybackStatus, Run
-from planner.playback.kinematic_playback import kinematic_frames, rests_between_places
-from planner.playback.reference_curve import resting_reference
-from planner.playback.reference_trajectory import ReferenceTrajectory
-from planner.playback.robot_runs import simulate_robots
-from planner.playback.unfolding import Unfolding
-from planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
-from planner.progress import Cancelled, Report, never, silent
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import InputError
+from foldback.planner.motion.angle_encoding import packed_frames, unpacked_frames
+from foldback.planner.motion.inverse_dynamics import inverse_dynamics
+from foldback.planner.motion.motion import Angles, Motion
+from foldback.planner.motion.record import Record, save_npz
+from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.playback.chain_run import PlaybackStatus, Run
+from foldback.planner.playback.kinematic_playback import kinematic_frames, rests_between_places
+from foldback.planner.playback.reference_curve import resting_reference
+from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
+from foldback.planner.playback.robot_runs import simulate_robots
+from foldback.planner.playback.unfolding import Unfolding
+from foldback.planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
+from foldback.planner.progress import Cancelled, Report, never, silent
 
 SINK_CHUNK_FRAMES: Final = 256
 """Number of frames in each call of the callback that receives the frames of a playback, where all

@@ -8,9 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from planner.arrays import Array, Flags, Ints
-from planner.chain.chain import Chain
-from planner.clearance.sweep import sweep
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.sweep import sweep
 
 SPLINE_DEGREE: Final = 3
 """Degree of the B-spline through hinge angles that a playback follows: cubic, the lowest degree

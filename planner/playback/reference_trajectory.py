@@ -7,16 +7,16 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.motion.motion import Phase
-from planner.motion.record import Record
-from planner.parameters.playback import PlaybackParameters
-from planner.playback.kinematic_playback import root_folded
-from planner.playback.reference_curve import Reference, clear_reference, resting_reference
-from planner.playback.setpoints import (
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.errors import InputError
+from foldback.planner.motion.motion import Phase
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.playback.kinematic_playback import root_folded
+from foldback.planner.playback.reference_curve import Reference, clear_reference, resting_reference
+from foldback.planner.playback.setpoints import (
     Backwards,
     DirectSetpoints,
     Setpoints,
@@ -25,7 +25,7 @@ from planner.playback.setpoints import (
     TimedSetpoints,
     timed_torques,
 )
-from planner.playback.time_scaling import (
+from foldback.planner.playback.time_scaling import (
     MIN_PLAYBACK_STEPS,
     TimeScaling,
     hinge_bounded_scaling,
@@ -33,8 +33,8 @@ from planner.playback.time_scaling import (
     torque_bounded_resting_scaling,
     torque_bounded_scaling,
 )
-from planner.playback.unfolding import Unfolding
-from planner.simulation.contact_finder import ContactFinder, robot_contacts
+from foldback.planner.playback.unfolding import Unfolding
+from foldback.planner.simulation.contact_finder import ContactFinder, robot_contacts
 
 SPEED_PACED_STEPS_SCALE: Final = 2
 """Factor of the number of simulation steps, and so of the duration, of a playback in which the

@@ -8,13 +8,13 @@ from dataclasses import replace
 from threading import Event, Lock
 from typing import TypeVar
 
-from planner.cpu_cores import cores
-from planner.motion.motion import Motion
-from planner.playback.chain_run import Run
-from planner.playback.reference_trajectory import ReferenceTrajectory
-from planner.playback.window_run import WindowRun
-from planner.playback.window_trajectory import WindowTrajectory
-from planner.progress import Cancelled, Progress, Report
+from foldback.planner.cpu_cores import cores
+from foldback.planner.motion.motion import Motion
+from foldback.planner.playback.chain_run import Run
+from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
+from foldback.planner.playback.window_run import WindowRun
+from foldback.planner.playback.window_trajectory import WindowTrajectory
+from foldback.planner.progress import Cancelled, Progress, Report
 
 
 def simulate_robots(

@@ -8,11 +8,11 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.floating_torques import floating_torques
-from planner.chain.module import Module
-from planner.playback.reference_curve import Reference
-from planner.playback.time_scaling import TimeScaling, smooth_scaling
+from foldback.planner.arrays import Array
+from foldback.planner.chain.floating_torques import floating_torques
+from foldback.planner.chain.module import Module
+from foldback.planner.playback.reference_curve import Reference
+from foldback.planner.playback.time_scaling import TimeScaling, smooth_scaling
 
 SETPOINT_CHUNK_STEPS: Final = 256
 """Maximum number of simulation steps whose target angles and rates are computed at once. Larger

@@ -11,14 +11,14 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.cantilever_statics import hinge_frames
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses, forward_kinematics
-from planner.kernels.statics import Hinges, torque_columns
-from planner.motion.motion import Motion
-from planner.playback.window_trajectory import WindowCurve
-from planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH, lowest_corners
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.cantilever_statics import hinge_frames
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.kernels.statics import Hinges, torque_columns
+from foldback.planner.motion.motion import Motion
+from foldback.planner.playback.window_trajectory import WindowCurve
+from foldback.planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_PITCH, lowest_corners
 
 LIFTED_DEPTH_SHARE: Final = 0.5
 """Depth to which modules are lifted if the planned curve of a fold on a table lets them sink too

@@ -15,20 +15,20 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.cantilever_statics import GRAVITY_M_S2
-from planner.chain.chain import Chain
-from planner.chain.rotations import aligned_distances
-from planner.errors import InputError, SimulationError
-from planner.motion.angle_encoding import quantised
-from planner.motion.motion import Motion
-from planner.parameters.playback import TablePlaybackParameters
-from planner.playback.chain_run import GOAL_TOLERANCE_PITCH, PlaybackRun, PlaybackStatus
-from planner.playback.playback import Playback
-from planner.playback.reference_trajectory import TRACKING_LOST_RAD
-from planner.playback.table_trajectory import TableTrajectory
-from planner.progress import Cancelled, Report, never, silent
-from planner.simulation.table_body import TableBody
+from foldback.planner.arrays import Array
+from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import aligned_distances
+from foldback.planner.errors import InputError, SimulationError
+from foldback.planner.motion.angle_encoding import quantised
+from foldback.planner.motion.motion import Motion
+from foldback.planner.parameters.playback import TablePlaybackParameters
+from foldback.planner.playback.chain_run import GOAL_TOLERANCE_PITCH, PlaybackRun, PlaybackStatus
+from foldback.planner.playback.playback import Playback
+from foldback.planner.playback.reference_trajectory import TRACKING_LOST_RAD
+from foldback.planner.playback.table_trajectory import TableTrajectory
+from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.simulation.table_body import TableBody
 
 TABLE_CHUNK_STEPS: Final = 512
 """Maximum number of simulation steps of a fold on a table whose target angles and torques are

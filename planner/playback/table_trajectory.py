@@ -11,19 +11,19 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.motion.motion import Motion
-from planner.parameters.playback import TablePlaybackParameters
-from planner.playback.table_curve import TableCurve
-from planner.playback.time_scaling import (
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.motion import Motion
+from foldback.planner.parameters.playback import TablePlaybackParameters
+from foldback.planner.playback.table_curve import TableCurve
+from foldback.planner.playback.time_scaling import (
     MIN_PLAYBACK_STEPS,
     bounded_profile,
     duration,
     frames_kept,
     scaling_from_profile,
 )
-from planner.simulation.table_body import TableBody
+from foldback.planner.simulation.table_body import TableBody
 
 TABLE_SAMPLES_PER_RAD: Final = 300
 """Number of points at which hinge torques are computed to find the speed of a fold on a table, for

@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 
-from planner.arrays import Array, Flags
-from planner.chain.floating_torques import floating_torques
-from planner.chain.module import Module
-from planner.kernels.speed_profiles import torque_passes
-from planner.playback.reference_curve import Reference
+from foldback.planner.arrays import Array, Flags
+from foldback.planner.chain.floating_torques import floating_torques
+from foldback.planner.chain.module import Module
+from foldback.planner.kernels.speed_profiles import torque_passes
+from foldback.planner.playback.reference_curve import Reference
 
 MIN_PLAYBACK_STEPS: Final = 100
 """Minimum number of simulation steps of a playback along a planned curve; a shorter one is slowed

@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.errors import InputError
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import InputError
 
 MAX_ANGLE_DIFFERENCE_RAD: Final = 1e-6
 """Maximum difference, rad, of two hinge angles that count as equal, where rounding is to be

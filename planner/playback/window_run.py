@@ -7,15 +7,15 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
-from planner.errors import SimulationError
-from planner.motion.motion import Angles, Motion
-from planner.playback.chain_run import PlaybackRun, PlaybackStatus
-from planner.playback.reference_trajectory import TRACKING_LOST_RAD
-from planner.playback.setpoints import SETTLE_STEPS
-from planner.playback.window_trajectory import WindowTrajectory
-from planner.progress import Cancelled, Report
-from planner.simulation.window_robot import WindowRobot
+from foldback.planner.arrays import Array
+from foldback.planner.errors import SimulationError
+from foldback.planner.motion.motion import Angles, Motion
+from foldback.planner.playback.chain_run import PlaybackRun, PlaybackStatus
+from foldback.planner.playback.reference_trajectory import TRACKING_LOST_RAD
+from foldback.planner.playback.setpoints import SETTLE_STEPS
+from foldback.planner.playback.window_trajectory import WindowTrajectory
+from foldback.planner.progress import Cancelled, Report
+from foldback.planner.simulation.window_robot import WindowRobot
 
 Floats = NDArray[np.float32]
 

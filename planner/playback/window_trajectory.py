@@ -15,26 +15,26 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques
-from planner.clearance.sweep import sweep
-from planner.motion.motion import Motion
-from planner.parameters.playback import PlaybackParameters
-from planner.playback.reference_curve import (
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.floating_torques import floating_torques
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.motion.motion import Motion
+from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.playback.reference_curve import (
     JOINT_LIMIT_MARGIN_RAD,
     REFERENCE_CLEARANCE_PITCH,
     frames_around,
 )
-from planner.playback.setpoints import SETTLE_STEPS
-from planner.playback.time_scaling import (
+from foldback.planner.playback.setpoints import SETTLE_STEPS
+from foldback.planner.playback.time_scaling import (
     MIN_PLAYBACK_STEPS,
     TimeScaling,
     frames_kept,
     scaling_from_profile,
     torque_bounded_profile,
 )
-from planner.simulation.window_robot import RigidEnds
+from foldback.planner.simulation.window_robot import RigidEnds
 
 WINDOW_SAMPLES_PER_RAD: Final = 25
 """Number of points at which hinge torques are computed to find the speed of a windowed playback (a

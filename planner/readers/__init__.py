@@ -1,5 +1,5 @@
 """Readers: from the bytes of a file to a path, a chain, a shape or a solid."""
 
-from planner.readers.formats import read
+from foldback.planner.readers.formats import read
 
 __all__ = ["read"]

@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.module import TETRAHEDRON
-from planner.errors import InputError
-from planner.readers.limits import MAX_CELLS, quote, too_many
-from planner.readers.text import numbered_lines
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import MAX_CELLS, quote, too_many
+from foldback.planner.readers.text import numbered_lines
 
 HEADING: Final = "foldback-angles/1"
 QUARTER_TURNS_DEG: Final = {"0": 0.0, "+": 90.0, "-": -90.0, "\u2212": -90.0, "\u2013": -90.0}

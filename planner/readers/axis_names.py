@@ -6,9 +6,9 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-from planner.errors import InputError
-from planner.readers.limits import quote
-from planner.readers.text import is_number
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import quote
+from foldback.planner.readers.text import is_number
 
 AXES: Final = ("x", "y", "z")
 OTHER_AXES: Final = ("ijk", "abc", "uvw")

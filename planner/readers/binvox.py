@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from planner.errors import InputError
-from planner.readers.limits import Source, quote, too_many
-from planner.readers.text import PADDING
-from planner.shapes.shape import Shape
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import Source, quote, too_many
+from foldback.planner.readers.text import PADDING
+from foldback.planner.shapes.shape import Shape
 
 BINVOX_MAGIC: Final = b"#binvox"
 MAX_BINVOX_HEADER_BYTES: Final = 4096

@@ -6,13 +6,13 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.module import Module, module_named
-from planner.chain.path import MAX_COORDINATE
-from planner.errors import InputError
-from planner.readers.limits import Source, described, quote, too_many
-from planner.readers.strict_json import name_field, pitch_field, refuse_unread_keys
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module, module_named
+from foldback.planner.chain.path import MAX_COORDINATE
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import Source, described, quote, too_many
+from foldback.planner.readers.strict_json import name_field, pitch_field, refuse_unread_keys
 
 CHAIN_KEYS: Final = (
     *("format", "name", "module", "joint_angles_deg", "pitch_m"),

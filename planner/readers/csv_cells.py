@@ -7,11 +7,11 @@ import io
 from collections.abc import Sequence
 from typing import Final
 
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.readers.axis_names import AXES, check_filled, columns_of
-from planner.readers.limits import Source, quote, too_many
-from planner.readers.text import (
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.readers.axis_names import AXES, check_filled, columns_of
+from foldback.planner.readers.limits import Source, quote, too_many
+from foldback.planner.readers.text import (
     COMMENT_MARK,
     cells_array,
     coordinate,
@@ -19,7 +19,7 @@ from planner.readers.text import (
     numbered_lines,
     path_or_shape,
 )
-from planner.shapes.shape import Shape
+from foldback.planner.shapes.shape import Shape
 
 DELIMITERS: Final = (";", "\t", ",")
 MAX_TABLE_COLUMNS: Final = 1000

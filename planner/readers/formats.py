@@ -10,34 +10,34 @@ import logging
 from collections.abc import Callable
 from typing import Final
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.display_names import clean_name
-from planner.errors import InputError
-from planner.files import MAX_FILE_BYTES
-from planner.readers.angle_strings import is_angle_string, read_angle_string, refuse_digits
-from planner.readers.binvox import is_binvox, read_binvox
-from planner.readers.csv_cells import is_csv, read_csv
-from planner.readers.gltf import is_glb, read_glb
-from planner.readers.json_formats import is_json, read_json
-from planner.readers.limits import (
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.display_names import clean_name
+from foldback.planner.errors import InputError
+from foldback.planner.files import MAX_FILE_BYTES
+from foldback.planner.readers.angle_strings import is_angle_string, read_angle_string, refuse_digits
+from foldback.planner.readers.binvox import is_binvox, read_binvox
+from foldback.planner.readers.csv_cells import is_csv, read_csv
+from foldback.planner.readers.gltf import is_glb, read_glb
+from foldback.planner.readers.json_formats import is_json, read_json
+from foldback.planner.readers.limits import (
     MAX_CELLS,
     Source,
     check_bytes,
     check_size,
 )
-from planner.readers.npy import is_npy, read_npy
-from planner.readers.obj import is_obj, read_obj
-from planner.readers.off import is_off, read_off
-from planner.readers.ply import is_ply, read_ply
-from planner.readers.refused_formats import refuse_other_kinds, unknown_kind
-from planner.readers.stl import is_binary, is_stl, read_stl
-from planner.readers.text import decode, refuse_binary, refuse_prose, to_utf8
-from planner.readers.threemf import is_zip, read_threemf
-from planner.readers.vox import is_vox, read_vox
-from planner.readers.xyz import is_xyz, read_xyz
-from planner.shapes.shape import Shape
-from planner.shapes.solid import MAX_TRIANGLES, Solid
+from foldback.planner.readers.npy import is_npy, read_npy
+from foldback.planner.readers.obj import is_obj, read_obj
+from foldback.planner.readers.off import is_off, read_off
+from foldback.planner.readers.ply import is_ply, read_ply
+from foldback.planner.readers.refused_formats import refuse_other_kinds, unknown_kind
+from foldback.planner.readers.stl import is_binary, is_stl, read_stl
+from foldback.planner.readers.text import decode, refuse_binary, refuse_prose, to_utf8
+from foldback.planner.readers.threemf import is_zip, read_threemf
+from foldback.planner.readers.vox import is_vox, read_vox
+from foldback.planner.readers.xyz import is_xyz, read_xyz
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import MAX_TRIANGLES, Solid
 
 READABLE_FORMATS: Final = (
     "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, "

@@ -11,8 +11,8 @@ from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Final
 
-from planner.chain.module import CUBE, module_named
-from planner.errors import InputError
+from foldback.planner.chain.module import CUBE, module_named
+from foldback.planner.errors import InputError
 
 MAX_SUGGESTED_NAMES: Final = 4
 """Maximum number of similar names that the error about an unknown gallery example suggests. A
@@ -113,15 +113,18 @@ class Gallery:
 
 def shapes_directory() -> Traversable:
     """Return the directory with the path files of the example shapes."""
-    package = files("planner")
-    checkout = Path(str(package)).parent / "examples" / "shapes"
+    package = files("foldback.planner")
+    checkout = Path(str(package)).resolve().parent / "examples" / "shapes"
     return checkout if checkout.is_dir() else package / "examples"
 
 
 def _resting() -> dict[str, float]:
     """Shapes that were found to rest on a table, and the torque in w·p that each asks."""
     directory = shapes_directory()
-    for file in (files("planner") / TABLE_RESULTS, Path(str(directory)).parent / TABLE_RESULTS):
+    for file in (
+        files("foldback.planner") / TABLE_RESULTS,
+        Path(str(directory)).parent / TABLE_RESULTS,
+    ):
         if file.is_file():
             shapes = json.loads(file.read_bytes())["shapes"]
             return {

@@ -13,13 +13,13 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
-from planner.errors import InputError
-from planner.readers.limits import Source, quote
-from planner.readers.strict_json import parse
-from planner.readers.trimesh_meshes import Triangles, incomplete, joined, placed
-from planner.shapes.polygons import fans
-from planner.shapes.solid import Solid, check_triangles
+from foldback.planner.arrays import Array
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import Source, quote
+from foldback.planner.readers.strict_json import parse
+from foldback.planner.readers.trimesh_meshes import Triangles, incomplete, joined, placed
+from foldback.planner.shapes.polygons import fans
+from foldback.planner.shapes.solid import Solid, check_triangles
 
 GLB_MAGIC: Final = b"glTF"
 JSON_CHUNK: Final = 0x4E4F534A

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 from typing import Any, Final, cast
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.readers.chain_json import read_chain
-from planner.readers.gltf import is_gltf, read_gltf
-from planner.readers.limits import Source, quote
-from planner.readers.path_json import path_from_rows, read_path, read_voxels
-from planner.readers.strict_json import parse
-from planner.shapes.shape import Shape
-from planner.shapes.solid import Solid
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.readers.chain_json import read_chain
+from foldback.planner.readers.gltf import is_gltf, read_gltf
+from foldback.planner.readers.limits import Source, quote
+from foldback.planner.readers.path_json import path_from_rows, read_path, read_voxels
+from foldback.planner.readers.strict_json import parse
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import Solid
 
 PATH_FORMAT: Final = "foldback-path/1"
 CHAIN_FORMAT: Final = "foldback-chain/1"

@@ -7,9 +7,9 @@ import re
 from dataclasses import dataclass
 from typing import Final
 
-from planner.errors import InputError
-from planner.shapes.shape import MAX_CELLS
-from planner.shapes.solid import MAX_TRIANGLES
+from foldback.planner.errors import InputError
+from foldback.planner.shapes.shape import MAX_CELLS
+from foldback.planner.shapes.solid import MAX_TRIANGLES
 
 BYTES_PER_CELL: Final = 96
 """Allowed size of a text file for each cell of the largest accepted shape, in bytes; a larger file

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.lib import format as npy_format
 from numpy.typing import NDArray
 
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.readers.limits import Source, quote, too_many
-from planner.readers.text import path_or_shape
-from planner.shapes.shape import Shape
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import Source, quote, too_many
+from foldback.planner.readers.text import path_or_shape
+from foldback.planner.shapes.shape import Shape
 
 NPY_MAGIC: Final = b"\x93NUMPY"
 LINE_ENDS: Final = b"\r\n"

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Ints
+from foldback.planner.arrays import Array, Ints
 
 TEXT_CHUNK_BYTES: Final = 4 << 20
 """Number of bytes of a text with rows of numbers that are parsed at once. Larger values take more

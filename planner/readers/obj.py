@@ -5,12 +5,12 @@ from __future__ import annotations
 import re
 from typing import Final
 
-from planner.errors import InputError
-from planner.readers.limits import Source, check_lines, parse_float, parse_int
-from planner.readers.text import data_start, numbered_lines, without_comments
-from planner.readers.trimesh_meshes import triangles_in
-from planner.shapes.polygons import skipped_note
-from planner.shapes.solid import Solid, check_triangles
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import Source, check_lines, parse_float, parse_int
+from foldback.planner.readers.text import data_start, numbered_lines, without_comments
+from foldback.planner.readers.trimesh_meshes import triangles_in
+from foldback.planner.shapes.polygons import skipped_note
+from foldback.planner.shapes.solid import Solid, check_triangles
 
 VERTEX_LINE: Final = re.compile(rb"(?m)^[ \t]*v[ \t]+[-+.\dnNiI]")
 NEWLINE: Final = b"\n"

@@ -7,13 +7,13 @@ from typing import Final, TypeAlias
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.errors import InputError
-from planner.readers.limits import Source, check_lines, parse_float, parse_int, quote
-from planner.readers.number_tables import Table, chunks, table, whole
-from planner.readers.text import BYTE_LINE, data_start, numbered_lines, without_comments
-from planner.shapes.polygons import MIN_CORNERS, fans, skipped_note
-from planner.shapes.solid import Solid, check_triangles
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import Source, check_lines, parse_float, parse_int, quote
+from foldback.planner.readers.number_tables import Table, chunks, table, whole
+from foldback.planner.readers.text import BYTE_LINE, data_start, numbered_lines, without_comments
+from foldback.planner.shapes.polygons import MIN_CORNERS, fans, skipped_note
+from foldback.planner.shapes.solid import Solid, check_triangles
 
 KIND: Final = re.compile(rb"\s*((?:ST)?C?N?4?n?OFF)(?=[\s#\d]|$)")
 """Matches the keyword. Counts may follow it without a space, as in the ModelNet data sets."""

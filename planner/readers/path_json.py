@@ -7,12 +7,12 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from planner.chain.path import DEFAULT_PITCH_M, Path
-from planner.errors import InputError
-from planner.readers.limits import Source, described, too_many
-from planner.readers.strict_json import name_field, pitch_field, refuse_unread_keys
-from planner.readers.text import path_or_shape
-from planner.shapes.shape import Shape
+from foldback.planner.chain.path import DEFAULT_PITCH_M, Path
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import Source, described, too_many
+from foldback.planner.readers.strict_json import name_field, pitch_field, refuse_unread_keys
+from foldback.planner.readers.text import path_or_shape
+from foldback.planner.shapes.shape import Shape
 
 PATH_KEYS: Final = ("format", "name", "cells", "pitch_m")
 

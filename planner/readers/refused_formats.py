@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from planner.errors import InputError
-from planner.readers.limits import quote
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import quote
 
 HTML_PAGE: Final = "an HTML page"
 SIGNATURES: Final = (

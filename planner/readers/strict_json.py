@@ -7,10 +7,10 @@ import re
 from collections.abc import Collection
 from typing import Any, Final
 
-from planner.chain.path import DEFAULT_PITCH_M
-from planner.display_names import clean_name
-from planner.errors import InputError
-from planner.readers.limits import MAX_CELLS, described, quote, too_many
+from foldback.planner.chain.path import DEFAULT_PITCH_M
+from foldback.planner.display_names import clean_name
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import MAX_CELLS, described, quote, too_many
 
 MAX_INTEGER_DIGITS: Final = 18
 """Maximum number of characters of a JSON integer that is parsed exactly. Longer ones become a

@@ -10,12 +10,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.arrays import Ints
-from planner.chain.path import DEFAULT_PITCH_M, MAX_COORDINATE, Path
-from planner.errors import InputError
-from planner.readers.limits import Source, quote
-from planner.readers.refused_formats import wrong_kind
-from planner.shapes.shape import Shape
+from foldback.planner.arrays import Ints
+from foldback.planner.chain.path import DEFAULT_PITCH_M, MAX_COORDINATE, Path
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import Source, quote
+from foldback.planner.readers.refused_formats import wrong_kind
+from foldback.planner.shapes.shape import Shape
 
 NUMBER_PATTERN: Final = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,4})?\Z")
 NOT_FINITE: Final = re.compile(r"[+-]?(?:nan|inf|infinity)\Z", re.IGNORECASE)

@@ -14,10 +14,10 @@ from xml.parsers import expat
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.errors import InputError
-from planner.readers.limits import Source, parse_float, parse_int, quote
-from planner.shapes.solid import Solid, check_triangles
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import Source, parse_float, parse_int, quote
+from foldback.planner.shapes.solid import Solid, check_triangles
 
 ZIP_MAGIC: Final = b"PK\x03\x04"
 ZIP_ENTRY: Final = b"PK\x01\x02"

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.errors import InputError
-from planner.readers.limits import quote
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import quote
 
 if TYPE_CHECKING:
     from trimesh import Scene

@@ -7,11 +7,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.errors import InputError
-from planner.readers.limits import Source, parse_int, quote, too_many
-from planner.readers.text import PADDING
-from planner.shapes.shape import Shape
+from foldback.planner.arrays import Ints
+from foldback.planner.errors import InputError
+from foldback.planner.readers.limits import Source, parse_int, quote, too_many
+from foldback.planner.readers.text import PADDING
+from foldback.planner.shapes.shape import Shape
 
 VOX_MAGIC: Final = b"VOX "
 MAX_CHUNKS: Final = 100_000

@@ -10,11 +10,11 @@ from collections.abc import Iterator, Sequence
 from itertools import chain, islice
 from typing import Final, TypeAlias
 
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.readers.axis_names import AXES, check_filled, columns_of
-from planner.readers.limits import Source, quote, too_many
-from planner.readers.text import (
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.readers.axis_names import AXES, check_filled, columns_of
+from foldback.planner.readers.limits import Source, quote, too_many
+from foldback.planner.readers.text import (
     COMMENT_MARK,
     cells_array,
     coordinate,
@@ -22,7 +22,7 @@ from planner.readers.text import (
     numbered_lines,
     path_or_shape,
 )
-from planner.shapes.shape import Shape
+from foldback.planner.shapes.shape import Shape
 
 Line: TypeAlias = "tuple[int, list[str]]"
 """Number and words of a line."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from planner.errors import InputError
+from foldback.planner.errors import InputError
 
 DENSITY_RANGE_KG_M3: Final = (1.0, 30_000.0)
 """Minimum and maximum density of a module's material that is accepted, in kg/m³; other values are

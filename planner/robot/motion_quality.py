@@ -7,11 +7,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.plan.plan import Plan
-from planner.playback.reference_curve import record_lengths
-from planner.robot.smoothing import DISTANCE_WEIGHT
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.plan.plan import Plan
+from foldback.planner.playback.reference_curve import record_lengths
+from foldback.planner.robot.smoothing import DISTANCE_WEIGHT
 
 TAIL_CHUNK_FRAMES: Final = 64
 """Number of frames whose poses are computed at once, to measure how far the chain's ends travel.

@@ -7,13 +7,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.cantilever_statics import GRAVITY_M_S2
-from planner.chain.chain import Chain
-from planner.errors import InputError
-from planner.robot.trajectory import Trajectory
-from planner.simulation.mujoco_models import Material
-from planner.simulation.mujoco_tree import Tree
+from foldback.planner.arrays import Array
+from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import InputError
+from foldback.planner.robot.trajectory import Trajectory
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.mujoco_tree import Tree
 
 MAX_INTERVALS_PER_STEP: Final = 4
 """Maximum number of intervals between two frames of a plan, at whose ends the motors' torques are

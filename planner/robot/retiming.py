@@ -13,11 +13,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
-from planner.errors import InputError
-from planner.kernels.speed_profiles import fastest_profile
-from planner.plan.plan import Plan
-from planner.robot.trajectory import CutPath, Trajectory
+from foldback.planner.arrays import Array
+from foldback.planner.errors import InputError
+from foldback.planner.kernels.speed_profiles import fastest_profile
+from foldback.planner.plan.plan import Plan
+from foldback.planner.robot.trajectory import CutPath, Trajectory
 
 Indices = NDArray[np.int64]
 MAX_STILL_TURN_RAD: Final = 1e-6

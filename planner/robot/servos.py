@@ -11,7 +11,7 @@ from importlib.resources import files
 from math import inf, pi
 from typing import Any, Final
 
-from planner.errors import InputError
+from foldback.planner.errors import InputError
 
 KGF_CM_NM: Final = 0.0980665
 """Factor that converts a torque from kgf·cm, the unit of servo data sheets, to N·m, by the
@@ -73,7 +73,7 @@ class Servo:
 @cache
 def servos() -> tuple[Servo, ...]:
     """Return all known servos, the lightest first."""
-    text = files("planner.robot").joinpath("servos.toml").read_text(encoding="utf-8")
+    text = files("foldback.planner.robot").joinpath("servos.toml").read_text(encoding="utf-8")
     found = [_servo(entry) for entry in tomllib.loads(text)["servo"]]
     return tuple(sorted(found, key=lambda servo: (servo.mass_kg, servo.name)))
 

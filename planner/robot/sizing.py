@@ -15,11 +15,11 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.cantilever_statics import GRAVITY_M_S2
-from planner.errors import InputError
-from planner.robot.module_materials import Casing
-from planner.robot.servos import Servo, servos
+from foldback.planner.arrays import Array
+from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
+from foldback.planner.errors import InputError
+from foldback.planner.robot.module_materials import Casing
+from foldback.planner.robot.servos import Servo, servos
 
 HINGES_PER_MODULE: Final = 2
 """Number of hinges of one cube, those of a universal joint; a module needs as many servo axes."""

@@ -13,16 +13,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.plan.plan import Plan
-from planner.playback.reference_curve import record_lengths
-from planner.progress import Cancelled, never
-from planner.robot import MAX_SMOOTHED_ANGLES, RECORDED, SMOOTHED
-from planner.robot.motion_quality import Quality
-from planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, smooth, spacing_of
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.errors import InputError
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.plan.plan import Plan
+from foldback.planner.playback.reference_curve import record_lengths
+from foldback.planner.progress import Cancelled, never
+from foldback.planner.robot import MAX_SMOOTHED_ANGLES, RECORDED, SMOOTHED
+from foldback.planner.robot.motion_quality import Quality
+from foldback.planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, smooth, spacing_of
 
 SOFTENED_EVALUATIONS: Final = MAX_EVALUATIONS // 4
 """Maximum number of configurations whose clearance a slight smoothing checks, which is tried if the

@@ -25,14 +25,14 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
-from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques
-from planner.clearance.sweep import Sweep, sweep
-from planner.errors import InputError
-from planner.kernels.smoothing import mark_blamed_hinges, write_displacements
-from planner.progress import Cancelled, never
-from planner.robot.smoothing_targets import (
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.floating_torques import floating_torques
+from foldback.planner.clearance.sweep import Sweep, sweep
+from foldback.planner.errors import InputError
+from foldback.planner.kernels.smoothing import mark_blamed_hinges, write_displacements
+from foldback.planner.progress import Cancelled, never
+from foldback.planner.robot.smoothing_targets import (
     along,
     direct,
     mean,

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
+from foldback.planner.arrays import Array, Flags, Ints
 
 FADE_FRAMES: Final = 3
 """Half width, in frames, of the averaging filters by which the effect of smoothing fades in at the

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
+from foldback.planner.arrays import Array
 
 FRAMES_FILE: Final = "frames.npy"
 REST_FILE: Final = "rest.npz"

@@ -9,7 +9,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Flags, Ints
+from foldback.planner.arrays import Array, Flags, Ints
 
 MAX_BRIDGES: Final = 64
 """Maximum number of separate parts of a shape that are connected to the largest part by bridges of

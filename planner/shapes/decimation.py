@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
+from foldback.planner.arrays import Array
 
 Faces = NDArray[np.int64]
 

@@ -12,11 +12,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.rotations import matrix_from_wxyz
-from planner.shapes.orientations import main_axes
-from planner.shapes.solid import Solid, signed_volume
-from planner.shapes.solid_sampling import Sampling, enclosed_volume, grid_of, sample
+from foldback.planner.arrays import Array
+from foldback.planner.chain.rotations import matrix_from_wxyz
+from foldback.planner.shapes.orientations import main_axes
+from foldback.planner.shapes.solid import Solid, signed_volume
+from foldback.planner.shapes.solid_sampling import Sampling, enclosed_volume, grid_of, sample
 
 INSIDE_POINTS: Final = 100_000
 """Usual number of points. They measure the overlap (IoU, 0 to 1) of a solid with a few hundred

@@ -15,20 +15,20 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Flags, Ints
-from planner.errors import checked_fraction
-from planner.kernels.crossings import window_histograms, window_sums
-from planner.shapes.bridges import Bridged, bridged, parts_of
-from planner.shapes.mesh_repair import welded
-from planner.shapes.separate_bodies import (
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.errors import checked_fraction
+from foldback.planner.kernels.crossings import window_histograms, window_sums
+from foldback.planner.shapes.bridges import Bridged, bridged, parts_of
+from foldback.planner.shapes.mesh_repair import welded
+from foldback.planner.shapes.separate_bodies import (
     MAX_CROSSED_SHARE,
     MIN_BODY_SHARE,
     SeparateBody,
     separate_bodies,
 )
-from planner.shapes.solid import Solid, signed_volume
-from planner.shapes.solid_sampling import Sampling, enclosed_volume, grid_of, sample
-from planner.shapes.tunnels import tunnels_of_samples, tunnels_of_surface
+from foldback.planner.shapes.solid import Solid, signed_volume
+from foldback.planner.shapes.solid_sampling import Sampling, enclosed_volume, grid_of, sample
+from foldback.planner.shapes.tunnels import tunnels_of_samples, tunnels_of_surface
 
 OFFSETS_PER_AXIS: Final = 4
 """Number of offsets of the lattice of cells, along each axis and within one cell, that are tried to

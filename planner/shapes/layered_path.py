@@ -15,8 +15,8 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import minimum_spanning_tree
 
-from planner.arrays import Flags, Ints
-from planner.shapes.bridges import parts_of
+from foldback.planner.arrays import Flags, Ints
+from foldback.planner.shapes.bridges import parts_of
 
 LAYER_TRIALS: Final = 4
 """Number of random trials to find a path through a shape of 2×2×2 blocks layer by layer: in each, a

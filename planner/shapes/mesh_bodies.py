@@ -12,7 +12,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
+from foldback.planner.arrays import Array, Flags, Ints
 
 MIN_FILLED_SHARE: Final = 1e-9
 """Minimum enclosed volume of a mesh's body, as a fraction of its bounding box; a body with less is

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Ints
+from foldback.planner.arrays import Array, Ints
 
 MAX_LOOSE_EDGES: Final = 100_000
 """Maximum number of loose edges (edges of only one triangle) of a mesh whose holes are closed; a

@@ -7,8 +7,8 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.shapes.solid import Solid
+from foldback.planner.arrays import Array
+from foldback.planner.shapes.solid import Solid
 
 RANDOM_ORIENTATIONS: Final = 3
 """Number of random orientations of a solid relative to the lattice of cells that are tried in

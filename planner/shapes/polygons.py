@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Ints
+from foldback.planner.arrays import Ints
 
 MIN_CORNERS: Final = 3
 """Minimum number of corners of a polygon; one with fewer is a point or a line."""

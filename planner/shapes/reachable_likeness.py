@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.shapes.inside_points import InsidePoints, inside_points
-from planner.shapes.solid import Solid
+from foldback.planner.arrays import Array
+from foldback.planner.shapes.inside_points import InsidePoints, inside_points
+from foldback.planner.shapes.solid import Solid
 
 LEVELS: Final = (0.6, 0.75, 0.9)
 """Overlaps (IoU, 0 to 1) for which numbers of cells are estimated."""

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Ints
-from planner.shapes.mesh_bodies import patches
-from planner.shapes.solid import Solid
-from planner.shapes.solid_sampling import Sampling
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.shapes.mesh_bodies import patches
+from foldback.planner.shapes.solid import Solid
+from foldback.planner.shapes.solid_sampling import Sampling
 
 MIN_BODY_SHARE: Final = 0.01
 """Minimum volume of a separate body, as a fraction of the solid's, for cells to be fitted to the

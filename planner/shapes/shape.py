@@ -8,9 +8,9 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.arrays import Ints
-from planner.chain.path import DEFAULT_PITCH_M, check_pitch, checked_cells
-from planner.errors import InputError
+from foldback.planner.arrays import Ints
+from foldback.planner.chain.path import DEFAULT_PITCH_M, check_pitch, checked_cells
+from foldback.planner.errors import InputError
 
 MAX_CELLS: Final = 200_000
 """Maximum number of cells, or of modules, of an input; one with more is refused. Larger values take

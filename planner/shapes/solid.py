@@ -9,11 +9,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.arrays import Array, Ints
-from planner.chain.path import check_coordinates
-from planner.errors import InputError
-from planner.shapes.mesh_bodies import MIN_FILLED_SHARE, orient_bodies
-from planner.shapes.mesh_repair import closed_holes, edges_of, is_surface, welded
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.path import check_coordinates
+from foldback.planner.errors import InputError
+from foldback.planner.shapes.mesh_bodies import MIN_FILLED_SHARE, orient_bodies
+from foldback.planner.shapes.mesh_repair import closed_holes, edges_of, is_surface, welded
 
 MAX_TRIANGLES: Final = 2_000_000
 """Maximum number of triangles of an input mesh; one with more is refused. Larger values take more

@@ -7,10 +7,10 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
-from planner.errors import InputError
-from planner.kernels.crossings import fill_by_winding, mark_crossings, vote_by_parity
-from planner.shapes.solid import Solid, signed_volume
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.errors import InputError
+from foldback.planner.kernels.crossings import fill_by_winding, mark_crossings, vote_by_parity
+from foldback.planner.shapes.solid import Solid, signed_volume
 
 MAX_GRID_SAMPLES: Final = 48_000_000
 """Maximum number of points of a grid at which a solid is sampled for being inside; a finer grid is

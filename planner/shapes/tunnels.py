@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from planner.arrays import Flags, Ints
-from planner.shapes.bridges import parts_of
+from foldback.planner.arrays import Flags, Ints
+from foldback.planner.shapes.bridges import parts_of
 
 
 def tunnels_of_cells(cells: Flags) -> int:

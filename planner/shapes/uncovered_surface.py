@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
+from foldback.planner.arrays import Array, Flags, Ints
 
 DEPTH_PITCH: Final = 0.25
 """Depth below the surface at which a module must be, in pitches, for the surface to count as

@@ -13,11 +13,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
-from planner.errors import InputError
-from planner.shapes.lattice_fits import FittedCells, Ladder, LatticeFit, OffsetThreshold
-from planner.shapes.layered_path import has_whole_layers
-from planner.shapes.solid_sampling import too_fine
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.errors import InputError
+from foldback.planner.shapes.lattice_fits import FittedCells, Ladder, LatticeFit, OffsetThreshold
+from foldback.planner.shapes.layered_path import has_whole_layers
+from foldback.planner.shapes.solid_sampling import too_fine
 
 COUNT_TOLERANCE: Final = 0.1
 """Maximum deviation from the requested number of modules, as a fraction of it, for a voxelisation

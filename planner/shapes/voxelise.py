@@ -7,21 +7,21 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags
-from planner.errors import InputError, checked_fraction
-from planner.shapes.lattice_fits import (
+from foldback.planner.arrays import Array, Flags
+from foldback.planner.errors import InputError, checked_fraction
+from foldback.planner.shapes.lattice_fits import (
     MAX_FULL_EDGE_SAMPLES,
     FittedCells,
     Grid,
     Ladder,
     overlap,
 )
-from planner.shapes.orientations import candidates
-from planner.shapes.separate_bodies import MAX_CROSSED_SHARE, bodies_note, percent
-from planner.shapes.shape import MAX_CELLS, Shape
-from planner.shapes.solid import Solid
-from planner.shapes.tunnels import tunnels_of_cells
-from planner.shapes.voxel_choice import Chooser
+from foldback.planner.shapes.orientations import candidates
+from foldback.planner.shapes.separate_bodies import MAX_CROSSED_SHARE, bodies_note, percent
+from foldback.planner.shapes.shape import MAX_CELLS, Shape
+from foldback.planner.shapes.solid import Solid
+from foldback.planner.shapes.tunnels import tunnels_of_cells
+from foldback.planner.shapes.voxel_choice import Chooser
 
 POOR_IOU: Final = 0.5
 """Overlap of voxels and solid (IoU, 0 to 1) below which a note to the user says that the shape is

@@ -12,13 +12,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.kernels.folded_core import box_cover
-from planner.kernels.segment_state import write_wxyzs
-from planner.simulation.engine import DetectedContacts
-from planner.simulation.lazy_mujoco import mujoco
-from planner.simulation.mujoco_models import (
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.kernels.folded_core import box_cover
+from foldback.planner.kernels.segment_state import write_wxyzs
+from foldback.planner.simulation.engine import DetectedContacts
+from foldback.planner.simulation.lazy_mujoco import mujoco
+from foldback.planner.simulation.mujoco_models import (
     MIN_LIMITED_MEMORY_MODULES,
     MODULE_MEMORY_BYTES,
     SOLIMP,

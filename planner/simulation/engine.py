@@ -13,27 +13,27 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
-from planner.chain.chain import Chain
-from planner.errors import SimulationError
-from planner.kernels.articulated import (
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import SimulationError
+from foldback.planner.kernels.articulated import (
     Accelerations,
     ArticulatedBodies,
     Loads,
     unconstrained_accelerations,
 )
-from planner.kernels.contact_forces import (
+from foldback.planner.kernels.contact_forces import (
     MAX_DIRECT_CONTACTS,
     ContactModel,
     PairContacts,
     add_contacts,
     add_many_contacts,
 )
-from planner.kernels.kinematics import chain_poses
-from planner.kernels.module import ChainModel, Lumps, ModuleStates
-from planner.kernels.velocities import chain_velocities
-from planner.simulation.mujoco_models import Material
-from planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.kernels.kinematics import chain_poses
+from foldback.planner.kernels.module import ChainModel, Lumps, ModuleStates
+from foldback.planner.kernels.velocities import chain_velocities
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.reduced_state import Acceleration, State
 
 LOCKED_ROTOR_INERTIA: Final = 1e12
 """Rotor inertia, module mass · pitch², of a hinge that its stop holds: so large that the hinge does

@@ -6,13 +6,13 @@ rigid lump.
 
 from __future__ import annotations
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.kernels.module import Lumps
-from planner.simulation.contact_finder import ContactFinder
-from planner.simulation.engine import SpringChain, build_chain_model
-from planner.simulation.mujoco_models import Material
-from planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.kernels.module import Lumps
+from foldback.planner.simulation.contact_finder import ContactFinder
+from foldback.planner.simulation.engine import SpringChain, build_chain_model
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.reduced_state import Acceleration, State
 
 
 class FixedBaseWindow(SpringChain):

@@ -14,10 +14,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.module import Module
-from planner.chain.rotations import wxyz_from_matrix
-from planner.simulation.lazy_mujoco import mujoco
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.simulation.lazy_mujoco import mujoco
 
 SEGMENT_MODULES: Final = 8
 """Number of modules of a segment: in MuJoCo's model, a long chain consists of short trees

@@ -7,11 +7,16 @@ from typing import Any, Final, NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.errors import SimulationError
-from planner.simulation.lazy_mujoco import mujoco
-from planner.simulation.mujoco_models import STIFF_SOLREF_SOLIMP, Material, compiled, tree_spec
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import SimulationError
+from foldback.planner.simulation.lazy_mujoco import mujoco
+from foldback.planner.simulation.mujoco_models import (
+    STIFF_SOLREF_SOLIMP,
+    Material,
+    compiled,
+    tree_spec,
+)
 
 ROOT_DOFS: Final = 6
 """Number of degrees of freedom of the root of a simulated chain that floats freely: 3 translations

@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.rotations import matrix_from_wxyz
+from foldback.planner.arrays import Array
+from foldback.planner.chain.rotations import matrix_from_wxyz
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

@@ -12,16 +12,16 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.chain.rotations import wxyz_from_matrix
-from planner.errors import InputError, SimulationError
-from planner.kernels.kinematics import chain_poses
-from planner.kernels.module import ModuleStates
-from planner.kernels.velocities import chain_velocities
-from planner.simulation.contact_finder import boxes_around
-from planner.simulation.lazy_mujoco import mujoco
-from planner.simulation.mujoco_models import (
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.errors import InputError, SimulationError
+from foldback.planner.kernels.kinematics import chain_poses
+from foldback.planner.kernels.module import ModuleStates
+from foldback.planner.kernels.velocities import chain_velocities
+from foldback.planner.simulation.contact_finder import boxes_around
+from foldback.planner.simulation.lazy_mujoco import mujoco
+from foldback.planner.simulation.mujoco_models import (
     SOLIMP,
     Material,
     add_next_body,
@@ -29,7 +29,7 @@ from planner.simulation.mujoco_models import (
     base_spec,
     compiled,
 )
-from planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.simulation.reduced_state import Acceleration, State
 
 MAX_ACCELERATION: Final = 1e10
 """Maximum acceleration of a hinge, rad/s², or of the chain's root, pitches/s² or rad/s²; above it

@@ -16,23 +16,23 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
-from planner.errors import SimulationError
-from planner.kernels.articulated import Accelerations, Loads
-from planner.kernels.module import ReducedState
-from planner.kernels.servo_step import (
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
+from foldback.planner.errors import SimulationError
+from foldback.planner.kernels.articulated import Accelerations, Loads
+from foldback.planner.kernels.module import ReducedState
+from foldback.planner.kernels.servo_step import (
     RobotServos,
     ServoTarget,
     advance,
     remove_net_momentum,
     servo_torques,
 )
-from planner.parameters.playback import RobotParameters
-from planner.simulation.contact_finder import ContactFinder
-from planner.simulation.engine import DetectedContacts, Engine, build_chain_model
-from planner.simulation.reduced_state import State
+from foldback.planner.parameters.playback import RobotParameters
+from foldback.planner.simulation.contact_finder import ContactFinder
+from foldback.planner.simulation.engine import DetectedContacts, Engine, build_chain_model
+from foldback.planner.simulation.reduced_state import State
 
 MAX_SATURATION_ITERATIONS: Final = 8
 """Maximum number of times that the accelerations of one simulation step are computed to find the

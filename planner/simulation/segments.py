@@ -16,22 +16,22 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.errors import SimulationError
-from planner.kernels.clearance import least_separation
-from planner.kernels.module import ModuleStates
-from planner.kernels.segment_state import SegmentLayout, write_root_velocities, write_state
-from planner.simulation.engine import DetectedContacts, SpringChain, build_chain_model
-from planner.simulation.lazy_mujoco import mujoco
-from planner.simulation.mujoco_models import (
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import SimulationError
+from foldback.planner.kernels.clearance import least_separation
+from foldback.planner.kernels.module import ModuleStates
+from foldback.planner.kernels.segment_state import SegmentLayout, write_root_velocities, write_state
+from foldback.planner.simulation.engine import DetectedContacts, SpringChain, build_chain_model
+from foldback.planner.simulation.lazy_mujoco import mujoco
+from foldback.planner.simulation.mujoco_models import (
     SEGMENT_MODULES,
     Material,
     compiled,
     segment_spec,
     segment_starts,
 )
-from planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.simulation.reduced_state import Acceleration, State
 
 BIAS_STEP_S: Final = 1e-4
 """Step, s, of the finite difference for the acceleration of contact points at constant hinge rates

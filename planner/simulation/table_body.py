@@ -10,12 +10,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.errors import SimulationError
-from planner.parameters.playback import TablePlaybackParameters
-from planner.simulation.lazy_mujoco import mujoco
-from planner.simulation.mujoco_models import (
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import SimulationError
+from foldback.planner.parameters.playback import TablePlaybackParameters
+from foldback.planner.simulation.lazy_mujoco import mujoco
+from foldback.planner.simulation.mujoco_models import (
     SOLIMP,
     STIFF_SOLREF_SOLIMP,
     Material,

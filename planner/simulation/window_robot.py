@@ -9,18 +9,18 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
-from planner.kernels.contact_forces import PairContacts
-from planner.kernels.module import ChainModel, Lumps
-from planner.kernels.servo_step import ServoTarget
-from planner.parameters.playback import RobotParameters
-from planner.simulation.contact_finder import boxes_around, robot_contacts
-from planner.simulation.engine import DetectedContacts, Engine
-from planner.simulation.reduced_state import State
-from planner.simulation.robot import RobotErrors, ServoChain
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
+from foldback.planner.kernels.contact_forces import PairContacts
+from foldback.planner.kernels.module import ChainModel, Lumps
+from foldback.planner.kernels.servo_step import ServoTarget
+from foldback.planner.parameters.playback import RobotParameters
+from foldback.planner.simulation.contact_finder import boxes_around, robot_contacts
+from foldback.planner.simulation.engine import DetectedContacts, Engine
+from foldback.planner.simulation.reduced_state import State
+from foldback.planner.simulation.robot import RobotErrors, ServoChain
 
 
 class RigidEnds:

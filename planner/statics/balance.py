@@ -19,14 +19,14 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.chain.cantilever_statics import hinge_frames
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses
-from planner.kernels.statics import EQUATIONS, Hinges, torque_columns
-from planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
-from planner.statics.equilibrium_lp import Columns, Program
-from planner.statics.friction import Friction, rays, wider, with_estimated_drift
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.cantilever_statics import hinge_frames
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses
+from foldback.planner.kernels.statics import EQUATIONS, Hinges, torque_columns
+from foldback.planner.statics.contacts import FLOOR_GAP, MODULE_GAP, Contacts, contacts
+from foldback.planner.statics.equilibrium_lp import Columns, Program
+from foldback.planner.statics.friction import Friction, rays, wider, with_estimated_drift
 
 MIN_TORQUE_WP: Final = 0.01
 """Minimum torque of a hinge, in w·p (module weight × pitch), that differs from zero in the

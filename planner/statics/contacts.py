@@ -13,9 +13,9 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags, Ints
-from planner.chain.module import Module
-from planner.kernels.statics import FacetedHull, contact_points
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.module import Module
+from foldback.planner.kernels.statics import FacetedHull, contact_points
 
 FLOOR: Final = -1
 """Number that denotes the floor in a list of contacts, where other numbers are those of modules."""

@@ -15,8 +15,8 @@ import highspy
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Ints
-from planner.errors import PlannerError
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.errors import PlannerError
 
 Columns = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 """A sparse matrix by columns: where each starts, rows and values."""

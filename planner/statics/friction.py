@@ -18,8 +18,8 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Ints
-from planner.statics.contacts import Contacts
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.statics.contacts import Contacts
 
 CONE_SIDES: Final = 8
 """Number of edges of the pyramid, inside the friction cone, that approximates the permitted contact

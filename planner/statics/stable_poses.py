@@ -11,8 +11,8 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array, Flags
-from planner.chain.module import Module
+from foldback.planner.arrays import Array, Flags
+from foldback.planner.chain.module import Module
 
 FACE_TOLERANCE: Final = 1e-9
 """Distance, as a fraction of a triangle's size, by which the centre of mass may lie outside of a

@@ -11,11 +11,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.pathfinding.circuit_solver import CircuitSolver
-from planner.pathfinding.lattice import STEPS, neighbours
-from planner.pathfinding.sat_paths import SolverResult
-from planner.table_paths.rules import hairpins
+from foldback.planner.arrays import Ints
+from foldback.planner.pathfinding.circuit_solver import CircuitSolver
+from foldback.planner.pathfinding.lattice import STEPS, neighbours
+from foldback.planner.pathfinding.sat_paths import SolverResult
+from foldback.planner.table_paths.rules import hairpins
 
 TABLE_SOLVER_EFFORT: Final = 1.0
 """Budget of one call of the solver that searches a path for a table, in deterministic time units of

@@ -10,7 +10,7 @@ from typing import Final
 import numpy as np
 from scipy.spatial import ConvexHull
 
-from planner.arrays import Array, Ints
+from foldback.planner.arrays import Array, Ints
 
 MIN_BALANCE_MARGIN_PITCH: Final = 0.05
 """Minimum horizontal distance, in pitches, from a shape's centre of mass to the edge of the convex

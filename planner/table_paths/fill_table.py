@@ -4,22 +4,32 @@ from __future__ import annotations
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.pathfinding import Cell
-from planner.pathfinding.block_merging import halved
-from planner.pathfinding.feasibility import Feasibility, Problem
-from planner.pathfinding.fill_cubes import BLOCK_CELLS, doubled
-from planner.pathfinding.filled_shape import FilledShape
-from planner.pathfinding.knots import knot_of
-from planner.pathfinding.no_path_proofs import tuples
-from planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
-from planner.shapes.shape import Shape
-from planner.table_paths.base_sides import SIDE_NAMES, sides_of
-from planner.table_paths.mending import added_words, cells_to_add, nearest_words, with_cells
-from planner.table_paths.no_table_path_proofs import NoPath, closest, most_telling, ruled_out
-from planner.table_paths.table_paths import paths_or_reasons
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding import Cell
+from foldback.planner.pathfinding.block_merging import halved
+from foldback.planner.pathfinding.feasibility import Feasibility, Problem
+from foldback.planner.pathfinding.fill_cubes import BLOCK_CELLS, doubled
+from foldback.planner.pathfinding.filled_shape import FilledShape
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pathfinding.no_path_proofs import tuples
+from foldback.planner.pathfinding.path_options import DEFAULT_MODULES, PathOptions
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.table_paths.base_sides import SIDE_NAMES, sides_of
+from foldback.planner.table_paths.mending import (
+    added_words,
+    cells_to_add,
+    nearest_words,
+    with_cells,
+)
+from foldback.planner.table_paths.no_table_path_proofs import (
+    NoPath,
+    closest,
+    most_telling,
+    ruled_out,
+)
+from foldback.planner.table_paths.table_paths import paths_or_reasons
 
 
 class TableCubes:

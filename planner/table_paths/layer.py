@@ -13,7 +13,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Ints
+from foldback.planner.arrays import Ints
 
 MAX_EXHAUSTIVE_CELLS: Final = 16
 """Maximum number of cells of a layer through which all paths are enumerated; larger layers are

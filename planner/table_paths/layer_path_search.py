@@ -9,10 +9,15 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, images, margins_within, support
-from planner.table_paths.layer import MAX_EXHAUSTIVE_CELLS, Layer, Work, ways
-from planner.table_paths.score import WEIGHTS, Parts
+from foldback.planner.arrays import Ints
+from foldback.planner.table_paths.base_sides import (
+    MIN_BALANCE_MARGIN_PITCH,
+    images,
+    margins_within,
+    support,
+)
+from foldback.planner.table_paths.layer import MAX_EXHAUSTIVE_CELLS, Layer, Work, ways
+from foldback.planner.table_paths.score import WEIGHTS, Parts
 
 POOL_SIZE: Final = 240
 """Maximum number of paths through one layer that are kept, the best first, to be joined with those

@@ -6,14 +6,14 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.pathfinding import Cell
-from planner.pathfinding.feasibility import named_cells
-from planner.pathfinding.lattice import colours, parts
-from planner.pathfinding.no_path_proofs import obstacles
-from planner.pathfinding.path_options import MAX_TABLE_MODULES
-from planner.shapes.shape import Shape
-from planner.table_paths.table_paths import paths_or_reasons
+from foldback.planner.arrays import Ints
+from foldback.planner.pathfinding import Cell
+from foldback.planner.pathfinding.feasibility import named_cells
+from foldback.planner.pathfinding.lattice import colours, parts
+from foldback.planner.pathfinding.no_path_proofs import obstacles
+from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.table_paths.table_paths import paths_or_reasons
 
 MAX_ADDED_CELLS: Final = 24
 """Maximum number of cells that a repair adds to a shape so that it has a path for a table. Larger

@@ -7,18 +7,18 @@ from typing import Final, Literal
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.pathfinding import Cell
-from planner.pathfinding.lattice import parts
-from planner.pathfinding.no_path_proofs import obstacles, tuples
-from planner.table_paths.ascending_sat_paths import find_ascending_path
-from planner.table_paths.base_sides import (
+from foldback.planner.arrays import Ints
+from foldback.planner.pathfinding import Cell
+from foldback.planner.pathfinding.lattice import parts
+from foldback.planner.pathfinding.no_path_proofs import obstacles, tuples
+from foldback.planner.table_paths.ascending_sat_paths import find_ascending_path
+from foldback.planner.table_paths.base_sides import (
     MIN_BALANCE_MARGIN_PITCH,
     SIDE_NAMES,
     Side,
     stands,
 )
-from planner.table_paths.rules import FALLS, rule_violations
+from foldback.planner.table_paths.rules import FALLS, rule_violations
 
 Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
 

@@ -7,21 +7,21 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal
 
-from planner.pathfinding import Cell
-from planner.pathfinding.fill_cubes import BLOCK_CELLS, doubled
-from planner.pathfinding.path_options import (
+from foldback.planner.pathfinding import Cell
+from foldback.planner.pathfinding.fill_cubes import BLOCK_CELLS, doubled
+from foldback.planner.pathfinding.path_options import (
     DEFAULT_MODULES,
     MAX_TABLE_MODULES,
     MODULE_COUNTS,
     PathOptions,
 )
-from planner.shapes.shape import Shape
-from planner.shapes.solid import Solid
-from planner.shapes.voxelise import voxelise
-from planner.table_paths.base_sides import sides_of
-from planner.table_paths.mending import cells_to_add
-from planner.table_paths.no_table_path_proofs import ruled_out
-from planner.table_paths.table_paths import paths_or_reasons
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import Solid
+from foldback.planner.shapes.voxelise import voxelise
+from foldback.planner.table_paths.base_sides import sides_of
+from foldback.planner.table_paths.mending import cells_to_add
+from foldback.planner.table_paths.no_table_path_proofs import ruled_out
+from foldback.planner.table_paths.table_paths import paths_or_reasons
 
 Kind = Literal["repair", "modules", "blocks"]
 

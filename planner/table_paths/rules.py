@@ -15,10 +15,10 @@ from typing import Final, Literal
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.arrays import Ints
-from planner.chain.path import Path
-from planner.pathfinding import Cell
-from planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, prefix_margins
+from foldback.planner.arrays import Ints
+from foldback.planner.chain.path import Path
+from foldback.planner.pathfinding import Cell
+from foldback.planner.table_paths.base_sides import MIN_BALANCE_MARGIN_PITCH, prefix_margins
 
 LAYERS: Final = "layers"
 FALLS: Final = "falls"

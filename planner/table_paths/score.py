@@ -12,9 +12,9 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Flags, Ints
-from planner.table_paths.base_sides import prefix_margins
-from planner.table_paths.rules import FLAT_STEPS
+from foldback.planner.arrays import Flags, Ints
+from foldback.planner.table_paths.base_sides import prefix_margins
+from foldback.planner.table_paths.rules import FLAT_STEPS
 
 FRONT_WINDOW_CELLS: Final = 4
 """Number of consecutive cells of a path over which its horizontal position is averaged, to score

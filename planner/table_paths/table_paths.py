@@ -8,22 +8,22 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike
 
-from planner.arrays import Ints
-from planner.chain.path import MIN_CELLS
-from planner.errors import InputError
-from planner.shapes.shape import Shape
-from planner.table_paths.base_sides import Side, images, sides_of
-from planner.table_paths.layer import Work
-from planner.table_paths.layer_path_search import Climb
-from planner.table_paths.no_table_path_proofs import (
+from foldback.planner.arrays import Ints
+from foldback.planner.chain.path import MIN_CELLS
+from foldback.planner.errors import InputError
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.table_paths.base_sides import Side, images, sides_of
+from foldback.planner.table_paths.layer import Work
+from foldback.planner.table_paths.layer_path_search import Climb
+from foldback.planner.table_paths.no_table_path_proofs import (
     FALLING_EFFORT,
     NoPath,
     falling,
     ruled_out,
     unsolved,
 )
-from planner.table_paths.rules import FALLS, LAYERS, Rule
-from planner.table_paths.score import WEIGHTS, Parts, parts_of
+from foldback.planner.table_paths.rules import FALLS, LAYERS, Rule
+from foldback.planner.table_paths.score import WEIGHTS, Parts, parts_of
 
 MAX_TABLE_PATHS: Final = 8
 """Maximum number of paths through a shape for folding on a table that a search returns, the best

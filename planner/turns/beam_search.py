@@ -7,10 +7,10 @@ from typing import Final, Literal
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.kernels import Levels
-from planner.progress import Cancelled, never
-from planner.turns.turning import Keys, Turning, Turns
+from foldback.planner.arrays import Ints
+from foldback.planner.kernels import Levels
+from foldback.planner.progress import Cancelled, never
+from foldback.planner.turns.turning import Keys, Turning, Turns
 
 CONTACT_WEIGHT: Final = 0.5
 """Weight of a pair of touching modules in the score of a state; a bent hinge counts 1. With 0.5 all

@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.kernels.cube_turns import (
+from foldback.planner.chain.chain import Chain
+from foldback.planner.kernels.cube_turns import (
     BORDER,
     Scratch,
     SweptCells,
@@ -16,7 +16,7 @@ from planner.kernels.cube_turns import (
     test_turns,
     without_overlaps,
 )
-from planner.turns.turning import Turning, TurnKernels
+from foldback.planner.turns.turning import Turning, TurnKernels
 
 MIN_TABLE_ENTRIES: Final = 2**16
 """Number of entries for which a table of swept cells has room at first; it doubles when full."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Final
 
-from planner.kernels import Levels
-from planner.turns.moves import Move, RoomProof, make
+from foldback.planner.kernels import Levels
+from foldback.planner.turns.moves import Move, RoomProof, make
 
 MAX_MISFITS: Final = 96
 """Maximum number of moves that are left for a later step before a step is made. With 96 the wrench

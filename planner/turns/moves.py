@@ -7,14 +7,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.clearance.sweep import ALLOWANCE_CAP, Between
-from planner.kernels import Levels
-from planner.kernels.clearance import least_separation
-from planner.kernels.pairs import near_pairs
-from planner.turns.turning import QUARTER_RAD, Turning
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.clearance.sweep import ALLOWANCE_CAP, Between
+from foldback.planner.kernels import Levels
+from foldback.planner.kernels.clearance import least_separation
+from foldback.planner.kernels.pairs import near_pairs
+from foldback.planner.turns.turning import QUARTER_RAD, Turning
 
 PIECE_ORDER: Final = (4, 2, 6, 1, 3, 5, 7, 0)
 """Order in which the eighths of a motion are checked: where turns get in each other's way, it is

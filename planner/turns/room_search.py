@@ -6,12 +6,12 @@ from typing import Final
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.kernels import Levels
-from planner.progress import Cancelled, never
-from planner.turns.beam_search import Unfolded, unfold
-from planner.turns.moves import RoomProof
-from planner.turns.turning import Turning
+from foldback.planner.chain.chain import Chain
+from foldback.planner.kernels import Levels
+from foldback.planner.progress import Cancelled, never
+from foldback.planner.turns.beam_search import Unfolded, unfold
+from foldback.planner.turns.moves import RoomProof
+from foldback.planner.turns.turning import Turning
 
 ROOM_SHARES: Final = (0.9, 0.45, 0.35, 0.09, 0.01)
 """Distances that modules must keep while they turn, as fractions of the gap between two cells; the

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from planner.kernels import Levels
-from planner.turns.moves import Move, RoomProof
+from foldback.planner.kernels import Levels
+from foldback.planner.turns.moves import Move, RoomProof
 
 
 def shortened(start: Levels, moves: list[Move], proof: RoomProof) -> list[Move]:

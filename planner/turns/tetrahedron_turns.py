@@ -6,8 +6,8 @@ from typing import Final
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.kernels.tetrahedron_turns import (
+from foldback.planner.chain.chain import Chain
+from foldback.planner.kernels.tetrahedron_turns import (
     Scratch,
     TurningGaps,
     clear_turns,
@@ -15,7 +15,7 @@ from planner.kernels.tetrahedron_turns import (
     test_turns,
     without_overlaps,
 )
-from planner.turns.turning import Turning, TurnKernels, gap_between_cells
+from foldback.planner.turns.turning import Turning, TurnKernels, gap_between_cells
 
 MIN_TABLE_ENTRIES: Final = 2**17
 """Number of slots of the table of turning gaps at first; it doubles when it is half full. Chains of

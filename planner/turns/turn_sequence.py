@@ -6,18 +6,18 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.kernels import Levels
-from planner.progress import Cancelled, never
-from planner.turns.beam_search import Outcome
-from planner.turns.cube_turns import cube_turning
-from planner.turns.merging import Merger
-from planner.turns.moves import Move, RoomProof, moves_between, states_after
-from planner.turns.room_search import RoomSearch
-from planner.turns.shortening import shortened
-from planner.turns.tetrahedron_turns import tetrahedron_turning
-from planner.turns.turning import QUARTER_RAD
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.kernels import Levels
+from foldback.planner.progress import Cancelled, never
+from foldback.planner.turns.beam_search import Outcome
+from foldback.planner.turns.cube_turns import cube_turning
+from foldback.planner.turns.merging import Merger
+from foldback.planner.turns.moves import Move, RoomProof, moves_between, states_after
+from foldback.planner.turns.room_search import RoomSearch
+from foldback.planner.turns.shortening import shortened
+from foldback.planner.turns.tetrahedron_turns import tetrahedron_turning
+from foldback.planner.turns.turning import QUARTER_RAD
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,10 +9,10 @@ from typing import Final, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.arrays import Array, Flags, Ints
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.kernels import TABLE_FULL, Levels
+from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.kernels import TABLE_FULL, Levels
 
 Keys = NDArray[np.uint64]
 

@@ -9,11 +9,11 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses, forward_kinematics
-from planner.motion.failure_schemas import BlockFigures, QuarterTurnFigures, TurnFigures
-from planner.plan.value_differences import Differences
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.motion.failure_schemas import BlockFigures, QuarterTurnFigures, TurnFigures
+from foldback.planner.plan.value_differences import Differences
 
 MAX_BLOCKED_TURN_RAD: Final = float(np.deg2rad(5.0))
 """Maximum turn, in rad, by which the evidence of a jam may show that a hinge collides. A hinge that

@@ -7,22 +7,22 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.certificate.certificate import Certificate
-from planner.certificate.figures import RobotFigures
-from planner.certificate.motion_figures import MotionFigures
-from planner.clearance.exempt_pairs import Place
-from planner.clearance.sweep import clearance_at
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.plan.plan import Plan
-from planner.plan.value_differences import (
+from foldback.planner.certificate.certificate import Certificate
+from foldback.planner.certificate.figures import RobotFigures
+from foldback.planner.certificate.motion_figures import MotionFigures
+from foldback.planner.clearance.exempt_pairs import Place
+from foldback.planner.clearance.sweep import clearance_at
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.value_differences import (
     FIGURES_ATOL,
     FIGURES_RTOL,
     Differences,
     figure_differences,
     value_differences,
 )
-from planner.playback.playback import Playback
+from foldback.planner.playback.playback import Playback
 
 SAME_CLEARANCE_PITCH: Final = 1e-7
 """Maximum difference, in pitches, between a certificate's smallest clearance and the clearance at

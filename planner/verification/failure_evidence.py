@@ -12,20 +12,20 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.errors import UNREADABLE
-from planner.motion.failure_schemas import (
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import UNREADABLE
+from foldback.planner.motion.failure_schemas import (
     BudgetFigures,
     EvidenceFigures,
     SpentKind,
     StuckFigures,
 )
-from planner.motion.record import Record
-from planner.parameters.explosion import PeelingParameters
-from planner.plan.value_differences import Differences
-from planner.verification.block_evidence import blocks_differ, quarter_turns_differ
-from planner.verification.knot_evidence import knot_differs
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.explosion import PeelingParameters
+from foldback.planner.plan.value_differences import Differences
+from foldback.planner.verification.block_evidence import blocks_differ, quarter_turns_differ
+from foldback.planner.verification.knot_evidence import knot_differs
 
 MAX_STRAIGHT_HINGE_RAD: Final = 0.1
 """Maximum bend, in rad, of a hinge that counts as straight in the report of a failed explosion; it

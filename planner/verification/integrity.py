@@ -15,9 +15,9 @@ from pathlib import Path as FilePath
 from typing import Any, Final
 from zipfile import ZipFile
 
-from planner.checked_zarr import check_chunks, is_sealed, read_group
-from planner.errors import UNREADABLE, DamagedError
-from planner.pipeline.manifest import (
+from foldback.planner.checked_zarr import check_chunks, is_sealed, read_group
+from foldback.planner.errors import UNREADABLE, DamagedError
+from foldback.planner.pipeline.manifest import (
     FILE,
     MANIFEST_FORMAT,
     Digests,

@@ -6,10 +6,10 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.motion.failure_schemas import KnotFigures
-from planner.plan.value_differences import Differences
-from planner.verification.knot_invariants import (
+from foldback.planner.arrays import Array
+from foldback.planner.motion.failure_schemas import KnotFigures
+from foldback.planner.plan.value_differences import Differences
+from foldback.planner.verification.knot_invariants import (
     crossings_of,
     invariants_of,
     invariants_of_crossings,

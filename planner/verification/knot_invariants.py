@@ -12,7 +12,7 @@ from typing import Final
 
 import numpy as np
 
-from planner.arrays import Array
+from foldback.planner.arrays import Array
 
 MAX_CROSSINGS: Final = 200
 """Maximum number of crossings of a diagram for which knot invariants are computed, to check that a

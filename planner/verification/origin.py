@@ -12,20 +12,20 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.errors import UNREADABLE, PlannerError
-from planner.file_names import CANDIDATES, INPUT, REQUEST, START_CHAIN
-from planner.motion.timeline import chain_attributes
-from planner.pipeline.attempt import Attempt, Candidates
-from planner.pipeline.next_step import Explode, PlayBack, next_step
-from planner.pipeline.preference import PlanFigures
-from planner.pipeline.prepare import TIME_INDEPENDENT_METHODS
-from planner.pipeline.reading import Reading, read_shape
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.value_differences import Differences, value_differences
-from planner.shapes.likeness import Likeness
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import UNREADABLE, PlannerError
+from foldback.planner.file_names import CANDIDATES, INPUT, REQUEST, START_CHAIN
+from foldback.planner.motion.timeline import chain_attributes
+from foldback.planner.pipeline.attempt import Attempt, Candidates
+from foldback.planner.pipeline.next_step import Explode, PlayBack, next_step
+from foldback.planner.pipeline.preference import PlanFigures
+from foldback.planner.pipeline.prepare import TIME_INDEPENDENT_METHODS
+from foldback.planner.pipeline.reading import Reading, read_shape
+from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.value_differences import Differences, value_differences
+from foldback.planner.shapes.likeness import Likeness
 
 CELL_TOLERANCE_PITCH: Final = 1e-6
 """Maximum distance between the places of modules of two chains through the same cells, pitches:

@@ -7,16 +7,16 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from planner.file_names import PLAN, PLAN_TEXT
-from planner.motion.record import Record
-from planner.plan.plan import EARLIER_FORMATS, Plan
-from planner.plan.value_differences import (
+from foldback.planner.file_names import PLAN, PLAN_TEXT
+from foldback.planner.motion.record import Record
+from foldback.planner.plan.plan import EARLIER_FORMATS, Plan
+from foldback.planner.plan.value_differences import (
     Differences,
     array_difference,
     value_differences,
     versus_plan,
 )
-from planner.playback.playback import Playback
+from foldback.planner.playback.playback import Playback
 
 JSON_ROUNDING: Final = 1e-9
 """Maximum difference between numbers in ``plan.json`` and ``plan.npz`` with which verification

@@ -8,13 +8,13 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path as FilePath
 
-import foldback_check_refusals
-from planner.explosion.diagnosis import Diagnosis, stuck_of
-from planner.file_names import PLAN, RECORD
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.value_differences import Differences, value_differences
-from planner.verification.failure_evidence import ReasonCheck, check_reason
+from foldback import foldback_check_refusals
+from foldback.planner.explosion.diagnosis import Diagnosis, stuck_of
+from foldback.planner.file_names import PLAN, RECORD
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.value_differences import Differences, value_differences
+from foldback.planner.verification.failure_evidence import ReasonCheck, check_reason
 
 
 def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck | None:

@@ -7,14 +7,14 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, get_args
 
-from planner.errors import UNREADABLE, InputError, PlannerError, named
-from planner.file_names import PLAN, REQUEST
-from planner.parameters.explosion import Base
-from planner.parameters.parameters import FLOATING, WORLD_CHOICES, Parameters, preset
-from planner.pipeline.preference import COMPUTING
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan, versions
-from planner.plan.value_differences import Differences, value_differences, versus_plan
+from foldback.planner.errors import UNREADABLE, InputError, PlannerError, named
+from foldback.planner.file_names import PLAN, REQUEST
+from foldback.planner.parameters.explosion import Base
+from foldback.planner.parameters.parameters import FLOATING, WORLD_CHOICES, Parameters, preset
+from foldback.planner.pipeline.preference import COMPUTING
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan, versions
+from foldback.planner.plan.value_differences import Differences, value_differences, versus_plan
 
 
 def playback_number(plan: Plan, name: str) -> float:

@@ -10,19 +10,19 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.motion.inverse_dynamics import inverse_dynamics
-from planner.parameters.playback import TablePlaybackParameters
-from planner.plan.plan import Plan
-from planner.plan.value_differences import (
+from foldback.planner.motion.inverse_dynamics import inverse_dynamics
+from foldback.planner.parameters.playback import TablePlaybackParameters
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.value_differences import (
     SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     figure_differences,
     value_differences,
 )
-from planner.playback.playback import Playback
-from planner.playback.table_playback import time_unit_s
-from planner.verification.plan_parameters import (
+from foldback.planner.playback.playback import Playback
+from foldback.planner.playback.table_playback import time_unit_s
+from foldback.planner.verification.plan_parameters import (
     is_on_table,
     plan_parameters,
     plan_preset,

@@ -12,11 +12,11 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.certificate.frame_metrics import write_figures
-from planner.certificate.table_forces import TableForces
-from planner.errors import UNREADABLE, InputError, PlannerError
-from planner.file_names import (
+from foldback.planner.arrays import Array
+from foldback.planner.certificate.frame_metrics import write_figures
+from foldback.planner.certificate.table_forces import TableForces
+from foldback.planner.errors import UNREADABLE, InputError, PlannerError
+from foldback.planner.file_names import (
     FIGURES,
     FORCES,
     MOMENTS,
@@ -26,24 +26,24 @@ from planner.file_names import (
     REQUEST,
     TIMELINE,
 )
-from planner.files import json_of, zarr_group
-from planner.motion.timeline import Timeline
-from planner.pipeline.job import Watch, is_smoothing
-from planner.pipeline.playing_back import play_back
-from planner.pipeline.workspace import Workspace
-from planner.plan.moment_search import moments_of
-from planner.plan.plan import Plan, versions
-from planner.plan.steps import find_steps
-from planner.plan.value_differences import (
+from foldback.planner.files import json_of, zarr_group
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.pipeline.job import Watch, is_smoothing
+from foldback.planner.pipeline.playing_back import play_back
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.moment_search import moments_of
+from foldback.planner.plan.plan import Plan, versions
+from foldback.planner.plan.steps import find_steps
+from foldback.planner.plan.value_differences import (
     Differences,
     array_difference,
     figure_differences,
     value_differences,
 )
-from planner.playback.playback import Playback
-from planner.robot.smoothed_plan import before_and_after
-from planner.verification.origin import own_attempt
-from planner.verification.plan_parameters import plan_parameters
+from foldback.planner.playback.playback import Playback
+from foldback.planner.robot.smoothed_plan import before_and_after
+from foldback.planner.verification.origin import own_attempt
+from foldback.planner.verification.plan_parameters import plan_parameters
 
 MAX_REPEATED_MODULE_STEPS: Final = 4_000_000
 """Maximum size of a simulation that verification repeats: modules × steps × robots. Three robots of

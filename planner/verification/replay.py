@@ -10,13 +10,13 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.chain.chain import Chain
-from planner.errors import InputError
-from planner.exports.mjcf import named_bodies
-from planner.plan.plan import Plan
-from planner.plan.value_differences import Differences
-from planner.simulation.lazy_mujoco import mujoco
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import InputError
+from foldback.planner.exports.mjcf import named_bodies
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.value_differences import Differences
+from foldback.planner.simulation.lazy_mujoco import mujoco
 
 POSITION_TOLERANCE_PITCH: Final = 1e-6
 """Maximum distance, in pitches, between a module of the plan's MuJoCo model and its position in the

@@ -9,23 +9,23 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner import file_names as names
-from planner.errors import UNREADABLE, PlannerError
-from planner.explosion.published_explosion import FRAME_SPACING_RAD
-from planner.motion.angle_encoding import PLAN_STEP_RAD
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.motion.timeline import chain_attributes
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.value_differences import (
+from foldback.planner import file_names as names
+from foldback.planner.errors import UNREADABLE, PlannerError
+from foldback.planner.explosion.published_explosion import FRAME_SPACING_RAD
+from foldback.planner.motion.angle_encoding import PLAN_STEP_RAD
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.motion.timeline import chain_attributes
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.value_differences import (
     SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
     versus_plan,
 )
-from planner.playback.playback import Playback
+from foldback.planner.playback.playback import Playback
 
 Check = Callable[[], Differences]
 

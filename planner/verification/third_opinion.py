@@ -30,10 +30,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-import foldback_check
-from planner.arrays import Array
-from planner.errors import UNREADABLE, InputError
-from planner.plan.value_differences import Differences
+from foldback import foldback_check
+from foldback.planner.arrays import Array
+from foldback.planner.errors import UNREADABLE, InputError
+from foldback.planner.plan.value_differences import Differences
 
 STEPS_PER_PART: Final = 4
 """Number of equal time steps of each piece of a motion in which the IPC Toolkit lets all corners of

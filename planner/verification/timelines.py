@@ -8,22 +8,22 @@ from typing import Final
 
 import numpy as np
 
-from planner.errors import UNREADABLE, InputError, TimelineError
-from planner.file_names import PLAN, TIMELINE
-from planner.motion.motion import PHASES, Motion
-from planner.motion.record import Record
-from planner.motion.timeline import Timeline, chain_attributes
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.value_differences import (
+from foldback.planner.errors import UNREADABLE, InputError, TimelineError
+from foldback.planner.file_names import PLAN, TIMELINE
+from foldback.planner.motion.motion import PHASES, Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.motion.timeline import Timeline, chain_attributes
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.value_differences import (
     SINGLE_PRECISION_ATOL_RAD,
     Differences,
     array_difference,
     value_differences,
     versus_plan,
 )
-from planner.playback.playback import Playback
-from planner.verification.plan_parameters import is_on_table, plan_parameters
+from foldback.planner.playback.playback import Playback
+from foldback.planner.verification.plan_parameters import is_on_table, plan_parameters
 
 ROOT_POSE_TOLERANCE: Final = 1e-6
 """Maximum difference between the stored pose of a chain's root and the pose that its joint angles

@@ -13,42 +13,46 @@ from typing import Any, Final
 
 import numpy as np
 
-import foldback_check
-from planner.arrays import Array
-from planner.certificate.certificate import Certificate, certify
-from planner.certificate.table_forces import TableForces
-from planner.clearance.margins import Margin, limit_at, unproved_margins
-from planner.display_names import escaped
-from planner.errors import UNREADABLE, InputError, TimelineError, named
-from planner.exports import mjcf
-from planner.file_names import FORCES, MODEL, PLAN, PLAN_TEXT, RECORDED_PLAN, TIMELINE
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.output_directory import finish_replacement
-from planner.pipeline import manifest
-from planner.plan.model_differences import model_differences
-from planner.plan.plan import EARLIER_FORMATS, Plan, read_values
-from planner.plan.value_differences import Differences, figure_differences, value_differences
-from planner.playback.playback import Playback
-from planner.progress import Report, silent
-from planner.verification.certificate_figures import ReportedFigures
-from planner.verification.failure_evidence import ReasonCheck
-from planner.verification.origin import attempts_differ, input_differs
-from planner.verification.plan_consistency import formats_differ, lacking
-from planner.verification.plan_failure import reason_of
-from planner.verification.plan_parameters import plan_parameters, request_differs
-from planner.verification.playback_kinds import kind_differs
-from planner.verification.repeated import (
+from foldback import foldback_check
+from foldback.planner.arrays import Array
+from foldback.planner.certificate.certificate import Certificate, certify
+from foldback.planner.certificate.table_forces import TableForces
+from foldback.planner.clearance.margins import Margin, limit_at, unproved_margins
+from foldback.planner.display_names import escaped
+from foldback.planner.errors import UNREADABLE, InputError, TimelineError, named
+from foldback.planner.exports import mjcf
+from foldback.planner.file_names import FORCES, MODEL, PLAN, PLAN_TEXT, RECORDED_PLAN, TIMELINE
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.output_directory import finish_replacement
+from foldback.planner.pipeline import manifest
+from foldback.planner.plan.model_differences import model_differences
+from foldback.planner.plan.plan import EARLIER_FORMATS, Plan, read_values
+from foldback.planner.plan.value_differences import (
+    Differences,
+    figure_differences,
+    value_differences,
+)
+from foldback.planner.playback.playback import Playback
+from foldback.planner.progress import Report, silent
+from foldback.planner.verification.certificate_figures import ReportedFigures
+from foldback.planner.verification.failure_evidence import ReasonCheck
+from foldback.planner.verification.origin import attempts_differ, input_differs
+from foldback.planner.verification.plan_consistency import formats_differ, lacking
+from foldback.planner.verification.plan_failure import reason_of
+from foldback.planner.verification.plan_parameters import plan_parameters, request_differs
+from foldback.planner.verification.playback_kinds import kind_differs
+from foldback.planner.verification.repeated import (
     forces_differ,
     plots_differ,
     robots_differ,
     smoothing_differs,
     why_not_repeated,
 )
-from planner.verification.replay import Replay, replay, replay_differs, stride_of
-from planner.verification.stage_files import stage_files_differ
-from planner.verification.third_opinion import Opinion, opinion_of, toolkit
-from planner.verification.timelines import (
+from foldback.planner.verification.replay import Replay, replay, replay_differs, stride_of
+from foldback.planner.verification.stage_files import stage_files_differ
+from foldback.planner.verification.third_opinion import Opinion, opinion_of, toolkit
+from foldback.planner.verification.timelines import (
     chain_differs,
     kept_record,
     opened,

@@ -20,32 +20,32 @@ from typing import Final
 import sqlalchemy as sa
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
-from planner.files import settle
-from server.admin.backup_manifest import (
+from foldback.planner.files import settle
+from foldback.server.admin.backup_manifest import (
     MANIFEST,
     MAX_MANIFEST_BYTES,
     ROWS,
     BackupFile,
     Manifest,
 )
-from server.admin.backup_rows import load_rows, write_rows
-from server.admin.database import consistent_view, drop_tables, has_tables, replacement
-from server.admin.errors import AdminError
-from server.admin.migration import schema_of
-from server.admin.stored_files import StoredFiles, at_once, open_inside, stored_files
-from server.limits.disk_space import free_space
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.object_store import StorageError
-from server.store.schema_version import Schema
-from server.store.staged_files import (
+from foldback.server.admin.backup_rows import load_rows, write_rows
+from foldback.server.admin.database import consistent_view, drop_tables, has_tables, replacement
+from foldback.server.admin.errors import AdminError
+from foldback.server.admin.migration import schema_of
+from foldback.server.admin.stored_files import StoredFiles, at_once, open_inside, stored_files
+from foldback.server.limits.disk_space import free_space
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.object_store import StorageError
+from foldback.server.store.schema_version import Schema
+from foldback.server.store.staged_files import (
     RESTORED_COUNTER,
     StagedFiles,
     discard_staged,
     restored_number,
     staged_files,
 )
-from server.store.tables import CounterRow, upgrade
+from foldback.server.store.tables import CounterRow, upgrade
 
 BLOCK_BYTES: Final = 4096
 """Usual size of a disk's blocks, in bytes; a file takes a whole number of them."""

@@ -14,7 +14,7 @@ from typing import Annotated, Final, Literal, Self
 import msgspec
 from msgspec import Meta, Struct
 
-from server.admin.errors import AdminError
+from foldback.server.admin.errors import AdminError
 
 MANIFEST: Final = "manifest.json"
 BACKUP_FORMAT: Final = 2

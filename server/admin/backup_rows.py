@@ -16,9 +16,9 @@ import sqlalchemy as sa
 from msgspec import Meta
 from sqlalchemy.exc import DataError, IntegrityError
 
-from server.admin.errors import AdminError
-from server.store.staged_files import RESTORED_COUNTER
-from server.store.tables import STATUSES
+from foldback.server.admin.errors import AdminError
+from foldback.server.store.staged_files import RESTORED_COUNTER
+from foldback.server.store.tables import STATUSES
 
 SAVED_TABLES: Final = ("folds", "movies", "tours", "own_values", "counters", "secrets")
 """Names of the tables whose rows are in a backup; a table comes after those that it refers to."""

@@ -17,8 +17,8 @@ import sqlalchemy as sa
 from sqlalchemy.exc import DatabaseError
 from sqlalchemy.pool import NullPool
 
-from server.admin.errors import AdminError
-from server.store.tables import MIGRATION_LOCK, Base, engine_for, reading_connection
+from foldback.server.admin.errors import AdminError
+from foldback.server.store.tables import MIGRATION_LOCK, Base, engine_for, reading_connection
 
 EARLIER_TABLES: Final = frozenset({"owners"})
 """Names of tables that only databases of earlier versions have."""

@@ -9,16 +9,16 @@ from typing import Any, Final
 
 import sqlalchemy as sa
 
-from planner.file_names import DESCRIBED
-from planner.verification.integrity import damaged_among
-from server.admin.errors import AdminError
-from server.admin.migration import schema_of
-from server.api.parent_folds import COPIED_NAMES
-from server.processes.scratch import Scratch
-from server.settings import Settings
-from server.store.fold_files import size_of
-from server.store.folds import DAY_S, NoSuchFoldError, Store
-from server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, missing_database
+from foldback.planner.file_names import DESCRIBED
+from foldback.planner.verification.integrity import damaged_among
+from foldback.server.admin.errors import AdminError
+from foldback.server.admin.migration import schema_of
+from foldback.server.api.parent_folds import COPIED_NAMES
+from foldback.server.processes.scratch import Scratch
+from foldback.server.settings import Settings
+from foldback.server.store.fold_files import size_of
+from foldback.server.store.folds import DAY_S, NoSuchFoldError, Store
+from foldback.server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, missing_database
 
 INPUT_FILES: Final = ("input", "request.json", "cells.json", *COPIED_NAMES)
 """Files of a fold that exist before its computation. They stay if an operator lets the fold be

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from server.settings import Settings
-from server.store.schema_version import Schema
-from server.store.tables import engine_of, migrate, missing_database, reading_connection
+from foldback.server.settings import Settings
+from foldback.server.store.schema_version import Schema
+from foldback.server.store.tables import engine_of, migrate, missing_database, reading_connection
 
 
 def schema_of(settings: Settings) -> Schema:

@@ -12,10 +12,10 @@ from io import BufferedReader
 from pathlib import Path
 from typing import Final, TypeVar
 
-from server.admin.backup_manifest import is_file_name
-from server.settings import Settings
-from server.store.object_store import TRANSFERS_AT_ONCE, Storage, open_storage
-from server.store.staged_files import OBJECT_KEYS
+from foldback.server.admin.backup_manifest import is_file_name
+from foldback.server.settings import Settings
+from foldback.server.store.object_store import TRANSFERS_AT_ONCE, Storage, open_storage
+from foldback.server.store.staged_files import OBJECT_KEYS
 
 Item = TypeVar("Item")
 Answer = TypeVar("Answer")

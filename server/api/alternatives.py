@@ -10,13 +10,13 @@ import json
 from dataclasses import replace
 from typing import Final, cast
 
-from planner.certificate.figures import AttemptFigures, CertificateFigures, FoldSummary
-from planner.errors import UNREADABLE
-from planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLANS_DIR
-from planner.files import json_of
-from planner.pipeline.preference import COMPUTING
-from server.store.fold_source import Found
-from words.fold import RUNNING_STATUSES
+from foldback.planner.certificate.figures import AttemptFigures, CertificateFigures, FoldSummary
+from foldback.planner.errors import UNREADABLE
+from foldback.planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLANS_DIR
+from foldback.planner.files import json_of
+from foldback.planner.pipeline.preference import COMPUTING
+from foldback.server.store.fold_source import Found
+from foldback.words.fold import RUNNING_STATUSES
 
 MAX_ATTEMPT_DIGITS: Final = 3
 """Maximum number of digits of the number in an address that selects one of a fold's attempts (plans

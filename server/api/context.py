@@ -10,36 +10,36 @@ from typing import Final
 from fastapi import Request
 from starlette.requests import HTTPConnection
 
-from planner.readers.gallery import Gallery
-from server.api.fold_lookup import Viewing
-from server.api.fold_states import FoldStates
-from server.api.frame_waits import FrameWaits
-from server.errors import TooMany
-from server.files.artifacts import Artifacts
-from server.files.pictures import Pictures
-from server.files.preview_reports import PreviewReports
-from server.files.trajectories import Trajectories
-from server.files.uploads import Uploads
-from server.http.client_address import address_of
-from server.http.live_classes import LiveClasses
-from server.jobs.eta import EtaEstimator
-from server.jobs.movies import Movies
-from server.limits.concurrency_quota import Quota
-from server.limits.networks import hidden
-from server.limits.robot_rates import robot_rates
-from server.limits.single_flight import SingleFlight
-from server.limits.token_buckets import SharedBuckets, TokenBuckets
-from server.ops.metrics import Metrics
-from server.processes.children import Pool
-from server.processes.fork_server import ForkServer
-from server.processes.limits import READER_PROCESSES, ChildLimits
-from server.processes.scratch import Scratch
-from server.settings import Settings
-from server.store.estimates import Estimates
-from server.store.folds import Store
-from server.store.leases import Leases
-from server.store.previews import Previews
-from web.timeline.shared_views import TimelineViews
+from foldback.planner.readers.gallery import Gallery
+from foldback.server.api.fold_lookup import Viewing
+from foldback.server.api.fold_states import FoldStates
+from foldback.server.api.frame_waits import FrameWaits
+from foldback.server.errors import TooMany
+from foldback.server.files.artifacts import Artifacts
+from foldback.server.files.pictures import Pictures
+from foldback.server.files.preview_reports import PreviewReports
+from foldback.server.files.trajectories import Trajectories
+from foldback.server.files.uploads import Uploads
+from foldback.server.http.client_address import address_of
+from foldback.server.http.live_classes import LiveClasses
+from foldback.server.jobs.eta import EtaEstimator
+from foldback.server.jobs.movies import Movies
+from foldback.server.limits.concurrency_quota import Quota
+from foldback.server.limits.networks import hidden
+from foldback.server.limits.robot_rates import robot_rates
+from foldback.server.limits.single_flight import SingleFlight
+from foldback.server.limits.token_buckets import SharedBuckets, TokenBuckets
+from foldback.server.ops.metrics import Metrics
+from foldback.server.processes.children import Pool
+from foldback.server.processes.fork_server import ForkServer
+from foldback.server.processes.limits import READER_PROCESSES, ChildLimits
+from foldback.server.processes.scratch import Scratch
+from foldback.server.settings import Settings
+from foldback.server.store.estimates import Estimates
+from foldback.server.store.folds import Store
+from foldback.server.store.leases import Leases
+from foldback.server.store.previews import Previews
+from foldback.web.timeline.shared_views import TimelineViews
 
 UPLOAD_QUEUE_TIMEOUT_S: Final = 60.0
 """Maximum time that an upload waits until a process is free to read it, in s; then it is refused. A

@@ -12,23 +12,23 @@ from typing import Annotated, Any, BinaryIO, Final
 
 from fastapi import File, Form, UploadFile
 
-from planner.chain.module import CUBE
-from planner.display_names import clean_name
-from planner.file_names import INPUT, PREPARED, REQUEST
-from planner.files import json_of
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.request import FoldRequest, PreviewRequest
-from planner.readers.limits import quote
-from planner.verification.integrity import check
-from server.api.context import Context
-from server.api.owner_tokens import not_owner
-from server.api.parent_folds import ParentFold, finished_parent, stored_parent
-from server.api.schemas import MAX_FOLD_NAME
-from server.errors import NotFound, Unusable
-from server.files.preview_reports import read_report
-from server.store.owner import Owner
-from server.store.previews import NoSuchPreviewError
-from server.store.tables import FoldRow
+from foldback.planner.chain.module import CUBE
+from foldback.planner.display_names import clean_name
+from foldback.planner.file_names import INPUT, PREPARED, REQUEST
+from foldback.planner.files import json_of
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
+from foldback.planner.readers.limits import quote
+from foldback.planner.verification.integrity import check
+from foldback.server.api.context import Context
+from foldback.server.api.owner_tokens import not_owner
+from foldback.server.api.parent_folds import ParentFold, finished_parent, stored_parent
+from foldback.server.api.schemas import MAX_FOLD_NAME
+from foldback.server.errors import NotFound, Unusable
+from foldback.server.files.preview_reports import read_report
+from foldback.server.store.owner import Owner
+from foldback.server.store.previews import NoSuchPreviewError
+from foldback.server.store.tables import FoldRow
 
 MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
 """File name suffixes of uploads that are triangle meshes, in lower case. Other uploads contain

@@ -9,13 +9,13 @@ from typing import Final
 
 from fastapi import Request
 
-from server.api.alternatives import alternative
-from server.api.frame_waits import FrameWaits
-from server.files.artifacts import Artifacts
-from server.settings import Settings
-from server.store.fold_files import NoSuchFoldError
-from server.store.fold_source import FoldSource, Found, id_of_fold
-from web.timeline.shared_views import TimelineViews
+from foldback.server.api.alternatives import alternative
+from foldback.server.api.frame_waits import FrameWaits
+from foldback.server.files.artifacts import Artifacts
+from foldback.server.settings import Settings
+from foldback.server.store.fold_files import NoSuchFoldError
+from foldback.server.store.fold_source import FoldSource, Found, id_of_fold
+from foldback.web.timeline.shared_views import TimelineViews
 
 ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
 

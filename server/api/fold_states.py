@@ -14,9 +14,9 @@ from typing import Any, Final
 from cachetools import TTLCache
 from fastapi.sse import ServerSentEvent
 
-from server.api.schemas import progress_of
-from server.jobs.eta import EtaEstimator
-from server.store.folds import NoSuchFoldError, Store
+from foldback.server.api.schemas import progress_of
+from foldback.server.jobs.eta import EtaEstimator
+from foldback.server.store.folds import NoSuchFoldError, Store
 
 STATE_CACHE_S: Final = 0.15
 """Time for which the progress of a running fold is cached for all clients that watch it, in s. A

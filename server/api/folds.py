@@ -12,19 +12,19 @@ from fastapi.responses import Response
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from msgspec import Meta
 
-from planner.display_names import clean_name
-from planner.pipeline.request import FoldRequest
-from server.api.context import Context, context_of, in_list_rate
-from server.api.fold_inputs import Origin
-from server.api.owner_tokens import (
+from foldback.planner.display_names import clean_name
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.server.api.context import Context, context_of, in_list_rate
+from foldback.server.api.fold_inputs import Origin
+from foldback.server.api.owner_tokens import (
     AnyClaim,
     NewToken,
     OptionalOwner,
     RequiredOwner,
     not_owner,
 )
-from server.api.request_bodies import described, form_of, json_body
-from server.api.schemas import (
+from foldback.server.api.request_bodies import described, form_of, json_body
+from foldback.server.api.schemas import (
     MAX_FOLD_NAME,
     Accepted,
     Fold,
@@ -34,14 +34,14 @@ from server.api.schemas import (
     Shape,
     Shapes,
 )
-from server.api.submit import fold_origin
-from server.errors import Forbidden, Unusable
-from server.http.client_address import address_of
-from server.http.response_cache import mark
-from server.jobs.housekeeping import limit_cancelled
-from server.store.owned_items import change_fold
-from server.store.owner import Owner
-from server.store.tables import FoldRow
+from foldback.server.api.submit import fold_origin
+from foldback.server.errors import Forbidden, Unusable
+from foldback.server.http.client_address import address_of
+from foldback.server.http.response_cache import mark
+from foldback.server.jobs.housekeeping import limit_cancelled
+from foldback.server.store.owned_items import change_fold
+from foldback.server.store.owner import Owner
+from foldback.server.store.tables import FoldRow
 
 router = APIRouter(prefix="/api/folds", tags=["folds"])
 NOT_FOLD_OWNER: Final = (

@@ -14,10 +14,10 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from typing import Final
 
-from planner.errors import TimelineError
-from server.errors import TooMany
-from server.limits.concurrency_quota import Holder, Quota
-from web.timeline.view import TimelineView
+from foldback.planner.errors import TimelineError
+from foldback.server.errors import TooMany
+from foldback.server.limits.concurrency_quota import Holder, Quota
+from foldback.web.timeline.view import TimelineView
 
 FRAME_POLL_S: Final = 0.1
 """Time between two checks for new frames in the motions that long-polling requests wait for, in s.

@@ -12,15 +12,15 @@ from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from fastapi.security import HTTPAuthorizationCredentials
 from sqlalchemy.exc import SQLAlchemyError
 
-from server.api.context import Context
-from server.api.folds import Here, problems
-from server.api.owner_tokens import Bearer
-from server.api.schemas import Body, PreparingBody
-from server.errors import Forbidden, NotFound
-from server.http.base_path import BELOW
-from server.ops.metrics import METRICS_MEDIA_TYPE
-from server.ops.readiness import Readiness
-from server.store.stats import Stats
+from foldback.server.api.context import Context
+from foldback.server.api.folds import Here, problems
+from foldback.server.api.owner_tokens import Bearer
+from foldback.server.api.schemas import Body, PreparingBody
+from foldback.server.errors import Forbidden, NotFound
+from foldback.server.http.base_path import BELOW
+from foldback.server.ops.metrics import METRICS_MEDIA_TYPE
+from foldback.server.ops.readiness import Readiness
+from foldback.server.store.stats import Stats
 
 router = APIRouter(tags=["operation"])
 PROXY_HEADERS: Final = (

@@ -11,11 +11,11 @@ from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import Response
 from msgspec import Meta
 
-from server.api.folds import Here, problems
-from server.api.movies import MovieBody
-from server.api.owner_tokens import NewToken, RequiredOwner, not_owner
-from server.api.request_bodies import described, json_body
-from server.api.schemas import (
+from foldback.server.api.folds import Here, problems
+from foldback.server.api.movies import MovieBody
+from foldback.server.api.owner_tokens import NewToken, RequiredOwner, not_owner
+from foldback.server.api.request_bodies import described, json_body
+from foldback.server.api.schemas import (
     Body,
     Fold,
     FoldsMade,
@@ -24,10 +24,10 @@ from server.api.schemas import (
     PreviewsMade,
     moment,
 )
-from server.errors import Malformed
-from server.store.owned_items import folds_made, hand_over_all
-from server.store.owner import Claim, Owner
-from words.fold import ShownFold, shown_name
+from foldback.server.errors import Malformed
+from foldback.server.store.owned_items import folds_made, hand_over_all
+from foldback.server.store.owner import Claim, Owner
+from foldback.words.fold import ShownFold, shown_name
 
 router = APIRouter(prefix="/api/mine", tags=["mine"])
 MAX_FOLDS_PER_PAGE: Final = 100

@@ -8,17 +8,17 @@ from fastapi import APIRouter, Depends
 from fastapi.responses import JSONResponse, Response
 from pydantic import ConfigDict
 
-from planner.plan.module_values import checked_values
-from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
-from server.api.owner_tokens import RequiredOwner, not_owner
-from server.api.request_bodies import described, json_body
-from server.api.schemas import Body
-from server.api.tours import NOTHING_STORED, frames_of_own
-from server.errors import NotFound
-from server.store.fold_source import FoldSource, Found
-from server.store.folds import NoSuchFoldError
-from server.store.owned_items import write_beside
-from server.store.tables import ValuesRow
+from foldback.planner.plan.module_values import checked_values
+from foldback.server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
+from foldback.server.api.owner_tokens import RequiredOwner, not_owner
+from foldback.server.api.request_bodies import described, json_body
+from foldback.server.api.schemas import Body
+from foldback.server.api.tours import NOTHING_STORED, frames_of_own
+from foldback.server.errors import NotFound
+from foldback.server.store.fold_source import FoldSource, Found
+from foldback.server.store.folds import NoSuchFoldError
+from foldback.server.store.owned_items import write_beside
+from foldback.server.store.tables import ValuesRow
 
 router = APIRouter(prefix="/api/folds/{fold_id}/values", tags=["values"])
 

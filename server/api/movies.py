@@ -9,18 +9,18 @@ from fastapi import APIRouter, Depends, Request
 from fastapi.responses import FileResponse, Response
 from msgspec import Meta
 
-from planner.file_names import TIMELINE
-from planner.verification.integrity import check
-from server.api.folds import Here, existing_fold, file_or_problems, problems
-from server.api.owner_tokens import AnyClaim, OptionalOwner, not_owner
-from server.api.request_bodies import described, json_body
-from server.api.schemas import Body, Fault
-from server.api.tours import tour_of
-from server.errors import Conflict, Unusable
-from server.http.downloads import download
-from server.processes.movie_task import movie_formats
-from server.store.tables import MovieRow
-from web.movies.movie import Movie
+from foldback.planner.file_names import TIMELINE
+from foldback.planner.verification.integrity import check
+from foldback.server.api.folds import Here, existing_fold, file_or_problems, problems
+from foldback.server.api.owner_tokens import AnyClaim, OptionalOwner, not_owner
+from foldback.server.api.request_bodies import described, json_body
+from foldback.server.api.schemas import Body, Fault
+from foldback.server.api.tours import tour_of
+from foldback.server.errors import Conflict, Unusable
+from foldback.server.http.downloads import download
+from foldback.server.processes.movie_task import movie_formats
+from foldback.server.store.tables import MovieRow
+from foldback.web.movies.movie import Movie
 
 router = APIRouter(prefix="/api/folds/{fold_id}/movies", tags=["movies"])
 MOVIE_MEDIA_TYPES: Final = {"mp4": "video/mp4", "gif": "image/gif"}

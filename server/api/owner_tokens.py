@@ -8,8 +8,8 @@ from fastapi import Depends
 from fastapi.security import HTTPAuthorizationCredentials, HTTPBearer
 from msgspec import Meta
 
-from server.errors import Forbidden, Unidentified
-from server.store.owner import MAX_TOKEN_CHARS, MIN_TOKEN_CHARS, Claim, Owner
+from foldback.server.errors import Forbidden, Unidentified
+from foldback.server.store.owner import MAX_TOKEN_CHARS, MIN_TOKEN_CHARS, Claim, Owner
 
 bearer = HTTPBearer(auto_error=False, description="The owner token of a fold.")
 Bearer = Annotated[HTTPAuthorizationCredentials | None, Depends(bearer)]

@@ -9,11 +9,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Final, Literal
 
-from planner.file_names import CHAIN, PLAN, RECORDED_PLAN, START_CHAIN, START_PLAN
-from planner.verification.integrity import check
-from server.api.context import Context
-from server.errors import Conflict, Unusable
-from server.store.tables import FoldRow
+from foldback.planner.file_names import CHAIN, PLAN, RECORDED_PLAN, START_CHAIN, START_PLAN
+from foldback.planner.verification.integrity import check
+from foldback.server.api.context import Context
+from foldback.server.errors import Conflict, Unusable
+from foldback.server.store.tables import FoldRow
 
 Use = Literal["refold", "smooth"]
 COPIED_FILES: Final[dict[str, dict[str, str]]] = {

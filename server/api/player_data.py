@@ -15,24 +15,24 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
 
-from planner.file_names import TIMELINE
-from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import result_path, stored_moments
-from planner.verification.integrity import check
-from server.api.fold_lookup import found_fold, viewing_of
-from server.api.module_values import values_of
-from server.api.tours import tour_of
-from server.http.client_address import address_of
-from server.http.downloads import BINARY_MEDIA_TYPE, Asset, revalidated
-from server.http.response_cache import mark
-from server.store.fold_source import FoldSource, Found
-from web.timeline.frame_batch import cached_batch
-from web.timeline.metrics import FIGURES, cached_figures
-from web.timeline.shared_views import unless_replaced
-from web.timeline.view import TimelineView
-from web.viser.client import client
-from web.viser.scene_bundle import bundle_of
-from words.fold import RUNNING_STATUSES, ShownFold
+from foldback.planner.file_names import TIMELINE
+from foldback.planner.parameters.parameters import FLOATING
+from foldback.planner.pipeline.fold_layout import result_path, stored_moments
+from foldback.planner.verification.integrity import check
+from foldback.server.api.fold_lookup import found_fold, viewing_of
+from foldback.server.api.module_values import values_of
+from foldback.server.api.tours import tour_of
+from foldback.server.http.client_address import address_of
+from foldback.server.http.downloads import BINARY_MEDIA_TYPE, Asset, revalidated
+from foldback.server.http.response_cache import mark
+from foldback.server.store.fold_source import FoldSource, Found
+from foldback.web.timeline.frame_batch import cached_batch
+from foldback.web.timeline.metrics import FIGURES, cached_figures
+from foldback.web.timeline.shared_views import unless_replaced
+from foldback.web.timeline.view import TimelineView
+from foldback.web.viser.client import client
+from foldback.web.viser.scene_bundle import bundle_of
+from foldback.words.fold import RUNNING_STATUSES, ShownFold
 
 router = APIRouter(include_in_schema=False)
 

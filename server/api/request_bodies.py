@@ -16,9 +16,9 @@ import msgspec
 from fastapi import Depends, Form, Request
 from pydantic import BaseModel
 
-from planner.parameters.option import Option, options_of
-from planner.pathfinding.path_options import PathOptions
-from server.errors import ServiceError, Unusable
+from foldback.planner.parameters.option import Option, options_of
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.server.errors import ServiceError, Unusable
 
 RequestT = TypeVar("RequestT", bound=PathOptions)
 JSON_MEDIA_TYPE: Final = "application/json"

@@ -10,21 +10,21 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import FileResponse, Response
 from numpy.typing import NDArray
 
-from planner.errors import DamagedError, InputError, TimelineError
-from planner.exports.formats import EXPORTS, export_named, exports_of
-from planner.file_names import CERTIFICATE, MODEL, PLAN, PLAN_TEXT, RECORD, TIMELINE
-from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import result_path
-from planner.verification.integrity import check
-from server.api.context import Context
-from server.api.folds import Here, file_or_problems, problems
-from server.api.schemas import ExportBody, ExportList, FramesBody
-from server.errors import Conflict, NotFound, Unusable
-from server.files.exports import export_file
-from server.http.client_address import address_of
-from server.http.downloads import download
-from server.store.folds import FoldRow
-from words.fold import has_motion, step_count
+from foldback.planner.errors import DamagedError, InputError, TimelineError
+from foldback.planner.exports.formats import EXPORTS, export_named, exports_of
+from foldback.planner.file_names import CERTIFICATE, MODEL, PLAN, PLAN_TEXT, RECORD, TIMELINE
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.verification.integrity import check
+from foldback.server.api.context import Context
+from foldback.server.api.folds import Here, file_or_problems, problems
+from foldback.server.api.schemas import ExportBody, ExportList, FramesBody
+from foldback.server.errors import Conflict, NotFound, Unusable
+from foldback.server.files.exports import export_file
+from foldback.server.http.client_address import address_of
+from foldback.server.http.downloads import download
+from foldback.server.store.folds import FoldRow
+from foldback.words.fold import has_motion, step_count
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
 MAX_UNQUEUED_NUMBERS: Final = 100_000
@@ -108,7 +108,7 @@ def _timeline(context: Context, fold_id: str) -> Timeline:
 
 def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: bool) -> FramesBody:
     """Return a range of a timeline, without a link to the rest."""
-    from planner.motion.motion import PHASES
+    from foldback.planner.motion.motion import PHASES
 
     chain = timeline.chain
     frames = timeline.frames(start, until, stride)

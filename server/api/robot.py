@@ -14,15 +14,15 @@ from fastapi import APIRouter, Depends, Query, Request, WebSocket, WebSocketDisc
 from fastapi.responses import Response, StreamingResponse
 from numpy.typing import NDArray
 
-from planner.errors import DamagedError, InputError
-from planner.file_names import PLAN
-from planner.verification.integrity import check
-from server.api.context import Context, context_of
-from server.api.fold_lookup import ADDRESS_ID
-from server.api.folds import Here, file_or_problems
-from server.api.results import not_there
-from server.api.robot_clock import MAX_CLOCK_STEP_S, Reason, RobotClock
-from server.api.robot_messages import (
+from foldback.planner.errors import DamagedError, InputError
+from foldback.planner.file_names import PLAN
+from foldback.planner.verification.integrity import check
+from foldback.server.api.context import Context, context_of
+from foldback.server.api.fold_lookup import ADDRESS_ID
+from foldback.server.api.folds import Here, file_or_problems
+from foldback.server.api.results import not_there
+from foldback.server.api.robot_clock import MAX_CLOCK_STEP_S, Reason, RobotClock
+from foldback.server.api.robot_messages import (
     DECODER,
     ENCODER,
     PLAY_FORMAT,
@@ -40,7 +40,7 @@ from server.api.robot_messages import (
     Wrong,
     schema,
 )
-from server.errors import (
+from foldback.server.errors import (
     Conflict,
     ServiceError,
     TooLarge,
@@ -51,11 +51,11 @@ from server.errors import (
     WebsocketNeeded,
     refusal_of,
 )
-from server.files.trajectories import MotorsWanted, Retimed, Wanted
-from server.http.client_address import address_of
-from server.http.limited_stream import LimitedStream
-from server.http.websockets import close, first_of, receive
-from server.store.folds import FoldRow, NoSuchFoldError
+from foldback.server.files.trajectories import MotorsWanted, Retimed, Wanted
+from foldback.server.http.client_address import address_of
+from foldback.server.http.limited_stream import LimitedStream
+from foldback.server.http.websockets import close, first_of, receive
+from foldback.server.store.folds import FoldRow, NoSuchFoldError
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
 schemas = APIRouter(prefix="/api", tags=["robots"])
@@ -139,7 +139,7 @@ async def get_trajectory(
     A rate is refused if it gives so few rows per second that modules of a verified plan overlap
     between consecutive rows.
     """
-    from planner.exports.trajectory import export
+    from foldback.planner.exports.trajectory import export
 
     visitor = address_of(request)
     _, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
@@ -358,7 +358,7 @@ class _RobotSession:
 
     async def play(self) -> None:
         """Play until the end, a stop, or the robot's disconnection."""
-        from planner.exports.trajectory import largest_chord_error
+        from foldback.planner.exports.trajectory import largest_chord_error
 
         ask, trajectory = self._ask, self._trajectory
         # A robot interpolates linearly between targets, which are at most this far apart in time.

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final, Literal
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from server.api.robot_clock import Reason
+from foldback.server.api.robot_clock import Reason
 
 PLAY_FORMAT: Final = "foldback-play/1"
 Error = Annotated[float, Meta(ge=0.0)]

@@ -11,20 +11,20 @@ from typing import Any, Final, Literal, cast
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
-from planner.certificate.earlier_certificates import summary_told_honestly
-from planner.certificate.figures import FoldSummary
-from planner.exports.export import Export
-from planner.parameters.parameters import World
-from planner.pathfinding import PATH_METHODS
-from planner.pipeline.request import FoldRequest
-from planner.progress import Stage
-from planner.readers.gallery import GalleryShape
-from server.jobs.eta import EtaEstimator
-from server.store.estimates import Expected, plain_fold
-from server.store.folds import FoldRow, Store
-from server.store.leases import Preparing
-from server.store.tables import REQUESTED_COLUMNS
-from words.fold import ShownFold
+from foldback.planner.certificate.earlier_certificates import summary_told_honestly
+from foldback.planner.certificate.figures import FoldSummary
+from foldback.planner.exports.export import Export
+from foldback.planner.parameters.parameters import World
+from foldback.planner.pathfinding import PATH_METHODS
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.progress import Stage
+from foldback.planner.readers.gallery import GalleryShape
+from foldback.server.jobs.eta import EtaEstimator
+from foldback.server.store.estimates import Expected, plain_fold
+from foldback.server.store.folds import FoldRow, Store
+from foldback.server.store.leases import Preparing
+from foldback.server.store.tables import REQUESTED_COLUMNS
+from foldback.words.fold import ShownFold
 
 SMOOTHING_MESSAGE: Final = "smoothing"
 """Progress message of the stage ``explode`` if a fold only smooths an existing plan; web pages name

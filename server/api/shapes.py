@@ -14,10 +14,10 @@ from fastapi import APIRouter, Depends, Form, Request
 from fastapi.concurrency import run_in_threadpool
 from fastapi.responses import Response
 
-from planner.parameters.option import options_of
-from planner.pipeline.request import FoldRequest, PreviewRequest
-from server.api.context import Context
-from server.api.fold_inputs import (
+from foldback.planner.parameters.option import options_of
+from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
+from foldback.server.api.context import Context
+from foldback.server.api.fold_inputs import (
     GalleryShape,
     Origin,
     Uploaded,
@@ -25,12 +25,19 @@ from server.api.fold_inputs import (
     id_field,
     open_input,
 )
-from server.api.folds import Here, problems
-from server.api.owner_tokens import OptionalOwner
-from server.api.request_bodies import field, form_of
-from server.api.schemas import MAX_FOLD_NAME, Preview, Shape, Shapes, TableOffers, expected_times
-from server.errors import NotFound, Unusable
-from server.files.preview_reports import Asker
+from foldback.server.api.folds import Here, problems
+from foldback.server.api.owner_tokens import OptionalOwner
+from foldback.server.api.request_bodies import field, form_of
+from foldback.server.api.schemas import (
+    MAX_FOLD_NAME,
+    Preview,
+    Shape,
+    Shapes,
+    TableOffers,
+    expected_times,
+)
+from foldback.server.errors import NotFound, Unusable
+from foldback.server.files.preview_reports import Asker
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
 DISCONNECT_POLL_S: Final = 0.1

@@ -17,20 +17,20 @@ from typing import Any, Final
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 
-from planner.files import settle
-from planner.pipeline.request import FoldRequest
-from planner.plan.packed_fold import unpack
-from planner.readers.gallery import Gallery
-from server.api.fold_inputs import Source
-from server.api.submit import Submission
-from server.files.uploads import Upload
-from server.processes.scratch import Scratch
-from server.settings import Settings
-from server.store.folds import Store, new_id
-from server.store.owner import Owner
-from server.store.tables import CounterRow, FoldRow
+from foldback.planner.files import settle
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.readers.gallery import Gallery
+from foldback.server.api.fold_inputs import Source
+from foldback.server.api.submit import Submission
+from foldback.server.files.uploads import Upload
+from foldback.server.processes.scratch import Scratch
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store, new_id
+from foldback.server.store.owner import Owner
+from foldback.server.store.tables import CounterRow, FoldRow
 
-SHIPPED_FOLDS_DIR: Final = Path(str(files("server"))) / "shipped_folds"
+SHIPPED_FOLDS_DIR: Final = Path(str(files("foldback.server"))) / "shipped_folds"
 SERVICE_VISITOR: Final = "the service itself"
 log = logging.getLogger("foldback.web")
 

@@ -12,23 +12,23 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from planner.errors import InputError
-from planner.file_names import PREPARED, REQUEST
-from planner.pipeline.expected_cost import ExpectedCost
-from planner.pipeline.request import FoldRequest
-from server.api.context import Context
-from server.api.fold_inputs import Origin, Source, open_source
-from server.errors import Conflict, Unusable, not_stored
-from server.files.uploads import Upload, not_read
-from server.limits.disk_space import check_space
-from server.limits.queue_room import Waiting, check_room
-from server.processes.children import ChildError
-from server.processes.read_task import MAX_STORED_CELLS
-from server.settings import Settings
-from server.store.fold_files import size_of, sync
-from server.store.folds import cost_of, new_id
-from server.store.owner import Owner
-from server.store.tables import FoldRow, columns_of
+from foldback.planner.errors import InputError
+from foldback.planner.file_names import PREPARED, REQUEST
+from foldback.planner.pipeline.expected_cost import ExpectedCost
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.server.api.context import Context
+from foldback.server.api.fold_inputs import Origin, Source, open_source
+from foldback.server.errors import Conflict, Unusable, not_stored
+from foldback.server.files.uploads import Upload, not_read
+from foldback.server.limits.disk_space import check_space
+from foldback.server.limits.queue_room import Waiting, check_room
+from foldback.server.processes.children import ChildError
+from foldback.server.processes.read_task import MAX_STORED_CELLS
+from foldback.server.settings import Settings
+from foldback.server.store.fold_files import size_of, sync
+from foldback.server.store.folds import cost_of, new_id
+from foldback.server.store.owner import Owner
+from foldback.server.store.tables import FoldRow, columns_of
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -8,21 +8,21 @@ from fastapi import APIRouter, Depends, Query
 from fastapi.responses import JSONResponse, Response
 from pydantic import ConfigDict, Field
 
-from planner.pipeline.fold_layout import stored_moments
-from planner.plan.tour import Tour
-from server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
-from server.api.owner_tokens import RequiredOwner, not_owner
-from server.api.request_bodies import described, json_body
-from server.api.results import not_there
-from server.api.schemas import Body
-from server.errors import Conflict
-from server.store.fold_files import frames_promised
-from server.store.fold_source import FoldSource, Found
-from server.store.folds import NoSuchFoldError
-from server.store.owned_items import write_beside
-from server.store.tables import TourRow
-from words.fold import RUNNING_STATUSES
-from words.tour import draft_tour
+from foldback.planner.pipeline.fold_layout import stored_moments
+from foldback.planner.plan.tour import Tour
+from foldback.server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
+from foldback.server.api.owner_tokens import RequiredOwner, not_owner
+from foldback.server.api.request_bodies import described, json_body
+from foldback.server.api.results import not_there
+from foldback.server.api.schemas import Body
+from foldback.server.errors import Conflict
+from foldback.server.store.fold_files import frames_promised
+from foldback.server.store.fold_source import FoldSource, Found
+from foldback.server.store.folds import NoSuchFoldError
+from foldback.server.store.owned_items import write_beside
+from foldback.server.store.tables import TourRow
+from foldback.words.fold import RUNNING_STATUSES
+from foldback.words.tour import draft_tour
 
 router = APIRouter(prefix="/api/folds/{fold_id}/tour", tags=["tours"])
 NOTHING_STORED: Final = "no tour and no numbers can be stored with it"

@@ -11,10 +11,10 @@ def main() -> None:
     """Run the command line."""
     if sys.argv[1:2] and sys.argv[1] in SERVICE_COMMANDS:
         # First of all: until then, SIGINT is lost if the shell has started this with it ignored.
-        from server.ops.stop_signals import end_at_stop_signals
+        from foldback.server.ops.stop_signals import end_at_stop_signals
 
         end_at_stop_signals()
-    from server.cli.command_line import main as run
+    from foldback.server.cli.command_line import main as run
 
     run()
 

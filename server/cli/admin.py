@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Annotated, Any, Final, Literal
 
 import typer
 
-from server.ops.startup_errors import settings_of
+from foldback.server.ops.startup_errors import settings_of
 
 if TYPE_CHECKING:
-    from server.admin.fold_tasks import AdminTasks
-    from server.store.tables import FoldRow
+    from foldback.server.admin.fold_tasks import AdminTasks
+    from foldback.server.store.tables import FoldRow
 
 Status = Literal["queued", "running", "verified", "failed", "cancelled"]
 DataDir = Annotated[Path | None, typer.Option(help="Data directory of the service.")]
@@ -43,10 +43,10 @@ def _refusals() -> Generator[None]:
     """Turn an error of a task into one line and the exit code 1."""
     from sqlalchemy.exc import SQLAlchemyError
 
-    from server.admin.errors import AdminError
-    from server.store.folds import NoSuchFoldError
-    from server.store.object_store import StorageError
-    from server.store.schema_version import NewerSchemaError
+    from foldback.server.admin.errors import AdminError
+    from foldback.server.store.folds import NoSuchFoldError
+    from foldback.server.store.object_store import StorageError
+    from foldback.server.store.schema_version import NewerSchemaError
 
     try:
         yield
@@ -68,7 +68,7 @@ def _refusals() -> Generator[None]:
 
 @contextmanager
 def _tasks(data_dir: Path | None) -> Generator[AdminTasks]:
-    from server.admin.fold_tasks import AdminTasks
+    from foldback.server.admin.fold_tasks import AdminTasks
 
     with _refusals(), closing(AdminTasks(settings_of(data_dir=data_dir))) as tasks:
         yield tasks
@@ -200,7 +200,7 @@ def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
 @admin.command()
 def backup(directory: BackupDirectory, data_dir: DataDir = None) -> None:
     """Back up the database and files to a new directory; the service may keep running."""
-    from server.admin.backup import back_up
+    from foldback.server.admin.backup import back_up
 
     with _refusals():
         manifest = back_up(settings_of(data_dir=data_dir), directory)
@@ -218,7 +218,7 @@ def restore(
     data_dir: DataDir = None,
 ) -> None:
     """Restore a backup. Stop all web processes and workers first."""
-    from server.admin import backup
+    from foldback.server.admin import backup
 
     with _refusals():
         done = backup.restore(settings_of(data_dir=data_dir), directory, replace=replace)
@@ -240,7 +240,7 @@ def migrate(
     data_dir: DataDir = None,
 ) -> None:
     """Update the database to this version of foldback, as the service does when it starts."""
-    from server.admin.migration import pending_changes, run_migration
+    from foldback.server.admin.migration import pending_changes, run_migration
 
     settings = settings_of(data_dir=data_dir)
     with _refusals():
@@ -263,8 +263,8 @@ def _each(ids: Sequence[str], do: Callable[[str], None], done: str) -> None:
         do: The task.
         done: State of a fold after it, for a message.
     """
-    from server.admin.errors import AdminError
-    from server.store.folds import NoSuchFoldError
+    from foldback.server.admin.errors import AdminError
+    from foldback.server.store.folds import NoSuchFoldError
 
     refused = False
     for fold_id in ids:

@@ -20,7 +20,7 @@ from typer.main import get_command
 if TYPE_CHECKING:
     from typer._click import Command, Context
 
-    from planner.errors import InputError
+    from foldback.planner.errors import InputError
 
 COMMANDS: Final = {
     "serve": "Start the service. Environment variables such as FOLDBACK_PORT configure it.",
@@ -46,7 +46,7 @@ COMMANDS: Final = {
 without importing their modules."""
 
 SERVICE_PACKAGES: Final[dict[str, str]] = dict.fromkeys(
-    ("serve", "worker", "play", "movie", "site", "doctor", "admin"), "server.cli"
+    ("serve", "worker", "play", "movie", "site", "doctor", "admin"), "foldback.server.cli"
 )
 """Packages of the commands that need the web service's code or processes; each command is a module
 of its package. All other commands are modules of ``cli``, which imports nothing of the service."""
@@ -114,7 +114,7 @@ def _not_imported() -> None:
 def imported(name: str) -> Command:
     """Return the command with a name, from the module of the same name."""
     found: typer.Typer | Callable[..., None] = getattr(
-        import_module(f"{SERVICE_PACKAGES.get(name, 'cli')}.{name}"), name
+        import_module(f"{SERVICE_PACKAGES.get(name, 'foldback.cli')}.{name}"), name
     )
     if isinstance(found, typer.Typer):
         return get_command(found)
@@ -171,7 +171,7 @@ def _system_error(error: OSError) -> InputError:
     Raises:
         OSError: The error itself, if it concerns no file and thus is a fault of the program.
     """
-    from planner.errors import InputError
+    from foldback.planner.errors import InputError
 
     full = error.errno in FULL_DISK_ERRORS
     # Of a file that is copied, the second name is that of the copy, which a full disk concerns.
@@ -197,7 +197,7 @@ def is_memory_error(error: Exception) -> bool:
 
 
 def _memory_error() -> InputError:
-    from planner.errors import InputError
+    from foldback.planner.errors import InputError
 
     return InputError(
         "memory-full",
@@ -208,7 +208,7 @@ def _memory_error() -> InputError:
 
 def _refuse(error: InputError) -> NoReturn:
     """Print an error, on standard error if standard output cannot be written, and exit with 2."""
-    from cli.inputs import refuse
+    from foldback.cli.inputs import refuse
 
     try:
         try:

@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from server.ops.logs import escaped
+from foldback.server.ops.logs import escaped
 
 
 def doctor(
@@ -19,7 +19,7 @@ def doctor(
     as_json: Annotated[bool, typer.Option("--json", help="As JSON.")] = False,
 ) -> None:
     """Check that this machine meets the requirements; exits with 1 if there is a problem."""
-    from server.doctor.doctor import examined
+    from foldback.server.doctor.doctor import examined
 
     found = examined({"host": host, "port": port, "data_dir": data_dir})
     if as_json:

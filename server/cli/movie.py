@@ -16,19 +16,19 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from cli.inputs import refuse
-from cli.options import AsJson, FoldDirectory, with_parameters
-from cli.tour import drafted, stored_tour
-from planner.errors import InputError
-from planner.file_names import TIMELINE
-from planner.files import written_aside
-from planner.pipeline.fold_layout import is_on_table, result_path
-from planner.verification.stored_fold import check_fold
-from server.ops.startup_errors import settings_of
-from server.processes.children import ChildError
-from server.processes.limits import ChildLimits
-from server.processes.movie_task import ask_for_movie, check_movie, run_movie
-from web.movies.movie import FORMATS, Movie
+from foldback.cli.inputs import refuse
+from foldback.cli.options import AsJson, FoldDirectory, with_parameters
+from foldback.cli.tour import drafted, stored_tour
+from foldback.planner.errors import InputError
+from foldback.planner.file_names import TIMELINE
+from foldback.planner.files import written_aside
+from foldback.planner.pipeline.fold_layout import is_on_table, result_path
+from foldback.planner.verification.stored_fold import check_fold
+from foldback.server.ops.startup_errors import settings_of
+from foldback.server.processes.children import ChildError
+from foldback.server.processes.limits import ChildLimits
+from foldback.server.processes.movie_task import ask_for_movie, check_movie, run_movie
+from foldback.web.movies.movie import FORMATS, Movie
 
 MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
     "width": ("--width", int, "Width in pixels; must be an even number."),

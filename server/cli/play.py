@@ -16,31 +16,31 @@ import uvicorn
 from fastapi import FastAPI
 from fastapi.responses import RedirectResponse
 
-from cli.exit_statuses import INVALID_INPUT
-from cli.tour import stored_tour
-from planner.certificate.earlier_certificates import told_honestly
-from planner.certificate.figures import CertificateFigures, FoldSummary
-from planner.display_names import escaped
-from planner.errors import InputError, TimelineError
-from planner.explosion.diagnosis import stuck_of
-from planner.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE
-from planner.files import json_of
-from planner.motion.timeline import Timeline
-from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import result_path
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.workspace import Workspace
-from planner.plan.module_values import values_in
-from planner.verification.stored_fold import check_fold
-from server.api import player_data as timelines
-from server.api.fold_lookup import Viewing
-from server.api.frame_waits import FrameWaits
-from server.files.artifacts import Artifacts
-from server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
-from server.pages import fold, share, static
-from server.store.fold_source import Found
-from web.timeline.shared_views import TimelineViews
-from words.fold import ShownFold
+from foldback.cli.exit_statuses import INVALID_INPUT
+from foldback.cli.tour import stored_tour
+from foldback.planner.certificate.earlier_certificates import told_honestly
+from foldback.planner.certificate.figures import CertificateFigures, FoldSummary
+from foldback.planner.display_names import escaped
+from foldback.planner.errors import InputError, TimelineError
+from foldback.planner.explosion.diagnosis import stuck_of
+from foldback.planner.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE
+from foldback.planner.files import json_of
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.parameters.parameters import FLOATING
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.module_values import values_in
+from foldback.planner.verification.stored_fold import check_fold
+from foldback.server.api import player_data as timelines
+from foldback.server.api.fold_lookup import Viewing
+from foldback.server.api.frame_waits import FrameWaits
+from foldback.server.files.artifacts import Artifacts
+from foldback.server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
+from foldback.server.pages import fold, share, static
+from foldback.server.store.fold_source import Found
+from foldback.web.timeline.shared_views import TimelineViews
+from foldback.words.fold import ShownFold
 
 PLAYED_FOLD_ID: Final = "fold"
 
@@ -211,8 +211,8 @@ def play(
 
 def _play_in_viser(directory: Path, name: str, host: str, port: int, browser: bool) -> None:
     """Show a fold in a viser server until SIGINT (Ctrl-C) or SIGTERM."""
-    from web.viser import show
-    from web.viser.scene_bundle import quiet
+    from foldback.viewer import show
+    from foldback.web.viser.scene_bundle import quiet
 
     ended = threading.Event()
     # As in uvicorn; also needed if the shell has started this program with SIGINT ignored.

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from planner.may_compile import forbid_compiling
-from server.errors import READ_ONLY_WORDS
-from server.limits.open_files import BACKLOG, OpenFiles
-from server.ops.logs import set_up_logs
-from server.ops.startup_errors import settings_of, starting, warn_of_unknown_names
-from server.ops.stop_signals import on_stop_signals
-from server.processes.limits import keep_secrets
+from foldback.planner.may_compile import forbid_compiling
+from foldback.server.errors import READ_ONLY_WORDS
+from foldback.server.limits.open_files import BACKLOG, OpenFiles
+from foldback.server.ops.logs import set_up_logs
+from foldback.server.ops.startup_errors import settings_of, starting, warn_of_unknown_names
+from foldback.server.ops.stop_signals import on_stop_signals
+from foldback.server.processes.limits import keep_secrets
 
 MAX_HEAD_BYTES: Final = 32 * 1024
 """Maximum size of an HTTP request's first line and headers, in bytes; a larger request is refused.
@@ -27,8 +27,8 @@ log = logging.getLogger("foldback.serve")
 if TYPE_CHECKING:
     import uvicorn
 
-    from server.api.context import Context
-    from server.settings import Settings
+    from foldback.server.api.context import Context
+    from foldback.server.settings import Settings
 
 
 def serve(
@@ -49,7 +49,7 @@ def serve(
     warn_of_unknown_names(log)
 
     # Workers start first: they warm up on another core while the web process imports.
-    from server.ops.supervisor import Supervisor
+    from foldback.server.ops.supervisor import Supervisor
 
     with starting("service"):
         settings.make_directories()
@@ -88,10 +88,10 @@ def server_of(
 
     import uvicorn
 
-    from server.admin.migration import run_migration
-    from server.app import create_app
-    from server.http.connections import protocol_of
-    from server.store.object_store import open_storage
+    from foldback.server.admin.migration import run_migration
+    from foldback.server.app import create_app
+    from foldback.server.http.connections import protocol_of
+    from foldback.server.store.object_store import open_storage
 
     if settings.read_only:
         log.error("%s Restart the service once %s can be written.", READ_ONLY_WORDS, settings.root)
@@ -172,13 +172,13 @@ def _within_open_files(settings: Settings) -> tuple[Settings, OpenFiles]:
 
 
 def _fold_first(context: Context, name: str) -> str:
-    from planner.errors import InputError
-    from planner.pipeline.request import FoldRequest
-    from server.api.fold_inputs import Origin
-    from server.api.shipped_folds import SERVICE_VISITOR
-    from server.api.submit import fold_origin
-    from server.errors import Unusable
-    from server.store.owner import Claim
+    from foldback.planner.errors import InputError
+    from foldback.planner.pipeline.request import FoldRequest
+    from foldback.server.api.fold_inputs import Origin
+    from foldback.server.api.shipped_folds import SERVICE_VISITOR
+    from foldback.server.api.submit import fold_origin
+    from foldback.server.errors import Unusable
+    from foldback.server.store.owner import Claim
 
     try:
         receipt = fold_origin(

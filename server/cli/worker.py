@@ -7,15 +7,15 @@ from typing import Annotated
 
 import typer
 
-from server.ops.startup_errors import settings_of
-from server.processes.limits import keep_secrets
+from foldback.server.ops.startup_errors import settings_of
+from foldback.server.processes.limits import keep_secrets
 
 
 def worker(
     data_dir: Annotated[Path | None, typer.Option(help="Data directory of the service.")] = None,
 ) -> None:
     """Compute folds for a service, using the service's data directory or database."""
-    from server.jobs.worker import work
+    from foldback.server.jobs.worker import work
 
     keep_secrets()
     work(settings_of(data_dir=data_dir))

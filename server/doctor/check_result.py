@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
-from server.settings import Settings
+from foldback.server.settings import Settings
 
 Verdict = Literal["ok", "warning", "problem"]
 Check = Callable[[Settings], "CheckResult"]

@@ -5,16 +5,16 @@ from __future__ import annotations
 import json
 from typing import Final
 
-from server.doctor.check_result import CheckResult, ok, warning
-from server.doctor.drawing import run_python
-from server.settings import Settings
+from foldback.server.doctor.check_result import CheckResult, ok, warning
+from foldback.server.doctor.drawing import run_python
+from foldback.server.settings import Settings
 
 _CONFINE: Final = """
 import ctypes, json, os, socket, sys, tempfile
 from pathlib import Path
-import planner, server
-from server.processes.sandbox import confine
-from server.processes.landlock import Allowed
+import foldback.planner, server
+from foldback.server.processes.sandbox import confine
+from foldback.server.processes.landlock import Allowed
 
 libc = ctypes.CDLL(None, use_errno=True)
 REMOVE, NEW_USER_NAMESPACE = 0, 0x10000000

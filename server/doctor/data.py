@@ -12,16 +12,16 @@ import psutil
 import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
-from planner.files import READ_ONLY_ERRORS
-from server.doctor.check_result import CheckResult, ok, problem, warning
-from server.errors import READ_ONLY_WORDS
-from server.limits.disk_space import free_space
-from server.ops.readiness import check_folder
-from server.settings import Settings
-from server.store.object_store import open_storage
-from server.store.schema_version import Schema
-from server.store.staged_files import restored_number
-from server.store.tables import missing_database, reading_connection
+from foldback.planner.files import READ_ONLY_ERRORS
+from foldback.server.doctor.check_result import CheckResult, ok, problem, warning
+from foldback.server.errors import READ_ONLY_WORDS
+from foldback.server.limits.disk_space import free_space
+from foldback.server.ops.readiness import check_folder
+from foldback.server.settings import Settings
+from foldback.server.store.object_store import open_storage
+from foldback.server.store.schema_version import Schema
+from foldback.server.store.staged_files import restored_number
+from foldback.server.store.tables import missing_database, reading_connection
 
 NETWORK_FILESYSTEMS: Final = frozenset(
     {"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs"}

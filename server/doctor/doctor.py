@@ -7,10 +7,10 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from server.doctor import children, data, drawing, machine
-from server.doctor.check_result import Check, CheckResult, examine
-from server.ops.startup_errors import REMEDY, settings_words
-from server.settings import Settings
+from foldback.server.doctor import children, data, drawing, machine
+from foldback.server.doctor.check_result import Check, CheckResult, examine
+from foldback.server.ops.startup_errors import REMEDY, settings_words
+from foldback.server.settings import Settings
 
 CHECKS: Final[tuple[tuple[str, Check], ...]] = (
     ("python", machine.python),

@@ -10,9 +10,9 @@ import subprocess
 import sys
 from typing import Final
 
-from server.doctor.check_result import CheckResult, ok, problem, warning
-from server.processes.movie_task import GL_SETTING, NO_FFMPEG, NO_GL, backends
-from server.settings import Settings
+from foldback.server.doctor.check_result import CheckResult, ok, problem, warning
+from foldback.server.processes.movie_task import GL_SETTING, NO_FFMPEG, NO_GL, backends
+from foldback.server.settings import Settings
 
 DRAWING_TIMEOUT_S: Final = 60.0
 """Maximum time of the check of ``foldback doctor`` that OpenGL can draw, in s; then the check has
@@ -26,14 +26,14 @@ mujoco.MjrContext(model, mujoco.mjtFontScale.mjFONTSCALE_50)
 """
 _ENCODE: Final = """
 import sys
-from web.movies.encoding import NoEncoderError, find_ffmpeg, formats
+from foldback.web.movies.encoding import NoEncoderError, find_ffmpeg, formats
 try:
     print(find_ffmpeg(), "with" if "mp4" in formats() else "without", "x264")
 except NoEncoderError as error:
     sys.exit(error)
 """
 _COMPILE: Final = """
-from planner.kernels.trails import one_circuit
+from foldback.planner.kernels.trails import one_circuit
 print(one_circuit.stats.cache_path)
 """
 _SIMULATE: Final = """

@@ -19,16 +19,16 @@ from typing import Final
 import psutil
 from packaging.requirements import Requirement
 
-from server.doctor.check_result import CheckResult, ok, problem, warning
-from server.limits.open_files import (
+from foldback.server.doctor.check_result import CheckResult, ok, problem, warning
+from foldback.server.limits.open_files import (
     BACKLOG,
     MIN_BACKLOG,
     MIN_CONNECTIONS,
     OTHER_FILES,
     OpenFiles,
 )
-from server.processes.limits import INTERACTIVE_CHILDREN
-from server.settings import Settings, is_loopback, unknown_names, unknown_words
+from foldback.server.processes.limits import INTERACTIVE_CHILDREN
+from foldback.server.settings import Settings, is_loopback, unknown_names, unknown_words
 
 MIN_PYTHON: Final = (3, 11)
 WEB_PROCESS_BYTES: Final = 384 * 2**20

@@ -8,12 +8,12 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final, TypeVar
 
-from planner.files import write_whole
-from server.errors import not_stored
-from server.limits.disk_space import check_space
-from server.limits.single_flight import SingleFlight
-from server.store.fold_files import EXPORTS_DIR
-from server.store.folds import NoSuchFoldError, Store
+from foldback.planner.files import write_whole
+from foldback.server.errors import not_stored
+from foldback.server.limits.disk_space import check_space
+from foldback.server.limits.single_flight import SingleFlight
+from foldback.server.store.fold_files import EXPORTS_DIR
+from foldback.server.store.folds import NoSuchFoldError, Store
 
 FILES_AT_ONCE: Final = 2
 """Number of derived files (exports, JSON of motions) that are computed at the same time; others

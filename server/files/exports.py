@@ -7,15 +7,15 @@ from pathlib import Path
 from typing import Final
 from zipfile import BadZipFile
 
-from planner.errors import InputError
-from planner.exports.export import Export
-from planner.file_names import PLAN
-from planner.motion.angle_encoding import unpacked_bytes
-from planner.readers.limits import megabytes
-from planner.verification.integrity import check
-from server.errors import NotFound, TooLarge
-from server.files.artifacts import Artifacts
-from server.store.folds import Store
+from foldback.planner.errors import InputError
+from foldback.planner.exports.export import Export
+from foldback.planner.file_names import PLAN
+from foldback.planner.motion.angle_encoding import unpacked_bytes
+from foldback.planner.readers.limits import megabytes
+from foldback.planner.verification.integrity import check
+from foldback.server.errors import NotFound, TooLarge
+from foldback.server.files.artifacts import Artifacts
+from foldback.server.store.folds import Store
 
 MAX_EXPORTED_PLAN_BYTES: Final = 64 * 2**20
 """Maximum unpacked size of a plan that the service exports to other formats, in bytes; larger plans
@@ -56,7 +56,7 @@ async def export_file(
 
 def _written(path: Path, export: Export) -> bytes:
     # Imported late, because it loads the physics, which would delay the start of the server.
-    from planner.plan.plan import Plan
+    from foldback.planner.plan.plan import Plan
 
     # Models of robots hold no frames; all other exports do.
     if (export.moving or export.name == "json") and (

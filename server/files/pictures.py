@@ -13,12 +13,12 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.file_names import CHAIN
-from server.processes.children import Pool
-from server.processes.scratch import MOMENT_FILE, PICTURE, Scratch
-from server.settings import Settings
-from web.timeline.cache import Cache
-from web.timeline.view import TimelineView
+from foldback.planner.file_names import CHAIN
+from foldback.server.processes.children import Pool
+from foldback.server.processes.scratch import MOMENT_FILE, PICTURE, Scratch
+from foldback.server.settings import Settings
+from foldback.web.timeline.cache import Cache
+from foldback.web.timeline.view import TimelineView
 
 MAX_PICTURE_BYTES: Final = 8 * 2**20
 """Maximum number of bytes that are read from a picture file that a child process has drawn, so that

@@ -12,20 +12,20 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from planner.file_names import REQUEST
-from planner.files import sealed_json_of
-from planner.parameters.option import OPTIONS_KEY_CHARS
-from planner.pipeline.request import PreviewRequest
-from server.errors import ServiceError, TooMany, TooSlow, Unavailable
-from server.files.uploads import Upload, not_read
-from server.limits.disk_space import check_space
-from server.processes.children import ChildError, Pool
-from server.processes.scratch import READ_CONTENT
-from server.settings import Settings
-from server.store.folds import new_id
-from server.store.owner import Owner
-from server.store.previews import NoSuchPreviewError, Previews
-from server.store.tables import PreviewRow
+from foldback.planner.file_names import REQUEST
+from foldback.planner.files import sealed_json_of
+from foldback.planner.parameters.option import OPTIONS_KEY_CHARS
+from foldback.planner.pipeline.request import PreviewRequest
+from foldback.server.errors import ServiceError, TooMany, TooSlow, Unavailable
+from foldback.server.files.uploads import Upload, not_read
+from foldback.server.limits.disk_space import check_space
+from foldback.server.processes.children import ChildError, Pool
+from foldback.server.processes.scratch import READ_CONTENT
+from foldback.server.settings import Settings
+from foldback.server.store.folds import new_id
+from foldback.server.store.owner import Owner
+from foldback.server.store.previews import NoSuchPreviewError, Previews
+from foldback.server.store.tables import PreviewRow
 
 OPTIONS_KEY: Final = re.compile(f"[0-9a-f]{{{OPTIONS_KEY_CHARS}}}")
 MAX_OPTION_SETS: Final = 400

@@ -14,18 +14,18 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 from zipfile import BadZipFile, ZipFile
 
-from planner.file_names import PLAN
-from planner.readers.limits import megabytes
-from server.errors import NotFound, ServiceError, TooLarge, Unavailable, Unusable, no_room
-from server.limits.concurrency_quota import Permit, Quota
-from server.limits.single_flight import SingleFlight
-from server.processes.children import ChildError, Pool
-from server.processes.scratch import MOTORS_FILE, Scratch
-from server.settings import Settings
-from web.timeline.cache import Cache
+from foldback.planner.file_names import PLAN
+from foldback.planner.readers.limits import megabytes
+from foldback.server.errors import NotFound, ServiceError, TooLarge, Unavailable, Unusable, no_room
+from foldback.server.limits.concurrency_quota import Permit, Quota
+from foldback.server.limits.single_flight import SingleFlight
+from foldback.server.processes.children import ChildError, Pool
+from foldback.server.processes.scratch import MOTORS_FILE, Scratch
+from foldback.server.settings import Settings
+from foldback.web.timeline.cache import Cache
 
 if TYPE_CHECKING:
-    from planner.robot.trajectory import Trajectory
+    from foldback.planner.robot.trajectory import Trajectory
 
 MAX_IDLE_TRAJECTORY_BYTES: Final = 128 * 2**20
 """Maximum total size of the cached joint trajectories that no request uses, in bytes. A smaller
@@ -263,7 +263,7 @@ class Trajectories:
         return made
 
     def _retimed(self, wanted: Wanted) -> Retimed:
-        from planner.robot.trajectory import FRAMES_FILE, REST_FILE
+        from foldback.planner.robot.trajectory import FRAMES_FILE, REST_FILE
 
         with self._motions.directory() as place, self._scratch.directory() as kept:
             told = self._call("retime", place, wanted, wanted.request())
@@ -312,7 +312,7 @@ def _loaded(directory: Path, most: int) -> Trajectory:
     Raises:
         ServiceError: If it unpacks to more bytes than ``most``, or is invalid.
     """
-    from planner.robot.trajectory import REST_FILE, Trajectory
+    from foldback.planner.robot.trajectory import REST_FILE, Trajectory
 
     try:
         with ZipFile(directory / REST_FILE) as parts:

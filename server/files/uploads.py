@@ -16,13 +16,13 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import BinaryIO, Final
 
-from server.errors import ServiceError, Unavailable, Unusable, not_stored
-from server.limits.concurrency_quota import BUSY_RETRY_S
-from server.limits.disk_space import check_space
-from server.processes.children import ChildError
-from server.processes.scratch import Scratch
-from server.settings import Settings
-from server.store.folds import new_id
+from foldback.server.errors import ServiceError, Unavailable, Unusable, not_stored
+from foldback.server.limits.concurrency_quota import BUSY_RETRY_S
+from foldback.server.limits.disk_space import check_space
+from foldback.server.processes.children import ChildError
+from foldback.server.processes.scratch import Scratch
+from foldback.server.settings import Settings
+from foldback.server.store.folds import new_id
 
 UPLOAD_CHUNK_BYTES: Final = 2**18
 """Number of bytes of an uploaded file that are copied and hashed at once. A larger value takes more

@@ -11,8 +11,8 @@ from typing import Final
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from server.ops.logs import from_now_on_about
-from server.ops.metrics import Metrics
+from foldback.server.ops.logs import from_now_on_about
+from foldback.server.ops.metrics import Metrics
 
 REQUEST_ID_HEADER: Final = "X-Request-ID"
 REQUEST_ID_PATTERN: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")

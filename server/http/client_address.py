@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from starlette.requests import HTTPConnection
 
-from server.limits.networks import visitor_at
+from foldback.server.limits.networks import visitor_at
 
 
 def address_of(connection: HTTPConnection) -> str:

@@ -13,8 +13,8 @@ import h11
 from uvicorn.protocols.http.flow_control import service_unavailable
 from uvicorn.protocols.http.h11_impl import H11Protocol
 
-from server.errors import TooMany
-from server.http.event_rate import (
+from foldback.server.errors import TooMany
+from foldback.server.http.event_rate import (
     BYTES_PER_EVENT,
     HEADER_FIELDS_PER_EVENT,
     REQUEST_EVENTS,
@@ -22,11 +22,11 @@ from server.http.event_rate import (
     GatedTransport,
     Pace,
 )
-from server.http.request_rate import EXEMPT_PATH
-from server.http.websocket_protocol import BoundedWebSocket
-from server.limits.concurrency_quota import Permit, Quota
-from server.limits.networks import visitor_at
-from server.settings import Settings
+from foldback.server.http.request_rate import EXEMPT_PATH
+from foldback.server.http.websocket_protocol import BoundedWebSocket
+from foldback.server.limits.concurrency_quota import Permit, Quota
+from foldback.server.limits.networks import visitor_at
+from foldback.server.settings import Settings
 
 CONNECTION_POLL_S: Final = 2.0
 """Maximum time between two checks if a connection has exceeded a time limit, in s. With a larger

@@ -14,8 +14,8 @@ import time
 from collections.abc import Callable
 from typing import Any, Final
 
-from server.limits.token_buckets import SharedBuckets
-from server.settings import Settings
+from foldback.server.limits.token_buckets import SharedBuckets
+from foldback.server.settings import Settings
 
 SLICE_EVENTS: Final = 64
 """Maximum number of protocol events (HTTP requests and chunks, websocket frames) of one connection

@@ -9,7 +9,7 @@ from collections.abc import AsyncIterator, Iterator, Mapping
 from fastapi.responses import StreamingResponse
 from starlette.types import Receive, Scope, Send
 
-from server.limits.concurrency_quota import Permit
+from foldback.server.limits.concurrency_quota import Permit
 
 
 class LimitedStream(StreamingResponse):

@@ -15,9 +15,9 @@ from collections.abc import Generator
 from dataclasses import dataclass, field
 from typing import Any, Final, TypeGuard
 
-from server.errors import NoSuch, TooMany
-from server.limits.concurrency_quota import OPEN_RETRY_S, Quota
-from server.settings import Settings
+from foldback.server.errors import NoSuch, TooMany
+from foldback.server.limits.concurrency_quota import OPEN_RETRY_S, Quota
+from foldback.server.settings import Settings
 
 CODE_LETTERS: Final = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"
 """Characters of a code. Similar ones are left out, because codes are read aloud."""

@@ -26,11 +26,11 @@ from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from planner.errors import DamagedError, InputError
-from planner.parameters.option import options_of
-from planner.pipeline.request import FoldRequest
-from server import errors
-from server.errors import (
+from foldback.planner.errors import DamagedError, InputError
+from foldback.planner.parameters.option import options_of
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.server import errors
+from foldback.server.errors import (
     NoRoom,
     NoSuch,
     ServiceError,
@@ -40,9 +40,9 @@ from server.errors import (
     read_only,
     refusal_of,
 )
-from server.http.access_log import request_id_of
-from server.store.object_store import StorageError
-from words.messages import message_for_people
+from foldback.server.http.access_log import request_id_of
+from foldback.server.store.object_store import StorageError
+from foldback.words.messages import message_for_people
 
 PROBLEM_MEDIA_TYPE: Final = "application/problem+json"
 DISK_ERRNOS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})

@@ -8,9 +8,9 @@ from starlette.requests import HTTPConnection
 from starlette.responses import Response
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from server.errors import read_only
-from server.http.problems import Problem, answer_of
-from server.http.security import SAFE_METHODS
+from foldback.server.errors import read_only
+from foldback.server.http.problems import Problem, answer_of
+from foldback.server.http.security import SAFE_METHODS
 
 
 class ReadOnly:

@@ -8,11 +8,11 @@ from typing import Final
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Scope
 
-from server.errors import ServiceError, TooMany
-from server.http.client_address import address_of
-from server.http.problems import Guard
-from server.limits.fair_threads import CURRENT_VISITOR
-from server.limits.token_buckets import TokenBuckets
+from foldback.server.errors import ServiceError, TooMany
+from foldback.server.http.client_address import address_of
+from foldback.server.http.problems import Guard
+from foldback.server.limits.fair_threads import CURRENT_VISITOR
+from foldback.server.limits.token_buckets import TokenBuckets
 
 EXEMPT_PATH: Final = "/health"
 """Path of the health check, which monitoring requests; it has no rate limit."""

@@ -19,8 +19,8 @@ from starlette.requests import HTTPConnection
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from server.http.security import SAFE_METHODS
-from server.store.fold_source import id_of_fold
+from foldback.server.http.security import SAFE_METHODS
+from foldback.server.store.fold_source import id_of_fold
 
 RESPONSE_CACHE_S: Final = 1.0
 """Time for which an answer about a verified fold, which no longer changes, is cached for all

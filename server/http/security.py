@@ -10,9 +10,9 @@ from urllib.parse import unquote, urlsplit
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from server.errors import Forbidden, Malformed, ServiceError
-from server.http.problems import Guard
-from server.settings import LOOPBACK, is_loopback
+from foldback.server.errors import Forbidden, Malformed, ServiceError
+from foldback.server.http.problems import Guard
+from foldback.server.settings import LOOPBACK, is_loopback
 
 PAGE_POLICY: Final = "; ".join(
     (

@@ -10,14 +10,14 @@ from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from planner.readers.limits import megabytes
-from server.errors import ServiceError, not_stored
-from server.http.client_address import address_of
-from server.http.problems import response_of
-from server.http.security import SAFE_METHODS
-from server.limits.concurrency_quota import Quota
-from server.limits.disk_space import check_space
-from server.settings import Settings
+from foldback.planner.readers.limits import megabytes
+from foldback.server.errors import ServiceError, not_stored
+from foldback.server.http.client_address import address_of
+from foldback.server.http.problems import response_of
+from foldback.server.http.security import SAFE_METHODS
+from foldback.server.limits.concurrency_quota import Quota
+from foldback.server.limits.disk_space import check_space
+from foldback.server.settings import Settings
 
 FORM_MEDIA_TYPES: Final = ("multipart/form-data", "application/x-www-form-urlencoded")
 MAX_FORM_FILES: Final = 2

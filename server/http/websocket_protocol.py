@@ -10,9 +10,9 @@ from websockets.frames import Frame
 from websockets.http11 import Request
 from websockets.server import ServerProtocol
 
-from server.http.event_rate import BYTES_PER_EVENT, GatedTransport, Pace
-from server.limits.concurrency_quota import Permit
-from server.limits.networks import visitor_at
+from foldback.server.http.event_rate import BYTES_PER_EVENT, GatedTransport, Pace
+from foldback.server.limits.concurrency_quota import Permit
+from foldback.server.limits.networks import visitor_at
 
 CLOSE_HANDSHAKE_S: Final = 1.0
 """Time that a client may take to answer the close frame of a websocket, in s; then the connection

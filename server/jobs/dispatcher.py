@@ -9,14 +9,14 @@ from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from server.jobs.execution import NotFinishedError
-from server.jobs.movie_runner import MovieJobs
-from server.jobs.queue import Claim, FoldClaim, Lane, Queue
-from server.jobs.retry import retry_until_available
-from server.jobs.runner import Runner
-from server.ops.logs import about
-from server.ops.tracing import span
-from server.store.tables import passes
+from foldback.server.jobs.execution import NotFinishedError
+from foldback.server.jobs.movie_runner import MovieJobs
+from foldback.server.jobs.queue import Claim, FoldClaim, Lane, Queue
+from foldback.server.jobs.retry import retry_until_available
+from foldback.server.jobs.runner import Runner
+from foldback.server.ops.logs import about
+from foldback.server.ops.tracing import span
+from foldback.server.store.tables import passes
 
 QUEUE_POLL_S: Final = 0.1
 """Time between two checks of a worker for waiting jobs, in s. A job waits half of it on average. A

@@ -15,13 +15,13 @@ from typing import Final
 
 from cachetools import TTLCache
 
-from planner.pipeline.preference import COMPUTING
-from server.jobs.progress import REPEATED_STAGES, STAGES
-from server.limits.fair_queue import wait_s
-from server.store.estimates import Estimates
-from server.store.folds import Store, compiled_fraction
-from server.store.leases import Leases, Preparing
-from server.store.tables import FoldRow
+from foldback.planner.pipeline.preference import COMPUTING
+from foldback.server.jobs.progress import REPEATED_STAGES, STAGES
+from foldback.server.limits.fair_queue import wait_s
+from foldback.server.store.estimates import Estimates
+from foldback.server.store.folds import Store, compiled_fraction
+from foldback.server.store.leases import Leases, Preparing
+from foldback.server.store.tables import FoldRow
 
 SHOWN_ESTIMATE_S: Final = 60.0
 """Time for which the last displayed remaining time of a fold is cached, in s, so that the next one

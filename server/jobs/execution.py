@@ -14,24 +14,24 @@ from typing import Any, Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from planner.errors import InputError, TimelineError
-from planner.file_names import START_CHAIN, TIMELINE
-from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.fold_layout import any_verified, result_path
-from planner.progress import STAGES
-from planner.readers.gallery import Gallery
-from server.errors import UNEXPECTED_WORDS
-from server.jobs.housekeeping import limit_cancelled
-from server.jobs.processor_wait import ProcessorWait
-from server.jobs.progress import REPEATED_STAGES, JobProgress
-from server.jobs.queue import MAX_LOSSES, FoldClaim, Queue
-from server.jobs.retry import RETRY_INTERVAL_S, Answer, retry_until_available
-from server.jobs.slices import Slice
-from server.ops.tracing import span
-from server.processes.children import CRASHED, LOST, Child, ChildError, Children
-from server.store.fold_files import frames_promised
-from server.store.folds import NoSuchFoldError, Store
-from server.store.object_store import StorageError
+from foldback.planner.errors import InputError, TimelineError
+from foldback.planner.file_names import START_CHAIN, TIMELINE
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
+from foldback.planner.pipeline.fold_layout import any_verified, result_path
+from foldback.planner.progress import STAGES
+from foldback.planner.readers.gallery import Gallery
+from foldback.server.errors import UNEXPECTED_WORDS
+from foldback.server.jobs.housekeeping import limit_cancelled
+from foldback.server.jobs.processor_wait import ProcessorWait
+from foldback.server.jobs.progress import REPEATED_STAGES, JobProgress
+from foldback.server.jobs.queue import MAX_LOSSES, FoldClaim, Queue
+from foldback.server.jobs.retry import RETRY_INTERVAL_S, Answer, retry_until_available
+from foldback.server.jobs.slices import Slice
+from foldback.server.ops.tracing import span
+from foldback.server.processes.children import CRASHED, LOST, Child, ChildError, Children
+from foldback.server.store.fold_files import frames_promised
+from foldback.server.store.folds import NoSuchFoldError, Store
+from foldback.server.store.object_store import StorageError
 
 UPLOAD_INTERVAL_S: Final = 0.7
 """Time between two copies of a running fold's motion to the object store, in s. A larger value
@@ -421,7 +421,7 @@ class Execution:
         """Return the last known state of a fold that did not finish: its frame and its attempts."""
         try:
             # This loads the simulation, which is needed only if the end of a fold was missed.
-            from planner.pipeline.workspace import Workspace
+            from foldback.planner.pipeline.workspace import Workspace
 
             return Workspace(self._place).settle()
         except Exception:

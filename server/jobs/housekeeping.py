@@ -24,13 +24,13 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import aliased
 
-from planner.files import remove_temporary
-from server.limits.disk_space import free_space
-from server.settings import Settings
-from server.store.fold_files import DERIVED_DIRS, EXPORTS_DIR, size_of
-from server.store.folds import DAY_S, Store, rows_of
-from server.store.object_store import StorageError
-from server.store.tables import (
+from foldback.planner.files import remove_temporary
+from foldback.server.limits.disk_space import free_space
+from foldback.server.settings import Settings
+from foldback.server.store.fold_files import DERIVED_DIRS, EXPORTS_DIR, size_of
+from foldback.server.store.folds import DAY_S, Store, rows_of
+from foldback.server.store.object_store import StorageError
+from foldback.server.store.tables import (
     ENDED,
     UNFINISHED_MOVIE_STATUSES,
     CounterRow,

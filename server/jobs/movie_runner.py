@@ -15,23 +15,23 @@ from typing import Any, Final
 
 import sqlalchemy as sa
 
-from planner.errors import DamagedError, InputError
-from planner.file_names import TIMELINE
-from planner.pipeline.fold_layout import is_on_table, result_path
-from planner.verification.integrity import check
-from server.errors import UNEXPECTED_WORDS, Damaged
-from server.jobs.movies import INTERRUPTED
-from server.jobs.progress import JobProgress
-from server.jobs.queue import MAX_LOSSES, MovieClaim
-from server.jobs.retry import retry_until_available
-from server.processes.children import ChildError
-from server.processes.limits import ChildLimits
-from server.processes.movie_task import ask_for_movie, check_movie, run_movie
-from server.processes.scratch import Scratch
-from server.settings import Settings
-from server.store.folds import NoSuchFoldError, Store
-from server.store.tables import UNFINISHED_MOVIE_STATUSES, MovieRow, movie_file
-from web.movies.movie import Movie
+from foldback.planner.errors import DamagedError, InputError
+from foldback.planner.file_names import TIMELINE
+from foldback.planner.pipeline.fold_layout import is_on_table, result_path
+from foldback.planner.verification.integrity import check
+from foldback.server.errors import UNEXPECTED_WORDS, Damaged
+from foldback.server.jobs.movies import INTERRUPTED
+from foldback.server.jobs.progress import JobProgress
+from foldback.server.jobs.queue import MAX_LOSSES, MovieClaim
+from foldback.server.jobs.retry import retry_until_available
+from foldback.server.processes.children import ChildError
+from foldback.server.processes.limits import ChildLimits
+from foldback.server.processes.movie_task import ask_for_movie, check_movie, run_movie
+from foldback.server.processes.scratch import Scratch
+from foldback.server.settings import Settings
+from foldback.server.store.folds import NoSuchFoldError, Store
+from foldback.server.store.tables import UNFINISHED_MOVIE_STATUSES, MovieRow, movie_file
+from foldback.web.movies.movie import Movie
 
 MOVIE_FILE: Final = "movie"
 log = logging.getLogger("foldback.worker")

@@ -17,19 +17,19 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from planner.file_names import TIMELINE
-from planner.pipeline.fold_layout import result_path
-from planner.verification.integrity import check
-from server.errors import Conflict, NoSuch, NotFound, TooMany, Unavailable
-from server.limits.concurrency_quota import Holder, network_share
-from server.limits.disk_space import check_space
-from server.limits.networks import networks_of
-from server.settings import Settings
-from server.store.folds import Store, new_id
-from server.store.object_store import StorageError
-from server.store.owner import Owner, owned_by
-from server.store.tables import UNFINISHED_MOVIE_STATUSES, FoldRow, MovieRow, movie_file
-from web.movies.movie import Movie
+from foldback.planner.file_names import TIMELINE
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.verification.integrity import check
+from foldback.server.errors import Conflict, NoSuch, NotFound, TooMany, Unavailable
+from foldback.server.limits.concurrency_quota import Holder, network_share
+from foldback.server.limits.disk_space import check_space
+from foldback.server.limits.networks import networks_of
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store, new_id
+from foldback.server.store.object_store import StorageError
+from foldback.server.store.owner import Owner, owned_by
+from foldback.server.store.tables import UNFINISHED_MOVIE_STATUSES, FoldRow, MovieRow, movie_file
+from foldback.web.movies.movie import Movie
 
 MOVIE_RETRY_S: Final = 10
 """Value of the ``Retry-After`` header, in s, if a movie is requested while its fold is unfinished

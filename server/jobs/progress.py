@@ -8,8 +8,8 @@ from typing import Any, Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from planner.progress import STAGES
-from server.store.tables import passes
+from foldback.planner.progress import STAGES
+from foldback.server.store.tables import passes
 
 REPEATED_STAGES: Final = STAGES[1:4]
 """Stages of a fold that run again if several plans are computed and the best one is chosen."""

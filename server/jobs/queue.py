@@ -20,10 +20,10 @@ from typing import Any, Final
 import sqlalchemy as sa
 from sqlalchemy.orm import Session
 
-from planner.progress import STAGES
-from server.store.folds import Store, in_lane, rows_of
-from server.store.tables import ENDED, FoldRow, MovieRow
-from words.fold import RUNNING_STATUSES
+from foldback.planner.progress import STAGES
+from foldback.server.store.folds import Store, in_lane, rows_of
+from foldback.server.store.tables import ENDED, FoldRow, MovieRow
+from foldback.words.fold import RUNNING_STATUSES
 
 MAX_LOSSES: Final = 100
 """Number of times that a fold or a movie may be lost with its worker (a crash or a restart of the

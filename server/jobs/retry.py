@@ -10,8 +10,8 @@ from typing import Final, TypeVar
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from server.store.object_store import StorageError
-from server.store.tables import passes
+from foldback.server.store.object_store import StorageError
+from foldback.server.store.tables import passes
 
 RETRY_INTERVAL_S: Final = 0.5
 """Time between two attempts to reach the database, the object store or the disk after an error, in

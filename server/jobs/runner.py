@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import threading
 
-from planner.progress import COMPILING
-from server.jobs.execution import Execution
-from server.jobs.queue import FoldClaim
-from server.processes.children import Children
-from server.processes.fork_server import ForkServer
-from server.processes.limits import ChildLimits
-from server.settings import Settings
-from server.store.folds import Store
+from foldback.planner.progress import COMPILING
+from foldback.server.jobs.execution import Execution
+from foldback.server.jobs.queue import FoldClaim
+from foldback.server.processes.children import Children
+from foldback.server.processes.fork_server import ForkServer
+from foldback.server.processes.limits import ChildLimits
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
 
 
 class Runner:

@@ -15,21 +15,21 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Final
 
-from server.jobs.dispatcher import Dispatcher
-from server.jobs.housekeeping import Housekeeping
-from server.jobs.movie_runner import MovieJobs
-from server.jobs.queue import Lane, Queue
-from server.jobs.runner import Runner
-from server.ops.leash import Leash
-from server.ops.logs import set_up_logs
-from server.ops.startup_errors import starting, warn_of_unknown_names
-from server.ops.stop_signals import on_stop_signals
-from server.ops.tracing import send_rest, start_tracing
-from server.processes.limits import keep_secrets
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.leases import Leases
-from server.store.worker_identity import WorkerIdentities
+from foldback.server.jobs.dispatcher import Dispatcher
+from foldback.server.jobs.housekeeping import Housekeeping
+from foldback.server.jobs.movie_runner import MovieJobs
+from foldback.server.jobs.queue import Lane, Queue
+from foldback.server.jobs.runner import Runner
+from foldback.server.ops.leash import Leash
+from foldback.server.ops.logs import set_up_logs
+from foldback.server.ops.startup_errors import starting, warn_of_unknown_names
+from foldback.server.ops.stop_signals import on_stop_signals
+from foldback.server.ops.tracing import send_rest, start_tracing
+from foldback.server.processes.limits import keep_secrets
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.leases import Leases
+from foldback.server.store.worker_identity import WorkerIdentities
 
 RECOVERY_POLL_S: Final = 2.0
 """Maximum time between two checks of a worker for expired workers and lost jobs, in s. With a

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from server.ops.leash import Leash
-from server.ops.stop_signals import end_at_stop_signals
+from foldback.server.ops.leash import Leash
+from foldback.server.ops.stop_signals import end_at_stop_signals
 
 
 def main() -> None:
@@ -14,8 +14,8 @@ def main() -> None:
     leash = Leash(float(sys.argv[1]))
 
     # Imports take seconds, in which the leash holds already.
-    from server.jobs.worker import work
-    from server.ops.startup_errors import settings_of
+    from foldback.server.jobs.worker import work
+    from foldback.server.ops.startup_errors import settings_of
 
     work(settings_of(), leash=leash)
 

@@ -20,8 +20,8 @@ from contextlib import contextmanager
 from enum import StrEnum
 from typing import Final
 
-from server.errors import ServiceError, TooMany, Unavailable
-from server.limits.networks import networks_of
+from foldback.server.errors import ServiceError, TooMany, Unavailable
+from foldback.server.limits.networks import networks_of
 
 OPEN_RETRY_S: Final = 10
 """Value of the ``Retry-After`` header, in s, of the refusal if too many event streams, uploads or

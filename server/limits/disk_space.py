@@ -5,7 +5,7 @@ from __future__ import annotations
 import shutil
 from pathlib import Path
 
-from server.errors import no_room
+from foldback.server.errors import no_room
 
 
 def free_space(path: Path) -> int:

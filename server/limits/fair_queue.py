@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from server.limits.networks import networks_of
+from foldback.server.limits.networks import networks_of
 
 TICKS_PER_SECOND: Final = 10
 """Units of virtual time (an integer, by which waiting folds are ordered) per second of a fold's

@@ -14,7 +14,7 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from contextvars import ContextVar
 from typing import Final, ParamSpec, TypeVar
 
-from server.limits.concurrency_quota import Permit, Quota
+from foldback.server.limits.concurrency_quota import Permit, Quota
 
 CURRENT_VISITOR: Final[ContextVar[str | None]] = ContextVar("visitor", default=None)
 """Visitor (IP address) whose request the current task or thread processes, so that threads are

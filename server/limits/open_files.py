@@ -6,7 +6,7 @@ import resource
 from dataclasses import dataclass
 from typing import Final, Self
 
-from server.settings import Settings
+from foldback.server.settings import Settings
 
 OTHER_FILES: Final = 192
 """Number of file descriptors that the web process needs besides one for each connection: about 70

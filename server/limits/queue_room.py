@@ -8,9 +8,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final, NamedTuple
 
-from server.errors import TooMany
-from server.limits.fair_queue import admits, network_of
-from server.settings import Settings
+from foldback.server.errors import TooMany
+from foldback.server.limits.fair_queue import admits, network_of
+from foldback.server.settings import Settings
 
 QUEUE_RETRY_S: Final = 30
 """Value of the ``Retry-After`` header, in s, if a fold is refused because the queue is full. A

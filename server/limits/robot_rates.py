@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Final
 
-from server.limits.token_buckets import SharedBuckets
+from foldback.server.limits.token_buckets import SharedBuckets
 
 NUMBERS_PER_SECOND_OF_VISITOR: Final = 200_000.0
 """Number of joint angles and speeds per second that the service sends to all robots of one visitor;

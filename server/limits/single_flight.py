@@ -12,9 +12,9 @@ from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from typing import Any, Final, TypeVar
 
-from server.errors import ServiceError, TooMany, Unavailable
-from server.limits.concurrency_quota import Holder, Permit, Quota
-from web.timeline.cache import Cache
+from foldback.server.errors import ServiceError, TooMany, Unavailable
+from foldback.server.limits.concurrency_quota import Holder, Permit, Quota
+from foldback.web.timeline.cache import Cache
 
 PENDING_RETRY_S: Final = 3
 """Value of the ``Retry-After`` header, in s, if a derived file or another result cannot be computed

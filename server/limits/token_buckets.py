@@ -8,7 +8,7 @@ from typing import Final
 
 from cachetools import LRUCache
 
-from server.limits.networks import networks_of
+from foldback.server.limits.networks import networks_of
 
 MAX_BUCKETS: Final = 50_000
 """Maximum number of visitors and networks whose token buckets (rate limits) are stored; the least

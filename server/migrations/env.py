@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from alembic import context
 
-from server.store.tables import Base
+from foldback.server.store.tables import Base
 
 context.configure(
     connection=context.config.attributes["connection"],

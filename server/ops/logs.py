@@ -18,7 +18,7 @@ from datetime import UTC, datetime
 from types import MappingProxyType
 from typing import Any, Final
 
-from server.settings import Settings
+from foldback.server.settings import Settings
 
 QUIET_LOGGERS: Final = ("alembic", "httpx", "opentelemetry", "websockets")
 ACCEPT_ERROR: Final = "socket.accept() out of system resource"

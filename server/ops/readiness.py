@@ -15,12 +15,12 @@ from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from planner.pipeline.compiling_lock import compiling_fraction
-from server.errors import READ_ONLY_WORDS
-from server.limits.disk_space import free_space
-from server.settings import Settings
-from server.store.leases import Leases
-from server.store.object_store import StorageError
+from foldback.planner.pipeline.compiling_lock import compiling_fraction
+from foldback.server.errors import READ_ONLY_WORDS
+from foldback.server.limits.disk_space import free_space
+from foldback.server.settings import Settings
+from foldback.server.store.leases import Leases
+from foldback.server.store.object_store import StorageError
 
 READINESS_CACHE_S: Final = 2.0
 """Time for which the checked state of disk, object store and workers is cached, in s; ``/ready``

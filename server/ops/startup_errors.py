@@ -11,7 +11,7 @@ from typing import Any, Final
 
 from pydantic import ValidationError
 
-from server.settings import VARIABLE_PREFIX, Settings, unknown_names, unknown_words
+from foldback.server.settings import VARIABLE_PREFIX, Settings, unknown_names, unknown_words
 
 EXPECTED_WORDS: Final = {
     "int_parsing": "a whole number",
@@ -80,8 +80,8 @@ def starting(what: str) -> Generator[None]:
     # Imported here, because commands without a database use this module as well.
     from sqlalchemy.exc import DBAPIError
 
-    from server.store.object_store import StorageError
-    from server.store.schema_version import NewerSchemaError
+    from foldback.server.store.object_store import StorageError
+    from foldback.server.store.schema_version import NewerSchemaError
 
     try:
         yield

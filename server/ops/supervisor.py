@@ -13,7 +13,7 @@ import time
 from collections.abc import Callable
 from typing import Final
 
-from server.settings import Settings
+from foldback.server.settings import Settings
 
 SUPERVISION_POLL_S: Final = 0.2
 """Time between two checks of the service's main process if a worker process has ended, in s. With a
@@ -138,7 +138,13 @@ class SupervisedWorker:
         self.leash.setblocking(False)
         with theirs:
             self.process = subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.jobs.worker_process", str(self._pulse_s)],
+                [
+                    sys.executable,
+                    "-P",
+                    "-m",
+                    "foldback.server.jobs.worker_process",
+                    str(self._pulse_s),
+                ],
                 stdin=theirs.fileno(),
                 env=environment,
                 # Ctrl-C in the terminal must reach only the service, which stops its workers.

@@ -9,10 +9,10 @@ from dataclasses import dataclass
 from functools import cache
 from typing import Final
 
-from planner.readers.gallery import Gallery, GalleryShape
-from server.store.folds import FoldRow, Store
-from words.fold import ShownFold
-from words.gallery import (
+from foldback.planner.readers.gallery import Gallery, GalleryShape
+from foldback.server.store.folds import FoldRow, Store
+from foldback.words.fold import ShownFold
+from foldback.words.gallery import (
     CARD_STATUS_LABELS,
     CHAIN_LABELS,
     TAG_LABELS,

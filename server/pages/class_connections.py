@@ -11,13 +11,13 @@ import segno
 from fastapi import APIRouter, Request, WebSocket, WebSocketDisconnect
 from fastapi.responses import RedirectResponse, Response
 
-from server.api.context import context_of
-from server.api.fold_lookup import ADDRESS_ID
-from server.http.base_path import BASE_PATH
-from server.http.client_address import address_of
-from server.http.live_classes import LiveClass, is_view
-from server.http.websockets import close, first_of, receive
-from server.store.folds import NoSuchFoldError
+from foldback.server.api.context import context_of
+from foldback.server.api.fold_lookup import ADDRESS_ID
+from foldback.server.http.base_path import BASE_PATH
+from foldback.server.http.client_address import address_of
+from foldback.server.http.live_classes import LiveClass, is_view
+from foldback.server.http.websockets import close, first_of, receive
+from foldback.server.store.folds import NoSuchFoldError
 
 router = APIRouter(include_in_schema=False)
 MAX_CLASS_S: Final = 8 * 3600.0

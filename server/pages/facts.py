@@ -9,40 +9,40 @@ from typing import Final, Literal, NotRequired, TypedDict, cast
 
 import numpy as np
 
-from planner.certificate.earlier_certificates import summary_told_honestly, told_honestly
-from planner.certificate.figures import (
+from foldback.planner.certificate.earlier_certificates import summary_told_honestly, told_honestly
+from foldback.planner.certificate.figures import (
     CertificateFigures,
     FoldSummary,
 )
-from planner.errors import UNREADABLE
-from planner.exports.formats import exports_of
-from planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMELINE
-from planner.files import json_of
-from planner.motion.record import TableRecord
-from planner.parameters.parameters import FLOATING, TURN_STRATEGIES
-from planner.parameters.settings_text import TABLE_SETTINGS
-from planner.pathfinding.path_options import MAX_TABLE_MODULES
-from planner.pipeline.fold_layout import result_path
-from planner.pipeline.preference import COMPUTING, Preference, preference_named
-from planner.pipeline.request import MAX_SEED, FoldRequest
-from planner.robot import MAX_SMOOTHED_ANGLES
-from planner.verification.integrity import damaged_among
-from server.api.schemas import export_href
-from server.errors import MOTION_FILES, damage_words
-from server.pages.table_check import ruled_out_on_table
-from server.processes.movie_task import movie_formats
-from server.store.estimates import expected_of_cost, plain_fold
-from server.store.fold_files import frames_promised
-from server.store.fold_source import Found
-from server.store.tables import FoldRow, request_of
-from words import certificate as certificate_words
-from words.certificate import TableWords
-from words.failures import AttemptWords, Failure, attempts, failure, tightest_frame
-from words.fold import RUNNING_STATUSES, ShownFold, has_motion, step_count
-from words.plan_choice import Choice, choice_of
-from words.properties import Properties, properties
-from words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
-from words.suggestions import (
+from foldback.planner.errors import UNREADABLE
+from foldback.planner.exports.formats import exports_of
+from foldback.planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMELINE
+from foldback.planner.files import json_of
+from foldback.planner.motion.record import TableRecord
+from foldback.planner.parameters.parameters import FLOATING, TURN_STRATEGIES
+from foldback.planner.parameters.settings_text import TABLE_SETTINGS
+from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.pipeline.preference import COMPUTING, Preference, preference_named
+from foldback.planner.pipeline.request import MAX_SEED, FoldRequest
+from foldback.planner.robot import MAX_SMOOTHED_ANGLES
+from foldback.planner.verification.integrity import damaged_among
+from foldback.server.api.schemas import export_href
+from foldback.server.errors import MOTION_FILES, damage_words
+from foldback.server.pages.table_check import ruled_out_on_table
+from foldback.server.processes.movie_task import movie_formats
+from foldback.server.store.estimates import expected_of_cost, plain_fold
+from foldback.server.store.fold_files import frames_promised
+from foldback.server.store.fold_source import Found
+from foldback.server.store.tables import FoldRow, request_of
+from foldback.words import certificate as certificate_words
+from foldback.words.certificate import TableWords
+from foldback.words.failures import AttemptWords, Failure, attempts, failure, tightest_frame
+from foldback.words.fold import RUNNING_STATUSES, ShownFold, has_motion, step_count
+from foldback.words.plan_choice import Choice, choice_of
+from foldback.words.properties import Properties, properties
+from foldback.words.smoothing import BeforeAfter, smoothing_note, smoothing_rows
+from foldback.words.suggestions import (
     AGAIN_LABELS,
     EXPLOSION,
     FLOATING_FOLD,
@@ -56,7 +56,7 @@ from words.suggestions import (
     preferring,
     published,
 )
-from words.verdict import (
+from foldback.words.verdict import (
     COVER_LOADING,
     COVER_WAITING,
     NO_DOWNLOADS,

@@ -13,26 +13,26 @@ import numpy as np
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
-from planner.errors import UNREADABLE, PlannerError
-from planner.file_names import CHAIN
-from planner.motion.timeline import chain_from_attributes
-from planner.pipeline.fold_layout import result_path
-from planner.verification.integrity import damaged_among
-from server.api.context import Context, context_of
-from server.api.fold_lookup import find_now, viewing_of
-from server.http.response_cache import mark
-from server.pages.facts import FoldFacts, fold_facts, script_facts
-from server.pages.page import origin_of, page, script_json
-from server.pages.privacy import visibility
-from server.pages.problem_page import no_such_page
-from server.store.fold_source import Found
-from server.store.tables import FoldRow
-from web.pictures.isometric import isometric_svg
-from web.pictures.isometric_modules import chain_svg
-from web.pictures.picture_view import PictureView
-from words.fold import RUNNING_STATUSES
-from words.missing_pages import NO_FOLD
-from words.suggestions import ONCE_READY, about
+from foldback.planner.errors import UNREADABLE, PlannerError
+from foldback.planner.file_names import CHAIN
+from foldback.planner.motion.timeline import chain_from_attributes
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.verification.integrity import damaged_among
+from foldback.server.api.context import Context, context_of
+from foldback.server.api.fold_lookup import find_now, viewing_of
+from foldback.server.http.response_cache import mark
+from foldback.server.pages.facts import FoldFacts, fold_facts, script_facts
+from foldback.server.pages.page import origin_of, page, script_json
+from foldback.server.pages.privacy import visibility
+from foldback.server.pages.problem_page import no_such_page
+from foldback.server.store.fold_source import Found
+from foldback.server.store.tables import FoldRow
+from foldback.web.pictures.isometric import isometric_svg
+from foldback.web.pictures.isometric_modules import chain_svg
+from foldback.web.pictures.picture_view import PictureView
+from foldback.words.fold import RUNNING_STATUSES
+from foldback.words.missing_pages import NO_FOLD
+from foldback.words.suggestions import ONCE_READY, about
 
 router = APIRouter(include_in_schema=False)
 

@@ -7,16 +7,16 @@ import asyncio
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
-from planner.errors import InputError
-from planner.parameters.parameters import World
-from planner.pipeline.request import FoldRequest
-from server.api.context import context_of, in_list_rate
-from server.api.fold_inputs import Origin
-from server.api.folds import post_fold
-from server.errors import ServiceError, refusal_of
-from server.http.problems import Problem
-from server.http.security import INDEXED_HEADERS
-from server.pages.cards import (
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.parameters import World
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.server.api.context import context_of, in_list_rate
+from foldback.server.api.fold_inputs import Origin
+from foldback.server.api.folds import post_fold
+from foldback.server.errors import ServiceError, refusal_of
+from foldback.server.http.problems import Problem
+from foldback.server.http.security import INDEXED_HEADERS
+from foldback.server.pages.cards import (
     CardFacts,
     FoldStatus,
     GalleryFilter,
@@ -24,11 +24,11 @@ from server.pages.cards import (
     included_folds,
     kinds,
 )
-from server.pages.page import drawing, origin_of, page
-from server.pages.problem_page import not_found_page
-from server.store.owner import Claim
-from web.pictures.shipped_pictures import shipped_pictures
-from words.gallery import (
+from foldback.server.pages.page import drawing, origin_of, page
+from foldback.server.pages.problem_page import not_found_page
+from foldback.server.store.owner import Claim
+from foldback.web.pictures.shipped_pictures import shipped_pictures
+from foldback.words.gallery import (
     CARD_STATUS_LABELS,
     CHAIN_LABELS,
     MODULE_PLURALS,
@@ -37,7 +37,7 @@ from words.gallery import (
     module_count,
     rest_of,
 )
-from words.messages import message_for_people
+from foldback.words.messages import message_for_people
 
 router = APIRouter(include_in_schema=False)
 

@@ -8,14 +8,14 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import HTMLResponse, Response
 
-from server.api.context import context_of, in_list_rate
-from server.api.fold_lookup import find_now
-from server.http.base_path import at
-from server.pages.cards import included_folds
-from server.pages.page import page, script_json
-from server.pages.problem_page import not_found_page
-from words.fold import ShownFold
-from words.missing_pages import NO_FOLD
+from foldback.server.api.context import context_of, in_list_rate
+from foldback.server.api.fold_lookup import find_now
+from foldback.server.http.base_path import at
+from foldback.server.pages.cards import included_folds
+from foldback.server.pages.page import page, script_json
+from foldback.server.pages.problem_page import not_found_page
+from foldback.words.fold import ShownFold
+from foldback.words.missing_pages import NO_FOLD
 
 router = APIRouter(include_in_schema=False)
 CHOSEN_FOLDS: Final = r"^([A-Za-z0-9_-]{1,64}(,[A-Za-z0-9_-]{1,64}){0,49})?$"

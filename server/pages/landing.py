@@ -9,17 +9,17 @@ from typing import Final
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import HTMLResponse, Response
 
-from server.api.context import context_of, in_list_rate
-from server.errors import READ_ONLY_WORDS
-from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
-from server.pages.cards import selected
-from server.pages.page import origin_of, page, templates
-from server.pages.pictures import picture_answer
-from server.pages.privacy import visibility
-from server.store.folds import Store
-from web.pictures.shipped_pictures import shipped_pictures
-from web.static_files import STATIC
-from words.gallery import module_count
+from foldback.server.api.context import context_of, in_list_rate
+from foldback.server.errors import READ_ONLY_WORDS
+from foldback.server.http.downloads import BINARY_MEDIA_TYPE, revalidated
+from foldback.server.pages.cards import selected
+from foldback.server.pages.page import origin_of, page, templates
+from foldback.server.pages.pictures import picture_answer
+from foldback.server.pages.privacy import visibility
+from foldback.server.store.folds import Store
+from foldback.web.pictures.shipped_pictures import shipped_pictures
+from foldback.web.static_files import STATIC
+from foldback.words.gallery import module_count
 
 router = APIRouter(include_in_schema=False)
 

@@ -14,12 +14,12 @@ from fastapi.responses import HTMLResponse, Response
 from jinja2 import Environment, PackageLoader, StrictUndefined, select_autoescape
 from markupsafe import Markup
 
-from planner.parameters.option import options_of
-from planner.pipeline.request import FoldRequest
-from server.http.base_path import BASE_PATH, at
-from server.http.security import INDEXED_HEADERS
-from web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
-from words.settings import PAPER_ROWS, SOURCE_LABELS, TABLE_ROWS
+from foldback.planner.parameters.option import options_of
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.server.http.base_path import BASE_PATH, at
+from foldback.server.http.security import INDEXED_HEADERS
+from foldback.web.static_files import VERSIONED, code_of, scripts_of, scripts_version, text_of
+from foldback.words.settings import PAPER_ROWS, SOURCE_LABELS, TABLE_ROWS
 
 THEME_SCRIPT: Final = "js/theme.js"
 """Script that sets the light or dark theme before the page is painted; the only inline script of
@@ -114,7 +114,7 @@ def rendered(template: str, /, **values: object) -> str:
 def templates() -> Environment:
     """Return the environment of all templates."""
     return Environment(
-        loader=PackageLoader("web", "templates"),
+        loader=PackageLoader("foldback.web", "templates"),
         autoescape=select_autoescape(),
         undefined=StrictUndefined,
         trim_blocks=True,

@@ -11,13 +11,13 @@ from typing import Final, TypedDict
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
-from planner.file_names import CHAIN
-from planner.motion.timeline import chain_from_attributes
-from server.http.downloads import BINARY_MEDIA_TYPE, revalidated
-from server.http.security import INDEXED_HEADERS
-from server.pages.page import not_found, origin_of, page
-from web.static_files import STATIC
-from web.viser.scene_bundle import bundle_of
+from foldback.planner.file_names import CHAIN
+from foldback.planner.motion.timeline import chain_from_attributes
+from foldback.server.http.downloads import BINARY_MEDIA_TYPE, revalidated
+from foldback.server.http.security import INDEXED_HEADERS
+from foldback.server.pages.page import not_found, origin_of, page
+from foldback.web.static_files import STATIC
+from foldback.web.viser.scene_bundle import bundle_of
 
 router = APIRouter(include_in_schema=False)
 

@@ -7,11 +7,11 @@ from functools import cache
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
-from server.api.context import context_of
-from server.http.base_path import BASE_PATH
-from server.http.downloads import Asset
-from server.http.security import INDEXED_HEADERS
-from server.pages.page import policy_of_pages, rendered, script_json
+from foldback.server.api.context import context_of
+from foldback.server.http.base_path import BASE_PATH
+from foldback.server.http.downloads import Asset
+from foldback.server.http.security import INDEXED_HEADERS
+from foldback.server.pages.page import policy_of_pages, rendered, script_json
 
 router = APIRouter(include_in_schema=False)
 

@@ -10,22 +10,22 @@ from typing import Any, Final
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
-from planner.pathfinding.path_options import MAX_TABLE_MODULES
-from server.api.context import Context, context_of
-from server.api.fold_inputs import stored_options
-from server.api.shapes import texts_of
-from server.errors import NotFound
-from server.files.preview_reports import OPTIONS_KEY, cells_of_repair, read_report
-from server.http.client_address import address_of
-from server.http.downloads import BINARY_MEDIA_TYPE
-from server.pages.page import drawing, not_found, page, script_addresses, script_json
-from server.pages.problem_page import not_found_page
-from server.store.fold_files import NoSuchFoldError
-from server.store.previews import NoSuchPreviewError, Previews
-from web.pictures.preview_drawing import preview_svg
-from web.viser.preview_scene import preview_scene_of
-from words.fold import ShownFold, shown_name
-from words.missing_pages import NO_FOLD, NO_INPUT, NO_PREVIEW, NO_SHAPE
+from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES
+from foldback.server.api.context import Context, context_of
+from foldback.server.api.fold_inputs import stored_options
+from foldback.server.api.shapes import texts_of
+from foldback.server.errors import NotFound
+from foldback.server.files.preview_reports import OPTIONS_KEY, cells_of_repair, read_report
+from foldback.server.http.client_address import address_of
+from foldback.server.http.downloads import BINARY_MEDIA_TYPE
+from foldback.server.pages.page import drawing, not_found, page, script_addresses, script_json
+from foldback.server.pages.problem_page import not_found_page
+from foldback.server.store.fold_files import NoSuchFoldError
+from foldback.server.store.previews import NoSuchPreviewError, Previews
+from foldback.web.pictures.preview_drawing import preview_svg
+from foldback.web.viser.preview_scene import preview_scene_of
+from foldback.words.fold import ShownFold, shown_name
+from foldback.words.missing_pages import NO_FOLD, NO_INPUT, NO_PREVIEW, NO_SHAPE
 
 router = APIRouter(include_in_schema=False)
 

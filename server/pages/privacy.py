@@ -5,12 +5,12 @@ from __future__ import annotations
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
-from server.api.context import context_of
-from server.jobs.housekeeping import CANCELLED_FOLD_S, MIN_UNUSED_S
-from server.pages.page import page
-from server.settings import Settings
-from words.fold import ShownFold
-from words.lifetime import kept_words, time_words, who_and_how_long
+from foldback.server.api.context import context_of
+from foldback.server.jobs.housekeeping import CANCELLED_FOLD_S, MIN_UNUSED_S
+from foldback.server.pages.page import page
+from foldback.server.settings import Settings
+from foldback.words.fold import ShownFold
+from foldback.words.lifetime import kept_words, time_words, who_and_how_long
 
 router = APIRouter(include_in_schema=False)
 

@@ -7,11 +7,11 @@ from typing import Final
 from fastapi import Request
 from fastapi.responses import Response
 
-from server.api.fold_lookup import viewing_of
-from server.http.problems import Problem
-from server.pages.page import page
-from web.pictures.isometric import isometric_svg
-from words.messages import message_for_people
+from foldback.server.api.fold_lookup import viewing_of
+from foldback.server.http.problems import Problem
+from foldback.server.pages.page import page
+from foldback.web.pictures.isometric import isometric_svg
+from foldback.words.messages import message_for_people
 
 PROBLEM_HEADINGS: Final = {
     404: "Page not found",

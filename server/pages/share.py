@@ -14,33 +14,33 @@ from typing import Annotated, Any, Final
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, Response
 
-from planner.errors import DamagedError, TimelineError
-from planner.file_names import PLAN, TIMELINE
-from planner.parameters.parameters import FLOATING
-from planner.pipeline.fold_layout import result_path
-from planner.verification.integrity import check
-from server.api.fold_lookup import find_fold, found_fold, viewing_of
-from server.api.module_values import values_of
-from server.api.player_data import steps_in, view_page
-from server.api.tours import tour_of
-from server.errors import Conflict
-from server.http.client_address import address_of
-from server.http.downloads import download
-from server.pages.facts import FoldFacts, fold_facts, script_facts
-from server.pages.page import page, policy_of_pages, rendered, script_json
-from server.pages.problem_page import no_such_page
-from server.store.fold_files import NoSuchFoldError
-from server.store.fold_source import FoldSource, Found
-from server.store.object_store import TIMELINE_HEAD
-from web.pictures.table_top import TableTop
-from web.timeline.metrics import FIGURES, curves_of, table_forces
-from web.timeline.shared_views import unless_replaced
-from web.timeline.view import TimelineView
-from web.viser.client import client
-from web.viser.recording import recording_of
-from web.viser.standalone import Render, standalone_html, standalone_scripts
-from words.fold import RUNNING_STATUSES
-from words.missing_pages import NO_FOLD, NO_PAIR
+from foldback.planner.errors import DamagedError, TimelineError
+from foldback.planner.file_names import PLAN, TIMELINE
+from foldback.planner.parameters.parameters import FLOATING
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.verification.integrity import check
+from foldback.server.api.fold_lookup import find_fold, found_fold, viewing_of
+from foldback.server.api.module_values import values_of
+from foldback.server.api.player_data import steps_in, view_page
+from foldback.server.api.tours import tour_of
+from foldback.server.errors import Conflict
+from foldback.server.http.client_address import address_of
+from foldback.server.http.downloads import download
+from foldback.server.pages.facts import FoldFacts, fold_facts, script_facts
+from foldback.server.pages.page import page, policy_of_pages, rendered, script_json
+from foldback.server.pages.problem_page import no_such_page
+from foldback.server.store.fold_files import NoSuchFoldError
+from foldback.server.store.fold_source import FoldSource, Found
+from foldback.server.store.object_store import TIMELINE_HEAD
+from foldback.web.pictures.table_top import TableTop
+from foldback.web.timeline.metrics import FIGURES, curves_of, table_forces
+from foldback.web.timeline.shared_views import unless_replaced
+from foldback.web.timeline.view import TimelineView
+from foldback.web.viser.client import client
+from foldback.web.viser.recording import recording_of
+from foldback.web.viser.standalone import Render, standalone_html, standalone_scripts
+from foldback.words.fold import RUNNING_STATUSES
+from foldback.words.missing_pages import NO_FOLD, NO_PAIR
 
 router = APIRouter(include_in_schema=False)
 SHARED_FOLD_ID: Final = r"^[A-Za-z0-9_-]{1,64}$"

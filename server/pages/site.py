@@ -15,24 +15,24 @@ from typing import Final
 
 from markupsafe import Markup
 
-from planner.file_names import TIMELINE
-from planner.files import write_whole
-from planner.pipeline.fold_layout import result_path
-from planner.plan.module_values import values_in
-from server.api.player_data import steps_in
-from server.api.tours import draft_of
-from server.pages.facts import fold_facts
-from server.pages.fold import drawing_in
-from server.pages.kiosk import exhibits
-from server.pages.page import rendered
-from server.pages.paper import paper_data, paper_files, paper_values
-from server.pages.share import standalone_page
-from server.pages.static import ELEMENT
-from server.store.fold_source import Found
-from web.static_files import STATIC, code_of
-from web.timeline.view import TimelineView
-from web.viser.client import client
-from web.viser.standalone import (
+from foldback.planner.file_names import TIMELINE
+from foldback.planner.files import write_whole
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.plan.module_values import values_in
+from foldback.server.api.player_data import steps_in
+from foldback.server.api.tours import draft_of
+from foldback.server.pages.facts import fold_facts
+from foldback.server.pages.fold import drawing_in
+from foldback.server.pages.kiosk import exhibits
+from foldback.server.pages.page import rendered
+from foldback.server.pages.paper import paper_data, paper_files, paper_values
+from foldback.server.pages.share import standalone_page
+from foldback.server.pages.static import ELEMENT
+from foldback.server.store.fold_source import Found
+from foldback.web.static_files import STATIC, code_of
+from foldback.web.timeline.view import TimelineView
+from foldback.web.viser.client import client
+from foldback.web.viser.standalone import (
     ENTRY_SCRIPT,
     FILMS_SCRIPT,
     KIOSK_SCRIPT,
@@ -40,8 +40,8 @@ from web.viser.standalone import (
     film_script,
     packed_scripts,
 )
-from words.fold import ShownFold
-from words.gallery import CARD_STATUS_LABELS, MODULE_PLURALS, method_of
+from foldback.words.fold import ShownFold
+from foldback.words.gallery import CARD_STATUS_LABELS, MODULE_PLURALS, method_of
 
 SCRIPTS_FILE: Final = "static/foldback.js"
 """File with the scripts of all pages."""

@@ -12,10 +12,10 @@ from typing import Final
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, Response
 
-from server.http.downloads import Asset
-from server.http.security import INDEXED_HEADERS
-from server.pages.page import not_found
-from web.static_files import STATIC, VERSIONED, code_of, scripts_version
+from foldback.server.http.downloads import Asset
+from foldback.server.http.security import INDEXED_HEADERS
+from foldback.server.pages.page import not_found
+from foldback.web.static_files import STATIC, VERSIONED, code_of, scripts_version
 
 router = APIRouter(include_in_schema=False)
 

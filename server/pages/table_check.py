@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.errors import UNREADABLE, PlannerError
-from planner.motion.timeline import chain_from_attributes
+from foldback.planner.errors import UNREADABLE, PlannerError
+from foldback.planner.motion.timeline import chain_from_attributes
 
 
 @lru_cache(maxsize=256)
@@ -20,8 +20,8 @@ def ruled_out_on_table(chain: Path) -> bool:
         chain: Chain file of the fold. One that cannot be read counts as ruled out.
     """
     # Imported late, because these modules load SciPy.
-    from planner.table_paths.base_sides import sides_of
-    from planner.table_paths.no_table_path_proofs import ruled_out
+    from foldback.planner.table_paths.base_sides import sides_of
+    from foldback.planner.table_paths.no_table_path_proofs import ruled_out
 
     try:
         positions = chain_from_attributes(json.loads(chain.read_bytes())).folded_poses.positions

@@ -24,14 +24,14 @@ from typing import Any, BinaryIO, Final, NamedTuple
 import psutil
 from setproctitle import setproctitle
 
-from planner.errors import InputError
-from planner.files import settle
-from planner.progress import Cancelled, Progress, Report
-from server.errors import UNEXPECTED_WORDS
-from server.processes.landlock import Allowed, no_new_rights
-from server.processes.limits import memory_words
-from server.processes.sandbox import confine, confine_thread
-from server.processes.scratch import request_in
+from foldback.planner.errors import InputError
+from foldback.planner.files import settle
+from foldback.planner.progress import Cancelled, Progress, Report
+from foldback.server.errors import UNEXPECTED_WORDS
+from foldback.server.processes.landlock import Allowed, no_new_rights
+from foldback.server.processes.limits import memory_words
+from foldback.server.processes.sandbox import confine, confine_thread
+from foldback.server.processes.scratch import request_in
 
 LOW_PRIORITY_KINDS: Final = ("stages", "movies", "retimer")
 """Kinds of computing processes that run with the configured niceness (a low priority), as no page
@@ -197,8 +197,8 @@ def _step_back(niceness: int) -> None:
 
 
 def _stages(progress: Report, directory: Path | None, *, warm: bool) -> Task:
-    from planner.pipeline.stages import run_stage
-    from planner.pipeline.warm_up import warm_up
+    from foldback.planner.pipeline.stages import run_stage
+    from foldback.planner.pipeline.warm_up import warm_up
 
     _load(*COMPUTING_LIBRARIES, MESH_LIBRARY, "zarr.codecs")
     if warm:
@@ -265,7 +265,7 @@ def _confined(works: Mapping[str, Work], *, beside: Collection[str] = ()) -> Tas
 
 
 def _reader(*, warm: bool) -> Task:
-    from server.processes.read_task import check, offers, preview, warm_up
+    from foldback.server.processes.read_task import check, offers, preview, warm_up
 
     _load(MESH_LIBRARY)
     if warm:
@@ -280,15 +280,15 @@ def _reader(*, warm: bool) -> Task:
 
 
 def _preparer(*, warm: bool) -> Task:
-    from planner.pipeline.warm_up_paths import warm_up_fit, warm_up_paths
+    from foldback.planner.pipeline.warm_up_paths import warm_up_fit, warm_up_paths
 
     # So that the first preview does not wait for these imports.
     _load(
-        "planner.pipeline.prepare",
-        "planner.shapes.decimation",
-        "planner.table_paths.offers",
-        "planner.pathfinding.filling_methods",
-        "planner.pathfinding.shape_overlap",
+        "foldback.planner.pipeline.prepare",
+        "foldback.planner.shapes.decimation",
+        "foldback.planner.table_paths.offers",
+        "foldback.planner.pathfinding.filling_methods",
+        "foldback.planner.pathfinding.shape_overlap",
     )
     if warm:
         warm_up_paths()
@@ -298,11 +298,11 @@ def _preparer(*, warm: bool) -> Task:
 
 def _movies(*, warm: bool) -> Task:
     del warm  # movies need no kernels
-    from planner.errors import TimelineError
-    from web.movies.encoding import EncodingError, NoEncoderError
-    from web.movies.make_movie import make_movie
-    from web.movies.movie import Movie
-    from web.movies.renderer import NoGLError
+    from foldback.planner.errors import TimelineError
+    from foldback.web.movies.encoding import EncodingError, NoEncoderError
+    from foldback.web.movies.make_movie import make_movie
+    from foldback.web.movies.movie import Movie
+    from foldback.web.movies.renderer import NoGLError
 
     _load("mujoco", "zarr.codecs")
 
@@ -336,7 +336,7 @@ def _movies(*, warm: bool) -> Task:
 
 
 def _retimer(*, warm: bool) -> Task:
-    from server.processes.retime_task import clearance, motors, retime, warm_up
+    from foldback.server.processes.retime_task import clearance, motors, retime, warm_up
 
     _load(*COMPUTING_LIBRARIES)
     if warm:
@@ -352,7 +352,7 @@ def _retimer(*, warm: bool) -> Task:
 
 def _pictures(*, warm: bool) -> Task:
     del warm  # always, because a confined process cannot store a kernel that it compiles
-    from server.processes.picture_task import draw, warm_up
+    from foldback.server.processes.picture_task import draw, warm_up
 
     warm_up()
 

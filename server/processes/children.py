@@ -23,12 +23,12 @@ from typing import TYPE_CHECKING, Any, Final
 
 import psutil
 
-from planner.errors import InputError
-from server.processes.fork_server import Forked, ForkServer, Kind, environment_with
-from server.processes.limits import ChildLimits, memory_words
+from foldback.planner.errors import InputError
+from foldback.server.processes.fork_server import Forked, ForkServer, Kind, environment_with
+from foldback.server.processes.limits import ChildLimits, memory_words
 
 if TYPE_CHECKING:
-    from server.limits.concurrency_quota import Quota
+    from foldback.server.limits.concurrency_quota import Quota
 
 CHILD_POLL_S: Final = 0.05
 """Maximum time between two checks of a computing process for its memory limit and for a
@@ -122,7 +122,7 @@ class _Spawned(subprocess.Popen[bytes]):
                 sys.executable,
                 "-P",
                 "-m",
-                "server.processes.child",
+                "foldback.server.processes.child",
                 kind,
                 json.dumps(asdict(limits)),
             ],

@@ -22,7 +22,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, BinaryIO, Final, Literal
 
-from server.processes.limits import ChildLimits, environment_of_child
+from foldback.server.processes.limits import ChildLimits, environment_of_child
 
 Kind = Literal["stages", "reader", "preparer", "movies", "retimer", "pictures"]
 CHILD_ENVIRONMENT: Final = {
@@ -133,7 +133,7 @@ class _Running:
         with theirs:
             self._process = subprocess.Popen(
                 [
-                    *(sys.executable, "-P", "-m", "server.processes.fork_server_process"),
+                    *(sys.executable, "-P", "-m", "foldback.server.processes.fork_server_process"),
                     *(str(theirs.fileno()), json.dumps(asked)),
                 ],
                 stdin=subprocess.DEVNULL,

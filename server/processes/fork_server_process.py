@@ -25,12 +25,12 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Final, NoReturn
 
-from planner.pipeline.compiling import Compiling, beside
-from planner.pipeline.compiling_lock import compiling_fraction
-from planner.progress import Progress, silent
-from server.errors import UNEXPECTED_WORDS
-from server.processes.child import Task, serve, task_of
-from server.processes.sandbox import end_threads, load_kernels
+from foldback.planner.pipeline.compiling import Compiling, beside
+from foldback.planner.pipeline.compiling_lock import compiling_fraction
+from foldback.planner.progress import Progress, silent
+from foldback.server.errors import UNEXPECTED_WORDS
+from foldback.server.processes.child import Task, serve, task_of
+from foldback.server.processes.sandbox import end_threads, load_kernels
 
 MAX_REQUEST_BYTES: Final = 65536
 """Number of bytes that the fork server, which starts computing processes, reads at most at once
@@ -261,7 +261,7 @@ def _tasks(
         else:
             beside("all", directory)
     if "stages" in tasks and not warm:  # otherwise each fold would load its kernels for 1.5 s
-        from planner.pipeline.warm_up import warm_up_folding
+        from foldback.planner.pipeline.warm_up import warm_up_folding
 
         warm_up_folding(requests.progress, directory=directory)
     return tasks, late

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
-    from server.settings import Settings
+    from foldback.server.settings import Settings
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

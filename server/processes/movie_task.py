@@ -10,9 +10,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any, Final
 
-from server.processes.children import Child, ChildError
-from server.processes.limits import ChildLimits
-from web.movies.encoding import formats
+from foldback.server.processes.children import Child, ChildError
+from foldback.server.processes.limits import ChildLimits
+from foldback.web.movies.encoding import formats
 
 GL_LIBRARIES: Final = {"egl": "EGL", "osmesa": "OSMesa"}
 """Names of the libraries that MuJoCo loads, by the OpenGL backend."""

@@ -8,15 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path as CellPath
-from planner.errors import InputError
-from planner.file_names import CHAIN
-from planner.motion.timeline import chain_from_attributes
-from server.processes.scratch import MOMENT_FILE, PICTURE
-from web.pictures.caption import Caption
-from web.pictures.picture_view import PictureView
-from web.pictures.social_picture import FOLDED_VIEW, Moment, social_picture
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path as CellPath
+from foldback.planner.errors import InputError
+from foldback.planner.file_names import CHAIN
+from foldback.planner.motion.timeline import chain_from_attributes
+from foldback.server.processes.scratch import MOMENT_FILE, PICTURE
+from foldback.web.pictures.caption import Caption
+from foldback.web.pictures.picture_view import PictureView
+from foldback.web.pictures.social_picture import FOLDED_VIEW, Moment, social_picture
 
 
 def warm_up() -> None:

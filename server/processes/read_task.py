@@ -14,17 +14,17 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from planner.chain.module import CUBE
-from planner.chain.path import Path as CellPath
-from planner.file_names import START_PLAN
-from planner.files import write_sealed_json
-from planner.pipeline.request import FoldRequest, PreviewRequest
-from planner.playback.unfolding import check_fits
-from planner.readers import read
-from planner.shapes.shape import Shape
-from planner.shapes.solid import Solid
-from server.processes.scratch import READ_CONTENT, request_in
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE
+from foldback.planner.chain.path import Path as CellPath
+from foldback.planner.file_names import START_PLAN
+from foldback.planner.files import write_sealed_json
+from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
+from foldback.planner.playback.unfolding import check_fits
+from foldback.planner.readers import read
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import Solid
+from foldback.server.processes.scratch import READ_CONTENT, request_in
 
 MAX_STORED_CELLS: Final = 4000
 """Maximum number of cells of an upload that are stored for the first drawing on a fold's page;
@@ -63,12 +63,12 @@ def check(directory: Path) -> dict[str, Any]:
         if begins is not None:
             check_fits(begins, found.module.name, len(found))
         if request.world == "table":
-            from planner.pipeline.prepare import check_for_table
+            from foldback.planner.pipeline.prepare import check_for_table
 
             check_for_table(found)
         return {"name": found.name, "module": found.module.name, "modules": len(found)}
-    from planner.pathfinding.path_options import DEFAULT_MODULES
-    from planner.pipeline.prepare import filling_of
+    from foldback.planner.pathfinding.path_options import DEFAULT_MODULES
+    from foldback.planner.pipeline.prepare import filling_of
 
     options = request.path_options()
     options.check()
@@ -90,16 +90,16 @@ def _begins(directory: Path) -> Chain:
     Raises:
         InputError: If the plan does not lead from a straight to a folded chain.
     """
-    from planner.plan.plan import Plan
+    from foldback.planner.plan.plan import Plan
 
     return Plan.load(directory / START_PLAN).unfolding().chain
 
 
 def _smoothed(directory: Path, request: FoldRequest) -> dict[str, Any]:
     """Return ``name``, ``module`` and ``modules`` of a plan to be smoothed."""
-    from planner.file_names import RECORDED_PLAN
-    from planner.plan.plan import Plan
-    from planner.robot.smoothed_plan import check_smoothable
+    from foldback.planner.file_names import RECORDED_PLAN
+    from foldback.planner.plan.plan import Plan
+    from foldback.planner.robot.smoothed_plan import check_smoothable
 
     request.check()
     plan = Plan.load(directory / RECORDED_PLAN)
@@ -114,8 +114,8 @@ def preview(directory: Path) -> dict[str, Any]:
     Raises:
         InputError: If the input in the parent directory is invalid.
     """
-    from planner.pipeline.prepare import prepare_found, read_in_any_order
-    from planner.plan.prepared_chains import key_of
+    from foldback.planner.pipeline.prepare import prepare_found, read_in_any_order
+    from foldback.planner.plan.prepared_chains import key_of
 
     about = request_in(directory)
     request = PreviewRequest.from_json(about)
@@ -154,7 +154,7 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
     Raises:
         InputError: If the input is invalid.
     """
-    from planner.table_paths.offers import table_offers
+    from foldback.planner.table_paths.offers import table_offers
 
     about = request_in(directory)
     request = PreviewRequest.from_json(about)

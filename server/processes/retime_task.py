@@ -9,15 +9,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.exports.trajectory import MAX_TOUCH_DEPTH_PITCH, sufficient_rate
-from planner.exports.trajectory import clearance as clearance_of_rows
-from planner.file_names import PLAN
-from planner.plan.plan import Plan
-from planner.robot.motors import Build, motor_table
-from planner.robot.retiming import retime as retime_plan
-from planner.robot.retiming import retimed
-from planner.robot.trajectory import Trajectory
-from server.processes.scratch import MOTORS_FILE, request_in
+from foldback.planner.exports.trajectory import MAX_TOUCH_DEPTH_PITCH, sufficient_rate
+from foldback.planner.exports.trajectory import clearance as clearance_of_rows
+from foldback.planner.file_names import PLAN
+from foldback.planner.plan.plan import Plan
+from foldback.planner.robot.motors import Build, motor_table
+from foldback.planner.robot.retiming import retime as retime_plan
+from foldback.planner.robot.retiming import retimed
+from foldback.planner.robot.trajectory import Trajectory
+from foldback.server.processes.scratch import MOTORS_FILE, request_in
 
 MAX_CLEARANCE_CPU_S: Final = 5.0
 """Maximum processor time for proving the clearance between modules along an exported trajectory, in
@@ -27,7 +27,7 @@ modules take less than 1 s, 1000 modules about 15 s. Chosen."""
 
 def warm_up() -> None:
     """Retime a tiny chain and compute its torques, to compile the required kernels."""
-    from planner.pipeline.warm_up_paths import (
+    from foldback.planner.pipeline.warm_up_paths import (
         warm_up_chains,  # imported here, because only this function needs the path search
     )
 

@@ -14,10 +14,10 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Any, Final
 
-from server.processes import landlock, seccomp
-from server.processes.landlock import Allowed
+from foldback.server.processes import landlock, seccomp
+from foldback.server.processes.landlock import Allowed
 
-OWN_PACKAGES: Final = ("planner", "web", "server")
+OWN_PACKAGES: Final = ("foldback", "foldback.planner", "foldback.web", "foldback.server")
 SYSTEM_PATHS: Final = (
     *("/usr", "/lib", "/lib32", "/lib64", "/bin", "/sbin"),
     *("/etc/ld.so.cache", "/etc/ld.so.preload", "/etc/localtime", "/etc/alternatives"),
@@ -149,7 +149,7 @@ def _ffmpeg() -> list[Path]:
 
 def load_kernels() -> None:
     """Load all kernels."""
-    from planner import kernels
+    from foldback.planner import kernels
 
     for module in pkgutil.iter_modules(kernels.__path__):
         importlib.import_module(f"{kernels.__name__}.{module.name}")

@@ -15,8 +15,8 @@ import sys
 from collections.abc import Sequence
 from typing import Final
 
-from server.processes.landlock import no_new_rights
-from server.processes.system_calls import (
+from foldback.server.processes.landlock import no_new_rights
+from foldback.server.processes.system_calls import (
     CALLS,
     FIRST_UNKNOWN_CALL,
     PROGRAM_CALLS,

@@ -17,9 +17,9 @@ from typing import Final
 import sqlalchemy as sa
 from cachetools import TTLCache, cachedmethod
 
-from planner.pipeline.request import FoldRequest
-from server.store.folds import Store, cost_of
-from server.store.tables import REQUESTED_COLUMNS, FoldRow, columns_of
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.server.store.folds import Store, cost_of
+from foldback.server.store.tables import REQUESTED_COLUMNS, FoldRow, columns_of
 
 MAX_COMPARED_FOLDS: Final = 100
 """Maximum number of latest folds with the same options whose durations are read to estimate that of

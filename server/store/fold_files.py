@@ -19,14 +19,14 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
-from planner.errors import UNREADABLE
-from planner.file_names import TIMELINE
-from planner.files import written_aside
-from planner.pipeline.fold_layout import result_path
-from server.errors import NoSuch
-from server.settings import Settings
-from server.store.object_store import FETCHED_INDEX, Storage, open_storage
-from server.store.tables import FoldRow
+from foldback.planner.errors import UNREADABLE
+from foldback.planner.file_names import TIMELINE
+from foldback.planner.files import written_aside
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.server.errors import NoSuch
+from foldback.server.settings import Settings
+from foldback.server.store.object_store import FETCHED_INDEX, Storage, open_storage
+from foldback.server.store.tables import FoldRow
 
 COPY_CACHE_S: Final = 0.4
 """Maximum age of the local copy of a running fold's files before they are compared with the object

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol
 
-from words.fold import ShownFold
+from foldback.words.fold import ShownFold
 
 
 @dataclass(frozen=True, slots=True)

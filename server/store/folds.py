@@ -19,9 +19,9 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 from sqlalchemy.orm import Session, sessionmaker
 
-from planner.pipeline.expected_cost import ExpectedCost, expected_cost
-from planner.progress import COMPILING
-from server.limits.fair_queue import (
+from foldback.planner.pipeline.expected_cost import ExpectedCost, expected_cost
+from foldback.planner.progress import COMPILING
+from foldback.server.limits.fair_queue import (
     QUICK_FOLD_S,
     is_quick,
     network_of,
@@ -29,13 +29,13 @@ from server.limits.fair_queue import (
     ticks,
     virtual_finish_time,
 )
-from server.limits.queue_room import Waiting
-from server.settings import Settings
-from server.store.fold_files import Folders, NoSuchFoldError
-from server.store.fold_source import Found
-from server.store.owner import Owner, owned_by
-from server.store.staged_files import discard_staged, finish_restore, staged_numbers
-from server.store.tables import (
+from foldback.server.limits.queue_room import Waiting
+from foldback.server.settings import Settings
+from foldback.server.store.fold_files import Folders, NoSuchFoldError
+from foldback.server.store.fold_source import Found
+from foldback.server.store.owner import Owner, owned_by
+from foldback.server.store.staged_files import discard_staged, finish_restore, staged_numbers
+from foldback.server.store.tables import (
     ENDED,
     Base,
     CounterRow,
@@ -49,7 +49,7 @@ from server.store.tables import (
     migrate,
     request_of,
 )
-from words.fold import RUNNING_STATUSES, ShownFold
+from foldback.words.fold import RUNNING_STATUSES, ShownFold
 
 __all__ = ["FoldRow", "NoSuchFoldError", "Store", "new_id", "rows_of"]
 

@@ -19,11 +19,11 @@ from typing import Final
 import sqlalchemy as sa
 from cachetools import TTLCache, cachedmethod
 
-from planner.pipeline.compiling_lock import IMPORTS_FRACTION
-from server.settings import Settings
-from server.store.folds import Store, rows_of
-from server.store.tables import CounterRow, WorkerRow
-from server.store.worker_identity import WorkerIdentities
+from foldback.planner.pipeline.compiling_lock import IMPORTS_FRACTION
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store, rows_of
+from foldback.server.store.tables import CounterRow, WorkerRow
+from foldback.server.store.worker_identity import WorkerIdentities
 
 COMPILED_COUNT: Final = 1000
 """Scale of the counter that holds the compiled fraction of a worker's numerical kernels in the

@@ -18,8 +18,8 @@ from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeVar
 
-from planner.files import write_whole, written_aside
-from server.settings import Settings
+from foldback.planner.files import write_whole, written_aside
+from foldback.server.settings import Settings
 
 if TYPE_CHECKING:  # the extra `storage`
     from obstore.store import ObjectStore

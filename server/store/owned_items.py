@@ -8,9 +8,9 @@ from typing import Any
 
 import sqlalchemy as sa
 
-from server.store.folds import Store, rows_of
-from server.store.owner import Owner, owned_by
-from server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
+from foldback.server.store.folds import Store, rows_of
+from foldback.server.store.owner import Owner, owned_by
+from foldback.server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

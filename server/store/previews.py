@@ -22,13 +22,13 @@ from typing import Any, Final
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 
-from planner.file_names import INPUT
-from server.errors import NoSuch, not_stored
-from server.settings import Settings
-from server.store.folds import Store, new_id
-from server.store.object_store import StorageError
-from server.store.owner import Owner, owned_by
-from server.store.tables import PreviewRow, ReportRow
+from foldback.planner.file_names import INPUT
+from foldback.server.errors import NoSuch, not_stored
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store, new_id
+from foldback.server.store.object_store import StorageError
+from foldback.server.store.owner import Owner, owned_by
+from foldback.server.store.tables import PreviewRow, ReportRow
 
 PREVIEWS_KEY: Final = "previews"
 SWEEPING_THREAD: Final = "preview-sweep"

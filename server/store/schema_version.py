@@ -86,6 +86,6 @@ def known_versions() -> tuple[str, ...]:
 def config() -> Config:
     """Return alembic's configuration, with the directory of the migrations."""
     made = Config()
-    made.set_main_option("script_location", str(files("server") / "migrations"))
+    made.set_main_option("script_location", str(files("foldback.server") / "migrations"))
     made.set_main_option("path_separator", "os")
     return made

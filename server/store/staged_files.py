@@ -19,10 +19,10 @@ from typing import BinaryIO, Final
 
 import sqlalchemy as sa
 
-from planner.files import settle
-from server.settings import Settings
-from server.store.object_store import Storage, StorageError
-from server.store.tables import CounterRow, changing_alone, is_read_only
+from foldback.planner.files import settle
+from foldback.server.settings import Settings
+from foldback.server.store.object_store import Storage, StorageError
+from foldback.server.store.tables import CounterRow, changing_alone, is_read_only
 
 RESTORED_COUNTER: Final = "restored files"
 """Name of the counter with the number of the staged files that have to be moved into place."""

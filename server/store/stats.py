@@ -14,9 +14,9 @@ import sqlalchemy as sa
 from cachetools import TTLCache, cachedmethod
 from sqlalchemy.orm import Session
 
-from server.settings import Settings
-from server.store.leases import Leases
-from server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, engine_of
+from foldback.server.settings import Settings
+from foldback.server.store.leases import Leases
+from foldback.server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, engine_of
 
 FIGURES_CACHE_S: Final = 2.0
 """Time for which the figures for operators (numbers of folds, durations) are cached, in s. A larger

@@ -16,11 +16,11 @@ from sqlalchemy.exc import DBAPIError, InterfaceError, OperationalError
 from sqlalchemy.exc import TimeoutError as PoolTimeoutError
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column
 
-from planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.request import FoldRequest
 
 if TYPE_CHECKING:
-    from server.settings import Settings
-    from words.fold import ShownFold
+    from foldback.server.settings import Settings
+    from foldback.words.fold import ShownFold
 
 
 class Base(DeclarativeBase):
@@ -400,7 +400,7 @@ def migrate(engine: sa.Engine) -> None:
     Raises:
         NewerSchemaError: If a newer foldback wrote them.
     """
-    from server.store.schema_version import Schema
+    from foldback.server.store.schema_version import Schema
 
     with changing_alone(engine) as connection:
         schema = Schema.of(connection)
@@ -429,7 +429,7 @@ def upgrade(connection: sa.Connection, version: str) -> None:
     """Migrate the tables to a version within the transaction of a connection."""
     from alembic import command
 
-    from server.store.schema_version import config
+    from foldback.server.store.schema_version import config
 
     alembic = config()
     alembic.attributes["connection"] = connection

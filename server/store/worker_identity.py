@@ -17,8 +17,8 @@ from fcntl import F_OFD_GETLK, F_OFD_SETLK, F_UNLCK, F_WRLCK, LOCK_EX, fcntl, fl
 from pathlib import Path
 from typing import IO, Final
 
-from planner.files import write_whole
-from server.settings import Settings
+from foldback.planner.files import write_whole
+from foldback.server.settings import Settings
 
 MAX_WORKERS_PER_MACHINE: Final = 256
 """Maximum number of workers on one machine: each takes the first free number, and one that finds

@@ -15,10 +15,10 @@ from bench.reproduction.experiments import STATEMENTS, Experiment, experiments
 from bench.reproduction.page_text import figure, told
 from bench.reproduction.reproduce import reproduce, tell
 from bench.reproduction.runs import stored_runs
-from planner.chain.path import Path as CellPath
-from planner.pipeline.request import FoldRequest
-from planner.plan.shape_writers import write_path
-from web.palette import STALLED_RGB
+from foldback.planner.chain.path import Path as CellPath
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.plan.shape_writers import write_path
+from foldback.web.palette import STALLED_RGB
 
 pytestmark = pytest.mark.slow
 

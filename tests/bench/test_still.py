@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from bench.reproduction.still import still
-from planner.chain.module import CUBE, MODULES, Module
-from web.palette import MAX_ERROR_RGB, NO_ERROR_RGB, STALLED_RGB
-from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD
+from foldback.planner.chain.module import CUBE, MODULES, Module
+from foldback.web.palette import MAX_ERROR_RGB, NO_ERROR_RGB, STALLED_RGB
+from foldback.web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD
 
 POSITIONS = np.array([(x, 0.0, 0.0) for x in range(6)])
 UPRIGHT = np.tile([1.0, 0.0, 0.0, 0.0], (6, 1))

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from bench.success_map.stored import run_missing, stored
-from planner.progress import Progress
+from foldback.planner.progress import Progress
 
 # Any frozen dataclass is suitable.
 CASES = [Progress(stage="explode", fraction=0.0, steps=k) for k in range(7)]

@@ -7,7 +7,7 @@ import pytest
 from axe_playwright_python.sync_playwright import Axe
 from playwright.sync_api import Page, expect
 
-from server.store.owner import new_token
+from foldback.server.store.owner import new_token
 from tests.browser.conftest import WIDTH, Visit, overflowing, preview_file, wait_for_preview
 from tests.server.files.test_preview import CROSS, stl, voxels
 from tests.server.service_process import SNAKE, Service

@@ -6,7 +6,7 @@ import httpx
 import pytest
 from playwright.sync_api import Browser, expect
 
-from foldback_client import Client
+from foldback.client import Client
 from tests.browser.conftest import MEDIA, open_tab
 from tests.server.service_process import Service
 

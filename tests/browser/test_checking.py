@@ -5,8 +5,8 @@ from pathlib import Path
 
 from playwright.sync_api import Locator, expect
 
-from foldback_check import Plan
-from planner.motion.timeline import Timeline
+from foldback.foldback_check import Plan
+from foldback.planner.motion.timeline import Timeline
 from tests.browser.conftest import WIDTH, Visit
 from tests.server.service_process import FinishedFold
 

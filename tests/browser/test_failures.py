@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import Page, expect
 
-import foldback_check_refusals
+from foldback import foldback_check_refusals
 from tests.browser.conftest import (
     Visit,
     picture,

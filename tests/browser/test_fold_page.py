@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import Route, expect
 
-from planner.certificate.metrics_store import Figures
-from planner.motion.timeline import Timeline
+from foldback.planner.certificate.metrics_store import Figures
+from foldback.planner.motion.timeline import Timeline
 from tests.browser.conftest import Visit, at_frame, choose, picture, seek
 from tests.server.service_process import STAIRS, Service, path_file
 

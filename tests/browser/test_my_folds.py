@@ -5,7 +5,7 @@ import re
 import pytest
 from playwright.sync_api import Page, expect
 
-from server.store.owner import new_token
+from foldback.server.store.owner import new_token
 from tests.browser.conftest import Visit
 from tests.server.service_process import SNAKE, STAIRS, Service, bearer
 

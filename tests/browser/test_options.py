@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from planner.parameters.settings_text import SETTINGS
-from planner.plan.plan import Plan
+from foldback.planner.parameters.settings_text import SETTINGS
+from foldback.planner.plan.plan import Plan
 from tests.browser.conftest import (
     WIDTH,
     Visit,

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from planner.certificate.metrics_store import Figures
+from foldback.planner.certificate.metrics_store import Figures
+from foldback.words.messages import nearest_frame
 from tests.browser.conftest import at_frame, drag, seek, shown_frame, visiting
 from tests.server.service_process import Service
-from words.messages import nearest_frame
 
 GROUND = "() => getComputedStyle(document.body).backgroundColor"
 

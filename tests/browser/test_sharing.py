@@ -8,10 +8,10 @@ import pytest
 from PIL import Image
 from playwright.sync_api import expect
 
+from foldback.web.static_files import STATIC
 from tests.browser.conftest import NO_WEBGL, Visit, drag, keep_as_mine, open_tab, picture
 from tests.server.service_process import STAIRS, Service
 from tests.web.blog import Blog
-from web.static_files import STATIC
 
 EXAMPLE = Path(__file__).parents[2] / "examples" / "embedding.html"
 

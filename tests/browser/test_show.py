@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, expect
 
-from planner.motion.timeline import TimelineWriter
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.viewer import show
 from tests.browser.conftest import wait_until
 from tests.planner.chains import chain_of
 from tests.web.conftest import SNAKE, folding
-from web.viser import show
 
 # viser logs this when a page is closed while its camera moves.
 QUEUED = "ignore:Queued a .* on a closed connection:UserWarning"

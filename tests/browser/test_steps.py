@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 from playwright.sync_api import Browser, expect
 
-from planner.plan.steps import find_steps
-from server.cli.site import site
+from foldback.planner.plan.steps import find_steps
+from foldback.server.cli.site import site
 from tests.browser.conftest import MEDIA
 from tests.planner.chains import coil
 from tests.planner.folds import write_resting_fold

@@ -22,7 +22,7 @@ from typing import Any
 
 import httpx
 
-from foldback_client import Client
+from foldback.client import Client
 from tests.deploy.files import DEPLOY, check, compose, variables
 from tests.server.service_process import SNAKE, wait_until
 from tests.tools import CADDY, POSTGRES
@@ -34,7 +34,7 @@ NETWORKS = {"back": "10.77.0", "outside": "10.78.0"}
 FIRST_HOST = {"database": 2, "storage": 3, "proxy": 2, "web": 129, "worker": 150}
 """Last number of the address of each service's first replica; the others follow."""
 TIMEOUT_S = 120.0
-FOLDBACK = (sys.executable, "-P", "-m", "server.cli.command_line")
+FOLDBACK = (sys.executable, "-P", "-m", "foldback.server.cli.command_line")
 
 
 def run(*command: object, **given: Any) -> str:

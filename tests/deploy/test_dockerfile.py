@@ -8,7 +8,7 @@ import tomllib
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from server.processes.movie_task import NO_GL
+from foldback.server.processes.movie_task import NO_GL
 from tests.deploy.files import DEPLOY
 
 ROOT = DEPLOY.parent

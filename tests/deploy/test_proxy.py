@@ -9,7 +9,7 @@ import pytest
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from foldback_client import Client
+from foldback.client import Client
 from tests.deploy.proxy import Proxy, free_ports
 from tests.server.service_process import SNAKE, STAIRS, Service
 

@@ -2,7 +2,7 @@ import re
 
 import pytest
 
-from server.settings import Settings
+from foldback.server.settings import Settings
 from tests.deploy.files import DEPLOY, EXAMPLES, settings_named
 
 

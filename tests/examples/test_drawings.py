@@ -5,8 +5,8 @@ import pytest
 
 from docs.make_drawings import PICTURES, draw_shape
 from examples.make_pictures import pictures
+from foldback.web.pictures.shipped_pictures import shipped_pictures
 from tests.web.timeline.decoding import decode
-from web.pictures.shipped_pictures import shipped_pictures
 
 DOCS = Path(__file__).parents[2] / "docs"
 

@@ -4,9 +4,9 @@ from collections import Counter
 import numpy as np
 
 from examples.make_gallery import HERE, drawings, make, parse_drawings
-from planner.chain.path import Path
-from planner.pathfinding.knots import knot_of
-from planner.readers import read
+from foldback.planner.chain.path import Path
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.readers import read
 from tests.case import case
 
 DRAWINGS = drawings()

@@ -6,11 +6,11 @@ import pytest
 from examples import make_tetrahedra
 from examples.make_gallery import drawings
 from examples.make_shapes import DRAWINGS, SHAPES, make, merged_blocks, snake
-from planner.chain.chain import Chain
-from planner.chain.module import TETRAHEDRON
-from planner.chain.path import Path
-from planner.readers import read
-from planner.readers.gallery import gallery
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.chain.path import Path
+from foldback.planner.readers import read
+from foldback.planner.readers.gallery import gallery
 from tests.case import case
 
 CHAINS = [shape for shape in gallery() if shape.module == TETRAHEDRON.name]

@@ -37,12 +37,14 @@ def test_public_values_have_docstrings() -> None:
 @pytest.mark.slow
 def test_reference_has_every_public_name(tmp_path: Path) -> None:
     make(tmp_path)  # a warning is an error here
-    assert "planner.html" in (tmp_path / "index.html").read_text(encoding="utf-8")
-    assert 'id="Show.__call__"' in (tmp_path / "web" / "viser.html").read_text(encoding="utf-8")
+    assert "foldback.html" in (tmp_path / "index.html").read_text(encoding="utf-8")
+    assert 'id="Show.__call__"' in (tmp_path / "foldback" / "viewer.html").read_text(
+        encoding="utf-8"
+    )
     for module, name in PUBLIC:
         page = (tmp_path / f"{module.replace('.', '/')}.html").read_text(encoding="utf-8")
         assert f'<section id="{name}">' in page
     assert "min_clearance" in example()
-    page = (tmp_path / "planner.html").read_text(encoding="utf-8")
+    page = (tmp_path / "foldback.html").read_text(encoding="utf-8")
     assert "wrench-94.json" in page.partition('<section id="')[0]
     assert "sets of parameters" in page

@@ -16,16 +16,16 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.exports.formats import export_named
-from planner.motion.angle_encoding import quantised
-from planner.plan import plan as plan_module
-from planner.plan.plan import Plan
-from planner.readers.gallery import Gallery
-from server.admin.migration import run_migration
-from server.cli.command_line import COMMANDS, imported
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.owner import Owner
+from foldback.planner.exports.formats import export_named
+from foldback.planner.motion.angle_encoding import quantised
+from foldback.planner.plan import plan as plan_module
+from foldback.planner.plan.plan import Plan
+from foldback.planner.readers.gallery import Gallery
+from foldback.server.admin.migration import run_migration
+from foldback.server.cli.command_line import COMMANDS, imported
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.owner import Owner
 from tests.case import case
 from tests.planner.folds import run_fold
 from tests.run_python import ROOT
@@ -73,7 +73,7 @@ def shell(line: str, place: Path, **environment: str) -> subprocess.CompletedPro
     """Run a line of a page in a directory with an environment like that of a checkout."""
     if not (place / ".venv").exists():
         (place / ".venv").symlink_to(sys.prefix)
-        (place / "foldback_check.py").symlink_to(ROOT / "foldback_check.py")
+        (place / "foldback_check.py").symlink_to(ROOT / "foldback" / "foldback_check.py")
         trimesh.creation.box((3, 4, 5)).export(place / "part.stl")
     path = f"{Path(sys.prefix) / 'bin'}:{os.environ['PATH']}"
     return subprocess.run(

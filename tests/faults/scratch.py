@@ -17,7 +17,7 @@ from typing import Final
 from tests.faults.fault import Fault
 
 KERNEL_CACHES: Final = ("*.nbi", "*.nbc")
-WARM_UP: Final = "from planner.pipeline.warm_up import warm_up; warm_up()"
+WARM_UP: Final = "from foldback.planner.pipeline.warm_up import warm_up; warm_up()"
 LAST_FAILED: Final = Path(".pytest_cache/v/cache/lastfailed")
 PASSED: Final = 0
 FAILED_TESTS: Final = 1
@@ -62,10 +62,10 @@ class Scratch:
         )
         tracked = [checkout / name for name in listed.stdout.split("\0") if name]
         for path in (*tracked, *self._compiled(tracked)):
-            if path.is_file():  # tracked files may be deleted
+            if path.is_file() or path.is_symlink():  # tracked files may be deleted
                 copy = work_dir / path.relative_to(checkout)
                 copy.parent.mkdir(parents=True, exist_ok=True)
-                shutil.copy2(path, copy)
+                shutil.copy2(path, copy, follow_symlinks=False)
         self._python = _interpreter(work_dir)
         subprocess.run([self._python, "-c", WARM_UP], cwd=work_dir, check=True)
 
@@ -145,7 +145,9 @@ class Scratch:
                 continue
             found.add(path)
             module = ".".join(path.relative_to(self._root).with_suffix("").parts)
-            waiting += [other for other, text in kernels.items() if f"from {module} " in text]
+            waiting += [
+                other for other, text in kernels.items() if f"from foldback.{module} " in text
+            ]
         return found
 
     def _compiled(self, files: Iterable[Path]) -> list[Path]:

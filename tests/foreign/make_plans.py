@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.exports.formats import EXPORTS
-from planner.exports.urdf import centre_of
-from planner.plan.plan import Plan
+from foldback.planner.exports.formats import EXPORTS
+from foldback.planner.exports.urdf import centre_of
+from foldback.planner.plan.plan import Plan
 
 FRAMES = 7
 FOLDS = {
@@ -25,7 +25,7 @@ def main(out: Path) -> None:
         directory = out / name
         if (directory / "poses.npz").exists():
             continue
-        program = [sys.executable, "-m", "server.cli.command_line", *command]
+        program = [sys.executable, "-m", "foldback.server.cli.command_line", *command]
         subprocess.run([*program, "--out", str(directory)], check=True)
         plan = Plan.load(directory / "plan.npz")
         for export in EXPORTS:

@@ -10,8 +10,8 @@ import pytest
 
 sys.path.insert(0, str(Path(__file__).parents[2]))
 
-import foldback_check
-from planner.verification.third_opinion import ask_ipctk
+from foldback import foldback_check
+from foldback.planner.verification.third_opinion import ask_ipctk
 from tests.planner.verification.forged_plans import save
 
 FOLDED = ("short", "wrench-24", "ring", "mallet-64", "refold")

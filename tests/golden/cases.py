@@ -11,12 +11,12 @@ from typing import Any, Final, cast
 
 import trimesh
 
-from planner.chain.path import Path
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_chain, write_path
+from foldback.planner.chain.path import Path
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_chain, write_path
 from tests.planner.chains import COIL, HAIRPIN, SQUARE, coil
 
 SHAPES: Final = FilePath(__file__).parents[2] / "examples" / "shapes"

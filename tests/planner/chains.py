@@ -5,13 +5,13 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from planner.chain.chain import Chain
-from planner.chain.module import Module
-from planner.chain.path import Path
-from planner.kernels.backbite import grow
-from planner.motion.motion import Motion, Phase
-from planner.pathfinding.lattice import neighbours
-from planner.simulation.reduced_state import State, turned
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
+from foldback.planner.chain.path import Path
+from foldback.planner.kernels.backbite import grow
+from foldback.planner.motion.motion import Motion, Phase
+from foldback.planner.pathfinding.lattice import neighbours
+from foldback.planner.simulation.reduced_state import State, turned
 
 Array = NDArray[np.float64]
 

@@ -6,11 +6,11 @@ from pathlib import Path as FilePath
 
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.motion.record import Record
-from planner.plan.plan import Plan
-from planner.playback.playback import Playback
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.motion.record import Record
+from foldback.planner.plan.plan import Plan
+from foldback.planner.playback.playback import Playback
 from tests.planner.folds import run_fold
 
 SHAPES = FilePath(__file__).parents[2] / "examples" / "shapes"

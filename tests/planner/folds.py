@@ -9,18 +9,18 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.certificate.certificate import Certificate
-from planner.file_names import CERTIFICATE, MOMENTS, PLAN, PLAN_TEXT, TIMELINE
-from planner.files import write_json
-from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline import certifying
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
-from planner.plan.moment_search import moments_of
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_path
-from planner.plan.steps import find_steps
+from foldback.planner.certificate.certificate import Certificate
+from foldback.planner.file_names import CERTIFICATE, MOMENTS, PLAN, PLAN_TEXT, TIMELINE
+from foldback.planner.files import write_json
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
+from foldback.planner.pipeline import certifying
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.moment_search import moments_of
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.plan.steps import find_steps
 from tests.planner.chains import COIL
 
 

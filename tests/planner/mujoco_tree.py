@@ -5,10 +5,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.rotations import wxyz_from_matrix
-from planner.simulation.mujoco_models import Material, tree_spec
-from planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.simulation.mujoco_models import Material, tree_spec
+from foldback.planner.simulation.reduced_state import Acceleration, State
 from tests.planner.chains import Array
 
 

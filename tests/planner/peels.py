@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.motion.motion import Motion
-from planner.pathfinding.snake import snake_path
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.motion import Motion
+from foldback.planner.pathfinding.snake import snake_path
 from tests.planner.chains import Array, chain_of
 
 

@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
-from planner.arrays import Array
-from planner.certificate.certificate import certify
-from planner.chain.chain import Chain
-from planner.motion.motion import FRAME_COLUMNS, Motion
-from planner.parameters.parameters import Parameters
-from planner.plan.plan import Plan
+from foldback.planner.arrays import Array
+from foldback.planner.certificate.certificate import certify
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.motion import FRAME_COLUMNS, Motion
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.plan.plan import Plan
 
 LATER_FIGURES = (
     *("simulated", "exempt_pairs", "min_clearance_record_at", "frames", "plan_end_error_rad"),

@@ -4,11 +4,11 @@ from typing import Any
 
 import pytest
 
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.readers import read
-from planner.shapes.shape import Shape
-from planner.shapes.solid import Solid
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.readers import read
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import Solid
 
 
 def refusal_of(data: bytes, **options: Any) -> InputError:

@@ -11,7 +11,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
-from planner.shapes.solid import Solid
+from foldback.planner.shapes.solid import Solid
 
 Mesh = trimesh.Trimesh
 

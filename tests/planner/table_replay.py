@@ -14,10 +14,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.motion.motion import Motion
-from planner.simulation.lazy_mujoco import mujoco
-from planner.simulation.mujoco_models import STIFF_SOLREF_SOLIMP, Material, compiled, tree_spec
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.motion import Motion
+from foldback.planner.simulation.lazy_mujoco import mujoco
+from foldback.planner.simulation.mujoco_models import (
+    STIFF_SOLREF_SOLIMP,
+    Material,
+    compiled,
+    tree_spec,
+)
 from tests.planner.chains import Array
 
 BRAKE_TORQUE_RATIO: Final = 1.1

@@ -4,9 +4,9 @@ from typing import Any
 
 from numpy.typing import ArrayLike
 
-from planner.errors import InputError
-from planner.table_paths.no_table_path_proofs import NoPath, most_telling
-from planner.table_paths.table_paths import TablePath, paths_or_reasons
+from foldback.planner.errors import InputError
+from foldback.planner.table_paths.no_table_path_proofs import NoPath, most_telling
+from foldback.planner.table_paths.table_paths import TablePath, paths_or_reasons
 
 
 def table_paths(cells: ArrayLike, **options: Any) -> tuple[TablePath, ...]:

@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import zarr
 
-from planner import checked_zarr
-from planner.checked_zarr import checksums_of, open_for_writing
-from planner.pipeline.manifest import write_manifest
+from foldback.planner import checked_zarr
+from foldback.planner.checked_zarr import checksums_of, open_for_writing
+from foldback.planner.pipeline.manifest import write_manifest
 
 ZARR = ("timeline.zarr", "figures.zarr")
 SMALLEST = 1e-6

@@ -25,15 +25,15 @@ from sqlalchemy import event
 from sqlalchemy.exc import OperationalError
 from typer.testing import CliRunner
 
-from server.admin.backup import restore
-from server.admin.backup_rows import write_rows
-from server.admin.database import consistent_view
-from server.admin.errors import AdminError
-from server.admin.stored_files import stored_files
-from server.cli.admin import admin
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.staged_files import staged_numbers
+from foldback.server.admin.backup import restore
+from foldback.server.admin.backup_rows import write_rows
+from foldback.server.admin.database import consistent_view
+from foldback.server.admin.errors import AdminError
+from foldback.server.admin.stored_files import stored_files
+from foldback.server.cli.admin import admin
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.staged_files import staged_numbers
 from tests.server.rows import SOMEBODY, a_fold
 from tests.server.service_thread import copy_tables
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from server.cli import serve
-from server.cli import worker as worker_command
-from server.jobs import worker
-from server.settings import Settings
-from server.store.folds import Store
+from foldback.server.cli import serve
+from foldback.server.cli import worker as worker_command
+from foldback.server.jobs import worker
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
 from tests.server.bucket import Bucket
 from tests.server.postgres import DATABASES, Postgres
 from tests.server.service_thread import ServiceThread, copy_tables

@@ -9,12 +9,12 @@ from typing import Any
 import sqlalchemy as sa
 from sqlalchemy import event
 
-from server.settings import Settings
-from server.store import tables
-from server.store.folds import Store, new_id
-from server.store.owner import Claim, Owner
-from server.store.previews import SWEEPING_THREAD
-from server.store.tables import FoldRow, MovieRow
+from foldback.server.settings import Settings
+from foldback.server.store import tables
+from foldback.server.store.folds import Store, new_id
+from foldback.server.store.owner import Claim, Owner
+from foldback.server.store.previews import SWEEPING_THREAD
+from foldback.server.store.tables import FoldRow, MovieRow
 from tests.server.service_process import Service
 
 SOMEBODY = Owner.from_token("a token of somebody")

@@ -83,7 +83,15 @@ class Service:
         """Start the process, without waiting for the service."""
         with open(self.log, "a") as log:
             self.process = subprocess.Popen(
-                [*self.wrapper, sys.executable, "-P", "-m", "server.cli", "serve", *arguments],
+                [
+                    *self.wrapper,
+                    sys.executable,
+                    "-P",
+                    "-m",
+                    "foldback.server.cli",
+                    "serve",
+                    *arguments,
+                ],
                 env=self.environment,
                 stdout=subprocess.PIPE,
                 stderr=log,
@@ -125,7 +133,7 @@ class Service:
         """Run a worker that is not supervised."""
         with open(self.log, "a") as log:
             worker = subprocess.Popen(
-                [sys.executable, "-P", "-m", "server.cli", "worker"],
+                [sys.executable, "-P", "-m", "foldback.server.cli", "worker"],
                 env=self.environment,
                 stderr=log,
             )

@@ -16,13 +16,13 @@ import httpx
 import psutil
 import uvicorn
 
-from server.api import context
-from server.cli.serve import server_of
-from server.jobs import runner
-from server.ops.logs import TextLines
-from server.processes.fork_server import ForkServer
-from server.settings import VARIABLE_PREFIX, Settings
-from server.store.folds import Store
+from foldback.server.api import context
+from foldback.server.cli.serve import server_of
+from foldback.server.jobs import runner
+from foldback.server.ops.logs import TextLines
+from foldback.server.processes.fork_server import ForkServer
+from foldback.server.settings import VARIABLE_PREFIX, Settings
+from foldback.server.store.folds import Store
 from tests.server.service_process import TIMEOUT_S, Service
 
 UNUSED_PREFIX = "NO_TEST_SETS_THIS_"

@@ -5,13 +5,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.motion.motion import Motion
-from planner.motion.timeline import TimelineWriter
-from planner.pathfinding.snake import snake_path
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.planner.pathfinding.snake import snake_path
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
 from tests.planner.chains import chain_of
 from tests.tools import OPENGL
 

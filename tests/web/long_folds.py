@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.motion.motion import PHASES, Motion
-from planner.motion.timeline import TimelineWriter
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.motion import PHASES, Motion
+from foldback.planner.motion.timeline import TimelineWriter
 from tests.planner import peels
 
 

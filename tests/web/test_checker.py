@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-import foldback_check
 from bench.clearance.forgeries import certainly_false
-from planner.certificate.frame_metrics import clearances_of
-from planner.chain.chain import Chain
-from planner.chain.module import MODULES
+from foldback import foldback_check
+from foldback.planner.certificate.frame_metrics import clearances_of
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import MODULES
 from tests.case import case
 from tests.planner.peels import snake
 from tests.planner.verification import strange_plans

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from planner.motion.timeline import Timeline
+from foldback.planner.motion.timeline import Timeline
+from foldback.web.viser.scene_bundle import opened_scene
 from tests.server.service_process import Service
 from tests.web.blog import Blog
-from web.viser.scene_bundle import opened_scene
 
 
 def test_finished_frames_and_the_client_are_cached_by_browsers(

@@ -18,33 +18,33 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses, forward_kinematics
-from planner.chain.module import TETRAHEDRON
-from planner.chain.path import Path as CellPath
-from planner.chain.rotations import matrix_from_wxyz
-from planner.errors import InputError
-from planner.motion.timeline import chain_from_attributes
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.chain.path import Path as CellPath
+from foldback.planner.chain.rotations import matrix_from_wxyz
+from foldback.planner.errors import InputError
+from foldback.planner.motion.timeline import chain_from_attributes
+from foldback.web.palette import error_colours, error_scale
+from foldback.web.pictures.camera import distance_needed, framing
+from foldback.web.static_files import STATIC, scripts_of
+from foldback.web.timeline.columns import encode
+from foldback.web.timeline.frame_batch import batch_of
+from foldback.web.timeline.view import TimelineView
+from foldback.web.timeline.window_columns import (
+    PLANE_COLUMNS,
+    SHORT_COLUMNS,
+    window_columns,
+)
+from foldback.web.viser.scene_bundle import bundle_of
+from foldback.words.messages import count_from_one
+from foldback.words.quantities import number, si
 from tests.planner import peels
 from tests.planner.chains import chain_of
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
 from tests.web.node import NODE
 from tests.web.timeline.decoding import windows_of
-from web.palette import error_colours, error_scale
-from web.pictures.camera import distance_needed, framing
-from web.static_files import STATIC, scripts_of
-from web.timeline.columns import encode
-from web.timeline.frame_batch import batch_of
-from web.timeline.view import TimelineView
-from web.timeline.window_columns import (
-    PLANE_COLUMNS,
-    SHORT_COLUMNS,
-    window_columns,
-)
-from web.viser.scene_bundle import bundle_of
-from words.messages import count_from_one
-from words.quantities import number, si
 
 ROOT = Path(__file__).parents[2]
 LONG = peels.snake((6, 6, 30))

@@ -12,21 +12,21 @@ import psutil
 import pytest
 from PIL import Image
 
-from planner.chain.chain import Chain
-from tests.refusal import refused
-from web.movies.encoding import (
+from foldback.planner.chain.chain import Chain
+from foldback.web.movies.encoding import (
     EncodingError,
     NoEncoderError,
     find_ffmpeg,
     formats,
     open_encoder,
 )
-from web.movies.make_movie import make_movie, schedule
-from web.movies.movie import Movie
-from web.movies.renderer import MovieRenderer, NoGLError
-from web.pictures.caption import caption_strip
-from web.pictures.lighting import TABLE_THEMES, THEMES
-from web.timeline.view import TimelineView
+from foldback.web.movies.make_movie import make_movie, schedule
+from foldback.web.movies.movie import Movie
+from foldback.web.movies.renderer import MovieRenderer, NoGLError
+from foldback.web.pictures.caption import caption_strip
+from foldback.web.pictures.lighting import TABLE_THEMES, THEMES
+from foldback.web.timeline.view import TimelineView
+from tests.refusal import refused
 
 SMALL = {"width": 320, "height": 180, "seconds": 0.8, "fps": 10}
 

@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.chain.module import CUBE
-from web.palette import (
+from foldback.planner.chain.module import CUBE
+from foldback.web.palette import (
     MAX_ERROR_RGB,
     NO_ERROR_RGB,
     UNKNOWN_ERROR_RGB,

@@ -14,18 +14,18 @@ import pytest
 import viser
 from viser import _messages as messages
 
-from planner.chain.chain import Chain
-from planner.chain.module import TETRAHEDRON
-from planner.chain.rotations import matrix_from_wxyz
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.chain.rotations import matrix_from_wxyz
+from foldback.web.palette import MAX_ERROR_RGB, NO_ERROR_RGB, UNKNOWN_ERROR_RGB
+from foldback.web.pictures.camera import framing
+from foldback.web.static_files import STATIC
+from foldback.web.timeline.view import TimelineView
+from foldback.web.viser.preview_scene import SCENE_SIZE, preview_scene_of
+from foldback.web.viser.recording import look
+from foldback.web.viser.scene import Scene
+from foldback.web.viser.scene_bundle import bundle_of, viser_scene
 from tests.web.timeline.decoding import decode
-from web.palette import MAX_ERROR_RGB, NO_ERROR_RGB, UNKNOWN_ERROR_RGB
-from web.pictures.camera import framing
-from web.static_files import STATIC
-from web.timeline.view import TimelineView
-from web.viser.preview_scene import SCENE_SIZE, preview_scene_of
-from web.viser.recording import look
-from web.viser.scene import Scene
-from web.viser.scene_bundle import bundle_of, viser_scene
 
 
 @pytest.fixture

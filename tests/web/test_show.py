@@ -10,18 +10,14 @@ import numpy as np
 import pytest
 import viser
 
-from planner import Plan, fold
-from planner.chain.chain import Chain
-from planner.errors import TimelineError
-from planner.motion.timeline import Timeline
-from planner.pipeline.workspace import Workspace
-from planner.progress import Progress
-from tests.planner.chains import chain_of
-from tests.planner.peels import snake
-from tests.refusal import refused
-from tests.server.service_process import wait_until
-from tests.web.conftest import FINAL_ERROR_RAD, SNAKE, Growing
-from web.palette import (
+from foldback import Plan, fold
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import TimelineError
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.progress import Progress
+from foldback.viewer import Live, Shown, show
+from foldback.web.palette import (
     NO_ERROR_RGB,
     SELECTED_RGB,
     UNKNOWN_ERROR_RGB,
@@ -29,9 +25,13 @@ from web.palette import (
     instance_colours,
     ramp_colours,
 )
-from web.timeline.view import MotionMoments, TimelineView
-from web.viser import Live, Shown, show
-from web.viser.viewer import COLOUR_ALONG_CHAIN
+from foldback.web.timeline.view import MotionMoments, TimelineView
+from foldback.web.viser.viewer import COLOUR_ALONG_CHAIN
+from tests.planner.chains import chain_of
+from tests.planner.peels import snake
+from tests.refusal import refused
+from tests.server.service_process import wait_until
+from tests.web.conftest import FINAL_ERROR_RAD, SNAKE, Growing
 
 
 @pytest.fixture

@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-import foldback_check
-from planner.motion.timeline import TimelineWriter
-from planner.plan.plan import Plan
+from foldback import foldback_check
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.planner.plan.plan import Plan
+from foldback.web.timeline.frame_batch import batch_of
+from foldback.web.timeline.view import TimelineView
+from foldback.web.viser import standalone
+from foldback.web.viser.standalone import WINDOW_ANGLES, standalone_html
 from tests.web.timeline.decoding import decode
-from web.timeline.frame_batch import batch_of
-from web.timeline.view import TimelineView
-from web.viser import standalone
-from web.viser.standalone import WINDOW_ANGLES, standalone_html
 
 WINDOWS = Path(__file__).parents[1] / "planner/certificate/earlier_plans/box-8-windows.npz"
 

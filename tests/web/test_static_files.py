@@ -4,8 +4,8 @@ import re
 from difflib import SequenceMatcher
 
 from docs.make_api_types import FILE, types
+from foldback.web.static_files import STATIC, code_of, scripts_of, text_of
 from tests.case import case
-from web.static_files import STATIC, code_of, scripts_of, text_of
 
 SCRIPTS = sorted(path.relative_to(STATIC).as_posix() for path in STATIC.rglob("*.js"))
 MAX_SCRIPTS = {"compare": 22, "editor": 7, "embed": 25, "fold": 34, "landing": 17, "preview": 10}

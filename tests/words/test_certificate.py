@@ -3,11 +3,11 @@
 from dataclasses import replace
 from typing import Any
 
-from planner.certificate.table_certificate import table_certificate
-from planner.parameters.explosion import Base
+from foldback.planner.certificate.table_certificate import table_certificate
+from foldback.planner.parameters.explosion import Base
+from foldback.words import certificate as certificate_words
+from foldback.words.certificate import clearance, headline, linked, on_table, record, rows, torque
 from tests.planner.certificate.test_table_certificate import LIFTED, line, swing
-from words import certificate as certificate_words
-from words.certificate import clearance, headline, linked, on_table, record, rows, torque
 
 EXEMPT = {"apart": 2, "worst_overlap_bound": 0.2941, "relief_radius": 0.525, "relief_share": 0.219}
 FINAL_ERROR = "Average position error at the end (root mean square)"

@@ -6,9 +6,9 @@ from typing import Any
 
 import pytest
 
-from cli.summary import show_choice
-from planner.pipeline.preference import PREFERENCES, Preference
-from words.plan_choice import PREFERENCE_WORDS, choice_of, superlative
+from foldback.cli.summary import show_choice
+from foldback.planner.pipeline.preference import PREFERENCES, Preference
+from foldback.words.plan_choice import PREFERENCE_WORDS, choice_of, superlative
 
 FIGURES = {"frames": 100, "seconds": 3.0}
 WRITHING, CALM = (

@@ -8,9 +8,9 @@ from typing import Any, cast, get_args
 
 import numpy as np
 
-from planner.motion.failure_schemas import KnotFigures, SpentKind
-from web.pictures.knot_drawing import KnotDrawing, drawing_of
-from words.failures import FAILURE_HEADINGS, attempts, failure
+from foldback.planner.motion.failure_schemas import KnotFigures, SpentKind
+from foldback.web.pictures.knot_drawing import KnotDrawing, drawing_of
+from foldback.words.failures import FAILURE_HEADINGS, attempts, failure
 
 KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
 

@@ -1,4 +1,4 @@
-from words.likeness import likeness_words, percent, reach_words
+from foldback.words.likeness import likeness_words, percent, reach_words
 
 
 def test_likeness_names_what_is_missing_and_what_is_added() -> None:

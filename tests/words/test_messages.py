@@ -1,11 +1,11 @@
 """Error messages: texts that pages show to people, and details for programs."""
 
-from planner.errors import InputError
-from planner.readers.formats import READABLE_FORMATS
-from server.errors import Unusable
-from server.http.problems import Problem
-from words.certificate import headline
-from words.messages import message_for_people, verdict_for_people
+from foldback.planner.errors import InputError
+from foldback.planner.readers.formats import READABLE_FORMATS
+from foldback.server.errors import Unusable
+from foldback.server.http.problems import Problem
+from foldback.words.certificate import headline
+from foldback.words.messages import message_for_people, verdict_for_people
 
 MESSAGES = {
     "got 0 angles, expected at least 1.": "Type at least one 0 (straight), + or − (bent).",

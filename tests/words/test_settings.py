@@ -1,8 +1,8 @@
 """Settings of the published method: how they are listed, entered and described."""
 
-from planner.parameters.settings_text import SETTINGS
+from foldback.planner.parameters.settings_text import SETTINGS
+from foldback.words.settings import PAPER_ROWS, SOURCE_LABELS, changed, in_a_line
 from tests.server.cli.test_command_line import foldback, foldback_json
-from words.settings import PAPER_ROWS, SOURCE_LABELS, changed, in_a_line
 
 
 def test_changed_settings_are_listed_with_their_defaults() -> None:

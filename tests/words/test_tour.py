@@ -7,15 +7,15 @@ from typing import Any, cast
 
 import pytest
 
-from planner.certificate.figures import CertificateFigures, FoldSummary
-from planner.errors import InputError
-from planner.plan.moments import Meeting, Moments, StepMoment
-from planner.plan.tour import MAX_CAPTION, MAX_STOPS, TOUR_FORMAT, Tour
+from foldback.planner.certificate.figures import CertificateFigures, FoldSummary
+from foldback.planner.errors import InputError
+from foldback.planner.plan.moments import Meeting, Moments, StepMoment
+from foldback.planner.plan.tour import MAX_CAPTION, MAX_STOPS, TOUR_FORMAT, Tour
+from foldback.words.certificate import clearance, torque
+from foldback.words.fold import ShownFold
+from foldback.words.tour import draft_tour
 from tests.case import case
 from tests.words.test_certificate import SIMULATED
-from words.certificate import clearance, torque
-from words.fold import ShownFold
-from words.tour import draft_tour
 
 STOP: dict[str, Any] = {"caption": "It folds.", "frame": 3}
 FULL: dict[str, Any] = {

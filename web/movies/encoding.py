@@ -17,7 +17,7 @@ import numpy as np
 import zstandard
 from numpy.typing import NDArray
 
-from web.movies.movie import FORMATS, Movie
+from foldback.web.movies.movie import FORMATS, Movie
 
 AddPicture = Callable[[NDArray[np.uint8]], object]
 """Function that adds a picture to a movie: (H, W, 3) sRGB bytes, from the top."""

@@ -10,15 +10,15 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from web.movies.encoding import find_ffmpeg, open_encoder
-from web.movies.movie import Movie, MovieStop
-from web.movies.renderer import MovieRenderer, Shot
-from web.palette import SELECTED_RGB, error_colours
-from web.pictures.camera import few_points
-from web.pictures.camera_path import CameraPath, camera_path
-from web.pictures.lighting import TABLE_THEMES, THEMES
-from web.pictures.visible_modules import MAX_FULLY_DRAWN_MODULES, visible_modules
-from web.timeline.view import Snapshot, TimelineView
+from foldback.web.movies.encoding import find_ffmpeg, open_encoder
+from foldback.web.movies.movie import Movie, MovieStop
+from foldback.web.movies.renderer import MovieRenderer, Shot
+from foldback.web.palette import SELECTED_RGB, error_colours
+from foldback.web.pictures.camera import few_points
+from foldback.web.pictures.camera_path import CameraPath, camera_path
+from foldback.web.pictures.lighting import TABLE_THEMES, THEMES
+from foldback.web.pictures.visible_modules import MAX_FULLY_DRAWN_MODULES, visible_modules
+from foldback.web.timeline.view import Snapshot, TimelineView
 
 Array = NDArray[np.float64]
 
@@ -127,7 +127,7 @@ def _captioned(
         return picture
     from PIL import Image  # only movies with captions need it
 
-    from web.pictures.caption import caption_strip
+    from foldback.web.pictures.caption import caption_strip
 
     strip = caption_strip(
         stop.caption, width=movie.width, height=movie.height, dark=movie.theme == "dark"

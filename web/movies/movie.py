@@ -7,9 +7,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from typing import Any, Final, Literal, Self
 
-from planner.errors import InputError
-from planner.parameters.option import key_of_options
-from planner.plan.tour import Tour
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.option import key_of_options
+from foldback.planner.plan.tour import Tour
 
 Format = Literal["mp4", "gif"]
 Theme = Literal["light", "dark"]

@@ -12,13 +12,13 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.module import Module
-from planner.chain.rotations import matrix_from_wxyz
-from planner.simulation.lazy_mujoco import mujoco
-from web.palette import FIRST_MODULE_RGB, LAST_MODULE_RGB
-from web.pictures.camera import FIELD_OF_VIEW_RAD, View
-from web.pictures.ground_shadow import SHADOW_CELLS, ground_shadow
-from web.pictures.lighting import (
+from foldback.planner.chain.module import Module
+from foldback.planner.chain.rotations import matrix_from_wxyz
+from foldback.planner.simulation.lazy_mujoco import mujoco
+from foldback.web.palette import FIRST_MODULE_RGB, LAST_MODULE_RGB
+from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD, View
+from foldback.web.pictures.ground_shadow import SHADOW_CELLS, ground_shadow
+from foldback.web.pictures.lighting import (
     SHADOW_SHIFT_PER_HEIGHT,
     Theme,
     fill_light,
@@ -26,8 +26,8 @@ from web.pictures.lighting import (
     shade_colours,
     share_left,
 )
-from web.pictures.meshes import stud_mesh, stud_poses
-from web.pictures.module_faces import module_faces
+from foldback.web.pictures.meshes import stud_mesh, stud_poses
+from foldback.web.pictures.module_faces import module_faces
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]

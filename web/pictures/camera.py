@@ -8,7 +8,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
+from foldback.planner.chain.chain import Chain
 
 Array = NDArray[np.float64]
 

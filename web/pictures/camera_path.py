@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
-from web.pictures.camera import GROUND_GAP_PITCH, View, distance_needed, framing
+from foldback.web.pictures.camera import GROUND_GAP_PITCH, View, distance_needed, framing
 
 Array = NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import Final
 
 from PIL import Image, ImageDraw, ImageFont
 
-from planner.exports.export import FONT_FILE
+from foldback.planner.exports.export import FONT_FILE
 
 VERIFIED_RGB: Final = (30, 122, 60)
 FAILED_RGB: Final = (190, 24, 30)

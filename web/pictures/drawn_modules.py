@@ -7,11 +7,11 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.module import Module
-from web.pictures.camera import FIELD_OF_VIEW_RAD, View
-from web.pictures.lighting import Theme, fill_light, key_light, share_left
-from web.pictures.module_faces import module_faces
-from web.pictures.visible_modules import visible_modules
+from foldback.planner.chain.module import Module
+from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD, View
+from foldback.web.pictures.lighting import Theme, fill_light, key_light, share_left
+from foldback.web.pictures.module_faces import module_faces
+from foldback.web.pictures.visible_modules import visible_modules
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]

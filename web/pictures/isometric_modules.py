@@ -8,16 +8,16 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from planner.chain.module import Module
-from web.pictures.isometric import (
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import Module
+from foldback.web.pictures.isometric import (
     DRAWING_MARGIN_PITCH,
     PITCH_UNITS,
     QUARTER_TURN,
     isometric_svg,
     svg_of,
 )
-from web.pictures.meshes import sketch_outline
+from foldback.web.pictures.meshes import sketch_outline
 
 Array = NDArray[np.float64]
 AZIMUTH_RAD, ELEVATION_RAD = math.radians(33.0), math.radians(27.0)

@@ -12,7 +12,7 @@ from typing import Final, TypedDict
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.failure_schemas import KnotFigures
+from foldback.planner.motion.failure_schemas import KnotFigures
 
 Array = NDArray[np.float64]
 DRAWING_SIDE: Final = 160

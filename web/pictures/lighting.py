@@ -8,12 +8,12 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.module import Module
-from web.palette import Rgb
-from web.pictures.camera import View
-from web.pictures.ground_shadow import GroundShadow
-from web.pictures.module_faces import module_faces
-from web.pictures.occlusion import face_light
+from foldback.planner.chain.module import Module
+from foldback.web.palette import Rgb
+from foldback.web.pictures.camera import View
+from foldback.web.pictures.ground_shadow import GroundShadow
+from foldback.web.pictures.module_faces import module_faces
+from foldback.web.pictures.occlusion import face_light
 
 Array = NDArray[np.float64]
 

@@ -8,9 +8,9 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.module import Module
-from planner.chain.rotations import matrix_from_wxyz
-from web.pictures.camera import FIELD_OF_VIEW_RAD
+from foldback.planner.chain.module import Module
+from foldback.planner.chain.rotations import matrix_from_wxyz
+from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD
 
 Array = NDArray[np.float64]
 DISPLAYED_MODULE_SIZE: Final = 0.93

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.module import Module
-from web.pictures.meshes import inset, sketch_outline
+from foldback.planner.chain.module import Module
+from foldback.web.pictures.meshes import inset, sketch_outline
 
 Array = NDArray[np.float64]
 

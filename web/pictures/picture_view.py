@@ -9,8 +9,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.plan.tour import CAMERA_PATTERN
-from web.pictures.camera import ELEVATION_RAD, View, distance_needed, framing
+from foldback.planner.plan.tour import CAMERA_PATTERN
+from foldback.web.pictures.camera import ELEVATION_RAD, View, distance_needed, framing
 
 Array = NDArray[np.float64]
 

@@ -7,10 +7,10 @@ from typing import Any, Final
 
 import numpy as np
 
-from planner.chain.module import CUBE, module_named
-from planner.chain.rotations import matrix_from_wxyz
-from web.pictures.isometric import isometric_svg
-from web.pictures.isometric_modules import modules_svg
+from foldback.planner.chain.module import CUBE, module_named
+from foldback.planner.chain.rotations import matrix_from_wxyz
+from foldback.web.pictures.isometric import isometric_svg
+from foldback.web.pictures.isometric_modules import modules_svg
 
 MAX_DRAWN_CUBES: Final = 20_000
 """Maximum number of cubes in the drawing of an uploaded shape; larger shapes have no drawing.

@@ -13,16 +13,22 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses
-from web.palette import NO_ERROR_RGB, error_colours, module_errors
-from web.pictures.camera import GROUND_GAP_PITCH
-from web.pictures.caption import Caption, write_caption
-from web.pictures.drawn_modules import SUPERSAMPLING, Camera, module_triangles
-from web.pictures.ground_shadow import ground_shadow
-from web.pictures.lighting import SHADOW_SHIFT_PER_HEIGHT, THEMES, Theme, key_light, shade_colours
-from web.pictures.picture_view import PictureView
-from web.pictures.rasteriser import draw_triangles
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses
+from foldback.web.palette import NO_ERROR_RGB, error_colours, module_errors
+from foldback.web.pictures.camera import GROUND_GAP_PITCH
+from foldback.web.pictures.caption import Caption, write_caption
+from foldback.web.pictures.drawn_modules import SUPERSAMPLING, Camera, module_triangles
+from foldback.web.pictures.ground_shadow import ground_shadow
+from foldback.web.pictures.lighting import (
+    SHADOW_SHIFT_PER_HEIGHT,
+    THEMES,
+    Theme,
+    key_light,
+    shade_colours,
+)
+from foldback.web.pictures.picture_view import PictureView
+from foldback.web.pictures.rasteriser import draw_triangles
 
 Array = NDArray[np.float64]
 

@@ -8,8 +8,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from web.pictures.meshes import Mesh, hull_mesh
+from foldback.planner.chain.chain import Chain
+from foldback.web.pictures.meshes import Mesh, hull_mesh
 
 Array = NDArray[np.float64]
 TABLE_RGB: Final = (206, 190, 166)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from planner.chain.module import Module
+from foldback.planner.chain.module import Module
 
 Array = NDArray[np.floating[Any]]
 Ints = NDArray[np.int64]

@@ -22,7 +22,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.angle_encoding import DIFFERENCE_ORDER
+from foldback.planner.motion.angle_encoding import DIFFERENCE_ORDER
 
 ALIGNMENT_BYTES: Final = 8
 """Multiple of bytes at which each array in a binary message to the browser starts, so that

@@ -17,12 +17,12 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.motion import Motion
-from planner.motion.timeline import TimelineWriter
-from web.timeline.cache import Cache
-from web.timeline.columns import encode
-from web.timeline.view import TimelineView
-from web.timeline.window_columns import (
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.web.timeline.cache import Cache
+from foldback.web.timeline.columns import encode
+from foldback.web.timeline.view import TimelineView
+from foldback.web.timeline.window_columns import (
     PLANE_COLUMNS,
     SENT_ANGLE_STEP_RAD,
     SHORT_COLUMNS,

@@ -20,19 +20,19 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.certificate.metrics_store import Curves, Figures
-from planner.certificate.table_figures import TableCertificate
-from planner.certificate.table_forces import TableForces
-from planner.errors import UNREADABLE, InputError
-from planner.file_names import CERTIFICATE, FIGURES, FORCES, PLAN, RECORD, TIMELINE
-from planner.files import json_of
-from planner.motion.angle_encoding import plan_columns
-from planner.motion.motion import Motion
-from planner.motion.record import TableRecord
-from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import result_path
-from web.timeline.cache import Cache, version_of
-from web.timeline.columns import encode
+from foldback.planner.certificate.metrics_store import Curves, Figures
+from foldback.planner.certificate.table_figures import TableCertificate
+from foldback.planner.certificate.table_forces import TableForces
+from foldback.planner.errors import UNREADABLE, InputError
+from foldback.planner.file_names import CERTIFICATE, FIGURES, FORCES, PLAN, RECORD, TIMELINE
+from foldback.planner.files import json_of
+from foldback.planner.motion.angle_encoding import plan_columns
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import TableRecord
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.web.timeline.cache import Cache, version_of
+from foldback.web.timeline.columns import encode
 
 MAX_PLOT_ANSWER_NUMBERS: Final = 2**18
 """Maximum count of numbers in one response with the data of a fold's plots. A larger value needs

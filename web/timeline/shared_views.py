@@ -10,8 +10,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
-from planner.errors import DamagedError, TimelineError
-from web.timeline.view import TimelineView
+from foldback.planner.errors import DamagedError, TimelineError
+from foldback.web.timeline.view import TimelineView
 
 MAX_CACHED_VIEWS: Final = 512
 """Maximum number of motions that stay open in memory; the least recently used one is closed. A

@@ -22,15 +22,15 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses, forward_kinematics
-from planner.errors import TimelineError
-from planner.motion.motion import PHASES, Motion
-from planner.motion.timeline import Timeline
-from web.palette import error_scale, module_errors
-from web.pictures.camera import modules_framed, straight_stretch
-from web.pictures.table_top import TableTop
-from web.timeline.cache import Cache
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.errors import TimelineError
+from foldback.planner.motion.motion import PHASES, Motion
+from foldback.planner.motion.timeline import Timeline
+from foldback.web.palette import error_scale, module_errors
+from foldback.web.pictures.camera import modules_framed, straight_stretch
+from foldback.web.pictures.table_top import TableTop
+from foldback.web.timeline.cache import Cache
 
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]

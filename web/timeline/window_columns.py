@@ -17,8 +17,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.angle_encoding import window_differences
-from planner.motion.motion import Motion
+from foldback.planner.motion.angle_encoding import window_differences
+from foldback.planner.motion.motion import Motion
 
 Ints = NDArray[np.int64]
 SENT_ANGLE_STEP_RAD: Final = 2.0**-20

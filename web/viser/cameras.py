@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
-from web.pictures.camera import ELEVATION_RAD, framing
+from foldback.web.pictures.camera import ELEVATION_RAD, framing
 
 if TYPE_CHECKING:
     import viser

@@ -8,7 +8,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
-from web.static_files import code_of
+from foldback.web.static_files import code_of
 
 # The page unpacks its program into an inline script and makes no requests.
 CONTENT_POLICY: Final = "; ".join(

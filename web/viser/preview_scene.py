@@ -13,19 +13,19 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.module import CUBE, Module, module_named
-from web.palette import (
+from foldback.planner.chain.module import CUBE, Module, module_named
+from foldback.web.palette import (
     MAX_ERROR_RGB,
     NO_ERROR_RGB,
     SELECTED_RGB,
     Rgb,
     ramp_colours,
 )
-from web.pictures.camera import FIELD_OF_VIEW_RAD
-from web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh
-from web.timeline.columns import encode
-from web.viser.scene import add_lights, add_meshes
-from web.viser.scene_bundle import capture_messages, viser_server
+from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD
+from foldback.web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh
+from foldback.web.timeline.columns import encode
+from foldback.web.viser.scene import add_lights, add_meshes
+from foldback.web.viser.scene_bundle import capture_messages, viser_server
 
 if TYPE_CHECKING:
     import viser

@@ -6,11 +6,11 @@ from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 
-from web.palette import error_colours
-from web.pictures.camera import View, framing
-from web.pictures.table_top import TableTop
-from web.timeline.view import TimelineView
-from web.viser.scene_bundle import viser_scene
+from foldback.web.palette import error_colours
+from foldback.web.pictures.camera import View, framing
+from foldback.web.pictures.table_top import TableTop
+from foldback.web.timeline.view import TimelineView
+from foldback.web.viser.scene_bundle import viser_scene
 
 if TYPE_CHECKING:
     import viser

@@ -9,13 +9,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from planner.chain.rotations import wxyz_from_matrix
-from web.palette import FIRST_MODULE_RGB, LAST_MODULE_RGB, instance_colours, ramp_colours
-from web.pictures.camera import FIELD_OF_VIEW_RAD, GROUND_GAP_PITCH
-from web.pictures.meshes import Mesh, module_mesh, stud_mesh, stud_poses
-from web.pictures.table_top import TABLE_RGB, TableTop, disc_mesh
-from web.timeline.view import Snapshot
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.web.palette import FIRST_MODULE_RGB, LAST_MODULE_RGB, instance_colours, ramp_colours
+from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD, GROUND_GAP_PITCH
+from foldback.web.pictures.meshes import Mesh, module_mesh, stud_mesh, stud_poses
+from foldback.web.pictures.table_top import TABLE_RGB, TableTop, disc_mesh
+from foldback.web.timeline.view import Snapshot
 
 if TYPE_CHECKING:
     import viser

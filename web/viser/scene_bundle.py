@@ -19,10 +19,10 @@ import zstandard
 from cachetools import LRUCache, cached
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from planner.chain.module import CUBE
-from planner.chain.rotations import wxyz_from_matrix
-from web.palette import (
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.web.palette import (
     FIRST_MODULE_RGB,
     LAST_MODULE_RGB,
     MAX_ERROR_RGB,
@@ -34,11 +34,16 @@ from web.palette import (
     error_ramp,
     ramp_colours,
 )
-from web.pictures.camera import AZIMUTH_RAD, ELEVATION_RAD, FIELD_OF_VIEW_RAD, ORBIT_SPEED_RAD_S
-from web.pictures.meshes import DISPLAYED_MODULE_SIZE, sketch_outline
-from web.pictures.table_top import TableTop
-from web.timeline.columns import encode
-from web.viser.scene import Scene
+from foldback.web.pictures.camera import (
+    AZIMUTH_RAD,
+    ELEVATION_RAD,
+    FIELD_OF_VIEW_RAD,
+    ORBIT_SPEED_RAD_S,
+)
+from foldback.web.pictures.meshes import DISPLAYED_MODULE_SIZE, sketch_outline
+from foldback.web.pictures.table_top import TableTop
+from foldback.web.timeline.columns import encode
+from foldback.web.viser.scene import Scene
 
 if TYPE_CHECKING:
     import viser

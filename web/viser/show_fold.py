@@ -6,17 +6,17 @@ from contextlib import suppress
 from pathlib import Path as FilePath
 from typing import Final
 
-from planner.errors import InputError, TimelineError
-from planner.file_names import TIMELINE
-from planner.motion.timeline import Timeline
-from planner.pipeline.fold_layout import is_on_table, result_path
-from planner.plan.plan import Plan
-from planner.progress import STAGES, Progress
-from planner.verification.plan_parameters import is_on_table as plan_on_table
-from planner.verification.stored_fold import check_fold
-from web.timeline.shared_views import TimelineViews
-from web.timeline.view import MotionMoments, MotionSource, TimelineView
-from web.viser.viewer import Shown
+from foldback.planner.errors import InputError, TimelineError
+from foldback.planner.file_names import TIMELINE
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.pipeline.fold_layout import is_on_table, result_path
+from foldback.planner.plan.plan import Plan
+from foldback.planner.progress import STAGES, Progress
+from foldback.planner.verification.plan_parameters import is_on_table as plan_on_table
+from foldback.planner.verification.stored_fold import check_fold
+from foldback.web.timeline.shared_views import TimelineViews
+from foldback.web.timeline.view import MotionMoments, MotionSource, TimelineView
+from foldback.web.viser.viewer import Shown
 
 DEFAULT_HOST: Final = "127.0.0.1"
 DEFAULT_PORT: Final = 8080
@@ -26,7 +26,7 @@ LAST_STAGE: Final = STAGES[-1]
 
 
 class Live(Shown):
-    """A fold that is shown while it is computed: pass it to ``planner.fold`` as ``progress``.
+    """A fold that is shown while it is computed: pass it to ``foldback.fold`` as ``progress``.
 
     It shows the newest frame until a viewer moves the slider back. When the fold ends, it keeps all
     frames in memory, because the fold's directory may be deleted. One object can show several

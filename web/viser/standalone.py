@@ -25,15 +25,15 @@ from urllib.parse import quote
 
 import numpy as np
 
-from planner.motion.angle_encoding import plan_columns
-from planner.motion.motion import Motion
-from planner.plan.claim import claimed_part
-from web.pictures.table_top import TableTop
-from web.static_files import SCRIPT_IMPORT, STATIC, code_of, imported, scripts_of, text_of
-from web.timeline.frame_batch import UNLIMITED_BYTES, batch_of, thinned, unpacked_bytes
-from web.timeline.view import TimelineView
-from web.viser.client import client
-from web.viser.scene_bundle import bundle_of
+from foldback.planner.motion.angle_encoding import plan_columns
+from foldback.planner.motion.motion import Motion
+from foldback.planner.plan.claim import claimed_part
+from foldback.web.pictures.table_top import TableTop
+from foldback.web.static_files import SCRIPT_IMPORT, STATIC, code_of, imported, scripts_of, text_of
+from foldback.web.timeline.frame_batch import UNLIMITED_BYTES, batch_of, thinned, unpacked_bytes
+from foldback.web.timeline.view import TimelineView
+from foldback.web.viser.client import client
+from foldback.web.viser.scene_bundle import bundle_of
 
 ENTRY_SCRIPT: Final = "js/pages/standalone.js"
 FILMS_SCRIPT: Final = "js/pages/static_paper.js"

@@ -21,13 +21,13 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from planner.errors import InputError, TimelineError
-from web.palette import SELECTED_RGB, error_colours, ramp_colours
-from web.timeline.view import MotionSource, Snapshot
-from web.viser.cameras import Cameras
-from web.viser.scene import Scene
-from web.viser.scene_bundle import quiet
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import InputError, TimelineError
+from foldback.web.palette import SELECTED_RGB, error_colours, ramp_colours
+from foldback.web.timeline.view import MotionSource, Snapshot
+from foldback.web.viser.cameras import Cameras
+from foldback.web.viser.scene import Scene
+from foldback.web.viser.scene_bundle import quiet
 
 if TYPE_CHECKING:
     import viser

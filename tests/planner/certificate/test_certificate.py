@@ -8,14 +8,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.certificate.certificate import Certificate, certify
-from planner.chain.cantilever_statics import GRAVITY_M_S2
-from planner.chain.chain import Chain
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.motion.record import Record
-from planner.parameters.parameters import Parameters
-from planner.playback.playback import Playback
+from foldback.planner.certificate.certificate import Certificate, certify
+from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.errors import InputError
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.playback.playback import Playback
 from tests.case import case
 from tests.planner.chains import Array, anchored, chain_of, coil, line
 from tests.planner.plans import LATER_FIGURES, turn_by_turn

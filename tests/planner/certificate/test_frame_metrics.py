@@ -6,20 +6,20 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from planner.certificate.certificate import Certificate
-from planner.certificate.frame_metrics import clearances_of, write_figures
-from planner.certificate.metrics_store import CLEARANCE_REACH_PITCH, Curves, Figures
-from planner.certificate.plan_figures import torque_unit_nm
-from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques, spline_derivatives
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.module import TETRAHEDRON
-from planner.clearance.sweep import pair_clearance, sweep
-from planner.errors import TimelineError
-from planner.motion.motion import Phase
-from planner.motion.timeline import Timeline, TimelineWriter
-from planner.parameters.parameters import Parameters
-from planner.pipeline.workspace import Workspace
+from foldback.planner.certificate.certificate import Certificate
+from foldback.planner.certificate.frame_metrics import clearances_of, write_figures
+from foldback.planner.certificate.metrics_store import CLEARANCE_REACH_PITCH, Curves, Figures
+from foldback.planner.certificate.plan_figures import torque_unit_nm
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.floating_torques import floating_torques, spline_derivatives
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.clearance.sweep import pair_clearance, sweep
+from foldback.planner.errors import TimelineError
+from foldback.planner.motion.motion import Phase
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pipeline.workspace import Workspace
 from tests.planner.chains import Array, anchored, coil, random_angles
 
 PARAMETERS = Parameters()

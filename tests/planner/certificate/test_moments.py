@@ -7,15 +7,15 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-from planner.certificate.metrics_store import Figures
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses
-from planner.errors import InputError
-from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pathfinding.knots import knot_of
-from planner.pipeline.fold_layout import stored_moments
-from planner.plan.moment_search import moments_of
-from planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Moments
+from foldback.planner.certificate.metrics_store import Figures
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses
+from foldback.planner.errors import InputError
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pipeline.fold_layout import stored_moments
+from foldback.planner.plan.moment_search import moments_of
+from foldback.planner.plan.moments import CONTACT_LINKS, CONTACT_PITCH, Moments
 from tests.planner.chains import anchored, coil, knotted
 from tests.planner.clearance.reference import separation
 from tests.planner.conftest import Folded

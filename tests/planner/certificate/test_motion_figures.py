@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from planner.certificate.motion_figures import MotionFigures
-from planner.chain.chain import Chain
-from planner.motion.motion import Motion, Phase
+from foldback.planner.certificate.motion_figures import MotionFigures
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.motion import Motion, Phase
 from tests.planner.chains import SQUARE
 
 CHAIN = Chain.from_path(SQUARE)

@@ -8,9 +8,9 @@ from zlib import compress
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.motion.angle_encoding import encode_frames, plan_columns
-from planner.plan.plan import PLAN_FORMAT, Plan
+from foldback.planner.errors import InputError
+from foldback.planner.motion.angle_encoding import encode_frames, plan_columns
+from foldback.planner.plan.plan import PLAN_FORMAT, Plan
 from tests.case import case
 from tests.planner.plans import with_values
 

@@ -10,14 +10,14 @@ import pygltflib
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.chain.chain import Chain
-from planner.chain.module import CUBE
-from planner.errors import InputError
-from planner.exports.formats import export_named
-from planner.plan.plan import Plan
-from planner.plan.step_text import ordinal
-from planner.plan.steps import steps_between, steps_of
-from planner.readers.angle_strings import read_angle_string
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE
+from foldback.planner.errors import InputError
+from foldback.planner.exports.formats import export_named
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.step_text import ordinal
+from foldback.planner.plan.steps import steps_between, steps_of
+from foldback.planner.readers.angle_strings import read_angle_string
 from tests.planner.chains import coil
 from tests.planner.plans import resting, turn_by_turn
 

@@ -6,13 +6,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.certificate.table_certificate import table_certificate
-from planner.certificate.table_figures import FRICTIONLESS, TableCertificate
-from planner.certificate.table_forces import TableForces
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.errors import InputError
-from planner.motion.motion import Motion
+from foldback.planner.certificate.table_certificate import table_certificate
+from foldback.planner.certificate.table_figures import FRICTIONLESS, TableCertificate
+from foldback.planner.certificate.table_forces import TableForces
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.errors import InputError
+from foldback.planner.motion.motion import Motion
 from tests.case import case
 from tests.planner.chains import anchored, coil, line
 from tests.refusal import refused

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.errors import InputError, TimelineError
-from planner.pipeline.fold import refold, smooth_plan
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_chain
-from planner.verification import verify
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError, TimelineError
+from foldback.planner.pipeline.fold import refold, smooth_plan
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.verification import verify
 from tests.planner.folds import run_fold
 from tests.planner.peels import snake
 from tests.planner.tampering import Tampered, may_be_ignored

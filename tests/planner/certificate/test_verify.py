@@ -11,21 +11,21 @@ import numpy as np
 import pytest
 import zarr
 
-from planner.certificate.certificate import Place, certify
-from planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
-from planner.errors import InputError, TimelineError
-from planner.exports import mjcf
-from planner.files import write_json
-from planner.motion.inverse_dynamics import inverse_dynamics
-from planner.motion.timeline import TimelineWriter
-from planner.parameters.playback import PlaybackParameters
-from planner.pipeline.manifest import write_manifest
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan, read_values
-from planner.plan.shape_writers import write_chain
-from planner.verification.plan_consistency import lacking
-from planner.verification.replay import replay
-from planner.verification.verify import verify
+from foldback.planner.certificate.certificate import Place, certify
+from foldback.planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
+from foldback.planner.errors import InputError, TimelineError
+from foldback.planner.exports import mjcf
+from foldback.planner.files import write_json
+from foldback.planner.motion.inverse_dynamics import inverse_dynamics
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.pipeline.manifest import write_manifest
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan, read_values
+from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.verification.plan_consistency import lacking
+from foldback.planner.verification.replay import replay
+from foldback.planner.verification.verify import verify
 from tests.golden.cases import HOOK
 from tests.planner.chains import line
 from tests.planner.folds import run_fold
@@ -83,7 +83,7 @@ def test_untouched_fold_is_verified_again(
     assert found.replay.overlap == 0.0
     assert found.replay.frames == 2 * len(plan.time_s) - 1
     json.dumps(found.as_dict(), allow_nan=False)
-    monkeypatch.setattr("planner.verification.replay.MAX_REPLAYED_MODULES", 148 * 24 // 2)
+    monkeypatch.setattr("foldback.planner.verification.replay.MAX_REPLAYED_MODULES", 148 * 24 // 2)
     larger = verify(directory, module_size=1.04)
     assert not larger.verified
     assert any("module size 1.04" in problem for problem in larger.problems)

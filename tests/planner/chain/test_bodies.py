@@ -5,14 +5,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.module import CUBE, TETRAHEDRON, Module
-from planner.kernels.clearance_bounds import (
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.kernels.clearance_bounds import (
     RELATIVE_COLUMNS,
     directional_motion_bound,
     relative_motion_bound,
 )
-from planner.kernels.motion_bounds import (
+from foldback.planner.kernels.motion_bounds import (
     BODY_COLUMNS,
     DISPLACEMENT_BOUND,
     ROTATION,

@@ -3,13 +3,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.chain.chain import Chain
-from planner.chain.close_points import first_close_pair
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.module import CUBE
-from planner.chain.path import MAX_COORDINATE, Path
-from planner.chain.rotations import matrix_from_wxyz
-from planner.errors import InputError
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.close_points import first_close_pair
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.module import CUBE
+from foldback.planner.chain.path import MAX_COORDINATE, Path
+from foldback.planner.chain.rotations import matrix_from_wxyz
+from foldback.planner.errors import InputError
 from tests.case import case
 from tests.planner.chains import chain_of
 from tests.planner.lattice import Ints, walks

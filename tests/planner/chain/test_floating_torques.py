@@ -2,12 +2,12 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner.chain.cantilever_statics import static_torque
-from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques, spline_derivatives
-from planner.chain.module import TETRAHEDRON
-from planner.simulation.mujoco_models import Material, tree_spec
-from planner.simulation.mujoco_tree import Tree
+from foldback.planner.chain.cantilever_statics import static_torque
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.floating_torques import floating_torques, spline_derivatives
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.simulation.mujoco_models import Material, tree_spec
+from foldback.planner.simulation.mujoco_tree import Tree
 from tests.planner.chains import coil, line, random_angles
 
 

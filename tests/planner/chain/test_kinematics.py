@@ -6,10 +6,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from planner import may_compile
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.module import CUBE, TETRAHEDRON, Module
-from planner.chain.rotations import (
+from foldback.planner import may_compile
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.chain.rotations import (
     aligned_distances,
     matrix_from_wxyz,
     motion_in_plane,

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from planner.chain.table_projection import TableProjection, crosses_itself
+from foldback.planner.chain.table_projection import TableProjection, crosses_itself
 
 UP = np.array([0.0, 0.0, 1.0])
 

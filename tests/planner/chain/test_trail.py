@@ -4,13 +4,13 @@ from hypothesis import given
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
-from planner.chain.chain import Chain
-from planner.chain.honeycomb import dodecahedron_pairs, ring_pairs
-from planner.chain.module import TETRAHEDRON
-from planner.chain.trail import Trail, hinge_axes
-from planner.clearance.clearance import closest
-from planner.errors import InputError
-from planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit, free_cuts
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.honeycomb import dodecahedron_pairs, ring_pairs
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.chain.trail import Trail, hinge_axes
+from foldback.planner.clearance.clearance import closest
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding.eulerian_circuits import cut_open, eulerian_circuit, free_cuts
 from tests.case import case
 from tests.planner.lattice import Ints, box_array, connected_sets
 from tests.refusal import refused

@@ -13,11 +13,11 @@ import numpy as np
 from numpy import cross, minimum
 from numpy.typing import NDArray
 
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.clearance.sweep import BOUND_RATIO
-from planner.kernels import sweep as kernel
-from planner.kernels.module import Hull
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.clearance.sweep import BOUND_RATIO
+from foldback.planner.kernels import sweep as kernel
+from foldback.planner.kernels.module import Hull
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -6,9 +6,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.chain.module import CUBE
-from planner.kernels.clearance import pair_separation
-from planner.simulation.reduced_state import turned
+from foldback.planner.chain.module import CUBE
+from foldback.planner.kernels.clearance import pair_separation
+from foldback.planner.simulation.reduced_state import turned
 from tests.planner.chains import Array, random_rotation
 
 UPRIGHT = np.eye(3)

@@ -3,10 +3,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.chain.chain import Chain
-from planner.chain.module import CUBE, TETRAHEDRON, Module
-from planner.clearance.exempt_pairs import exempt_pairs
-from planner.exports.mjcf import mjcf
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.clearance.exempt_pairs import exempt_pairs
+from foldback.planner.exports.mjcf import mjcf
 from tests.planner.chains import anchored, coil, line
 
 

@@ -5,19 +5,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.module import CUBE, TETRAHEDRON, Module
-from planner.clearance.margins import (
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.clearance.margins import (
     FAILURE_PROBABILITY,
     Margin,
     Margins,
     margins,
     unproved_margins,
 )
-from planner.clearance.sweep import disturbed_sweep, pair_clearance, sweep
-from planner.kernels.clearance_bounds import Tolerance
-from planner.motion.motion import Motion, as_motion
+from foldback.planner.clearance.sweep import disturbed_sweep, pair_clearance, sweep
+from foldback.planner.kernels.clearance_bounds import Tolerance
+from foldback.planner.motion.motion import Motion, as_motion
 from tests.planner.chains import Array, coil
 from tests.planner.clearance.test_proof import random_chain
 from tests.planner.peels import peel

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from planner.kernels import pairs as module
-from planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs
-from planner.simulation.mujoco_models import Material
-from planner.simulation.segments import Segments
+from foldback.planner.kernels import pairs as module
+from foldback.planner.kernels.pairs import PairLimits, max_inverse_step_limit, near_pairs
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.segments import Segments
 from tests.planner.chains import Array, line, random_state
 
 

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.chain.chain import Chain
-from planner.chain.module import CUBE, TETRAHEDRON, Module
-from planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
-from planner.motion.motion import Motion, as_motion
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
+from foldback.planner.motion.motion import Motion, as_motion
 from tests.conftest import examples
 from tests.planner.chains import Array, coil, line, unvalidated
 from tests.planner.clearance.reference import Interval, prove

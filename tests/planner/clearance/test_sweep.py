@@ -1,11 +1,11 @@
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.clearance.clearance import closest
-from planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
-from planner.motion.motion import as_motion
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.clearance.clearance import closest
+from foldback.planner.clearance.sweep import CLEARANCE_CAP, EXTENDED_CLEARANCE_CAP, sweep
+from foldback.planner.motion.motion import as_motion
 from tests.planner.chains import Array, coil, line
 
 

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.clearance.sweep import pair_clearance, sweep
-from planner.errors import InputError
-from planner.motion.motion import Motion
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.clearance.sweep import pair_clearance, sweep
+from foldback.planner.errors import InputError
+from foldback.planner.motion.motion import Motion
 from tests.planner.chains import chain_of
 from tests.planner.peels import peel, snake, windows_of
 

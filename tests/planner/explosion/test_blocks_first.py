@@ -1,15 +1,15 @@
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.explosion.blocks_first import TETHER_CHECK_STEPS, Tethers, block_starts
-from planner.explosion.explosion_loop import Watch
-from planner.explosion.simultaneous import Simultaneous
-from planner.parameters.explosion import ExplosionParameters
-from planner.pathfinding.assembly import assembly_path
-from planner.progress import never, silent
-from planner.simulation.mujoco_models import Material
-from planner.simulation.rigid_blocks import Blocks
-from planner.simulation.segments import Segments
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.blocks_first import TETHER_CHECK_STEPS, Tethers, block_starts
+from foldback.planner.explosion.explosion_loop import Watch
+from foldback.planner.explosion.simultaneous import Simultaneous
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.pathfinding.assembly import assembly_path
+from foldback.planner.progress import never, silent
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.rigid_blocks import Blocks
+from foldback.planner.simulation.segments import Segments
 from tests.planner.chains import chain_of, coil, folded_state
 
 DEFAULT = ExplosionParameters()

@@ -5,15 +5,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.module import TETRAHEDRON
-from planner.chain.rotations import wxyz_from_matrix
-from planner.kernels.articulated import Accelerations, Loads
-from planner.kernels.module import Lumps
-from planner.simulation.contact_finder import ContactFinder
-from planner.simulation.engine import Engine, build_chain_model
-from planner.simulation.mujoco_models import Material, tree_spec
-from planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.kernels.articulated import Accelerations, Loads
+from foldback.planner.kernels.module import Lumps
+from foldback.planner.simulation.contact_finder import ContactFinder
+from foldback.planner.simulation.engine import Engine, build_chain_model
+from foldback.planner.simulation.mujoco_models import Material, tree_spec
+from foldback.planner.simulation.reduced_state import Acceleration, State
 from tests.planner.chains import Array, coil, line, random_rotation, random_state
 from tests.planner.mujoco_tree import accelerate, scale_masses, solve_exactly
 

@@ -6,10 +6,10 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.simulation.contact_finder import ContactFinder
-from planner.simulation.fixed_base_window import FixedBaseWindow
-from planner.simulation.mujoco_models import (
+from foldback.planner.chain.chain import Chain
+from foldback.planner.simulation.contact_finder import ContactFinder
+from foldback.planner.simulation.fixed_base_window import FixedBaseWindow
+from foldback.planner.simulation.mujoco_models import (
     Material,
     add_module_geom,
     add_next_body,
@@ -17,7 +17,7 @@ from planner.simulation.mujoco_models import (
     exclude,
     set_inertia,
 )
-from planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.simulation.reduced_state import Acceleration, State
 from tests.planner.chains import Array, line
 
 MATERIAL = Material(geom_size=0.98, stiffness=2.0, armature=3.0, stop_rad=1.6)

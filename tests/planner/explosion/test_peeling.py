@@ -6,24 +6,24 @@ from functools import cache
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.explosion.explosion_loop import Watch, return_to_checkpoint, step
-from planner.explosion.peeling import floating_peeling, peel
-from planner.explosion.peeling_recorder import Proof
-from planner.explosion.peeling_run import Peeling
-from planner.explosion.peeling_window import WindowConfiguration
-from planner.explosion.step_control import ContactDepth
-from planner.kernels.folded_core import CoreCells
-from planner.kernels.module import ModuleStates
-from planner.kernels.pairs import PairLimits
-from planner.kernels.window_forces import StepLimits, window_inverse_step_limit
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.parameters.explosion import PeelingParameters
-from planner.pathfinding.snake import snake_path
-from planner.progress import Progress, never, silent
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.errors import InputError
+from foldback.planner.explosion.explosion_loop import Watch, return_to_checkpoint, step
+from foldback.planner.explosion.peeling import floating_peeling, peel
+from foldback.planner.explosion.peeling_recorder import Proof
+from foldback.planner.explosion.peeling_run import Peeling
+from foldback.planner.explosion.peeling_window import WindowConfiguration
+from foldback.planner.explosion.step_control import ContactDepth
+from foldback.planner.kernels.folded_core import CoreCells
+from foldback.planner.kernels.module import ModuleStates
+from foldback.planner.kernels.pairs import PairLimits
+from foldback.planner.kernels.window_forces import StepLimits, window_inverse_step_limit
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.explosion import PeelingParameters
+from foldback.planner.pathfinding.snake import snake_path
+from foldback.planner.progress import Progress, never, silent
 from tests.planner.chains import chain_of, coil, line
 
 DEFAULT = PeelingParameters()

@@ -4,10 +4,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.explosion import published_explosion
-from planner.explosion.published_explosion import explode_as_published
-from planner.parameters.published import PaperExplosionParameters
-from planner.simulation.segments import Segments
+from foldback.planner.explosion import published_explosion
+from foldback.planner.explosion.published_explosion import explode_as_published
+from foldback.planner.parameters.published import PaperExplosionParameters
+from foldback.planner.simulation.segments import Segments
 from tests.planner.chains import coil
 from tests.planner.folds import intercept
 

@@ -1,9 +1,9 @@
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.explosion.recorder import FrameRule, Recorder, Step
-from planner.motion.motion import Motion
-from planner.simulation.reduced_state import State
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.recorder import FrameRule, Recorder, Step
+from foldback.planner.motion.motion import Motion
+from foldback.planner.simulation.reduced_state import State
 from tests.planner.chains import line
 
 

@@ -5,11 +5,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.errors import SimulationError
-from planner.simulation.mujoco_models import Material, tree_spec
-from planner.simulation.reduced_state import Acceleration, State
-from planner.simulation.segments import Segments
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import SimulationError
+from foldback.planner.simulation.mujoco_models import Material, tree_spec
+from foldback.planner.simulation.reduced_state import Acceleration, State
+from foldback.planner.simulation.segments import Segments
 from tests.case import case
 from tests.planner.chains import Array, coil, folded_state, line, near_pairs_of, random_state
 from tests.planner.mujoco_tree import accelerate, solve_exactly
@@ -155,7 +155,7 @@ def test_method_for_many_contacts_agrees_with_the_exact_one(
     exact = segments.lean_accelerations(state, forces, near)
     assert exact.contacts > 2
     free = segments.free_accelerations(state, forces)
-    monkeypatch.setattr("planner.simulation.engine.MAX_DIRECT_CONTACTS", 0)
+    monkeypatch.setattr("foldback.planner.simulation.engine.MAX_DIRECT_CONTACTS", 0)
     nearly = segments.lean_accelerations(state, forces, near)
     assert difference(free, exact) > 0.1
     # They differ, because the compliance of a contact is that of two unlinked modules.

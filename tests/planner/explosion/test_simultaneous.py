@@ -6,17 +6,17 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from planner.clearance.sweep import sweep
-from planner.errors import SimulationError
-from planner.explosion.simultaneous import explode
-from planner.explosion.whole_chain import WholeChain
-from planner.parameters.explosion import ExplosionParameters
-from planner.parameters.parameters import Parameters
-from planner.pathfinding.knots import knot_of
-from planner.pipeline import exploding
-from planner.pipeline.attempt import Trial
-from planner.pipeline.job import Watch
-from planner.simulation.reduced_state import Acceleration
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.errors import SimulationError
+from foldback.planner.explosion.simultaneous import explode
+from foldback.planner.explosion.whole_chain import WholeChain
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pipeline import exploding
+from foldback.planner.pipeline.attempt import Trial
+from foldback.planner.pipeline.job import Watch
+from foldback.planner.simulation.reduced_state import Acceleration
 from tests.planner.chains import Array, coil, knotted, line
 from tests.planner.folds import intercept
 
@@ -113,7 +113,7 @@ def test_chain_that_does_not_move_stalls(monkeypatch: pytest.MonkeyPatch) -> Non
         return replace(found, hinges=0.0 * found.hinges, linear=np.zeros(3), angular=np.zeros(3))
 
     intercept(monkeypatch, WholeChain, "acceleration_under", frozen)
-    monkeypatch.setattr("planner.explosion.simultaneous.JAM_CHECK_STEPS", 10)
+    monkeypatch.setattr("foldback.planner.explosion.simultaneous.JAM_CHECK_STEPS", 10)
     record = explode(coil(12), DEFAULT)
     assert record.status == "stalled"
     assert "stuck" in record.reason

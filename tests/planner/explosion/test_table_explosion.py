@@ -7,15 +7,15 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-from planner.certificate.table_certificate import table_certificate
-from planner.chain.chain import Chain
-from planner.explosion.peeling_window import Peelable, WindowConfiguration
-from planner.explosion.recorder import Refusal
-from planner.explosion.table_explosion import explode_on_table
-from planner.explosion.table_guard import MAX_TABLE_PENETRATION_PITCH, Guard
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.parameters.explosion import TableParameters
+from foldback.planner.certificate.table_certificate import table_certificate
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.peeling_window import Peelable, WindowConfiguration
+from foldback.planner.explosion.recorder import Refusal
+from foldback.planner.explosion.table_explosion import explode_on_table
+from foldback.planner.explosion.table_guard import MAX_TABLE_PENETRATION_PITCH, Guard
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.explosion import TableParameters
 from tests.planner.chains import chain_of, line
 from tests.planner.table_search import table_paths
 

@@ -2,11 +2,11 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.rotations import wxyz_from_matrix
-from planner.errors import SimulationError
-from planner.simulation.mujoco_models import Material
-from planner.simulation.mujoco_tree import Servos, Tree
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.errors import SimulationError
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.mujoco_tree import Servos, Tree
 from tests.planner.chains import line, random_state
 
 SOFT = Material(geom_size=0.3)

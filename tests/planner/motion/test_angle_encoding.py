@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as arrays_of
 from numpy.typing import NDArray
 
-from planner.motion.angle_encoding import (
+from foldback.planner.motion.angle_encoding import (
     PLAN_STEP_RAD,
     decode_frames,
     decode_windows,
@@ -26,9 +26,9 @@ from planner.motion.angle_encoding import (
     unpacked_bytes,
     unpacked_frames,
 )
-from planner.motion.motion import Motion
-from planner.parameters.parameters import Parameters
-from planner.plan.plan import Plan
+from foldback.planner.motion.motion import Motion
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.plan.plan import Plan
 from tests.planner.chains import anchored, line
 from tests.planner.plans import unverified
 

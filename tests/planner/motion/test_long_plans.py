@@ -10,23 +10,23 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner.certificate.certificate import certify
-from planner.certificate.metrics_store import Curves, Figures
-from planner.chain.chain import Chain
-from planner.errors import InputError, TimelineError
-from planner.explosion.strategies import ranked_strategies
-from planner.exports.mjcf import keys_of, mjcf
-from planner.exports.mjcf_pieces import MODULES_PER_TREE, starts_of
-from planner.motion.motion import PHASES, Motion
-from planner.motion.record import Record
-from planner.motion.timeline import Timeline, TimelineWriter
-from planner.parameters.parameters import Parameters, preset
-from planner.pipeline.stages import run_stage, run_stages
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_chain
-from planner.playback.playback import Playback
-from planner.verification.replay import replay
-from planner.verification.verify import verify
+from foldback.planner.certificate.certificate import certify
+from foldback.planner.certificate.metrics_store import Curves, Figures
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import InputError, TimelineError
+from foldback.planner.explosion.strategies import ranked_strategies
+from foldback.planner.exports.mjcf import keys_of, mjcf
+from foldback.planner.exports.mjcf_pieces import MODULES_PER_TREE, starts_of
+from foldback.planner.motion.motion import PHASES, Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
+from foldback.planner.parameters.parameters import Parameters, preset
+from foldback.planner.pipeline.stages import run_stage, run_stages
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.playback.playback import Playback
+from foldback.planner.verification.replay import replay
+from foldback.planner.verification.verify import verify
 from tests.case import case
 from tests.planner.chains import shuffled
 from tests.planner.folds import write_request
@@ -188,7 +188,7 @@ def test_curves_agree_with_the_certificate(directory: FilePath, plan: Plan) -> N
 
 
 def test_model_of_a_long_chain_is_cut_into_connected_trees(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.exports.mjcf.MAX_TREE_MODULES", 64)
+    monkeypatch.setattr("foldback.planner.exports.mjcf.MAX_TREE_MODULES", 64)
     chain = snake((5, 5, 10))
     model = mujoco.MjModel.from_xml_string(mjcf(chain, module_size=0.95))
     data = mujoco.MjData(model)

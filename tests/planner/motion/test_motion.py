@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.motion.motion import PHASES, Motion
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.motion import PHASES, Motion
 from tests.planner.chains import chain_of
 
 CELLS = [(x if y % 2 == 0 else 3 - x, y, 0) for y in range(4) for x in range(4)]

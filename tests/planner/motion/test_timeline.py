@@ -7,12 +7,12 @@ from unittest.mock import Mock
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.checked_zarr import check_chunks
-from planner.errors import DamagedError, TimelineError
-from planner.motion import timeline as timeline_module
-from planner.motion.motion import PHASES, Motion, Phase
-from planner.motion.timeline import Timeline, TimelineWriter, chain_attributes
+from foldback.planner.chain.chain import Chain
+from foldback.planner.checked_zarr import check_chunks
+from foldback.planner.errors import DamagedError, TimelineError
+from foldback.planner.motion import timeline as timeline_module
+from foldback.planner.motion.motion import PHASES, Motion, Phase
+from foldback.planner.motion.timeline import Timeline, TimelineWriter, chain_attributes
 from tests.case import case
 from tests.planner.tampering import reseal
 

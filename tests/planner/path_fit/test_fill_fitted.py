@@ -6,24 +6,24 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.errors import InputError
-from planner.path_fit.fill_fitted import check_exact, fill_fitted
-from planner.path_fit.fit import GAP_COST, FittedPath, fit_path, ranked
-from planner.path_fit.fit_table import (
+from foldback.planner.errors import InputError
+from foldback.planner.path_fit.fill_fitted import check_exact, fill_fitted
+from foldback.planner.path_fit.fit import GAP_COST, FittedPath, fit_path, ranked
+from foldback.planner.path_fit.fit_table import (
     MAX_TABLE_FITTED_MODULES,
     SIDES,
     cost_of,
     fit_on_table,
 )
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.prepare import (
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.prepare import (
     MIN_FITTED_GAIN,
     Preparation,
     check_for_table,
     prepare_found,
 )
-from planner.readers import read
-from planner.shapes.lattice_fits import Ladder
+from foldback.planner.readers import read
+from foldback.planner.shapes.lattice_fits import Ladder
 from tests.case import case
 from tests.planner.solids_made import box, solid_of, torus
 
@@ -64,7 +64,9 @@ def test_the_final_result_goes_on_from_the_first_one(monkeypatch: pytest.MonkeyP
     other = fill_fitted(solid_of(torus()), options, seed=1)[1]  # is not that fit's result
     again = fill_fitted(solid_of(torus()), options, seed=0, quick=True)[1]
     assert (again.cells == first.cells).all() and not np.array_equal(other.cells, whole.cells)
-    monkeypatch.setattr("planner.path_fit.fill_fitted.candidates", None)  # nothing starts anew
+    monkeypatch.setattr(
+        "foldback.planner.path_fit.fill_fitted.candidates", None
+    )  # nothing starts anew
     final = fill_fitted(solid_of(torus()), options, seed=0)[1]
     assert (final.cells == whole.cells).all() and len(final.chains) == len(whole.chains)
 

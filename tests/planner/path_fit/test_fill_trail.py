@@ -5,17 +5,17 @@ from hashlib import sha256
 import numpy as np
 import pytest
 
-from planner.arrays import Ints
-from planner.chain.honeycomb import rings_with, tetrahedra_at
-from planner.chain.trail import hinge_axes
-from planner.kernels.path_annealing import CLOSED, FULL, Field
-from planner.kernels.pose_bounds import count_in_tetrahedra
-from planner.kernels.trails import anneal_trail
-from planner.path_fit.fill_trail import fill_with_trail
-from planner.path_fit.fit import schedule
-from planner.pathfinding.eulerian_circuits import eulerian_circuit
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.prepare import Preparation, prepare_found
+from foldback.planner.arrays import Ints
+from foldback.planner.chain.honeycomb import rings_with, tetrahedra_at
+from foldback.planner.chain.trail import hinge_axes
+from foldback.planner.kernels.path_annealing import CLOSED, FULL, Field
+from foldback.planner.kernels.pose_bounds import count_in_tetrahedra
+from foldback.planner.kernels.trails import anneal_trail
+from foldback.planner.path_fit.fill_trail import fill_with_trail
+from foldback.planner.path_fit.fit import schedule
+from foldback.planner.pathfinding.eulerian_circuits import eulerian_circuit
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.prepare import Preparation, prepare_found
 from tests.planner.solids_made import solid_of, torus
 
 SPAN = np.array([12, 12, 12])

@@ -4,9 +4,9 @@ from hashlib import sha256
 
 import numpy as np
 
-from planner.arrays import Ints
-from planner.kernels.path_annealing import CLOSED, FULL, MOVES, Field, Schedule, anneal
-from planner.path_fit.fit import first_step, schedule
+from foldback.planner.arrays import Ints
+from foldback.planner.kernels.path_annealing import CLOSED, FULL, MOVES, Field, Schedule, anneal
+from foldback.planner.path_fit.fit import first_step, schedule
 from tests.case import case
 
 

@@ -3,11 +3,16 @@
 import numpy as np
 import pytest
 
-from planner.chain.path import Path
-from planner.pathfinding.assembly import assembly_path, from_better_end, layered_snake, solid_paths
-from planner.pathfinding.removal_analysis import analyse_removal
-from planner.pathfinding.snake import snake_path
-from planner.shapes.layered_path import layered_path
+from foldback.planner.chain.path import Path
+from foldback.planner.pathfinding.assembly import (
+    assembly_path,
+    from_better_end,
+    layered_snake,
+    solid_paths,
+)
+from foldback.planner.pathfinding.removal_analysis import analyse_removal
+from foldback.planner.pathfinding.snake import snake_path
+from foldback.planner.shapes.layered_path import layered_path
 from tests.planner.lattice import Ints, box_array
 
 

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.pathfinding.block_merging import (
+from foldback.planner.pathfinding.block_merging import (
     FACES,
     Tree,
     block_cycle,
@@ -13,10 +13,10 @@ from planner.pathfinding.block_merging import (
     halved,
     joint_options,
 )
-from planner.pathfinding.knots import knot_of
-from planner.pathfinding.lattice import spread, spreads_of_cuts, surface
-from planner.pathfinding.loose_block_merging import block_corners, loose_block_path
-from planner.shapes.shape import Shape
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pathfinding.lattice import spread, spreads_of_cuts, surface
+from foldback.planner.pathfinding.loose_block_merging import block_corners, loose_block_path
+from foldback.planner.shapes.shape import Shape
 from tests.conftest import examples
 from tests.planner.lattice import Ints, connected_sets
 

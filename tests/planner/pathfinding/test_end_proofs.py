@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from planner.errors import InputError
-from planner.pathfinding.end_proofs import end_proof
-from planner.pathfinding.feasibility import apply_repair, feasibility
-from planner.pathfinding.fill_cubes import Cubes
-from planner.pathfinding.lattice import colours, neighbours
-from planner.pathfinding.no_path_proofs import obstacles
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.prepare import prepare
-from planner.shapes.shape import Shape
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding.end_proofs import end_proof
+from foldback.planner.pathfinding.feasibility import apply_repair, feasibility
+from foldback.planner.pathfinding.fill_cubes import Cubes
+from foldback.planner.pathfinding.lattice import colours, neighbours
+from foldback.planner.pathfinding.no_path_proofs import obstacles
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.prepare import prepare
+from foldback.planner.shapes.shape import Shape
 from tests.planner.lattice import NEIGHBOURS, Ints, walks
 from tests.planner.pathfinding.test_exact_search import (
     has_path,

@@ -10,13 +10,13 @@ from hypothesis import strategies as st
 
 from bench.feasible_sets import feasible_sets
 from bench.paths import RESULTS, check_stored
-from planner.errors import InputError
-from planner.pathfinding.circuit_solver import CircuitSolver
-from planner.pathfinding.exact_search import exact_path
-from planner.pathfinding.lattice import neighbours, spread, surface
-from planner.pathfinding.no_path_proofs import obstacles
-from planner.pathfinding.sat_paths import find_path_by_sat
-from planner.shapes.shape import Shape
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding.circuit_solver import CircuitSolver
+from foldback.planner.pathfinding.exact_search import exact_path
+from foldback.planner.pathfinding.lattice import neighbours, spread, surface
+from foldback.planner.pathfinding.no_path_proofs import obstacles
+from foldback.planner.pathfinding.sat_paths import find_path_by_sat
+from foldback.planner.shapes.shape import Shape
 from tests.case import case
 from tests.planner.lattice import Ints, box, walks
 

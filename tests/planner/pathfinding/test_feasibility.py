@@ -3,10 +3,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.pathfinding.exact_search import exact_path
-from planner.pathfinding.feasibility import Repair, apply_repair, feasibility
-from planner.pathfinding.path_search import find_paths
-from planner.shapes.shape import Shape
+from foldback.planner.pathfinding.exact_search import exact_path
+from foldback.planner.pathfinding.feasibility import Repair, apply_repair, feasibility
+from foldback.planner.pathfinding.path_search import find_paths
+from foldback.planner.shapes.shape import Shape
 from tests.case import case
 from tests.conftest import examples
 from tests.planner.lattice import NEIGHBOURS, box

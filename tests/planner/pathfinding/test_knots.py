@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from planner.errors import InputError
-from planner.kernels.knots import simplified, tightened
-from planner.pathfinding.knots import Knot, knot_of, knot_of_polygon
-from planner.pathfinding.knots import _determinant as exact_determinant
-from planner.pathfinding.knots import _fewest_crossings as fewest_crossings
-from planner.pathfinding.snake import snake_path
+from foldback.planner.errors import InputError
+from foldback.planner.kernels.knots import simplified, tightened
+from foldback.planner.pathfinding.knots import Knot, knot_of, knot_of_polygon
+from foldback.planner.pathfinding.knots import _determinant as exact_determinant
+from foldback.planner.pathfinding.knots import _fewest_crossings as fewest_crossings
+from foldback.planner.pathfinding.snake import snake_path
 from tests.planner.chains import walk
 from tests.planner.lattice import Ints
 

@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.pathfinding import PATH_METHODS
-from planner.pathfinding.knots import knot_of
-from planner.pathfinding.lattice import spread, surface
-from planner.pathfinding.path_search import find_paths, ranked
-from planner.pathfinding.removal_analysis import analyse_removal
-from planner.pathfinding.snake import snake_path
-from planner.shapes.shape import Shape
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding import PATH_METHODS
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pathfinding.lattice import spread, surface
+from foldback.planner.pathfinding.path_search import find_paths, ranked
+from foldback.planner.pathfinding.removal_analysis import analyse_removal
+from foldback.planner.pathfinding.snake import snake_path
+from foldback.planner.shapes.shape import Shape
 from tests.case import case
 from tests.planner.chains import walk
 from tests.planner.lattice import box

@@ -7,12 +7,12 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from planner.pathfinding.path_options import PathOptions
-from planner.pathfinding.shape_overlap import likeness_of
-from planner.pipeline.prepare import prepare
-from planner.shapes.inside_points import inside_points
-from planner.shapes.likeness import Likeness
-from planner.verification.verify import verify
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pathfinding.shape_overlap import likeness_of
+from foldback.planner.pipeline.prepare import prepare
+from foldback.planner.shapes.inside_points import inside_points
+from foldback.planner.shapes.likeness import Likeness
+from foldback.planner.verification.verify import verify
 from tests.case import case
 from tests.planner.certificate.test_verify import edit_plan, findings
 from tests.planner.folds import run_fold

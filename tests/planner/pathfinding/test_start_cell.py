@@ -5,10 +5,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.chain.chain import Chain
-from planner.pathfinding.snake import is_box, snake_path
-from planner.pathfinding.start_cell import parse_cell, starting_at
-from planner.shapes.shape import Shape
+from foldback.planner.chain.chain import Chain
+from foldback.planner.pathfinding.snake import is_box, snake_path
+from foldback.planner.pathfinding.start_cell import parse_cell, starting_at
+from foldback.planner.shapes.shape import Shape
 from tests.planner.chains import chain_of
 from tests.refusal import refused
 

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.chain.chain import Chain
-from planner.chain.honeycomb import TETRAHEDRA_PER_RING
-from planner.chain.module import TETRAHEDRON
-from planner.chain.path import Path
-from planner.clearance.margins import largest_size
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.pathfinding.path_options import PathOptions
-from planner.pathfinding.trail_search import find_trails
-from planner.pipeline.prepare import Preparation, prepare
-from planner.plan.shape_writers import write_path
-from planner.readers.angle_strings import read_angle_string
-from planner.shapes.shape import Shape
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.honeycomb import TETRAHEDRA_PER_RING
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.chain.path import Path
+from foldback.planner.clearance.margins import largest_size
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pathfinding.trail_search import find_trails
+from foldback.planner.pipeline.prepare import Preparation, prepare
+from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.readers.angle_strings import read_angle_string
+from foldback.planner.shapes.shape import Shape
 from tests.refusal import refused
 
 RING = "- - - + - - - + - - -"

@@ -11,14 +11,14 @@ from unittest.mock import Mock
 import psutil
 import pytest
 
-from planner.explosion.diagnosis import Diagnosis, Kind
-from planner.file_names import TIMELINE, TRIALS_DIR
-from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
-from planner.pipeline.attempt_pool import SPECULATION_PULSES, AttemptPool
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.stages import run_stage
-from planner.plan.shape_writers import write_chain, write_path
-from planner.progress import Progress, never, silent
+from foldback.planner.explosion.diagnosis import Diagnosis, Kind
+from foldback.planner.file_names import TIMELINE, TRIALS_DIR
+from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from foldback.planner.pipeline.attempt_pool import SPECULATION_PULSES, AttemptPool
+from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.pipeline.stages import run_stage
+from foldback.planner.plan.shape_writers import write_chain, write_path
+from foldback.planner.progress import Progress, never, silent
 from tests.planner.chains import COIL, knotted
 from tests.planner.folds import write_request
 
@@ -45,7 +45,7 @@ def attempt_processes() -> list[psutil.Process]:
     return [
         child
         for child in psutil.Process().children()
-        if "planner.pipeline.attempt_pool" in _command(child)
+        if "foldback.planner.pipeline.attempt_pool" in _command(child)
     ]
 
 
@@ -114,7 +114,7 @@ def test_attempt_whose_process_fails_or_does_not_start_is_not_collected(
         pool.schedule(CHOICE, [STUCK], Trial(0, 3, "peel"))
         assert pool.collect(fold / TIMELINE, silent, never) is None
     refuse_process = Mock(side_effect=BlockingIOError("no more processes"))
-    monkeypatch.setattr("planner.pipeline.attempt_pool.subprocess.Popen", refuse_process)
+    monkeypatch.setattr("foldback.planner.pipeline.attempt_pool.subprocess.Popen", refuse_process)
     with AttemptPool(fold, 2) as pool:
         pool.schedule(CHOICE, [], FIRST)
         report = pool.with_speculation(silent)
@@ -129,7 +129,7 @@ def test_number_of_attempts_of_a_fold_is_limited(
 ) -> None:
     fold = read(tmp_path / "fold", write_path(COIL), seed=3)
     begin = Mock(return_value=Mock(running=True, attempt=lambda: None))
-    monkeypatch.setattr("planner.pipeline.attempt_pool._AttemptProcess", begin)
+    monkeypatch.setattr("foldback.planner.pipeline.attempt_pool._AttemptProcess", begin)
     many = RetryPolicy(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
     with AttemptPool(fold, 64) as pool:
         pool.schedule(many, [], Trial(0, 3, "peel"))
@@ -140,9 +140,9 @@ def test_number_of_attempts_of_a_fold_is_limited(
 SCRIPT = """
 import sys, time
 from pathlib import Path
-from planner.pipeline.attempt import Attempt, Trial
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.pipeline.attempt_pool import AttemptPool
+from foldback.planner.pipeline.attempt import Attempt, Trial
+from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.pipeline.attempt_pool import AttemptPool
 with AttemptPool(Path(sys.argv[1]), 3) as pool:
     choice = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
     pool.schedule(choice, [Attempt(trial=Trial(0, 3, "peel"), status="stalled")],

@@ -15,16 +15,16 @@ from numba import njit
 from numba.core.caching import IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 
-from planner import kernel_cache
-from planner.inner_kernels import InnerLibrary
-from planner.kernel_cache import KERNELS, sources, sources_digest
-from planner.pipeline import compiling_lock
-from planner.pipeline.compiling import GC_THRESHOLD_OBJECTS, Compiling
-from planner.pipeline.compiling_lock import FIRST_LOCK, CompilingLock, compiling_fraction
+from foldback.planner import kernel_cache
+from foldback.planner.inner_kernels import InnerLibrary
+from foldback.planner.kernel_cache import KERNELS, sources, sources_digest
+from foldback.planner.pipeline import compiling_lock
+from foldback.planner.pipeline.compiling import GC_THRESHOLD_OBJECTS, Compiling
+from foldback.planner.pipeline.compiling_lock import FIRST_LOCK, CompilingLock, compiling_fraction
 from tests.case import case
 
 ROOT = Path(__file__).parents[3]
-PACKAGE = "planner.kernels"
+PACKAGE = "foldback.planner.kernels"
 
 
 def test_lock_held_by_another_shows_its_fraction_and_waits_no_longer_than_its_bound(
@@ -87,7 +87,7 @@ def _is_inner(value: object) -> bool:
 
 TWO_CALLERS = """
 from numba import njit
-from planner.kernels import INNER, KERNEL
+from foldback.planner.kernels import INNER, KERNEL
 
 @njit(**INNER)
 def inner(values, last):
@@ -146,7 +146,7 @@ def imports_of(path: Path) -> set[Path]:
         for node in ast.walk(ast.parse(path.read_text()))
         if isinstance(node, ast.ImportFrom)
         and node.module is not None
-        and node.module.startswith("planner.kernels.")
+        and node.module.startswith("foldback.planner.kernels.")
     }
 
 
@@ -163,7 +163,8 @@ def test_sources_of_a_kernel_hold_all_its_imports() -> None:
                     if isinstance(node, ast.ImportFrom)
                 ]
                 assert all(
-                    not m.startswith("planner") or m.startswith("planner.kernels") for m in modules
+                    not m.startswith("foldback") or m.startswith("foldback.planner.kernels")
+                    for m in modules
                 )
 
 
@@ -184,7 +185,7 @@ def test_digest_changes_with_a_file_that_is_imported_by_an_imported_one(tmp_path
 def test_every_kernel_compares_all_its_sources() -> None:
     for path in FILES:
         with case(path.stem):
-            module = importlib.import_module(f"planner.kernels.{path.stem}")
+            module = importlib.import_module(f"foldback.planner.kernels.{path.stem}")
             for kernel in vars(module).values():
                 if isinstance(kernel, Dispatcher) and kernel.py_func.__module__ == module.__name__:
                     cache: Any = vars(kernel)["_cache"]

@@ -2,8 +2,8 @@
 
 from typing import Any
 
-from planner.pipeline.expected_cost import MAX_EXPECTED_S, expected_cost
-from planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.expected_cost import MAX_EXPECTED_S, expected_cost
+from foldback.planner.pipeline.request import FoldRequest
 from tests.case import case
 
 STAGE_S = 1800.0

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.motion.record import Record
-from planner.pipeline.attempt import Attempt, Trial
-from planner.pipeline.fold import fold, refold, smooth_plan
-from planner.pipeline.job import Result, Search
-from planner.plan.plan import Plan
+from foldback.planner.errors import InputError
+from foldback.planner.motion.record import Record
+from foldback.planner.pipeline.attempt import Attempt, Trial
+from foldback.planner.pipeline.fold import fold, refold, smooth_plan
+from foldback.planner.pipeline.job import Result, Search
+from foldback.planner.plan.plan import Plan
 from tests.planner.chains import anchored, coil, line
 from tests.planner.folds import compare_motions, untimed
 from tests.planner.peels import snake
@@ -90,7 +90,7 @@ def test_plan_made_in_memory_is_the_same_for_any_number_of_workers(
     monkeypatch: pytest.MonkeyPatch, tmp_path: FilePath
 ) -> None:
     # Modules as large as their cells always touch, which causes further attempts.
-    monkeypatch.setattr("planner.pipeline.next_step.MAX_REFUSED_EXPLOSIONS", 2)
+    monkeypatch.setattr("foldback.planner.pipeline.next_step.MAX_REFUSED_EXPLOSIONS", 2)
     too_large = partial(fold, CORNER, module_size=1.0, strategy="simultaneous", settings=ONE_ROBOT)
     plan = too_large()
     assert len(plan.attempts) > 1 and len(plan.motion) > 10
@@ -101,7 +101,7 @@ def test_plan_made_in_memory_is_the_same_for_any_number_of_workers(
 
 @pytest.mark.slow
 def test_calm_preference_smooths_without_detours(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.pipeline.improvements.SEEDS_PER_SMOOTHED_PLAN", 1)
+    monkeypatch.setattr("foldback.planner.pipeline.improvements.SEEDS_PER_SMOOTHED_PLAN", 1)
     travels = []
     for prefer in ("calm", "clearance"):
         plan = fold(snake((2, 2, 2)), prefer=prefer, strategy="simultaneous", settings="robots=0")

@@ -5,20 +5,20 @@ from dataclasses import replace
 
 import pytest
 
-from planner.errors import InputError
-from planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Trial
-from planner.pipeline.improvements import Improvements, best_of, expected_seconds_of
-from planner.pipeline.next_step import (
+from foldback.planner.errors import InputError
+from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Trial
+from foldback.planner.pipeline.improvements import Improvements, best_of, expected_seconds_of
+from foldback.planner.pipeline.next_step import (
     REPEATED_PLAYBACK_REFINEMENT,
     Explode,
     count_plans,
     next_step,
     with_count,
 )
-from planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.retry_policy import RetryPolicy
-from planner.progress import Progress
+from foldback.planner.pipeline.preference import PREFERENCES, PlanFigures, Preference
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.progress import Progress
 from tests.planner.chains import chain_of
 
 ALL = ("simultaneous", "blocks", "peel")

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from planner import output_directory
-from planner.errors import InputError
-from planner.output_directory import finish_replacement, replacing, replacing_listed
-from planner.pipeline.fold_layout import replacing_fold
+from foldback.planner import output_directory
+from foldback.planner.errors import InputError
+from foldback.planner.output_directory import finish_replacement, replacing, replacing_listed
+from foldback.planner.pipeline.fold_layout import replacing_fold
 from tests.refusal import refused
 
 CHANGES = ("rename", "replace", "unlink", "rmdir", "mkdir", "open")

@@ -6,15 +6,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.file_names import CANDIDATES, PREPARED
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline import reading
-from planner.pipeline.prepare import Preparation, prepare
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stage
-from planner.pipeline.workspace import Workspace
-from planner.plan.prepared_chains import PreparedChains, key_of
-from planner.plan.shape_writers import write_chain
+from foldback.planner.file_names import CANDIDATES, PREPARED
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline import reading
+from foldback.planner.pipeline.prepare import Preparation, prepare
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stage
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.prepared_chains import PreparedChains, key_of
+from foldback.planner.plan.shape_writers import write_chain
 from tests.planner.chains import coil
 from tests.planner.conftest import SHAPES
 from tests.refusal import refused

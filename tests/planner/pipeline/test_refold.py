@@ -10,29 +10,29 @@ from typing import Any
 import numpy as np
 import pytest
 
-import foldback_check
-from planner.certificate.certificate import Place, certify
-from planner.certificate.frame_metrics import write_figures
-from planner.certificate.metrics_store import Figures
-from planner.chain.chain import Chain
-from planner.errors import InputError
-from planner.exports.formats import export_named
-from planner.motion.motion import PHASES, Motion
-from planner.motion.record import Record
-from planner.motion.timeline import Timeline
-from planner.parameters.parameters import Parameters
-from planner.parameters.playback import PlaybackParameters
-from planner.pipeline.fold import fold, refold
-from planner.pipeline.manifest import write_manifest
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stage
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_path
-from planner.plan.steps import steps_of
-from planner.playback.playback import Playback, play_back
-from planner.playback.unfolding import check_fits
-from planner.verification.verify import verify
+from foldback import foldback_check
+from foldback.planner.certificate.certificate import Place, certify
+from foldback.planner.certificate.frame_metrics import write_figures
+from foldback.planner.certificate.metrics_store import Figures
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import InputError
+from foldback.planner.exports.formats import export_named
+from foldback.planner.motion.motion import PHASES, Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.pipeline.fold import fold, refold
+from foldback.planner.pipeline.manifest import write_manifest
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stage
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.plan.steps import steps_of
+from foldback.planner.playback.playback import Playback, play_back
+from foldback.planner.playback.unfolding import check_fits
+from foldback.planner.verification.verify import verify
 from tests.planner.chains import COIL, HAIRPIN, SQUARE, line
 from tests.planner.folds import falsify
 from tests.planner.plans import with_values

@@ -5,8 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from planner.explosion.diagnosis import Diagnosis
-from planner.pipeline.attempt import (
+from foldback.planner.explosion.diagnosis import Diagnosis
+from foldback.planner.pipeline.attempt import (
     MAX_EXPLOSIONS,
     Attempt,
     Candidates,
@@ -14,8 +14,8 @@ from planner.pipeline.attempt import (
     Trial,
     latest_playback,
 )
-from planner.pipeline.improvements import Improvements
-from planner.pipeline.next_step import (
+from foldback.planner.pipeline.improvements import Improvements
+from foldback.planner.pipeline.next_step import (
     MAX_PATIENCE,
     MAX_PLAYBACKS_BEFORE_VERIFIED,
     MAX_REFUSED_EXPLOSIONS,
@@ -28,8 +28,8 @@ from planner.pipeline.next_step import (
     next_step,
     with_choice,
 )
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.retry_policy import RetryPolicy
 from tests.case import case
 from tests.planner.chains import coil
 from tests.planner.peels import snake

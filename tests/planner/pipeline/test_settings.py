@@ -2,17 +2,17 @@ from dataclasses import asdict, fields, replace
 
 import pytest
 
-from planner.errors import InputError
-from planner.parameters.parameters import preset
-from planner.parameters.published import PaperExplosionParameters
-from planner.parameters.settings_text import (
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.parameters import preset
+from foldback.planner.parameters.published import PaperExplosionParameters
+from foldback.planner.parameters.settings_text import (
     SETTINGS,
     read_settings,
     settings_text,
     value_of,
     with_settings,
 )
-from planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.request import FoldRequest
 from tests.case import case
 from tests.refusal import refused
 

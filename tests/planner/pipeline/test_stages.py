@@ -7,19 +7,19 @@ from unittest.mock import Mock, patch
 
 import pytest
 
-from planner.certificate.certificate import Place
-from planner.chain.chain import Chain
-from planner.errors import SimulationError
-from planner.explosion.simultaneous import explode
-from planner.motion.record import Record
-from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.fold_layout import result_path
-from planner.pipeline.stages import next_stage, run_stage
-from planner.plan.plan import Plan
-from planner.playback.playback import Playback
-from planner.progress import STAGES, Progress
-from planner.simulation.reduced_state import Acceleration
-from planner.simulation.segments import Segments
+from foldback.planner.certificate.certificate import Place
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import SimulationError
+from foldback.planner.explosion.simultaneous import explode
+from foldback.planner.motion.record import Record
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.pipeline.stages import next_stage, run_stage
+from foldback.planner.plan.plan import Plan
+from foldback.planner.playback.playback import Playback
+from foldback.planner.progress import STAGES, Progress
+from foldback.planner.simulation.reduced_state import Acceleration
+from foldback.planner.simulation.segments import Segments
 from tests.planner.folds import compare_motions, falsify, intercept, untimed, write_request
 
 pytestmark = pytest.mark.slow
@@ -161,7 +161,7 @@ def test_next_candidate_is_tried_when_a_chain_sticks(
         first = chain.folded_rad.tolist() == candidates[0]["folded_rad"]
         return replace(record, status="stalled", reason="it is stuck") if first else record
 
-    monkeypatch.setattr("planner.explosion.strategies.explode", stuck_at_first)
+    monkeypatch.setattr("foldback.planner.explosion.strategies.explode", stuck_at_first)
     for stage in STAGES[1:]:
         summary = run_stage(stage, tmp_path)
     assert summary["status"] == "verified"

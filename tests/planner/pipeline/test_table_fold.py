@@ -9,16 +9,16 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from planner.certificate.table_forces import TableForces
-from planner.errors import InputError
-from planner.parameters.explosion import TableParameters
-from planner.parameters.parameters import Parameters
-from planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
-from planner.pipeline.prepare import prepare
-from planner.pipeline.request import FoldRequest
-from planner.plan.plan import Plan
-from planner.verification.plan_parameters import plan_parameters
-from planner.verification.verify import verify
+from foldback.planner.certificate.table_forces import TableForces
+from foldback.planner.errors import InputError
+from foldback.planner.parameters.explosion import TableParameters
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
+from foldback.planner.pipeline.prepare import prepare
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.plan.plan import Plan
+from foldback.planner.verification.plan_parameters import plan_parameters
+from foldback.planner.verification.verify import verify
 from tests.planner.conftest import SHAPES
 from tests.planner.folds import run_fold
 from tests.refusal import refused

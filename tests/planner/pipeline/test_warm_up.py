@@ -9,11 +9,11 @@ import psutil
 import pytest
 from numba import njit
 
-from planner.chain.chain import Chain
-from planner.pipeline import warm_up as module
-from planner.pipeline.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK
-from planner.pipeline.warm_up import warm_up
-from planner.progress import COMPILING
+from foldback.planner.chain.chain import Chain
+from foldback.planner.pipeline import warm_up as module
+from foldback.planner.pipeline.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.progress import COMPILING
 from tests.compiled_later import compiled_later
 from tests.server.service_process import TIMEOUT_S
 
@@ -23,12 +23,12 @@ IMPORTS = """
 from pathlib import Path as FilePath
 from tempfile import TemporaryDirectory
 import trimesh
-from planner.chain.path import Path
-from planner.pathfinding.assembly import layered_snake
-from planner.pathfinding.knots import knot_of
-from planner.pipeline.fold import smooth_plan
-from planner.pipeline.warm_up import warm_up
-from planner.plan.shape_writers import write_path
+from foldback.planner.chain.path import Path
+from foldback.planner.pathfinding.assembly import layered_snake
+from foldback.planner.pathfinding.knots import knot_of
+from foldback.planner.pipeline.fold import smooth_plan
+from foldback.planner.pipeline.warm_up import warm_up
+from foldback.planner.plan.shape_writers import write_path
 from tests.planner.chains import walk
 from tests.planner.folds import run_fold
 from tests.planner.pathfinding.test_knots import OVERHAND
@@ -72,7 +72,7 @@ def run(script: str, *arguments: FilePath, kernels: FilePath) -> str:
 def test_warm_up_reports_that_it_compiles_from_the_beginning(tmp_path: FilePath) -> None:
     script = """
 import os
-from planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.warm_up import warm_up
 
 def end(progress):
     print(progress.message, flush=True)
@@ -88,7 +88,7 @@ def test_process_beside_ends_when_its_parent_is_killed(tmp_path: FilePath) -> No
     script = """
 import os, signal, sys
 from pathlib import Path
-from planner.pipeline.compiling import beside
+from foldback.planner.pipeline.compiling import beside
 print(beside("all", Path(sys.argv[1])).pid, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """
@@ -107,7 +107,7 @@ def test_first_kernels_have_the_bytecode_that_fractions_are_shown_of(tmp_path: F
     script = """
 import sys
 from pathlib import Path
-from planner.pipeline.warm_up import warm_up
+from foldback.planner.pipeline.warm_up import warm_up
 
 warm_up(soon=True, directory=Path(sys.argv[1]))
 """

@@ -10,22 +10,22 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.certificate.certificate import Certificate, Place
-from planner.chain.chain import Chain
-from planner.explosion import strategies
-from planner.file_names import CERTIFICATE, PLANS_DIR, PLAYABLE, RESULT_FILES, TIMELINE
-from planner.files import write_json
-from planner.motion.motion import Phase
-from planner.motion.record import Record
-from planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
-from planner.parameters.explosion import ExplosionParameters
-from planner.pipeline import certifying, workspace
-from planner.pipeline.attempt import Attempt, Trial
-from planner.pipeline.fold_layout import attempt_numbers, latest_attempt_dir, result_path
-from planner.pipeline.stages import next_stage, run_stage
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_path
+from foldback.planner.certificate.certificate import Certificate, Place
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion import strategies
+from foldback.planner.file_names import CERTIFICATE, PLANS_DIR, PLAYABLE, RESULT_FILES, TIMELINE
+from foldback.planner.files import write_json
+from foldback.planner.motion.motion import Phase
+from foldback.planner.motion.record import Record
+from foldback.planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.pipeline import certifying, workspace
+from foldback.planner.pipeline.attempt import Attempt, Trial
+from foldback.planner.pipeline.fold_layout import attempt_numbers, latest_attempt_dir, result_path
+from foldback.planner.pipeline.stages import next_stage, run_stage
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_path
 from tests.case import case
 from tests.planner.chains import COIL, SQUARE, anchored
 from tests.planner.folds import intercept, write_request
@@ -137,7 +137,7 @@ def test_keep_best_with_a_preference_stores_the_other_verified_plans(
     Workspace(tmp_path).clear()
     assert not (tmp_path / PLANS_DIR).exists()
 
-    monkeypatch.setattr("planner.pipeline.workspace.MAX_PLANS_BYTES", 0)
+    monkeypatch.setattr("foldback.planner.pipeline.workspace.MAX_PLANS_BYTES", 0)
     write_attempts(tmp_path, (0.1, 0.2), "verified", "verified")
     Workspace(tmp_path).keep_best("time")
     assert (attempt_numbers(tmp_path), (tmp_path / PLANS_DIR).exists()) == ([0], False)

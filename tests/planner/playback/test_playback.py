@@ -4,15 +4,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.certificate.certificate import certify
-from planner.chain.rotations import aligned_distances
-from planner.motion.angle_encoding import PLAN_STEP_RAD
-from planner.motion.motion import Motion
-from planner.parameters.parameters import Parameters, preset
-from planner.parameters.playback import PlaybackParameters, RobotParameters
-from planner.playback.playback import Playback, play_back
-from planner.progress import Progress
-from planner.simulation.mujoco_tree import Tree
+from foldback.planner.certificate.certificate import certify
+from foldback.planner.chain.rotations import aligned_distances
+from foldback.planner.motion.angle_encoding import PLAN_STEP_RAD
+from foldback.planner.motion.motion import Motion
+from foldback.planner.parameters.parameters import Parameters, preset
+from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
+from foldback.planner.playback.playback import Playback, play_back
+from foldback.planner.progress import Progress
+from foldback.planner.simulation.mujoco_tree import Tree
 from tests.planner.conftest import Folded
 from tests.planner.folds import intercept
 from tests.refusal import refused
@@ -112,7 +112,7 @@ def test_playback_without_record_or_controller_is_refused(folded: Folded) -> Non
 
 
 def test_sink_and_progress(folded: Folded, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("planner.playback.chain_run.PROGRESS_PERIOD_S", 0.0)
+    monkeypatch.setattr("foldback.planner.playback.chain_run.PROGRESS_PERIOD_S", 0.0)
     parts: list[Motion] = []
     reports: list[Progress] = []
     playback = play(folded, DEFAULT, sink=parts.append, progress=reports.append, start_s=7.0)

@@ -3,8 +3,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.clearance.sweep import sweep
-from planner.playback.reference_curve import Reference, record_lengths
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.playback.reference_curve import Reference, record_lengths
 from tests.planner.chains import line
 
 

@@ -7,13 +7,13 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner.certificate.certificate import Certificate, certify
-from planner.chain.chain import Chain
-from planner.parameters.parameters import Parameters
-from planner.parameters.playback import PlaybackParameters, RobotParameters
-from planner.playback.playback import Playback, play_back
-from planner.simulation.contact_finder import robot_contacts
-from planner.simulation.robot import Robot
+from foldback.planner.certificate.certificate import Certificate, certify
+from foldback.planner.chain.chain import Chain
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
+from foldback.planner.playback.playback import Playback, play_back
+from foldback.planner.simulation.contact_finder import robot_contacts
+from foldback.planner.simulation.robot import Robot
 from tests.planner.chains import coil, line
 from tests.planner.conftest import Folded
 from tests.planner.mujoco_tree import tree_with

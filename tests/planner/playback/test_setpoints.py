@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from planner.playback.setpoints import STALL_STEPS, Backwards, SnapshotSetpoints
+from foldback.planner.playback.setpoints import STALL_STEPS, Backwards, SnapshotSetpoints
 from tests.planner.chains import Array
 
 

@@ -5,13 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from planner.certificate.table_certificate import table_certificate
-from planner.chain.chain import Chain
-from planner.explosion.table_explosion import explode_on_table
-from planner.motion.motion import Motion
-from planner.parameters.explosion import TableParameters
-from planner.parameters.playback import TablePlaybackParameters
-from planner.playback.table_playback import TablePlayback, play_on_table
+from foldback.planner.certificate.table_certificate import table_certificate
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.table_explosion import explode_on_table
+from foldback.planner.motion.motion import Motion
+from foldback.planner.parameters.explosion import TableParameters
+from foldback.planner.parameters.playback import TablePlaybackParameters
+from foldback.planner.playback.table_playback import TablePlayback, play_on_table
 from tests.case import case
 from tests.planner.chains import anchored, chain_of
 from tests.planner.table_replay import table_replay

@@ -3,19 +3,19 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.playback.reference_curve import Reference, resting_reference
-from planner.playback.setpoints import timed_torques
-from planner.playback.time_scaling import (
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.playback.reference_curve import Reference, resting_reference
+from foldback.planner.playback.setpoints import timed_torques
+from foldback.planner.playback.time_scaling import (
     TimeScaling,
     resting_scaling,
     smooth_scaling,
     torque_bounded_resting_scaling,
     torque_bounded_scaling,
 )
-from planner.simulation.mujoco_models import Material
-from planner.simulation.mujoco_tree import Tree
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.mujoco_tree import Tree
 
 
 def largest_torque(reference: Reference, tree: Tree, scaling: TimeScaling) -> float:

@@ -7,14 +7,14 @@ import mujoco
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.floating_torques import floating_torques
-from planner.motion.motion import Motion
-from planner.motion.record import Record
-from planner.parameters.playback import PlaybackParameters, RobotParameters
-from planner.playback.playback import Playback, play_back
-from planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
-from planner.simulation.window_robot import RigidEnds, WindowRobot
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.floating_torques import floating_torques
+from foldback.planner.motion.motion import Motion
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
+from foldback.planner.playback.playback import Playback, play_back
+from foldback.planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
+from foldback.planner.simulation.window_robot import RigidEnds, WindowRobot
 from tests.planner.chains import Array
 from tests.planner.mujoco_tree import tree_with
 from tests.planner.peels import peel, snake

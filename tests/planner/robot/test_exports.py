@@ -23,16 +23,16 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation, Slerp
 
-from planner.chain.kinematics import Poses
-from planner.errors import InputError
-from planner.exports import glb
-from planner.exports.export import Export
-from planner.exports.formats import EXPORTS, export_named
-from planner.exports.mjcf import KEY_PERCENTS
-from planner.exports.urdf import DRAKE_NAMESPACE, centre_of
-from planner.pipeline.fold import fold
-from planner.plan.plan import Plan
-from planner.readers.angle_strings import read_angle_string
+from foldback.planner.chain.kinematics import Poses
+from foldback.planner.errors import InputError
+from foldback.planner.exports import glb
+from foldback.planner.exports.export import Export
+from foldback.planner.exports.formats import EXPORTS, export_named
+from foldback.planner.exports.mjcf import KEY_PERCENTS
+from foldback.planner.exports.urdf import DRAKE_NAMESPACE, centre_of
+from foldback.planner.pipeline.fold import fold
+from foldback.planner.plan.plan import Plan
+from foldback.planner.readers.angle_strings import read_angle_string
 from tests.planner.chains import Array
 
 HOSTILE_NAME = "</robot>\x00\x1b[31m\ud800\u202e\uffff \"'&<]]>\n- -- \U0001f980"

@@ -10,12 +10,12 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.module import CUBE
-from planner.errors import InputError
-from planner.exports import leaflet
-from planner.exports.formats import export_named
-from planner.exports.step_drawing import (
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE
+from foldback.planner.errors import InputError
+from foldback.planner.exports import leaflet
+from foldback.planner.exports.formats import export_named
+from foldback.planner.exports.step_drawing import (
     INKS,
     MAX_SMALL_WIDTH_PITCH,
     Drawing,
@@ -23,9 +23,9 @@ from planner.exports.step_drawing import (
     draw_shape,
     draw_step,
 )
-from planner.plan.plan import Plan
-from planner.plan.steps import steps_between, steps_of
-from planner.readers.angle_strings import read_angle_string
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.steps import steps_between, steps_of
+from foldback.planner.readers.angle_strings import read_angle_string
 from tests.planner.chains import coil, line
 from tests.planner.plans import resting, turn_by_turn
 

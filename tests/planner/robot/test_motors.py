@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.robot.motors import Build, motor_table
-from planner.robot.retiming import retimed
-from planner.robot.trajectory import Trajectory
+from foldback.planner.chain.chain import Chain
+from foldback.planner.robot.motors import Build, motor_table
+from foldback.planner.robot.retiming import retimed
+from foldback.planner.robot.trajectory import Trajectory
 from tests.case import case
 from tests.planner.chains import line
 from tests.refusal import refused

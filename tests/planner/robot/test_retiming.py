@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.exports.trajectory import clearance
-from planner.robot.retiming import retime, retimed
-from planner.robot.trajectory import Trajectory
+from foldback.planner.exports.trajectory import clearance
+from foldback.planner.robot.retiming import retime, retimed
+from foldback.planner.robot.trajectory import Trajectory
 from tests.case import case
 from tests.planner.chains import Array
 from tests.refusal import refused

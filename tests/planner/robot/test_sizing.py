@@ -8,11 +8,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.chain.module import CUBE
-from planner.errors import InputError
-from planner.robot.module_materials import CASINGS, Casing, casing_named
-from planner.robot.servos import Servo, servo_named, servos
-from planner.robot.sizing import (
+from foldback.planner.chain.module import CUBE
+from foldback.planner.errors import InputError
+from foldback.planner.robot.module_materials import CASINGS, Casing, casing_named
+from foldback.planner.robot.servos import Servo, servo_named, servos
+from foldback.planner.robot.sizing import (
     HINGES_PER_MODULE,
     find_suitable_servos,
     largest_shape,

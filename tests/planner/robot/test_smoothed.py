@@ -6,18 +6,18 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.motion.timeline import Timeline
-from planner.pipeline.fold import smooth_plan
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_chain
-from planner.robot import SMOOTHED
-from planner.robot.smoothed_plan import check_smoothable
-from planner.verification.verify import verify
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.errors import InputError
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.pipeline.fold import smooth_plan
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.robot import SMOOTHED
+from foldback.planner.robot.smoothed_plan import check_smoothable
+from foldback.planner.verification.verify import verify
 from tests.planner.conftest import Folded
 from tests.planner.plans import with_values
 from tests.refusal import refused
@@ -76,7 +76,7 @@ def test_unsuitable_plans_are_not_smoothed(folded: Folded, monkeypatch: pytest.M
         "smooth-no-torques": replace(certificate, peak_torque_nm=None),
     }
     plans = {code: with_values(plan, certificate=other) for code, other in unsuitable.items()}
-    monkeypatch.setattr("planner.robot.smoothed_plan.MAX_SMOOTHED_ANGLES", 1000)
+    monkeypatch.setattr("foldback.planner.robot.smoothed_plan.MAX_SMOOTHED_ANGLES", 1000)
     more = {"smooth-refold": with_values(plan, start=folded.chain), "smooth-too-long": plan}
     for code, other in {**plans, **more}.items():
         with refused(code):

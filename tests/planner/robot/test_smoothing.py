@@ -1,14 +1,14 @@
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.kernels.smoothing import mark_blamed_hinges
-from planner.playback.reference_curve import record_lengths
-from planner.robot.motion_quality import Quality
-from planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
-from planner.robot.smoothing_targets import direct
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.errors import InputError
+from foldback.planner.kernels.smoothing import mark_blamed_hinges
+from foldback.planner.playback.reference_curve import record_lengths
+from foldback.planner.robot.motion_quality import Quality
+from foldback.planner.robot.smoothing import DISTANCE_WEIGHT, FRAME_SPACING_RANGE_RAD, smooth
+from foldback.planner.robot.smoothing_targets import direct
 from tests.planner.chains import Array, coil, line, random_angles
 from tests.planner.conftest import Folded
 

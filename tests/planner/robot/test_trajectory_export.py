@@ -4,12 +4,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.clearance.sweep import sweep
-from planner.exports.trajectory import Form, clearance, export, sufficient_rate, times
-from planner.pipeline.fold import fold
-from planner.robot.retiming import retime, retimed
-from planner.robot.trajectory import Trajectory
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.exports.trajectory import Form, clearance, export, sufficient_rate, times
+from foldback.planner.pipeline.fold import fold
+from foldback.planner.robot.retiming import retime, retimed
+from foldback.planner.robot.trajectory import Trajectory
 from tests.planner.chains import coil
 from tests.refusal import refused
 

@@ -5,10 +5,10 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.prepare import prepare, prepare_in_any_order
-from planner.shapes.tunnels import tunnels_of_cells, tunnels_of_samples, tunnels_of_surface
-from planner.shapes.voxelise import voxelise
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.prepare import prepare, prepare_in_any_order
+from foldback.planner.shapes.tunnels import tunnels_of_cells, tunnels_of_samples, tunnels_of_surface
+from foldback.planner.shapes.voxelise import voxelise
 from tests.planner.solids_made import Mesh, box, exported, solid_of, torus
 
 BODY_CELLS = 20

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.readers import read
-from planner.shapes.shape import Shape
-from planner.shapes.solid import Solid, signed_volume
+from foldback.planner.errors import InputError
+from foldback.planner.readers import read
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import Solid, signed_volume
 from tests.case import case
 from tests.planner.reading import cells_of, refusal_of, shape_in, solid_in
 from tests.planner.solids_made import (

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.chain.path import Path
-from planner.errors import InputError
-from planner.plan.shape_writers import write_chain, write_path, write_shape
-from planner.readers import read
-from planner.shapes.shape import Shape
-from planner.shapes.solid import Solid
+from foldback.planner.chain.path import Path
+from foldback.planner.errors import InputError
+from foldback.planner.plan.shape_writers import write_chain, write_path, write_shape
+from foldback.planner.readers import read
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import Solid
 from tests.planner.chains import chain_of
 from tests.planner.solids_made import MESH_KINDS, as_binvox, as_grid, as_vox, exported
 

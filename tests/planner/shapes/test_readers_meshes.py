@@ -13,10 +13,10 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.errors import InputError
-from planner.readers import off, read, stl
-from planner.shapes.mesh_repair import is_surface
-from planner.shapes.solid import Solid, signed_volume
+from foldback.planner.errors import InputError
+from foldback.planner.readers import off, read, stl
+from foldback.planner.shapes.mesh_repair import is_surface
+from foldback.planner.shapes.solid import Solid, signed_volume
 from tests.case import case
 from tests.planner.reading import refusal_of, solid_in
 from tests.planner.solids_made import MESH_KINDS, box, exported, scene, show, torus, zipped

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.errors import InputError
-from planner.readers import read
-from planner.shapes.solid import Solid, signed_volume
-from planner.shapes.voxelise import voxelise
+from foldback.planner.errors import InputError
+from foldback.planner.readers import read
+from foldback.planner.shapes.solid import Solid, signed_volume
+from foldback.planner.shapes.voxelise import voxelise
 from tests.planner.reading import cells_of, refusal_of, solid_in
 from tests.planner.shapes.test_readers_faults import CORE, archive, mesh_xml
 from tests.planner.shapes.test_readers_meshes import add_accessor

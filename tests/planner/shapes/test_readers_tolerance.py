@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.readers import formats, read
-from planner.shapes.solid import signed_volume
+from foldback.planner.errors import InputError
+from foldback.planner.readers import formats, read
+from foldback.planner.shapes.solid import signed_volume
 from tests.planner.reading import cells_of, refusal_of, shape_in, solid_in
 from tests.planner.solids_made import (
     as_vox,

@@ -7,10 +7,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.chain.path import Path
-from planner.plan.shape_writers import write_shape
-from planner.readers import read
-from planner.shapes.shape import Shape
+from foldback.planner.chain.path import Path
+from foldback.planner.plan.shape_writers import write_shape
+from foldback.planner.readers import read
+from foldback.planner.shapes.shape import Shape
 from tests.case import case
 from tests.planner.lattice import Ints
 from tests.planner.reading import refusal_of, shape_in

@@ -4,9 +4,9 @@ import trimesh
 from hypothesis import given
 from hypothesis import strategies as st
 
-from planner.shapes.shape import Shape
-from planner.shapes.solid import MAX_VERTEX_COORDINATE, Solid, signed_volume
-from planner.shapes.solid_sampling import sample
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import MAX_VERTEX_COORDINATE, Solid, signed_volume
+from foldback.planner.shapes.solid_sampling import sample
 from tests.case import case
 from tests.planner.solids_made import box, solid_of, torus
 from tests.refusal import refused

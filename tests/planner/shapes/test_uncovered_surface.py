@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from planner.chain.honeycomb import tetrahedra_at
-from planner.pathfinding.shape_overlap import TETRAHEDRON_PLANES, regions_of
-from planner.shapes.uncovered_surface import DEPTH_PITCH, ModuleRegions, uncovered_surface
+from foldback.planner.chain.honeycomb import tetrahedra_at
+from foldback.planner.pathfinding.shape_overlap import TETRAHEDRON_PLANES, regions_of
+from foldback.planner.shapes.uncovered_surface import DEPTH_PITCH, ModuleRegions, uncovered_surface
 from tests.planner.solids_made import box, torus
 
 

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from planner.errors import InputError, checked_fraction
-from planner.shapes.bridges import bridged
-from planner.shapes.layered_path import has_whole_layers
-from planner.shapes.solid import Solid
-from planner.shapes.solid_sampling import sample
-from planner.shapes.voxelise import Voxels, voxelise
+from foldback.planner.errors import InputError, checked_fraction
+from foldback.planner.shapes.bridges import bridged
+from foldback.planner.shapes.layered_path import has_whole_layers
+from foldback.planner.shapes.solid import Solid
+from foldback.planner.shapes.solid_sampling import sample
+from foldback.planner.shapes.voxelise import Voxels, voxelise
 from tests.conftest import examples
 from tests.planner.solids_made import Mesh, box, solid_of, torus
 

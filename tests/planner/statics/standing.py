@@ -3,12 +3,12 @@
 import numpy as np
 from scipy.optimize import linprog
 
-from planner.chain.cantilever_statics import hinge_frames
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses
-from planner.statics.balance import Standing
-from planner.statics.contacts import Contacts
-from planner.statics.friction import Friction, rays
+from foldback.planner.chain.cantilever_statics import hinge_frames
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses
+from foldback.planner.statics.balance import Standing
+from foldback.planner.statics.contacts import Contacts
+from foldback.planner.statics.friction import Friction, rays
 from tests.planner.chains import Array
 
 

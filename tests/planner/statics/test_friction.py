@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.rotations import wxyz_from_matrix
-from planner.statics.balance import Balance
-from planner.statics.friction import (
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.rotations import wxyz_from_matrix
+from foldback.planner.statics.balance import Balance
+from foldback.planner.statics.friction import (
     CONE_SIDES,
     DIRECTION_SPREADS_RAD,
     Friction,

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.module import TETRAHEDRON
-from planner.statics.balance import Balance
-from planner.statics.stable_poses import resting_poses
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.statics.balance import Balance
+from foldback.planner.statics.stable_poses import resting_poses
 from tests.planner.chains import chain_of, coil, line, random_angles, random_rotation
 
 

@@ -6,17 +6,17 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.errors import InputError
-from planner.pathfinding.fill_cubes import BLOCK_CELLS
-from planner.pathfinding.path_options import MAX_TABLE_MODULES, PathOptions
-from planner.pipeline.prepare import prepare
-from planner.readers import read
-from planner.shapes.shape import Shape
-from planner.shapes.solid import Solid
-from planner.table_paths.fill_table import TableCubes
-from planner.table_paths.mending import cells_to_add
-from planner.table_paths.offers import table_offers
-from planner.table_paths.rules import FALLS, rule_violations
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding.fill_cubes import BLOCK_CELLS
+from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES, PathOptions
+from foldback.planner.pipeline.prepare import prepare
+from foldback.planner.readers import read
+from foldback.planner.shapes.shape import Shape
+from foldback.planner.shapes.solid import Solid
+from foldback.planner.table_paths.fill_table import TableCubes
+from foldback.planner.table_paths.mending import cells_to_add
+from foldback.planner.table_paths.offers import table_offers
+from foldback.planner.table_paths.rules import FALLS, rule_violations
 from tests.planner.table_search import reasons_for_no_path
 
 HOLES = ((1, 2), (3, 2))

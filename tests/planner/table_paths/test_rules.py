@@ -4,11 +4,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from planner.errors import InputError
-from planner.table_paths.base_sides import prefix_margins, sides_of, stands
-from planner.table_paths.layer import Layer, Work, ways
-from planner.table_paths.rules import rule_violations
-from planner.table_paths.score import WEIGHTS, Parts, levers, parts_of
+from foldback.planner.errors import InputError
+from foldback.planner.table_paths.base_sides import prefix_margins, sides_of, stands
+from foldback.planner.table_paths.layer import Layer, Work, ways
+from foldback.planner.table_paths.rules import rule_violations
+from foldback.planner.table_paths.score import WEIGHTS, Parts, levers, parts_of
 from tests.case import case
 from tests.planner.lattice import Ints, box_array
 

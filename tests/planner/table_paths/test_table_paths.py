@@ -5,12 +5,12 @@ import numpy as np
 import pytest
 from hypothesis import given
 
-from planner.errors import InputError
-from planner.pathfinding.lattice import neighbours
-from planner.table_paths.base_sides import sides_of
-from planner.table_paths.no_table_path_proofs import ruled_out
-from planner.table_paths.rules import Rule, rule_violations
-from planner.table_paths.table_paths import TablePath
+from foldback.planner.errors import InputError
+from foldback.planner.pathfinding.lattice import neighbours
+from foldback.planner.table_paths.base_sides import sides_of
+from foldback.planner.table_paths.no_table_path_proofs import ruled_out
+from foldback.planner.table_paths.rules import Rule, rule_violations
+from foldback.planner.table_paths.table_paths import TablePath
 from tests.case import case
 from tests.conftest import examples
 from tests.planner.lattice import Ints, box_array, walks

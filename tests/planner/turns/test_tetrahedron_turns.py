@@ -5,20 +5,20 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-import foldback_check
-from planner.arrays import Array, Ints
-from planner.chain.chain import Chain
-from planner.chain.module import TETRAHEDRON
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.explosion.strategies import ranked_strategies
-from planner.kernels.clearance import pair_separation
-from planner.kernels.tetrahedron_turns import GAP_TOLERANCE, turning_gap
-from planner.parameters.parameters import Parameters
-from planner.pipeline.fold import fold
-from planner.readers import read
-from planner.turns.tetrahedron_turns import tetrahedron_turning
-from planner.turns.turn_sequence import TurnSequence, find_turns
+from foldback import foldback_check
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.errors import InputError
+from foldback.planner.explosion.strategies import ranked_strategies
+from foldback.planner.kernels.clearance import pair_separation
+from foldback.planner.kernels.tetrahedron_turns import GAP_TOLERANCE, turning_gap
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pipeline.fold import fold
+from foldback.planner.readers import read
+from foldback.planner.turns.tetrahedron_turns import tetrahedron_turning
+from foldback.planner.turns.turn_sequence import TurnSequence, find_turns
 
 SHAPES = FilePath(__file__).parents[3] / "examples" / "shapes"
 SIZE = 0.95
@@ -91,7 +91,7 @@ def test_smallest_tables_grow_to_the_same_turns(monkeypatch: pytest.MonkeyPatch)
     codes = np.random.default_rng(0).integers(0, 2**64, (23, 3), np.uint64)
     clear: list[list[bool]] = []
     for slots in (2**4, 2**14):
-        monkeypatch.setattr("planner.turns.tetrahedron_turns.MIN_TABLE_ENTRIES", slots)
+        monkeypatch.setattr("foldback.planner.turns.tetrahedron_turns.MIN_TABLE_ENTRIES", slots)
         turning = tetrahedron_turning(chain, SIZE)
         states = turning.folded[None]
         turns = turning.turns(states, np.zeros(1, np.uint64), codes, weight=0.5)

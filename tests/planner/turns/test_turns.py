@@ -6,30 +6,30 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-import foldback_check
-from planner.chain.chain import Chain
-from planner.chain.kinematics import forward_kinematics
-from planner.chain.module import TETRAHEDRON
-from planner.chain.path import Path
-from planner.clearance.sweep import sweep
-from planner.errors import InputError
-from planner.explosion.blocking import no_quarter_turn
-from planner.explosion.diagnosis import diagnose
-from planner.explosion.strategies import ranked_strategies
-from planner.explosion.turning import unfold_in_turns
-from planner.kernels.cube_turns import turning_gap
-from planner.parameters.parameters import Parameters
-from planner.pipeline.fold import fold
-from planner.pipeline.request import FoldRequest
-from planner.plan.steps import steps_of
-from planner.readers import read
-from planner.turns.beam_search import unfold
-from planner.turns.cube_turns import cube_turning
-from planner.turns.moves import RoomProof, moves_between
-from planner.turns.shortening import shortened
-from planner.turns.tetrahedron_turns import tetrahedron_turning
-from planner.turns.turn_sequence import NoTurns, TurnSequence, find_turns
-from planner.turns.turning import QUARTER_RAD
+from foldback import foldback_check
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.module import TETRAHEDRON
+from foldback.planner.chain.path import Path
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.errors import InputError
+from foldback.planner.explosion.blocking import no_quarter_turn
+from foldback.planner.explosion.diagnosis import diagnose
+from foldback.planner.explosion.strategies import ranked_strategies
+from foldback.planner.explosion.turning import unfold_in_turns
+from foldback.planner.kernels.cube_turns import turning_gap
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pipeline.fold import fold
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.plan.steps import steps_of
+from foldback.planner.readers import read
+from foldback.planner.turns.beam_search import unfold
+from foldback.planner.turns.cube_turns import cube_turning
+from foldback.planner.turns.moves import RoomProof, moves_between
+from foldback.planner.turns.shortening import shortened
+from foldback.planner.turns.tetrahedron_turns import tetrahedron_turning
+from foldback.planner.turns.turn_sequence import NoTurns, TurnSequence, find_turns
+from foldback.planner.turns.turning import QUARTER_RAD
 from tests.planner.chains import line, shuffled
 
 SHAPES = FilePath(__file__).parents[3] / "examples" / "shapes"

@@ -14,7 +14,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-import foldback_check
+from foldback import foldback_check
 
 Random = np.random.Generator
 Arrays = dict[str, NDArray[Any]]

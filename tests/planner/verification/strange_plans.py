@@ -16,8 +16,8 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-import foldback_check
-from planner.motion.angle_encoding import encode_frames, encode_windows, plane_metadata
+from foldback import foldback_check
+from foldback.planner.motion.angle_encoding import encode_frames, encode_windows, plane_metadata
 
 Arrays = dict[str, NDArray[Any]]
 Meta = dict[str, Any]

@@ -8,18 +8,18 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.explosion.diagnosis import Diagnosis, diagnose
-from planner.explosion.simultaneous import explode
-from planner.motion.record import Record, Spent, TableRecord
-from planner.parameters.explosion import ExplosionParameters, PeelingParameters
-from planner.parameters.parameters import Parameters
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.plan.plan import Plan
-from planner.verification.failure_evidence import check_reason
-from planner.verification.plan_failure import reason_of
-from planner.verification.verify import verify
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.diagnosis import Diagnosis, diagnose
+from foldback.planner.explosion.simultaneous import explode
+from foldback.planner.motion.record import Record, Spent, TableRecord
+from foldback.planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.plan.plan import Plan
+from foldback.planner.verification.failure_evidence import check_reason
+from foldback.planner.verification.plan_failure import reason_of
+from foldback.planner.verification.verify import verify
 from tests.planner.chains import anchored, chain_of, coil, knotted, shuffled
 from tests.planner.folds import write_request
 from tests.planner.peels import snake

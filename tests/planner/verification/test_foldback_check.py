@@ -13,16 +13,15 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-import foldback_check
-import foldback_check_refusals
 from bench.clearance.forgeries import distance
-from planner.chain.chain import Chain
-from planner.chain.module import CUBE, TETRAHEDRON
-from planner.clearance.sweep import sweep
-from planner.parameters.parameters import Parameters
-from planner.plan.claim import geometry_of
-from planner.plan.packed_fold import unpack
-from planner.plan.plan import Plan
+from foldback import foldback_check, foldback_check_refusals
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE, TETRAHEDRON
+from foldback.planner.clearance.sweep import sweep
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.plan.claim import geometry_of
+from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.plan.plan import Plan
 from tests.case import case
 from tests.planner.chains import Array, unvalidated
 from tests.planner.conftest import SHAPES, Folded
@@ -67,7 +66,11 @@ def imported(program: Any) -> set[str | None]:
 
 def test_checker_needs_numpy_alone_and_shares_geometry() -> None:
     assert imported(foldback_check) == {"numpy"}
-    assert imported(foldback_check_refusals) == {"numpy", "foldback_check"}
+    assert imported(foldback_check_refusals) == {
+        "numpy",
+        "foldback_check",
+        "foldback.foldback_check",
+    }
     assert geometry_of(CUBE) == foldback_check.CUBE
     assert geometry_of(TETRAHEDRON) == foldback_check.TETRAHEDRON
 

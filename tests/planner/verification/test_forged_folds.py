@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 import zarr
 
-from planner.chain.path import Path
-from planner.pipeline.workspace import Workspace
-from planner.plan.shape_writers import write_path
-from planner.verification.verify import verify
+from foldback.planner.chain.path import Path
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.verification.verify import verify
 from tests.case import case
 from tests.planner.certificate.test_verify import edit_plan, findings, forge
 from tests.planner.folds import run_fold

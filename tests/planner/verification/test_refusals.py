@@ -9,27 +9,26 @@ from typing import Any, Final
 import numpy as np
 import pytest
 
-import foldback_check
-import foldback_check_refusals
-from planner.certificate.certificate import certify
-from planner.chain.chain import Chain
-from planner.chain.kinematics import Poses, forward_kinematics
-from planner.explosion.diagnosis import diagnose
-from planner.explosion.peeling import peel
-from planner.explosion.simultaneous import explode
-from planner.explosion.turning import unfold_in_turns
-from planner.motion.record import Record
-from planner.parameters.explosion import ExplosionParameters, PeelingParameters
-from planner.parameters.parameters import Parameters
-from planner.pathfinding.knots import closed_polygons
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.plan.plan import Plan
-from planner.plan.shape_writers import write_chain
-from planner.verification.block_evidence import overlap
-from planner.verification.failure_evidence import check_reason
-from planner.verification.knot_invariants import invariants_of
-from planner.verification.plan_failure import reason_of
+from foldback import foldback_check, foldback_check_refusals
+from foldback.planner.certificate.certificate import certify
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.explosion.diagnosis import diagnose
+from foldback.planner.explosion.peeling import peel
+from foldback.planner.explosion.simultaneous import explode
+from foldback.planner.explosion.turning import unfold_in_turns
+from foldback.planner.motion.record import Record
+from foldback.planner.parameters.explosion import ExplosionParameters, PeelingParameters
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pathfinding.knots import closed_polygons
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.verification.block_evidence import overlap
+from foldback.planner.verification.failure_evidence import check_reason
+from foldback.planner.verification.knot_invariants import invariants_of
+from foldback.planner.verification.plan_failure import reason_of
 from tests.planner.chains import anchored, coil, knotted, shuffled
 from tests.planner.folds import write_request
 from tests.planner.verification.forged_plans import rewrite

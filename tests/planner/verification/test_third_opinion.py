@@ -6,10 +6,15 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-import foldback_check
-from planner.errors import InputError
-from planner.verification.third_opinion import Vertices, largest_deviation, mesh_of, toolkit
-from planner.verification.verify import verify
+from foldback import foldback_check
+from foldback.planner.errors import InputError
+from foldback.planner.verification.third_opinion import (
+    Vertices,
+    largest_deviation,
+    mesh_of,
+    toolkit,
+)
+from foldback.planner.verification.verify import verify
 from tests.planner.conftest import Folded
 from tests.refusal import refused
 

@@ -8,14 +8,14 @@ from typing import Any
 import httpx
 import sqlalchemy as sa
 
-from planner.file_names import TIMELINE
-from planner.files import write_json
-from planner.plan.module_values import VALUES_FORMAT
-from planner.plan.tour import TOUR_FORMAT
-from server.store.folds import Store, new_id
-from server.store.owned_items import write_beside
-from server.store.owner import Owner, new_token
-from server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
+from foldback.planner.file_names import TIMELINE
+from foldback.planner.files import write_json
+from foldback.planner.plan.module_values import VALUES_FORMAT
+from foldback.planner.plan.tour import TOUR_FORMAT
+from foldback.server.store.folds import Store, new_id
+from foldback.server.store.owned_items import write_beside
+from foldback.server.store.owner import Owner, new_token
+from foldback.server.store.tables import FoldRow, MovieRow, PreviewRow, TourRow, ValuesRow
 from tests.server.rows import a_fold, a_movie
 from tests.server.service_process import bearer
 from tests.server.service_thread import ServiceThread

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from foldback_client import Client, Problem, Progress, Retries
-from foldback_client.upload import FoldOptions, MovieOptions, ShapeOptions
+from foldback.client import Client, Problem, Progress, Retries
+from foldback.client.upload import FoldOptions, MovieOptions, ShapeOptions
 from tests.case import case
 from tests.run_python import ROOT, run_python
 from tests.server.relay import Relay, Trouble, running_relay
@@ -253,7 +253,7 @@ def test_download_is_complete_or_absent(finished: FinishedFold, tmp_path: Path) 
 
 WITHOUT_PACKAGES = """
 import sys
-for name in ("mujoco", "fastapi", "numpy", "pydantic", "planner", "server", "web", "scipy"):
+for name in ("mujoco", "fastapi", "numpy", "pydantic", "scipy"):
     sys.modules[name] = None  # an import of it fails
 """
 

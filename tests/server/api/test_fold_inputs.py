@@ -9,15 +9,15 @@ from typing import Any, cast
 
 import pytest
 
-from planner.pipeline.request import FoldRequest
-from planner.readers.gallery import Gallery
-from server.api import fold_inputs as source_module
-from server.api.context import Context
-from server.api.fold_inputs import Origin, Source, open_source
-from server.api.folds import post_fold
-from server.api.parent_folds import ParentFold
-from server.errors import Unusable
-from server.store.tables import FoldRow
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.readers.gallery import Gallery
+from foldback.server.api import fold_inputs as source_module
+from foldback.server.api.context import Context
+from foldback.server.api.fold_inputs import Origin, Source, open_source
+from foldback.server.api.folds import post_fold
+from foldback.server.api.parent_folds import ParentFold
+from foldback.server.errors import Unusable
+from foldback.server.store.tables import FoldRow
 from tests.case import case
 from tests.refusal import refused
 

@@ -8,10 +8,10 @@ import httpx
 import numpy as np
 import pytest
 
-from planner.motion.timeline import Timeline
-from server.limits.concurrency_quota import BUSY_RETRY_S
-from server.processes.children import BUSY, ChildError, Pool
-from server.store.leases import Leases, Preparing
+from foldback.planner.motion.timeline import Timeline
+from foldback.server.limits.concurrency_quota import BUSY_RETRY_S
+from foldback.server.processes.children import BUSY, ChildError, Pool
+from foldback.server.store.leases import Leases, Preparing
 from tests.planner.chains import chain_of
 from tests.server.rows import store_of
 from tests.server.service_process import SNAKE, STAIRS, FinishedFold, Service, owner, wait_until

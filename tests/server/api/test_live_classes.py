@@ -9,10 +9,10 @@ from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 from websockets.sync.connection import Connection
 
-from server.errors import NoSuch, TooMany
-from server.http.live_classes import CODE_LENGTH, MAX_FOLLOWERS, LiveClasses, is_view
-from server.pages.class_connections import MAX_VIEWS_PER_SECOND
-from server.settings import Settings
+from foldback.server.errors import NoSuch, TooMany
+from foldback.server.http.live_classes import CODE_LENGTH, MAX_FOLLOWERS, LiveClasses, is_view
+from foldback.server.pages.class_connections import MAX_VIEWS_PER_SECOND
+from foldback.server.settings import Settings
 from tests.server.service_process import SNAKE, Service
 
 VIEW = "frame=12&module=4&camera=-62.5,24,0.6,0.05,-0.1&colour=speed&path=1&follow=0"

@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from foldback_client import Client, Problem
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.owned_items import change_fold, folds_made
-from server.store.owner import Owner, new_token
+from foldback.client import Client, Problem
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.owned_items import change_fold, folds_made
+from foldback.server.store.owner import Owner, new_token
 from tests.server.rows import SOMEBODY, a_fold, store_of
 from tests.server.service_process import SNAKE, FinishedFold, Service, bearer
 from tests.server.service_thread import ServiceThread

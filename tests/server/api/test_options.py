@@ -7,13 +7,13 @@ import typer
 from fastapi import Depends, FastAPI
 from typer.testing import CliRunner
 
-from cli.options import AsJson, takes
 from docs import make_options
-from planner.parameters.option import Choice, option, options_of
-from planner.pipeline.request import FoldRequest
-from server.api.request_bodies import form_of
-from server.pages.page import rendered
-from server.store.tables import REQUESTED_COLUMNS, FoldRow
+from foldback.cli.options import AsJson, takes
+from foldback.planner.parameters.option import Choice, option, options_of
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.server.api.request_bodies import form_of
+from foldback.server.pages.page import rendered
+from foldback.server.store.tables import REQUESTED_COLUMNS, FoldRow
 from tests.server.asgi import send_request
 
 

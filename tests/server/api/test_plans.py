@@ -5,11 +5,11 @@ from collections.abc import Iterator
 
 import pytest
 
-from planner.file_names import PLANS_DIR, PLAYABLE
-from planner.pipeline.expected_cost import expected_cost
-from planner.pipeline.request import FoldRequest
+from foldback.planner.file_names import PLANS_DIR, PLAYABLE
+from foldback.planner.pipeline.expected_cost import expected_cost
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.words.plan_choice import choice_of
 from tests.server.service_process import FinishedFold, Service
-from words.plan_choice import choice_of
 
 PLAIN, CHOOSING = FoldRequest(), FoldRequest(prefer="time")
 

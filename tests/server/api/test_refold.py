@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from planner.plan.packed_fold import unpack
-from planner.plan.plan import Plan
-from planner.verification.verify import verify
+from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.plan.plan import Plan
+from foldback.planner.verification.verify import verify
 from tests.planner.plans import with_values
 from tests.server.cli.test_command_line import foldback_json
 from tests.server.files.test_damage import SMALL

@@ -17,9 +17,9 @@ import pytest
 from websockets import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
-from planner.plan.plan import Plan
-from server.settings import Settings
-from server.store.folds import new_id
+from foldback.planner.plan.plan import Plan
+from foldback.server.settings import Settings
+from foldback.server.store.folds import new_id
 from tests.case import case
 from tests.server.cli.test_command_line import foldback, foldback_json
 from tests.server.rows import SOMEBODY, a_fold, store_of

@@ -6,15 +6,15 @@ from pathlib import Path
 import pytest
 import sqlalchemy as sa
 
-from planner.pipeline import manifest
-from planner.plan.packed_fold import unpack
-from planner.readers.gallery import Gallery
-from planner.verification.verify import verify
-from server.api.shipped_folds import SHIPPED_FOLDS_DIR, import_shipped_folds
-from server.pages.cards import included_folds
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.tables import CounterRow
+from foldback.planner.pipeline import manifest
+from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.readers.gallery import Gallery
+from foldback.planner.verification.verify import verify
+from foldback.server.api.shipped_folds import SHIPPED_FOLDS_DIR, import_shipped_folds
+from foldback.server.pages.cards import included_folds
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.tables import CounterRow
 
 NAMES = sorted(path.stem for path in SHIPPED_FOLDS_DIR.glob("*.fold"))
 SMALL, REFOLD = "tetra-cube-2", "wrench-80-to-mallet-80"
@@ -31,7 +31,7 @@ def test_finished_folds_are_imported_once_and_unchanged(
     for name in (SMALL, REFOLD):
         (folder / f"{name}.fold").symlink_to(SHIPPED_FOLDS_DIR / f"{name}.fold")
     (folder / "broken.fold").write_bytes(b"no archive")
-    monkeypatch.setattr("server.api.shipped_folds.SHIPPED_FOLDS_DIR", folder)
+    monkeypatch.setattr("foldback.server.api.shipped_folds.SHIPPED_FOLDS_DIR", folder)
     settings = Settings(data_dir=tmp_path / "data")
     with closing(Store(settings)) as store:
         assert import_shipped_folds(settings, store, Gallery()) == [SMALL, REFOLD]

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from planner.plan.plan import Plan
-from planner.verification.verify import verify
-from server.admin.fold_tasks import AdminTasks
-from server.processes.children import Pool
+from foldback.planner.plan.plan import Plan
+from foldback.planner.verification.verify import verify
+from foldback.server.admin.fold_tasks import AdminTasks
+from foldback.server.processes.children import Pool
 from tests.server.cli.test_command_line import foldback
 from tests.server.rows import store_of
 from tests.server.service_process import FinishedFold, bearer

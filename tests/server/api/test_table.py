@@ -7,7 +7,7 @@ import httpx
 import numpy as np
 import pytest
 
-from server.processes import children
+from foldback.server.processes import children
 from tests.server.service_process import Service, check_problem
 from tests.server.service_thread import ServiceWith
 from tests.web.timeline.decoding import decode

@@ -3,10 +3,10 @@
 import base64
 from typing import Any
 
-from planner.plan.module_values import VALUES_FORMAT
-from planner.plan.tour import Tour
+from foldback.planner.plan.module_values import VALUES_FORMAT
+from foldback.planner.plan.tour import Tour
+from foldback.words.certificate import clearance, torque
 from tests.server.service_process import FinishedFold, Service, bearer, check_problem
-from words.certificate import clearance, torque
 
 
 def put(finished: FinishedFold, address: str, body: object) -> tuple[int, Any]:

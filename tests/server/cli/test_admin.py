@@ -10,16 +10,16 @@ import sqlalchemy as sa
 from click.testing import Result
 from typer.testing import CliRunner
 
-from planner.readers.gallery import Gallery
-from server.admin.fold_tasks import AdminTasks
-from server.api.shipped_folds import import_shipped_folds
-from server.cli.admin import admin
-from server.jobs.housekeeping import Housekeeping
-from server.settings import Settings
-from server.store.folds import NoSuchFoldError, Store
-from server.store.leases import Leases
-from server.store.owner import Owner
-from server.store.tables import FoldRow, MovieRow
+from foldback.planner.readers.gallery import Gallery
+from foldback.server.admin.fold_tasks import AdminTasks
+from foldback.server.api.shipped_folds import import_shipped_folds
+from foldback.server.cli.admin import admin
+from foldback.server.jobs.housekeeping import Housekeeping
+from foldback.server.settings import Settings
+from foldback.server.store.folds import NoSuchFoldError, Store
+from foldback.server.store.leases import Leases
+from foldback.server.store.owner import Owner
+from foldback.server.store.tables import FoldRow, MovieRow
 from tests.server.rows import a_fold, a_movie
 
 DAY_S = 86400.0

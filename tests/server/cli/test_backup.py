@@ -15,14 +15,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from server.admin.backup_manifest import MANIFEST, ROWS, BackupFile, Manifest
-from server.admin.backup_rows import SAVED_TABLES, UNSAVED_TABLES
-from server.admin.database import drop_tables, replacement
-from server.doctor.data import database
-from server.jobs.housekeeping import Housekeeping
-from server.store.folds import NoSuchFoldError, Store
-from server.store.staged_files import StagedFolders
-from server.store.tables import Base, engine_for
+from foldback.server.admin.backup_manifest import MANIFEST, ROWS, BackupFile, Manifest
+from foldback.server.admin.backup_rows import SAVED_TABLES, UNSAVED_TABLES
+from foldback.server.admin.database import drop_tables, replacement
+from foldback.server.doctor.data import database
+from foldback.server.jobs.housekeeping import Housekeeping
+from foldback.server.store.folds import NoSuchFoldError, Store
+from foldback.server.store.staged_files import StagedFolders
+from foldback.server.store.tables import Base, engine_for
 from tests.case import case
 from tests.server.backups import Site
 from tests.server.postgres import Postgres

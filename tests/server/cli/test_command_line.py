@@ -12,11 +12,11 @@ import pytest
 from numba import njit
 from typer.testing import CliRunner
 
-from cli.progress_bars import compute
-from cli.summary import show
-from planner.pipeline import stages
-from planner.readers.gallery import Gallery
-from server.cli.command_line import COMMANDS, application
+from foldback.cli.progress_bars import compute
+from foldback.cli.summary import show
+from foldback.planner.pipeline import stages
+from foldback.planner.readers.gallery import Gallery
+from foldback.server.cli.command_line import COMMANDS, application
 from tests.run_python import ROOT, run_python
 
 COMMAND_FILES = (*ROOT.glob("cli/*.py"), *ROOT.glob("server/cli/*.py"))
@@ -106,21 +106,29 @@ def test_unknown_shape_is_refused_with_similar_names(tmp_path: Path) -> None:
 
 WEB = {"fastapi", "sqlalchemy", "uvicorn", "viser"}
 PHYSICS = {"mujoco", "numba", "numpy", "scipy", "zarr"}
-COMPUTING = {"llvmlite", "mujoco", "numba", "pysat", "scipy", "zarr", "planner.pipeline.stages"}
+COMPUTING = {
+    "llvmlite",
+    "mujoco",
+    "numba",
+    "pysat",
+    "scipy",
+    "zarr",
+    "foldback.planner.pipeline.stages",
+}
 SHOWING = {"PIL", "trimesh", "viser"}
 STEPS = """
 import os, sys
-from server.cli import command_line
+from foldback.server.cli import command_line
 
-def foldback(*arguments):
+def run(*arguments):
     os.environ.setdefault("MUJOCO_GL", "off")  # as the command does it
     try:
         command_line.application()(arguments)
     except SystemExit as end:
         assert not end.code
 """
-OTHER_INPUTS = {"pysat", "glfw", "mcap", "planner.pathfinding.filling_methods"}
-OTHER_INPUTS |= {"planner.pathfinding.shape_overlap", "planner.shapes.voxelise"}
+OTHER_INPUTS = {"pysat", "glfw", "mcap", "foldback.planner.pathfinding.filling_methods"}
+OTHER_INPUTS |= {"foldback.planner.pathfinding.shape_overlap", "foldback.planner.shapes.voxelise"}
 
 
 @pytest.mark.processes
@@ -129,24 +137,24 @@ OTHER_INPUTS |= {"planner.pathfinding.shape_overlap", "planner.shapes.voxelise"}
     [
         {
             # The supervisor starts its workers first.
-            "foldback('--help')": {*WEB, *PHYSICS, "planner", "pydantic"},
-            "foldback('serve', '--help')": {*WEB, *PHYSICS},
-            "foldback('worker', '--help')": {*WEB, *PHYSICS},
-            "import server.jobs.worker": {*COMPUTING, *SHOWING, "fastapi"},
-            "import server.app": {*COMPUTING, *SHOWING},
+            "run('--help')": {*WEB, *PHYSICS, "foldback.planner", "pydantic"},
+            "run('serve', '--help')": {*WEB, *PHYSICS},
+            "run('worker', '--help')": {*WEB, *PHYSICS},
+            "import foldback.server.jobs.worker": {*COMPUTING, *SHOWING, "fastapi"},
+            "import foldback.server.app": {*COMPUTING, *SHOWING},
         },
         {
-            "import server.processes.read_task": {*COMPUTING, *WEB, *SHOWING},
-            "import planner.pipeline.stages": {
+            "import foldback.server.processes.read_task": {*COMPUTING, *WEB, *SHOWING},
+            "import foldback.planner.pipeline.stages": {
                 *("mujoco", "scipy.interpolate", "scipy.ndimage", "scipy.sparse", "zarr"),
                 *(*WEB, *SHOWING),
             },
-            "import server.processes.retime_task": {
+            "import foldback.server.processes.retime_task": {
                 *("mujoco", "scipy.interpolate", "zarr", *WEB, *SHOWING),
             },
-            "import web.movies.make_movie": {"mujoco", "zarr", *WEB, *SHOWING},
+            "import foldback.web.movies.make_movie": {"mujoco", "zarr", *WEB, *SHOWING},
             # No web server, no search for paths, no windows, no readers of meshes.
-            "foldback('fold', 'path.json', '--out', 'fold')": {*WEB, *SHOWING, *OTHER_INPUTS},
+            "run('fold', 'path.json', '--out', 'fold')": {*WEB, *SHOWING, *OTHER_INPUTS},
         },
     ],
     ids=["serving", "computing"],
@@ -171,7 +179,7 @@ def test_each_process_starts_without_packages_of_others(
 @pytest.mark.usefixtures("process_state")
 def test_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     run = MagicMock()
-    monkeypatch.setattr("server.cli.serve._run", run)
+    monkeypatch.setattr("foldback.server.cli.serve._run", run)
     place = ("--data-dir", str(tmp_path))
     assert foldback("serve", "--workers", "0", "--first-shape", "cross", *place).returncode == 0
     ((settings, shape), _) = run.call_args
@@ -182,7 +190,7 @@ def test_first_shape_is_passed_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
 def test_taken_port_is_a_clear_failure(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr("server.cli.serve.sys", MagicMock())
+    monkeypatch.setattr("foldback.server.cli.serve.sys", MagicMock())
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = str(taken.getsockname()[1])
         place = ("--data-dir", str(tmp_path))

@@ -13,13 +13,13 @@ import sqlalchemy as sa
 import typer
 from sqlalchemy.orm import Session
 
-from server.cli.doctor import doctor
-from server.doctor import children, data, drawing, machine
-from server.doctor.check_result import CheckResult, examine
-from server.doctor.doctor import CHECKS
-from server.processes.movie_task import GL_SETTING
-from server.settings import Settings
-from server.store.tables import engine_for, migrate
+from foldback.server.cli.doctor import doctor
+from foldback.server.doctor import children, data, drawing, machine
+from foldback.server.doctor.check_result import CheckResult, examine
+from foldback.server.doctor.doctor import CHECKS
+from foldback.server.processes.movie_task import GL_SETTING
+from foldback.server.settings import Settings
+from foldback.server.store.tables import engine_for, migrate
 from tests.case import case
 from tests.server.cli.test_command_line import foldback
 from tests.server.postgres import Postgres
@@ -56,7 +56,7 @@ def test_doctor_of_a_sound_machine_finds_no_problem_and_writes_nothing(tmp_path:
 def test_problem_is_reported_in_a_line_and_by_the_exit_code(
     tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("server.doctor.doctor.CHECKS", (("database", data.database),))
+    monkeypatch.setattr("foldback.server.doctor.doctor.CHECKS", (("database", data.database),))
     (tmp_path / "foldback.db").write_bytes(b"garbage\n" * 1000)
     with pytest.raises(typer.Exit) as ended:
         doctor(data_dir=tmp_path)
@@ -241,7 +241,7 @@ def test_what_the_sandbox_lacks_is_named(
 ) -> None:
     monkeypatch.setenv("OPENBLAS_NUM_THREADS", "1")
     (tmp_path / "sitecustomize.py").write_text(
-        f"from server.processes import landlock, seccomp\n{lacks}\n"
+        f"from foldback.server.processes import landlock, seccomp\n{lacks}\n"
     )
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}:{os.environ.get('PYTHONPATH', '')}")
     check_finding(children.confinement(settings(tmp_path)), verdict, found)

@@ -12,17 +12,17 @@ from pathlib import Path
 
 import pytest
 
-from planner.errors import InputError
-from planner.files import json_of
-from planner.plan.plan import Plan
-from planner.verification.stored_fold import check_fold
+from foldback.planner.errors import InputError
+from foldback.planner.files import json_of
+from foldback.planner.plan.plan import Plan
+from foldback.planner.verification.stored_fold import check_fold
+from foldback.viewer import show
 from tests.case import case
 from tests.planner.folds import run_fold
 from tests.refusal import refused
 from tests.run_python import ROOT
 from tests.server.cli.test_command_line import foldback, foldback_json
 from tests.server.service_process import wait_until
-from web.viser import show
 
 READERS = (
     "export {} --as stl --out out",
@@ -191,7 +191,7 @@ def test_site_is_not_written_into_the_folder_of_a_fold(fold: Path) -> None:
     "number", [signal.SIGKILL, pytest.param(signal.SIGTERM, marks=pytest.mark.long)]
 )
 def test_old_fold_is_whole_after_a_run_was_ended(fold: Path, number: signal.Signals) -> None:
-    command = [sys.executable, "-m", "server.cli.command_line", "fold", "wrench-80"]
+    command = [sys.executable, "-m", "foldback.server.cli.command_line", "fold", "wrench-80"]
     growing = fold / ".foldback-new"
     with subprocess.Popen(
         [*command, "--out", str(fold.resolve())],

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from planner.pipeline.request import MAX_SEED
+from foldback.planner.pipeline.request import MAX_SEED
 from tests.server.cli.test_command_line import foldback
 from tests.server.service_process import Service
 

@@ -13,11 +13,11 @@ from typing import Any
 import httpx
 import pytest
 
-from planner.motion.timeline import TimelineWriter
-from server.cli.play import create_player_app, row_of
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.server.cli.play import create_player_app, row_of
+from foldback.words.failures import failure
 from tests.planner.peels import snake
 from tests.web.conftest import unfolding
-from words.failures import failure
 
 CHAIN = snake((2, 2, 3))
 KNOT = {"kind": "knot", "modules": [5, 6], "words": "its path is knotted"}
@@ -84,7 +84,7 @@ def test_links_of_the_pages_are_answered(directory: Path) -> None:
 def test_viser_ends_by_signal_although_the_shell_ignores_sigint(
     directory: Path, number: signal.Signals
 ) -> None:
-    command = [sys.executable, "-m", "server.cli.command_line", "play", str(directory)]
+    command = [sys.executable, "-m", "foldback.server.cli.command_line", "play", str(directory)]
     options = ["--viser", "--no-browser", "--port", "0"]
     # A child inherits an ignored signal: background jobs of a shell and of some CI systems do so.
     ignoring = ["sh", "-c", "trap '' INT; exec \"$@\"", "sh"]

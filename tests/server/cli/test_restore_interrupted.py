@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import pytest
 
-from server.store.folds import Store
+from foldback.server.store.folds import Store
 from tests.server.backups import REFUSED_CODE, Fault, Site, State
 from tests.server.postgres import Postgres
 

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import pytest
 
-from server.doctor import machine
-from server.doctor.doctor import examined
-from server.ops.startup_errors import settings_of, warn_of_unknown_names
-from server.settings import Settings
+from foldback.server.doctor import machine
+from foldback.server.doctor.doctor import examined
+from foldback.server.ops.startup_errors import settings_of, warn_of_unknown_names
+from foldback.server.settings import Settings
 from tests.server.cli.test_command_line import foldback
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.certificate.table_figures import TableCertificate
-from planner.parameters.parameters import Parameters
+from foldback.planner.certificate.table_figures import TableCertificate
+from foldback.planner.parameters.parameters import Parameters
 from tests.planner.certificate.test_table_certificate import swing
 from tests.planner.chains import line
 from tests.planner.plans import unverified

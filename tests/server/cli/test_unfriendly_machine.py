@@ -11,17 +11,17 @@ from pathlib import Path
 import mujoco
 import pytest
 
-from server.cli.command_line import is_memory_error
+from foldback.server.cli.command_line import is_memory_error
 from tests.case import case
 from tests.run_python import ROOT
 
 NOWHERE = "/dev/null/home"
 """Path below which nothing can be created, not even by root."""
 ONE_KERNEL = """
-from planner.kernels.trails import one_circuit
+from foldback.planner.kernels.trails import one_circuit
 print(one_circuit.stats.cache_path)
 """
-SHELL = '{limits} exec "$0" -P -m server.cli.command_line "$@" {streams}'
+SHELL = '{limits} exec "$0" -P -m foldback.server.cli.command_line "$@" {streams}'
 
 
 def run(
@@ -44,9 +44,12 @@ def foreign_planner(tmp_path: Path) -> Path:
     """Copy of the planner beside whose kernels nothing can be stored."""
     program = tmp_path / "program"
     shutil.copytree(
-        ROOT / "planner", program / "planner", ignore=shutil.ignore_patterns("__pycache__")
+        ROOT / "planner",
+        program / "foldback" / "planner",
+        ignore=shutil.ignore_patterns("__pycache__"),
     )
-    (program / "planner/kernels/__pycache__").touch()  # a file instead of the directory
+    shutil.copy(ROOT / "foldback" / "__init__.py", program / "foldback")
+    (program / "foldback/planner/kernels/__pycache__").touch()  # a file instead of the directory
     return program
 
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from importlib.metadata import version
 from typing import Any
 
-from server.cli.command_line import COMMANDS
+from foldback.server.cli.command_line import COMMANDS
 from tests.server.cli.test_command_line import foldback
 
 WIDTH = 100

@@ -12,25 +12,25 @@ from typing import Any
 
 import pytest
 
-from planner.exports import leaflet
-from planner.exports.formats import EXPORTS, export_named
-from planner.file_names import PLAN
-from planner.output_directory import FILE_LIST
-from server.errors import NoRoom, NotFound, TooLarge, Unavailable
-from server.files import exports as exports_module
-from server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Artifacts
-from server.files.exports import export_file
-from server.pages.facts import fold_facts
-from server.store.fold_files import EXPORTS_DIR
-from server.store.fold_source import Found
-from server.store.folds import NoSuchFoldError, Store
-from server.store.tables import FoldRow
+from foldback.planner.exports import leaflet
+from foldback.planner.exports.formats import EXPORTS, export_named
+from foldback.planner.file_names import PLAN
+from foldback.planner.output_directory import FILE_LIST
+from foldback.server.errors import NoRoom, NotFound, TooLarge, Unavailable
+from foldback.server.files import exports as exports_module
+from foldback.server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Artifacts
+from foldback.server.files.exports import export_file
+from foldback.server.pages.facts import fold_facts
+from foldback.server.store.fold_files import EXPORTS_DIR
+from foldback.server.store.fold_source import Found
+from foldback.server.store.folds import NoSuchFoldError, Store
+from foldback.server.store.tables import FoldRow
+from foldback.words.fold import ShownFold
 from tests.planner.chains import coil
 from tests.planner.plans import resting, turn_by_turn
 from tests.server.cli.test_command_line import foldback_json
 from tests.server.rows import add_fold
 from tests.server.service_process import SNAKE, FinishedFold, Service, path_file
-from words.fold import ShownFold
 
 OFFERED = [export for export in EXPORTS if not export.resting]
 """Exports of a plan that does not rest between steps."""

@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 import trimesh
 
-from planner.pathfinding.path_options import PathOptions
-from planner.plan.prepared_chains import PreparedChains, key_of
-from server.processes import children
-from server.store.owner import new_token
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.plan.prepared_chains import PreparedChains, key_of
+from foldback.server.processes import children
+from foldback.server.store.owner import new_token
+from foldback.web.pictures.isometric import isometric_svg
 from tests.planner.solids_made import Mesh, exported
 from tests.server.service_process import SNAKE, Service, check_problem, wait_until
 from tests.web.timeline.decoding import decode
-from web.pictures.isometric import isometric_svg
 
 CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
 

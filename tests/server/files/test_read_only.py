@@ -12,9 +12,9 @@ from unittest.mock import patch
 
 import pytest
 
-from server.doctor.data import database, directory
-from server.settings import Settings
-from server.store.tables import read_only_engine
+from foldback.server.doctor.data import database, directory
+from foldback.server.settings import Settings
+from foldback.server.store.tables import read_only_engine
 from tests.server.files.test_damage import ROUTES, service_with_shipped_fold
 from tests.server.service_process import check_problem
 from tests.server.service_thread import ServiceThread
@@ -31,7 +31,7 @@ def read_only(place: Path) -> Generator[None]:
     if os.getuid() == 0:
         mount = ["mount", "--bind", "-o", "ro", str(place), str(place)]
         if subprocess.run(mount, capture_output=True).returncode:
-            with patch("server.settings.refuses_writing", return_value=True):
+            with patch("foldback.server.settings.refuses_writing", return_value=True):
                 yield
             return
         undo = ["umount", "--lazy", str(place)]
@@ -107,7 +107,7 @@ def test_readiness_and_doctor_on_read_only_disk_say_why(stored: tuple[ServiceThr
 
 def test_worker_on_read_only_disk_ends_in_one_line(stored: tuple[ServiceThread, str]) -> None:
     service, _ = stored
-    worker = [sys.executable, "-P", "-m", "server.cli", "worker"]
+    worker = [sys.executable, "-P", "-m", "foldback.server.cli", "worker"]
     ended = subprocess.run(worker, env=service.environment, capture_output=True, text=True)
     assert (ended.returncode, ended.stderr.count("\n")) == (1, 1), ended.stderr
     assert "Read-only file system" in ended.stderr

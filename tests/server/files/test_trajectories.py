@@ -12,12 +12,12 @@ from zipfile import ZIP_DEFLATED, ZipFile
 import numpy as np
 import pytest
 
-from planner.plan.packed_fold import unpack
-from planner.plan.plan import Plan
-from planner.robot.retiming import retime as retime_plan
-from planner.robot.trajectory import FRAMES_FILE, REST_FILE
-from server.errors import TooLarge, TooMany, Unavailable, Unusable
-from server.files.trajectories import (
+from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.plan.plan import Plan
+from foldback.planner.robot.retiming import retime as retime_plan
+from foldback.planner.robot.trajectory import FRAMES_FILE, REST_FILE
+from foldback.server.errors import TooLarge, TooMany, Unavailable, Unusable
+from foldback.server.files.trajectories import (
     MOTORS_FILE,
     PLAN,
     STREAMS_OF_ADDRESS,
@@ -26,9 +26,9 @@ from server.files.trajectories import (
     Trajectories,
     Wanted,
 )
-from server.processes.children import Pool
-from server.processes.retime_task import clearance, motors, retime
-from server.settings import Settings
+from foldback.server.processes.children import Pool
+from foldback.server.processes.retime_task import clearance, motors, retime
+from foldback.server.settings import Settings
 from tests.compiled_later import compiled_later
 from tests.server.files.test_damage import SMALL
 
@@ -36,7 +36,7 @@ IMPORTS = """
 import shutil
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from server.processes.retime_task import clearance, motors, retime, warm_up
+from foldback.server.processes.retime_task import clearance, motors, retime, warm_up
 """
 WORK = """
 request = {"max_speed": 1.0, "max_acceleration": 2.0, "module_mass_kg": 0.1, "pitch_m": None,

@@ -5,8 +5,8 @@ import pytest
 from fastapi import FastAPI
 from fastapi.responses import PlainTextResponse, RedirectResponse
 
-from server.http.base_path import BelowPath, at
-from server.settings import Settings
+from foldback.server.http.base_path import BelowPath, at
+from foldback.server.settings import Settings
 from tests.case import case
 from tests.server.asgi import send_request
 

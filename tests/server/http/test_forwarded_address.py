@@ -4,9 +4,9 @@ import httpx
 import pytest
 from fastapi import FastAPI, Request
 
-from server.http.client_address import address_of
-from server.http.forwarded_address import MAX_PROXIES, ForwardedAddress
-from server.limits.networks import visitor_at
+from foldback.server.http.client_address import address_of
+from foldback.server.http.forwarded_address import MAX_PROXIES, ForwardedAddress
+from foldback.server.limits.networks import visitor_at
 from tests.server.asgi import send_request
 
 PROXY = visitor_at("127.0.0.1")  # the client of httpx.ASGITransport

@@ -7,7 +7,7 @@ import pytest
 from fastapi import FastAPI, Request
 from fastapi.responses import Response
 
-from server.http.response_cache import RESPONSE_CACHE_S, ResponseCache, mark
+from foldback.server.http.response_cache import RESPONSE_CACHE_S, ResponseCache, mark
 from tests.server.asgi import send_request
 
 

@@ -5,14 +5,18 @@ from pathlib import Path
 
 from fastapi.responses import FileResponse
 
-from server.errors import ServiceError, TooMany, Unidentified, WebsocketNeeded
-from server.http.downloads import MAX_STEM_CHARACTERS, download_stem
-from server.http.problems import HTTP_STATUSES, Problem, response_of
-from server.store.previews import NoSuchPreviewError
+from foldback.server.errors import ServiceError, TooMany, Unidentified, WebsocketNeeded
+from foldback.server.http.downloads import MAX_STEM_CHARACTERS, download_stem
+from foldback.server.http.problems import HTTP_STATUSES, Problem, response_of
+from foldback.server.store.previews import NoSuchPreviewError
 
 
 def test_every_error_has_an_http_status() -> None:
-    kinds = [kind for kind in ServiceError.__subclasses__() if kind.__module__ == "server.errors"]
+    kinds = [
+        kind
+        for kind in ServiceError.__subclasses__()
+        if kind.__module__ == "foldback.server.errors"
+    ]
     assert set(kinds) == set(HTTP_STATUSES)
     assert Problem.of(NoSuchPreviewError("a")).status == 404
 

@@ -10,7 +10,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from websockets import InvalidStatus, Origin
 from websockets.sync.client import connect
 
-from server.http.security import AllowedHosts, SameOrigin, hosts_of
+from foldback.server.http.security import AllowedHosts, SameOrigin, hosts_of
 from tests.server.asgi import send_request
 from tests.server.service_process import SNAKE, Service, check_problem
 

@@ -6,8 +6,8 @@ from typing import Any
 
 from fastapi.routing import APIRoute
 
-from server.api import robot
-from server.app import ROUTERS
+from foldback.server.api import robot
+from foldback.server.app import ROUTERS
 from tests.server.rows import statements
 from tests.server.service_process import SNAKE, Service, bearer
 from tests.server.service_thread import ServiceWith

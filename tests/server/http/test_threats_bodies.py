@@ -9,10 +9,10 @@ import pytest
 from fastapi.params import Form
 from fastapi.routing import APIRoute
 
-from server.api import robot
-from server.app import ROUTERS
-from server.http.connections import CountingConnection
-from server.http.event_rate import BYTES_PER_EVENT, REQUEST_EVENTS
+from foldback.server.api import robot
+from foldback.server.app import ROUTERS
+from foldback.server.http.connections import CountingConnection
+from foldback.server.http.event_rate import BYTES_PER_EVENT, REQUEST_EVENTS
 from tests.server.service_process import SNAKE, FinishedFold, Service, bearer, check_problem
 
 STRANGER = bearer("Z" * 40)

@@ -13,9 +13,9 @@ from starlette.requests import HTTPConnection
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from server.http.client_address import address_of
-from server.limits.token_buckets import TokenBuckets
-from server.settings import Settings
+from foldback.server.http.client_address import address_of
+from foldback.server.limits.token_buckets import TokenBuckets
+from foldback.server.settings import Settings
 from tests.server.files.test_damage import service_with_shipped_fold
 from tests.server.http.test_threats_uploads import connect_to, status_of
 from tests.server.service_process import SNAKE, FinishedFold, Service, check_problem

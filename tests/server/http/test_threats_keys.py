@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import Any
 
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.owned_items import change_fold, folds_made
-from server.store.owner import Owner, new_token
-from server.store.previews import Previews
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.owned_items import change_fold, folds_made
+from foldback.server.store.owner import Owner, new_token
+from foldback.server.store.previews import Previews
 from tests.server.rows import new_owner, statements
 from tests.server.service_process import SNAKE, Service, bearer
 

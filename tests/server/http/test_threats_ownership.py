@@ -1,6 +1,6 @@
 """Attacks on the ownership of a fold: by its link, by the same file, by the same shape."""
 
-from server.store.owner import new_token
+from foldback.server.store.owner import new_token
 from tests.server.service_process import SNAKE, FinishedFold, Service, bearer, owner, path_file
 
 

@@ -9,10 +9,10 @@ from xml.etree import ElementTree
 
 import pytest
 
-from server.pages.page import script_json
-from server.settings import Settings
-from server.store.folds import new_id
-from server.store.owner import new_token
+from foldback.server.pages.page import script_json
+from foldback.server.settings import Settings
+from foldback.server.store.folds import new_id
+from foldback.server.store.owner import new_token
 from tests.server.service_process import FinishedFold, Service, check_problem, path_file
 from tests.server.service_thread import ServiceWith
 

@@ -17,9 +17,9 @@ import numpy as np
 import psutil
 import pytest
 
-from server.files.uploads import Uploads
-from server.jobs import housekeeping
-from server.settings import Settings
+from foldback.server.files.uploads import Uploads
+from foldback.server.jobs import housekeeping
+from foldback.server.settings import Settings
 from tests.case import case
 from tests.server.service_process import SNAKE, TIMEOUT_S, Service, check_problem, owner, wait_until
 from tests.server.service_thread import ServiceThread, ServiceWith
@@ -117,7 +117,7 @@ def hasty(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Service]:
     settings = dict.fromkeys(("upload_idle_s", "header_seconds", "unread_seconds"), 0.5)
     visitors = {"max_connections_of_visitor": 8, "trusted_proxies": "192.0.2.0/24"}
     service = ServiceThread(tmp_path_factory.mktemp("hasty") / "data", **settings, **visitors)
-    with patch("server.http.upload_limits.MAX_DRAIN_S", 0.5), service.start():
+    with patch("foldback.server.http.upload_limits.MAX_DRAIN_S", 0.5), service.start():
         yield service
 
 

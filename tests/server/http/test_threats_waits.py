@@ -9,18 +9,18 @@ from typing import Any
 import httpx
 import pytest
 
-from planner.chain.chain import Chain
-from planner.motion.timeline import TimelineWriter
-from server.api import fold_states
-from server.api import player_data as frame_routes
-from server.jobs.eta import EtaEstimator
-from server.store.tables import FoldRow
+from foldback.planner.chain.chain import Chain
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.server.api import fold_states
+from foldback.server.api import player_data as frame_routes
+from foldback.server.jobs.eta import EtaEstimator
+from foldback.server.store.tables import FoldRow
+from foldback.web.timeline.view import TimelineView
 from tests.planner.chains import chain_of
 from tests.server.http.test_threats_crowding import from_address
 from tests.server.service_process import SNAKE, TIMEOUT_S, Service, wait_until
 from tests.server.service_thread import ServiceWith
 from tests.web.conftest import unfolding
-from web.timeline.view import TimelineView
 
 FRAMES = 10
 

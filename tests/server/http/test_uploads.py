@@ -2,8 +2,8 @@
 
 from collections.abc import Iterator
 
-from planner.readers.gallery import Gallery
-from server.store.owner import new_token
+from foldback.planner.readers.gallery import Gallery
+from foldback.server.store.owner import new_token
 from tests.case import case
 from tests.server.service_process import SNAKE, Service, check_problem, path_file
 from tests.server.service_thread import ServiceWith

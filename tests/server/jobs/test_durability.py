@@ -10,19 +10,19 @@ from typing import Any
 
 import pytest
 
-from planner.file_names import TIMELINE
-from planner.motion.timeline import Timeline, TimelineWriter
-from planner.pipeline.fold_layout import result_path
-from planner.plan.plan import Plan
-from planner.progress import STAGES
-from server.api.schemas import PAUSED_MESSAGE
-from server.jobs import execution
-from server.jobs.execution import Execution, PausedError
-from server.jobs.queue import MAX_LOSSES, FoldClaim
-from server.jobs.runner import Runner
-from server.jobs.slices import Slice
-from server.processes.children import CRASHED, LOST, Child, ChildError
-from server.store.folds import Store
+from foldback.planner.file_names import TIMELINE
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.plan.plan import Plan
+from foldback.planner.progress import STAGES
+from foldback.server.api.schemas import PAUSED_MESSAGE
+from foldback.server.jobs import execution
+from foldback.server.jobs.execution import Execution, PausedError
+from foldback.server.jobs.queue import MAX_LOSSES, FoldClaim
+from foldback.server.jobs.runner import Runner
+from foldback.server.jobs.slices import Slice
+from foldback.server.processes.children import CRASHED, LOST, Child, ChildError
+from foldback.server.store.folds import Store
 from tests.server.service_process import SNAKE, STAIRS, Service, over
 from tests.server.service_thread import ServiceThread, ServiceWith
 

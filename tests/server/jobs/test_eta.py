@@ -6,12 +6,12 @@ from typing import Any
 
 import pytest
 
-from planner.pipeline.request import FoldRequest
-from planner.progress import COMPILING
-from server.api.schemas import expected_times, progress_of
-from server.jobs.eta import EtaEstimator, left_s
-from server.settings import Settings
-from server.store.estimates import (
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.progress import COMPILING
+from foldback.server.api.schemas import expected_times, progress_of
+from foldback.server.jobs.eta import EtaEstimator, left_s
+from foldback.server.settings import Settings
+from foldback.server.store.estimates import (
     MIN_SIMILAR_FOLDS,
     Duration,
     Estimates,
@@ -19,9 +19,9 @@ from server.store.estimates import (
     plain_fold,
     typical_s,
 )
-from server.store.folds import Store
-from server.store.leases import Leases, Preparing
-from server.store.worker_identity import WorkerIdentities
+from foldback.server.store.folds import Store
+from foldback.server.store.leases import Leases, Preparing
+from foldback.server.store.worker_identity import WorkerIdentities
 from tests.server.rows import SOMEBODY, a_fold
 from tests.server.store.test_leases import Clock
 

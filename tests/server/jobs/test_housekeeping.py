@@ -8,10 +8,10 @@ from typing import Any
 
 import pytest
 
-from server.jobs import housekeeping as module
-from server.settings import Settings
-from server.store.fold_files import EXPORTS_DIR
-from server.store.folds import NoSuchFoldError, Store, new_id
+from foldback.server.jobs import housekeeping as module
+from foldback.server.settings import Settings
+from foldback.server.store.fold_files import EXPORTS_DIR
+from foldback.server.store.folds import NoSuchFoldError, Store, new_id
 from tests.server.rows import a_movie, add_fold, scans, statements
 
 MIB = 2**20

@@ -12,9 +12,9 @@ from typing import Any
 import psutil
 import pytest
 
-from server.settings import Settings
-from server.store.object_store import open_storage
-from server.store.owner import new_token
+from foldback.server.settings import Settings
+from foldback.server.store.object_store import open_storage
+from foldback.server.store.owner import new_token
 from tests.server.jobs.test_durability import check_finished
 from tests.server.postgres import Postgres
 from tests.server.service_process import SNAKE, TIMEOUT_S, Service, bearer, over, owner

@@ -10,10 +10,12 @@ from typing import Any
 import psutil
 import pytest
 
-from planner.pipeline.fold_layout import is_on_table
-from server.pages.facts import fold_facts
-from server.processes.children import Child
-from server.store.fold_source import Found
+from foldback.planner.pipeline.fold_layout import is_on_table
+from foldback.server.pages.facts import fold_facts
+from foldback.server.processes.children import Child
+from foldback.server.store.fold_source import Found
+from foldback.web.movies.encoding import find_ffmpeg
+from foldback.words.fold import ShownFold
 from tests.server.cli.test_command_line import foldback
 from tests.server.service_process import (
     SNAKE,
@@ -25,8 +27,6 @@ from tests.server.service_process import (
 )
 from tests.server.service_thread import ServiceThread
 from tests.tools import OPENGL
-from web.movies.encoding import find_ffmpeg
-from words.fold import ShownFold
 
 SMALL = {"width": 128, "height": 72, "fps": 10, "seconds": 0.4}
 LONG = {"width": 128, "height": 72, "fps": 60, "seconds": 30}

@@ -2,7 +2,7 @@
 
 import os
 
-from server.jobs.processor_wait import ProcessorWait, waited_s
+from foldback.server.jobs.processor_wait import ProcessorWait, waited_s
 
 
 def test_computer_is_busy_while_the_process_waits_much_of_the_time() -> None:

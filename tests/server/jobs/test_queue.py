@@ -7,11 +7,11 @@ from typing import Any
 
 import pytest
 
-from planner.progress import STAGES
-from server.jobs.queue import FoldClaim, Lane, MovieClaim, Queue
-from server.limits.fair_queue import QUICK_FOLD_S
-from server.store.folds import Store
-from server.store.tables import FoldRow
+from foldback.planner.progress import STAGES
+from foldback.server.jobs.queue import FoldClaim, Lane, MovieClaim, Queue
+from foldback.server.limits.fair_queue import QUICK_FOLD_S
+from foldback.server.store.folds import Store
+from foldback.server.store.tables import FoldRow
 from tests.server.rows import SOMEBODY, a_fold, a_movie, scans, statements
 
 

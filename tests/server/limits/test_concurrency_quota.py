@@ -6,13 +6,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 
 import pytest
 
-from server.errors import ServiceError, TooMany, Unavailable
-from server.files.artifacts import Artifacts
-from server.limits.concurrency_quota import Permit, Quota
-from server.limits.fair_threads import CURRENT_VISITOR, FairThreads
-from server.limits.queue_room import Waiting, check_room
-from server.settings import Settings
-from server.store.folds import Store
+from foldback.server.errors import ServiceError, TooMany, Unavailable
+from foldback.server.files.artifacts import Artifacts
+from foldback.server.limits.concurrency_quota import Permit, Quota
+from foldback.server.limits.fair_threads import CURRENT_VISITOR, FairThreads
+from foldback.server.limits.queue_room import Waiting, check_room
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
 from tests.case import case
 
 

@@ -5,12 +5,12 @@ from pathlib import Path
 
 import pytest
 
-from planner.motion.timeline import TimelineWriter
-from server.api.frame_waits import FrameWaits
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.server.api.frame_waits import FrameWaits
+from foldback.web.timeline.view import TimelineView
 from tests.planner.chains import chain_of
 from tests.server.service_process import SNAKE
 from tests.web.conftest import unfolding
-from web.timeline.view import TimelineView
 
 WAITS = 60
 

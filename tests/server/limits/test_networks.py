@@ -5,11 +5,11 @@ import threading
 
 import pytest
 
-from server.errors import ServiceError, TooMany, Unavailable
-from server.limits.concurrency_quota import Permit, Quota, network_share
-from server.limits.networks import PSEUDONYM_SEPARATOR, hidden, networks_of, visitor_at
-from server.limits.single_flight import SingleFlight
-from server.limits.token_buckets import TokenBuckets
+from foldback.server.errors import ServiceError, TooMany, Unavailable
+from foldback.server.limits.concurrency_quota import Permit, Quota, network_share
+from foldback.server.limits.networks import PSEUDONYM_SEPARATOR, hidden, networks_of, visitor_at
+from foldback.server.limits.single_flight import SingleFlight
+from foldback.server.limits.token_buckets import TokenBuckets
 
 HOME = [visitor_at(f"2001:db8:1:{k}::1") for k in range(16)]
 """Visitors of one /56."""

@@ -4,8 +4,8 @@ import resource
 
 import pytest
 
-from server.limits.open_files import BACKLOG, MIN_CONNECTIONS, OTHER_FILES, OpenFiles
-from server.settings import Settings
+from foldback.server.limits.open_files import BACKLOG, MIN_CONNECTIONS, OTHER_FILES, OpenFiles
+from foldback.server.settings import Settings
 
 
 @pytest.mark.parametrize("hard", [0, 64, 256, 1024, 4096, 2**20, resource.RLIM_INFINITY])

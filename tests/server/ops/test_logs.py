@@ -11,7 +11,14 @@ from typing import Any
 
 import pytest
 
-from server.ops.logs import ACCEPT_ERROR, AcceptErrors, JsonLines, TextLines, about, escaped
+from foldback.server.ops.logs import (
+    ACCEPT_ERROR,
+    AcceptErrors,
+    JsonLines,
+    TextLines,
+    about,
+    escaped,
+)
 from tests.server.service_process import FinishedFold, Service, wait_until
 
 FORGED = 'x\n{"level": "error", "message": "forged"}\r\x1b[2K\u2028\x85'
@@ -148,8 +155,8 @@ def test_worker_logs_its_fold(finished: FinishedFold) -> None:
 def test_lines_below_the_level_are_left_out() -> None:
     code = """
 import logging
-from server.ops.logs import set_up_logs
-from server.settings import Settings
+from foldback.server.ops.logs import set_up_logs
+from foldback.server.settings import Settings
 for level in ("info", "error"):
     set_up_logs(Settings(log_level=level))
     logging.getLogger("foldback.access").info("small")

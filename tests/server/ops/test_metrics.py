@@ -10,13 +10,13 @@ import pytest
 from prometheus_client.parser import text_string_to_metric_families
 from pydantic import SecretStr
 
-from server.api.health import PROXY_HEADERS
-from server.ops.supervisor import environment_of_worker
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.leases import Leases
-from server.store.stats import Stats
-from server.store.tables import WorkerRow
+from foldback.server.api.health import PROXY_HEADERS
+from foldback.server.ops.supervisor import environment_of_worker
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.leases import Leases
+from foldback.server.store.stats import Stats
+from foldback.server.store.tables import WorkerRow
 from tests.server.rows import a_fold, statements
 from tests.server.service_process import METRICS_TOKEN, SNAKE, FinishedFold, Service, bearer
 from tests.server.service_thread import ServiceWith

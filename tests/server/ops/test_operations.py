@@ -5,13 +5,13 @@ import re
 import yaml
 
 from docs import make_settings
-from server.cli.admin import admin
-from server.cli.command_line import COMMANDS
-from server.ops.metrics import Metrics
-from server.ops.readiness import Places
-from server.settings import Settings
-from server.store.stats import Figures
-from server.store.tables import STATUSES
+from foldback.server.cli.admin import admin
+from foldback.server.cli.command_line import COMMANDS
+from foldback.server.ops.metrics import Metrics
+from foldback.server.ops.readiness import Places
+from foldback.server.settings import Settings
+from foldback.server.store.stats import Figures
+from foldback.server.store.tables import STATUSES
 from tests.run_python import ROOT
 
 PAGE = (ROOT / "docs" / "operations.md").read_text(encoding="utf-8")

@@ -7,11 +7,11 @@ from pathlib import Path
 
 import httpx
 
-from planner.pipeline.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK, CompilingLock
-from server.ops.readiness import Readiness
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.leases import Leases
+from foldback.planner.pipeline.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK, CompilingLock
+from foldback.server.ops.readiness import Readiness
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.leases import Leases
 from tests.server.postgres import Postgres
 from tests.server.service_process import Service
 from tests.server.service_thread import ServiceWith, copy_tables

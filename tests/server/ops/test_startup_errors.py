@@ -5,9 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from server.cli.serve import server_of
-from server.jobs import worker
-from server.settings import Settings
+from foldback.server.cli.serve import server_of
+from foldback.server.jobs import worker
+from foldback.server.settings import Settings
 from tests.server.cli.test_command_line import foldback
 
 MISSING = [

@@ -12,8 +12,8 @@ import httpx
 import psutil
 import pytest
 
-from server.ops.supervisor import SupervisedWorker, environment_of_worker
-from server.settings import Settings
+from foldback.server.ops.supervisor import SupervisedWorker, environment_of_worker
+from foldback.server.settings import Settings
 from tests.server.service_process import STAIRS, Service, wait_until
 
 LEASE_S = 1.0
@@ -36,7 +36,7 @@ def catches_stop_signals(pid: int) -> bool:
 
 MOMENTS: dict[str, Callable[[Service], object]] = {
     "first": lambda service: catches_stop_signals(service.process.pid),
-    "worker": lambda service: service.processes("server.jobs.worker_process"),
+    "worker": lambda service: service.processes("foldback.server.jobs.worker_process"),
     "database": lambda service: (service.data_dir / "foldback.db").exists(),
 }
 """Moments of the start; `make load ARGS="--only starts"` tries one each 100 ms."""
@@ -74,7 +74,7 @@ def test_stop_signal_ends_a_starting_worker(tmp_path: Path) -> None:
 def test_stopped_worker_is_replaced_and_its_fold_continues(tmp_path: Path) -> None:
     with Service(tmp_path / "data", lease_s=LEASE_S).start() as service:
         service.wait_workers(1)
-        (worker,) = service.processes("server.jobs.worker_process")
+        (worker,) = service.processes("foldback.server.jobs.worker_process")
         worker.suspend()
         fold_id = service.fold(STAIRS)["id"]
         assert service.wait_over(fold_id)["status"] == "verified"

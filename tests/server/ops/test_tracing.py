@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 from opentelemetry.proto.collector.trace.v1.trace_service_pb2 import ExportTraceServiceRequest
 
-from server.ops import tracing
-from server.ops.tracing import NoTracingError, span, start_tracing
-from server.settings import Settings
+from foldback.server.ops import tracing
+from foldback.server.ops.tracing import NoTracingError, span, start_tracing
+from foldback.server.settings import Settings
 from tests.run_python import run_python
 
 CODE = """
-from server.ops.tracing import send_rest, span, start_tracing
-from server.settings import Settings
+from foldback.server.ops.tracing import send_rest, span, start_tracing
+from foldback.server.settings import Settings
 start_tracing(Settings())
 with span("fold", operationUUID="thefold"):
     for stage in ("read", "explode"):

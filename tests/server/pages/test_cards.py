@@ -2,8 +2,8 @@
 
 from dataclasses import replace
 
-from planner.readers.gallery import Gallery, GalleryShape
-from server.pages.cards import (
+from foldback.planner.readers.gallery import Gallery, GalleryShape
+from foldback.server.pages.cards import (
     FEATURED_SHAPES,
     CardFacts,
     FoldStatus,
@@ -12,11 +12,11 @@ from server.pages.cards import (
     kinds,
     selected,
 )
-from server.store.folds import Store
+from foldback.server.store.folds import Store
+from foldback.words.fold import ShownFold
+from foldback.words.gallery import CHAIN_LABELS, TAG_LABELS, method_of, rest_of
 from tests.server.rows import SOMEBODY
 from tests.server.store.test_rows import row
-from words.fold import ShownFold
-from words.gallery import CHAIN_LABELS, TAG_LABELS, method_of, rest_of
 
 CUBES = GalleryShape(name="heart", title="Heart", modules=216, data=b"", tags=("sign",))
 HEART = replace(CUBES, rests_within=1.94)

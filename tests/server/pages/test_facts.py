@@ -9,30 +9,30 @@ from typing import Any, cast
 
 import pytest
 
-from planner.motion.timeline import TimelineWriter
-from planner.parameters.explosion import ExplosionParameters
-from planner.parameters.parameters import PRESETS, preset
-from planner.parameters.playback import PlaybackParameters, RobotParameters
-from planner.parameters.published import PaperExplosionParameters
-from server.api.context import Context
-from server.api.schemas import Fold
-from server.jobs.eta import EtaEstimator
-from server.pages.facts import fold_facts
-from server.pages.fold import takes
-from server.settings import Settings
-from server.store.estimates import Estimates
-from server.store.fold_source import Found
-from server.store.folds import Store
-from server.store.leases import Leases, Preparing
+from foldback.planner.motion.timeline import TimelineWriter
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.parameters.parameters import PRESETS, preset
+from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
+from foldback.planner.parameters.published import PaperExplosionParameters
+from foldback.server.api.context import Context
+from foldback.server.api.schemas import Fold
+from foldback.server.jobs.eta import EtaEstimator
+from foldback.server.pages.facts import fold_facts
+from foldback.server.pages.fold import takes
+from foldback.server.settings import Settings
+from foldback.server.store.estimates import Estimates
+from foldback.server.store.fold_source import Found
+from foldback.server.store.folds import Store
+from foldback.server.store.leases import Leases, Preparing
+from foldback.words import quantities
+from foldback.words.fold import ShownFold
+from foldback.words.properties import used_parameters
+from foldback.words.quantities import length_m, number, parameters, quantity
 from tests.case import case
 from tests.planner.chains import chain_of
 from tests.server.rows import SOMEBODY, a_fold
 from tests.server.service_process import SNAKE, FinishedFold
 from tests.web.conftest import unfolding
-from words import quantities
-from words.fold import ShownFold
-from words.properties import used_parameters
-from words.quantities import length_m, number, parameters, quantity
 
 
 def test_numbers_have_significant_digits_and_units() -> None:

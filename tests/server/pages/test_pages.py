@@ -13,14 +13,14 @@ import pytest
 from fastapi import FastAPI
 
 from bench.reproduction.experiments import STATEMENTS
-from server.http.downloads import Asset
-from server.pages import paper, prerendered_pages, static
-from server.pages.page import script_addresses
-from server.pages.static import IMMUTABLE_CACHE_CONTROL
+from foldback.server.http.downloads import Asset
+from foldback.server.pages import paper, prerendered_pages, static
+from foldback.server.pages.page import script_addresses
+from foldback.server.pages.static import IMMUTABLE_CACHE_CONTROL
+from foldback.web.static_files import VERSIONED, scripts_version
 from tests.server.asgi import send_request
 from tests.server.service_process import SNAKE, Service, bearer
 from tests.web.timeline.decoding import decode
-from web.static_files import VERSIONED, scripts_version
 
 
 @cache

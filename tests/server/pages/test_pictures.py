@@ -11,12 +11,12 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from planner.motion.timeline import chain_attributes, chain_from_attributes
-from server.errors import NoRoom
-from server.files.artifacts import Artifacts
-from server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
-from server.pages import pictures as pictures_module
-from server.store.folds import Store
+from foldback.planner.motion.timeline import chain_attributes, chain_from_attributes
+from foldback.server.errors import NoRoom
+from foldback.server.files.artifacts import Artifacts
+from foldback.server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
+from foldback.server.pages import pictures as pictures_module
+from foldback.server.store.folds import Store
 from tests.planner.chains import chain_of
 from tests.server.rows import add_fold
 

@@ -7,14 +7,14 @@ import pytest
 from fastapi import FastAPI
 from pydantic import ValidationError
 
-from server.pages import privacy
-from server.pages.privacy import visibility
-from server.settings import MIB_BYTES, Settings
+from foldback.server.pages import privacy
+from foldback.server.pages.privacy import visibility
+from foldback.server.settings import MIB_BYTES, Settings
+from foldback.words.fold import ShownFold
+from foldback.words.lifetime import time_words
 from tests.case import case
 from tests.server.asgi import send_request
 from tests.server.rows import a_fold
-from words.fold import ShownFold
-from words.lifetime import time_words
 
 
 def words(**settings: object) -> str:

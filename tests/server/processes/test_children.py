@@ -18,15 +18,15 @@ from unittest.mock import MagicMock
 import psutil
 import pytest
 
-from planner.pipeline import stages
-from planner.progress import COMPILING, STAGES
-from server.errors import UNEXPECTED_WORDS
-from server.limits.concurrency_quota import Quota
-from server.processes import child as child_process
-from server.processes import children
-from server.processes.children import EVENTS, Child, ChildError, Pool
-from server.processes.fork_server import ForkServer, Kind
-from server.processes.limits import ChildLimits
+from foldback.planner.pipeline import stages
+from foldback.planner.progress import COMPILING, STAGES
+from foldback.server.errors import UNEXPECTED_WORDS
+from foldback.server.limits.concurrency_quota import Quota
+from foldback.server.processes import child as child_process
+from foldback.server.processes import children
+from foldback.server.processes.children import EVENTS, Child, ChildError, Pool
+from foldback.server.processes.fork_server import ForkServer, Kind
+from foldback.server.processes.limits import ChildLimits
 from tests.refusal import refused
 from tests.server.service_process import SNAKE
 from tests.server.service_thread import FORKS
@@ -37,7 +37,7 @@ pytestmark = pytest.mark.processes
 WITHOUT_LIBRARIES = """
 import sys, types
 from contextlib import nullcontext
-from planner.progress import COMPILING, Progress
+from foldback.planner.progress import COMPILING, Progress
 
 def stand_in(name, works="", **has):
     sys.modules[name] = types.ModuleType(name)
@@ -46,18 +46,19 @@ def stand_in(name, works="", **has):
 
 for name in (
     "mujoco numba numba.core scipy.interpolate scipy.ndimage scipy.optimize scipy.sparse.csgraph "
-    "trimesh zarr.codecs planner.pathfinding.filling_methods planner.pathfinding.shape_overlap "
-    "planner.pipeline.prepare planner.shapes.decimation planner.table_paths.offers"
+    "trimesh zarr.codecs foldback.planner.pathfinding.filling_methods "
+    "foldback.planner.pathfinding.shape_overlap foldback.planner.pipeline.prepare "
+    "foldback.planner.shapes.decimation foldback.planner.table_paths.offers"
 ).split():
     stand_in(name)
 stand_in("numba.core.caching", Cache=types.SimpleNamespace())
 stand_in("numba.core.event", "Event", Listener=object, install_listener=lambda *_: nullcontext())
-stand_in("planner.kernels", __path__=[])
-staging = stand_in("planner.pipeline.stages", "run_stage")
-warming = stand_in("planner.pipeline.warm_up", "warm_up warm_up_folding")
-finding = stand_in("planner.pipeline.warm_up_paths", "warm_up_fit warm_up_paths")
-reading = stand_in("server.processes.read_task", "check offers preview warm_up")
-retiming = stand_in("server.processes.retime_task", "clearance motors retime warm_up")
+stand_in("foldback.planner.kernels", __path__=[])
+staging = stand_in("foldback.planner.pipeline.stages", "run_stage")
+warming = stand_in("foldback.planner.pipeline.warm_up", "warm_up warm_up_folding")
+finding = stand_in("foldback.planner.pipeline.warm_up_paths", "warm_up_fit warm_up_paths")
+reading = stand_in("foldback.server.processes.read_task", "check offers preview warm_up")
+retiming = stand_in("foldback.server.processes.retime_task", "clearance motors retime warm_up")
 """
 """Code that runs before a child: it replaces the computation, and avoids the import time."""
 RUN_UPLOAD = """
@@ -309,7 +310,7 @@ def test_slow_upload_of_one_visitor_does_not_delay_others(directory: Path, pool:
 
 
 def test_child_ends_with_its_parent(tmp_path: Path) -> None:
-    command = [sys.executable, "-P", "-m", "server.processes.child", "stages"]
+    command = [sys.executable, "-P", "-m", "foldback.server.processes.child", "stages"]
     with subprocess.Popen(
         [*command, json.dumps(asdict(LIMITS))],
         env={**os.environ, **without_libraries(tmp_path)},

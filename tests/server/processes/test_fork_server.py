@@ -12,10 +12,10 @@ from typing import Any
 import psutil
 import pytest
 
-from planner.progress import COMPILING
-from server.processes import children, fork_server
-from server.processes.children import LOST, ChildError
-from server.processes.fork_server import ForkServer, Kind
+from foldback.planner.progress import COMPILING
+from foldback.server.processes import children, fork_server
+from foldback.server.processes.children import LOST, ChildError
+from foldback.server.processes.fork_server import ForkServer, Kind
 from tests.refusal import refused
 from tests.server.processes.test_children import make_child, upload_in, without_libraries
 from tests.server.service_process import TIMEOUT_S, wait_until
@@ -126,14 +126,14 @@ def test_child_ended_before_it_was_forked_does_not_stay(
 def test_reason_why_a_fork_server_cannot_start_is_logged(
     tmp_path: Path, directory: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    without_stages = "sys.modules['planner.pipeline.stages'] = None\n"
+    without_stages = "sys.modules['foldback.planner.pipeline.stages'] = None\n"
     with closing(make_server(tmp_path / "code", without_stages)) as server:
         for _ in range(2):
             with make_child("stages", fork_server=server) as child:
                 words = "did not start: an unexpected error"
                 with refused("no-start", match=words, kind=ChildError):
                     child.call("read", directory, wall_s=60)
-    assert "planner.pipeline.stages" in capfd.readouterr().err
+    assert "foldback.planner.pipeline.stages" in capfd.readouterr().err
 
 
 def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> None:
@@ -162,7 +162,7 @@ def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> 
 
 LATE = """
 import os, subprocess
-from planner.pipeline import compiling
+from foldback.planner.pipeline import compiling
 finding.warm_up_paths = lambda: os.mkdir({place!r})
 reading.check = lambda _: {whole}
 compiling.Compiling.told = property(lambda self: True, lambda self, value: None)
@@ -193,9 +193,9 @@ def test_previews_wait_for_their_kernels_and_paths_do_not(tmp_path: Path, direct
 PARENT = """
 import sys, time
 from pathlib import Path
-from server.processes.children import Child
-from server.processes.fork_server import ForkServer
-from server.processes.limits import ChildLimits
+from foldback.server.processes.children import Child
+from foldback.server.processes.fork_server import ForkServer
+from foldback.server.processes.limits import ChildLimits
 warm = sys.argv[3] == "compiling"
 server = ForkServer(["stages"], warm=warm, environment={"PYTHONPATH": sys.argv[2]})
 server.start()

@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from server.processes import landlock, seccomp, system_calls
-from server.processes.system_calls import CALLS, PROGRAM_CALLS, UNSUPPORTED_CALLS
+from foldback.server.processes import landlock, seccomp, system_calls
+from foldback.server.processes.system_calls import CALLS, PROGRAM_CALLS, UNSUPPORTED_CALLS
 from tests.server.processes.test_children import WITHOUT_LIBRARIES
 from tests.tools import LINUX_HEADERS
 
@@ -40,7 +40,7 @@ needs_filter = pytest.mark.skipif(
 CONFINED = f"""{WITHOUT_LIBRARIES}
 import ctypes, json, os, sys
 from pathlib import Path
-from server.processes import landlock, sandbox
+from foldback.server.processes import landlock, sandbox
 
 libc = ctypes.CDLL(None, use_errno=True)
 libc.syscall.restype = ctypes.c_long

@@ -18,14 +18,14 @@ from typing import Any
 
 import pytest
 
-from server.processes import landlock, sandbox
-from server.processes.fork_server import ForkServer, Kind
-from server.processes.landlock import Allowed
-from server.processes.limits import ChildLimits
-from server.processes.movie_task import ask_for_movie
-from server.settings import Settings
+from foldback.server.processes import landlock, sandbox
+from foldback.server.processes.fork_server import ForkServer, Kind
+from foldback.server.processes.landlock import Allowed
+from foldback.server.processes.limits import ChildLimits
+from foldback.server.processes.movie_task import ask_for_movie
+from foldback.server.settings import Settings
+from foldback.web.movies.movie import Movie
 from tests.server.processes.test_children import WITHOUT_LIBRARIES, make_child, run_first
-from web.movies.movie import Movie
 
 LIMITS = ChildLimits(memory_bytes=2**30, cpu_s=60.0, warm=False)
 ATTACK = """
@@ -101,7 +101,7 @@ def attack(directory):
 WITH_A_THREAD = f"""{WITHOUT_LIBRARIES}
 import threading, time
 from pathlib import Path
-from server.processes import sandbox
+from foldback.server.processes import sandbox
 sandbox.THREAD_EXIT_S = 0.1
 threading.Thread(target=lambda: time.sleep(60), daemon=True).start()
 sandbox.confine(sandbox.Allowed(writable=(Path(sys.argv[1]),)))
@@ -111,16 +111,16 @@ reading.check = retiming.retime = attack
 staging.run_stage = lambda task, place, **_: attack(place)
 """
 SPAWNED = f"""{WITHOUT_LIBRARIES}
-from web.movies.encoding import EncodingError
+from foldback.web.movies.encoding import EncodingError
 
 def film(line, movie, out, **_):
     raise EncodingError(json.dumps(attack(out.parent)))
 
-stand_in("web.movies.renderer", NoGLError=OSError)
-stand_in("web.movies.make_movie", make_movie=film)
+stand_in("foldback.web.movies.renderer", NoGLError=OSError)
+stand_in("foldback.web.movies.make_movie", make_movie=film)
 """
 DRAWN = f"""{WITHOUT_LIBRARIES}
-stand_in("server.processes.picture_task", "warm_up", draw=attack)
+stand_in("foldback.server.processes.picture_task", "warm_up", draw=attack)
 """
 """Code that replaces the first reading of untrusted data, for each kind."""
 FORKED_KINDS: tuple[Kind, ...] = ("reader", "preparer", "retimer")
@@ -176,7 +176,9 @@ def attack_env(code: Path, process: str, places: str) -> dict[str, str]:
 def forks(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ForkServer]:
     """Fork server whose children of all kinds run the attack."""
     environment = attack_env(
-        tmp_path_factory.mktemp("forks") / "code", "server.processes.fork_server_process", FORKED
+        tmp_path_factory.mktemp("forks") / "code",
+        "foldback.server.processes.fork_server_process",
+        FORKED,
     )
     kinds = [*FORKED_KINDS, "stages"]
     with closing(ForkServer(kinds, warm=False, environment=environment)) as server:
@@ -188,7 +190,9 @@ def run_attack(
 ) -> dict[str, Any]:
     """Return the results of the attack in a child of a kind, forked or started directly."""
     begins = SPAWNED_KINDS.get(kind, "")
-    environment = {} if forks else attack_env(tmp_path / "code", "server.processes.child", begins)
+    environment = (
+        {} if forks else attack_env(tmp_path / "code", "foldback.server.processes.child", begins)
+    )
     settings = Settings(data_dir=tmp_path / "data")
     place = {
         "stages": settings.folds_dir / "mine",
@@ -238,8 +242,10 @@ def test_packages_are_readable_wherever_they_are_installed(
     for name in ("site-packages", "libraries"):
         place = tmp_path / name
         monkeypatch.syspath_prepend(place)
-        monkeypatch.setattr(sys.modules["server"], "__file__", str(place / "server/__init__.py"))
-        assert place in sandbox._programs(Allowed(writable=(tmp_path / "data",)))
+        monkeypatch.setattr(
+            sys.modules["foldback"], "__file__", str(place / "foldback/__init__.py")
+        )
+        assert place / "foldback" in sandbox._programs(Allowed(writable=(tmp_path / "data",)))
         inside = Allowed(writable=(place / "data",))
         assert (place in sandbox._programs(inside)) == (name == "site-packages")
 

@@ -10,10 +10,10 @@ from typing import Any
 import pytest
 from sqlalchemy import exc
 
-from server.errors import NoRoom, ServiceError, Unavailable
-from server.http.problems import of_trouble
-from server.processes.limits import ChildLimits, environment_of_child
-from server.store.owner import new_token
+from foldback.server.errors import NoRoom, ServiceError, Unavailable
+from foldback.server.http.problems import of_trouble
+from foldback.server.processes.limits import ChildLimits, environment_of_child
+from foldback.server.store.owner import new_token
 from tests.run_python import run_python
 from tests.server.processes.test_children import make_child, without_libraries
 from tests.server.service_process import SNAKE, FinishedFold, Service, bearer, check_problem

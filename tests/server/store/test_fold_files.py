@@ -7,11 +7,11 @@ from pathlib import Path
 
 import pytest
 
-from server.settings import Settings
-from server.store import fold_files
-from server.store.fold_files import MIN_COPY_AGE_S, Folders
-from server.store.object_store import StorageError, open_storage
-from server.store.tables import FoldRow
+from foldback.server.settings import Settings
+from foldback.server.store import fold_files
+from foldback.server.store.fold_files import MIN_COPY_AGE_S, Folders
+from foldback.server.store.object_store import StorageError, open_storage
+from foldback.server.store.tables import FoldRow
 
 FOLD = "a1"
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.leases import SERVICE_START_S, Leases, Preparing
-from server.store.worker_identity import WorkerIdentities
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.leases import SERVICE_START_S, Leases, Preparing
+from foldback.server.store.worker_identity import WorkerIdentities
 
 LEASE_S = 15.0
 
@@ -134,8 +134,8 @@ def test_preparing_without_worker_lasts_while_workers_start(
 PROBE = """
 import sys
 from pathlib import Path
-from server.settings import Settings
-from server.store.worker_identity import WorkerIdentities
+from foldback.server.settings import Settings
+from foldback.server.store.worker_identity import WorkerIdentities
 identities = WorkerIdentities(Settings(data_dir=Path(sys.argv[1])))
 print("begun", flush=True)
 while True:

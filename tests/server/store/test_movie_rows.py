@@ -10,19 +10,19 @@ from typing import Any
 
 import pytest
 
-from server.errors import TooMany, Unavailable
-from server.jobs import movie_runner, progress
-from server.jobs.movie_runner import MovieJobs
-from server.jobs.movies import Movies, NoSuchMovieError
-from server.jobs.queue import MAX_LOSSES, MovieClaim
-from server.limits.networks import visitor_at
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.owner import Owner
-from server.store.tables import FoldRow, MovieRow
+from foldback.server.errors import TooMany, Unavailable
+from foldback.server.jobs import movie_runner, progress
+from foldback.server.jobs.movie_runner import MovieJobs
+from foldback.server.jobs.movies import Movies, NoSuchMovieError
+from foldback.server.jobs.queue import MAX_LOSSES, MovieClaim
+from foldback.server.limits.networks import visitor_at
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.owner import Owner
+from foldback.server.store.tables import FoldRow, MovieRow
+from foldback.web.movies.movie import Movie
 from tests.refusal import refused
 from tests.server.rows import a_fold, new_owner
-from web.movies.movie import Movie
 
 OWNER = new_owner()
 MOVIES = [Movie.of({"seconds": seconds}) for seconds in (1, 2, 3, 4)]

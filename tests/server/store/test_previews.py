@@ -12,17 +12,17 @@ from typing import Any, cast
 import pytest
 import sqlalchemy as sa
 
-from planner.files import write_sealed_json
-from planner.pipeline.request import PreviewRequest
-from server.errors import TooMany, Unusable
-from server.files import preview_reports
-from server.files.preview_reports import Asker, PreviewReports, read_report
-from server.files.uploads import Uploads
-from server.processes.children import ChildError, Pool
-from server.settings import Settings
-from server.store import previews as previews_module
-from server.store.folds import Store
-from server.store.previews import (
+from foldback.planner.files import write_sealed_json
+from foldback.planner.pipeline.request import PreviewRequest
+from foldback.server.errors import TooMany, Unusable
+from foldback.server.files import preview_reports
+from foldback.server.files.preview_reports import Asker, PreviewReports, read_report
+from foldback.server.files.uploads import Uploads
+from foldback.server.processes.children import ChildError, Pool
+from foldback.server.settings import Settings
+from foldback.server.store import previews as previews_module
+from foldback.server.store.folds import Store
+from foldback.server.store.previews import (
     MAX_PROTECTED_UPLOADS,
     MIN_LOST_AGE_S,
     NoSuchPreviewError,
@@ -30,7 +30,7 @@ from server.store.previews import (
     PreviewSize,
     superfluous,
 )
-from server.store.tables import PreviewRow
+from foldback.server.store.tables import PreviewRow
 from tests.case import case
 from tests.server.rows import new_owner
 from tests.server.service_thread import copy_tables

@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from server.jobs.queue import FoldClaim, Queue
-from server.jobs.slices import SLICE_POLL_S, Slice
-from server.limits.fair_queue import slice_s, wait_s
-from server.store.folds import NoSuchFoldError, Store
-from server.store.tables import FoldRow
+from foldback.server.jobs.queue import FoldClaim, Queue
+from foldback.server.jobs.slices import SLICE_POLL_S, Slice
+from foldback.server.limits.fair_queue import slice_s, wait_s
+from foldback.server.store.folds import NoSuchFoldError, Store
+from foldback.server.store.tables import FoldRow
 from tests.server.rows import a_fold, new_owner
 
 OWNER = new_owner()

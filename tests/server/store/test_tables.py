@@ -11,15 +11,15 @@ import sqlalchemy as sa
 from alembic.autogenerate import compare_metadata
 from alembic.runtime.migration import MigrationContext
 
-from server.cli.serve import server_of
-from server.settings import Settings
-from server.store.folds import Store
-from server.store.owner import Owner
-from server.store.schema_version import NewerSchemaError, Schema
-from server.store.tables import STATUSES, Base, FoldRow, engine_for, migrate
+from foldback.server.cli.serve import server_of
+from foldback.server.settings import Settings
+from foldback.server.store.folds import Store
+from foldback.server.store.owner import Owner
+from foldback.server.store.schema_version import NewerSchemaError, Schema
+from foldback.server.store.tables import STATUSES, Base, FoldRow, engine_for, migrate
+from foldback.words.fold import RUNNING_STATUSES
 from tests.server.postgres import DATABASES
 from tests.server.rows import a_fold, new_owner, upgrade
-from words.fold import RUNNING_STATUSES
 
 TOKEN = "a-token-that-somebody-got-long-ago"
 OWNER = Owner.from_token(TOKEN)

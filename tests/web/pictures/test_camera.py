@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from web.pictures.camera import FIELD_OF_VIEW_RAD, View, distance_needed, framing
-from web.pictures.camera_path import CameraPath, camera_path
+from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD, View, distance_needed, framing
+from foldback.web.pictures.camera_path import CameraPath, camera_path
 
 RADIUS = 0.87
 

@@ -6,11 +6,11 @@ from itertools import product
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.readers.angle_strings import read_angle_string
-from web.pictures.isometric import isometric_svg
-from web.pictures.isometric_modules import chain_svg
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.readers.angle_strings import read_angle_string
+from foldback.web.pictures.isometric import isometric_svg
+from foldback.web.pictures.isometric_modules import chain_svg
 
 SVG = "{http://www.w3.org/2000/svg}"
 RING = "- - - + - - - + - - -"

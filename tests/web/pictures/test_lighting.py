@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 
-from web.pictures.camera import View
-from web.pictures.ground_shadow import MODULE_WIDTH_PITCH, ground_shadow
-from web.pictures.lighting import fill_light, key_light
-from web.pictures.occlusion import MAX_OCCLUDER_DISTANCE, face_light
+from foldback.web.pictures.camera import View
+from foldback.web.pictures.ground_shadow import MODULE_WIDTH_PITCH, ground_shadow
+from foldback.web.pictures.lighting import fill_light, key_light
+from foldback.web.pictures.occlusion import MAX_OCCLUDER_DISTANCE, face_light
 
 VIEW = View(target=np.zeros(3), azimuth_rad=0.7, elevation_rad=0.4, distance=9.0)
 UPWARDS = np.array([0.0, 0.0, 1.0])

@@ -3,12 +3,22 @@
 import numpy as np
 import pytest
 
-from planner.chain.module import CUBE, MODULES, Module
+from foldback.planner.chain.module import CUBE, MODULES, Module
+from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD
+from foldback.web.pictures.meshes import (
+    DISPLAYED_MODULE_SIZE,
+    module_mesh,
+    sketch_outline,
+    stud_mesh,
+)
+from foldback.web.pictures.module_faces import module_faces
+from foldback.web.pictures.table_top import (
+    MIN_TABLE_SIDE_PITCH,
+    TABLE_MARGIN_PITCH,
+    TableTop,
+    disc_mesh,
+)
 from tests.planner.chains import chain_of
-from web.pictures.camera import FIELD_OF_VIEW_RAD
-from web.pictures.meshes import DISPLAYED_MODULE_SIZE, module_mesh, sketch_outline, stud_mesh
-from web.pictures.module_faces import module_faces
-from web.pictures.table_top import MIN_TABLE_SIDE_PITCH, TABLE_MARGIN_PITCH, TableTop, disc_mesh
 
 CHAIN = chain_of([(x, 0, 0) for x in range(12)] + [(11, 1, 0), (11, 1, 1)])
 TABLE = TableTop.under(CHAIN, CHAIN.folded_poses.positions)

@@ -3,13 +3,13 @@ from typing import Any
 
 import numpy as np
 
-from planner.chain.chain import Chain
-from planner.chain.path import Path
-from planner.pathfinding.path_options import PathOptions
-from planner.pipeline.prepare import prepare
-from web.pictures.isometric import isometric_svg
-from web.pictures.isometric_modules import chain_svg
-from web.pictures.preview_drawing import MAX_DRAWN_CUBES, preview_svg
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
+from foldback.planner.pathfinding.path_options import PathOptions
+from foldback.planner.pipeline.prepare import prepare
+from foldback.web.pictures.isometric import isometric_svg
+from foldback.web.pictures.isometric_modules import chain_svg
+from foldback.web.pictures.preview_drawing import MAX_DRAWN_CUBES, preview_svg
 
 CROSS = [[1, 0, 0], [0, 1, 0], [1, 1, 0], [2, 1, 0], [1, 2, 0]]
 

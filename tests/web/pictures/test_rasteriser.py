@@ -1,6 +1,6 @@
 import numpy as np
 
-from web.pictures.rasteriser import draw_triangles
+from foldback.web.pictures.rasteriser import draw_triangles
 
 RED, BLUE = (250.0, 10.0, 10.0), (10.0, 10.0, 250.0)
 

@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from planner.chain.chain import Chain
-from planner.readers import read
-from planner.readers.gallery import Gallery
+from foldback.planner.chain.chain import Chain
+from foldback.planner.readers import read
+from foldback.planner.readers.gallery import Gallery
+from foldback.web.pictures.camera import View
+from foldback.web.pictures.caption import FAILED_RGB, Caption, write_caption
+from foldback.web.pictures.lighting import THEMES
+from foldback.web.pictures.picture_view import MIN_FOLLOW_DISTANCE_SCALE, PictureView
+from foldback.web.pictures.social_picture import SOCIAL_PICTURE_PX, Moment, social_picture
 from tests.planner.chains import chain_of
-from web.pictures.camera import View
-from web.pictures.caption import FAILED_RGB, Caption, write_caption
-from web.pictures.lighting import THEMES
-from web.pictures.picture_view import MIN_FOLLOW_DISTANCE_SCALE, PictureView
-from web.pictures.social_picture import SOCIAL_PICTURE_PX, Moment, social_picture
 
 POINTS = np.array([[0.0, 0, 0], [5, 0, 0], [5, 3, 0], [5, 3, 2]])
 CHAIN = chain_of([(0, 0, 0), (1, 0, 0), (1, 1, 0), (2, 1, 0)])

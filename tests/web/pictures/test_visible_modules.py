@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from planner.chain.module import CUBE, TETRAHEDRON
-from web.pictures.visible_modules import MAX_FULLY_DRAWN_MODULES, visible_modules
+from foldback.planner.chain.module import CUBE, TETRAHEDRON
+from foldback.web.pictures.visible_modules import MAX_FULLY_DRAWN_MODULES, visible_modules
 
 BOX = np.stack(np.meshgrid(*[np.arange(20.0)] * 3), axis=-1).reshape(-1, 3)
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from planner.motion.angle_encoding import whole_numbers, window_totals
-from planner.motion.motion import Motion
-from web.timeline.window_columns import SENT_ANGLE_STEP_RAD, whole_steps
+from foldback.planner.motion.angle_encoding import whole_numbers, window_totals
+from foldback.planner.motion.motion import Motion
+from foldback.web.timeline.window_columns import SENT_ANGLE_STEP_RAD, whole_steps
 
 
 def decode(message: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:

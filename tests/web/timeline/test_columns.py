@@ -3,17 +3,17 @@ import dataclasses
 import numpy as np
 import pytest
 
-from planner.motion.motion import Motion
-from tests.planner import peels
-from tests.web import long_folds
-from tests.web.timeline.decoding import decode, windows_of
-from web.timeline.columns import encode
-from web.timeline.window_columns import (
+from foldback.planner.motion.motion import Motion
+from foldback.web.timeline.columns import encode
+from foldback.web.timeline.window_columns import (
     PLANE_COLUMNS,
     SENT_ANGLE_STEP_RAD,
     SHORT_COLUMNS,
     window_columns,
 )
+from tests.planner import peels
+from tests.web import long_folds
+from tests.web.timeline.decoding import decode, windows_of
 
 
 def test_columns_are_decoded_as_encoded() -> None:

@@ -3,16 +3,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.errors import TimelineError
-from planner.motion.motion import PHASES, Motion
-from planner.motion.timeline import Timeline, TimelineWriter
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import TimelineError
+from foldback.planner.motion.motion import PHASES, Motion
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
+from foldback.web.timeline.frame_batch import (
+    batch_of,
+    cached_batch,
+    chosen,
+    thinned,
+    unpacked_bytes,
+)
+from foldback.web.timeline.view import TimelineView
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import Growing
 from tests.web.timeline.decoding import decode, windows_of
-from web.timeline.frame_batch import batch_of, cached_batch, chosen, thinned, unpacked_bytes
-from web.timeline.view import TimelineView
 
 
 def test_batch_holds_the_recorded_frames(timeline_path: Path) -> None:

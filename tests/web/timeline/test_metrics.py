@@ -5,20 +5,20 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.certificate.frame_metrics import write_figures
-from planner.certificate.metrics_store import Figures
-from planner.errors import TimelineError
-from planner.motion.timeline import Timeline
-from planner.parameters.parameters import Parameters
-from planner.pipeline.request import FoldRequest
-from planner.pipeline.stages import run_stages
-from planner.pipeline.workspace import Workspace
-from planner.plan.plan import Plan
+from foldback.planner.certificate.frame_metrics import write_figures
+from foldback.planner.certificate.metrics_store import Figures
+from foldback.planner.errors import TimelineError
+from foldback.planner.motion.timeline import Timeline
+from foldback.planner.parameters.parameters import Parameters
+from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.plan import Plan
+from foldback.web.timeline.metrics import curves_of, stretch_of
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE
 from tests.web.timeline.decoding import decode
-from web.timeline.metrics import curves_of, stretch_of
 
 
 @pytest.fixture(scope="module")

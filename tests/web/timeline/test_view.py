@@ -4,13 +4,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from planner.chain.chain import Chain
-from planner.errors import TimelineError
-from planner.motion.timeline import Timeline, TimelineWriter
+from foldback.planner.chain.chain import Chain
+from foldback.planner.errors import TimelineError
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
+from foldback.web.timeline.view import TimelineView
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import FINAL_ERROR_RAD, Growing, unfolding
-from web.timeline.view import TimelineView
 
 
 def test_first_frame_is_folded_and_middle_is_straight(timeline_path: Path, chain: Chain) -> None:
@@ -60,7 +60,7 @@ def test_frames_are_the_same_with_a_cache_of_one_byte(
     timeline_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     whole = TimelineView(timeline_path)
-    monkeypatch.setattr("web.timeline.view.MAX_CHUNK_CACHE_BYTES", 1)
+    monkeypatch.setattr("foldback.web.timeline.view.MAX_CHUNK_CACHE_BYTES", 1)
     timeline = TimelineView(timeline_path)
     for frame in range(199, -1, -9):
         assert np.array_equal(timeline.snapshot(frame).positions, whole.snapshot(frame).positions)

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from web.timeline import shared_views
-from web.timeline.cache import Cache
-from web.timeline.shared_views import TimelineViews
-from web.timeline.view import TimelineView
+from foldback.web.timeline import shared_views
+from foldback.web.timeline.cache import Cache
+from foldback.web.timeline.shared_views import TimelineViews
+from foldback.web.timeline.view import TimelineView
 
 
 def copies(timeline: Path, place: Path, count: int) -> list[Path]:

@@ -10,15 +10,15 @@ from typing import TYPE_CHECKING, Any, Final, Unpack
 
 import httpx
 
-from foldback_client.frames import Frames
-from foldback_client.problem import Problem
-from foldback_client.progress import FINAL_STATUSES, Progress, lines_of
-from foldback_client.retries import RETRIED_STATUSES
-from foldback_client.upload import MovieOptions
+from foldback.client.frames import Frames
+from foldback.client.problem import Problem
+from foldback.client.progress import FINAL_STATUSES, Progress, lines_of
+from foldback.client.retries import RETRIED_STATUSES
+from foldback.client.upload import MovieOptions
 
 if TYPE_CHECKING:
-    from foldback_client.client import Client
-    from foldback_client.downloads import Place
+    from foldback.client.client import Client
+    from foldback.client.downloads import Place
 
 EVENT_TIMEOUT_S: Final = 45.0
 """Time without an event on a fold's event stream, in s, after which the client reconnects; the

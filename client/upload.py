@@ -9,7 +9,7 @@ from io import BytesIO
 from pathlib import Path
 from typing import IO, Any, Literal, Protocol, TypedDict
 
-from foldback_client.options import PlanOptions, PreviewOptions
+from foldback.client.options import PlanOptions, PreviewOptions
 
 
 class Array(Protocol):

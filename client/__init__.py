@@ -5,11 +5,11 @@
 ...     fold.download("plan.npz", "plan.npz")
 """
 
-from foldback_client.client import Client
-from foldback_client.fold import Fold
-from foldback_client.frames import Frames
-from foldback_client.problem import Problem
-from foldback_client.progress import Progress
-from foldback_client.retries import Retries
+from foldback.client.client import Client
+from foldback.client.fold import Fold
+from foldback.client.frames import Frames
+from foldback.client.problem import Problem
+from foldback.client.progress import Progress
+from foldback.client.retries import Retries
 
 __all__ = ["Client", "Fold", "Frames", "Problem", "Progress", "Retries"]

@@ -28,21 +28,38 @@ import sys
 
 import numpy as np
 
-from foldback_check import (
-    MODULES_AT_ONCE,
-    OTHER_MODULE,
-    SLIP,
-    File,
-    NotProved,
-    Plan,
-    answer,
-    pair,
-    parsed,
-    prove,
-    require,
-    seen,
-    show,
-)
+if __package__:
+    from foldback.foldback_check import (
+        MODULES_AT_ONCE,
+        OTHER_MODULE,
+        SLIP,
+        File,
+        NotProved,
+        Plan,
+        answer,
+        pair,
+        parsed,
+        prove,
+        require,
+        seen,
+        show,
+    )
+else:  # a program of its own, beside the other
+    from foldback_check import (
+        MODULES_AT_ONCE,
+        OTHER_MODULE,
+        SLIP,
+        File,
+        NotProved,
+        Plan,
+        answer,
+        pair,
+        parsed,
+        prove,
+        require,
+        seen,
+        show,
+    )
 
 TOUCH, DEEP = 1e-9, 1e-4  # clearance of a record; least overlap that blocks
 PRIME, CROSSINGS, VIEWS = 2**31 - 1, 1500, 8  # modulus; most crossings of a view; views of a knot

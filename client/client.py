@@ -14,12 +14,12 @@ from typing import Any, Final, Self, TypeVar, Unpack
 
 import httpx
 
-from foldback_client.downloads import save
-from foldback_client.fold import Fold
-from foldback_client.problem import Problem
-from foldback_client.proxies import environment_proxies, is_loopback, proxy_of
-from foldback_client.retries import RETRIED_STATUSES, Retries
-from foldback_client.upload import FoldOptions, ShapeOptions, Source, file_of, form_of
+from foldback.client.downloads import save
+from foldback.client.fold import Fold
+from foldback.client.problem import Problem
+from foldback.client.proxies import environment_proxies, is_loopback, proxy_of
+from foldback.client.retries import RETRIED_STATUSES, Retries
+from foldback.client.upload import FoldOptions, ShapeOptions, Source, file_of, form_of
 
 T = TypeVar("T")
 CONNECT_TIMEOUT_S: Final = 10.0
