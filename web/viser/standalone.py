@@ -55,8 +55,8 @@ MAX_STANDALONE_BYTES: Final = 48 * 2**20
 larger motions frames are left out, and so are the plots and the plan. Chosen."""
 WINDOW_ANGLES: Final = frozenset({"first", "counts", "steps"})
 """Columns of a batch of windows that a page can take from the plan."""
-MODULE_WORDS: Final = re.compile(r"^import .*\n|^export ", re.MULTILINE)
-"""Matches the module syntax of a script: imports, each on one line, and the word ``export``."""
+MODULE_WORDS: Final = re.compile(r"^import [^;]*;\n|^export ", re.MULTILINE)
+"""Matches the module syntax of a script: imports, and the word ``export``."""
 
 Render = Callable[..., str]
 
