@@ -14,6 +14,8 @@ PIP_INSTALL := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-v
 PINNED := --constraint constraints.txt --editable
 PARALLEL := -n auto --dist worksteal
 NODE_MODULES := node_modules/.installed
+PRETTIER := $(BIN)/node node_modules/prettier/bin/prettier.cjs --log-level warn
+SCRIPTS := "web/static/**/*.js" "tests/web/js/*.js" eslint.config.js web/types.d.ts
 
 # The first interpreter that starts and is new enough; 3.11 to 3.13 are tried ones.
 PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python python3.14; do \
@@ -65,7 +67,7 @@ test-fast: $(STAMP) ## Run the tests that start no other program: about a minute
 	@$(BIN)/python -m pytest -q -n logical --dist worksteal -m "not processes and not slow and not browser and not long and not benchmark" $(ARGS)
 
 $(NODE_MODULES): $(STAMP) package.json package-lock.json .npmrc
-	@echo "Installing what checks the pages' scripts into node_modules, once …"
+	@echo "Installing the tools for the pages' scripts into node_modules, once …"
 	@$(BIN)/npm ci --silent --ignore-scripts
 	@touch $@
 
@@ -76,9 +78,10 @@ lint: $(STAMP) $(NODE_MODULES) ## Check style and types
 	@$(BIN)/node node_modules/typescript/bin/tsc --project jsconfig.json
 	@$(BIN)/node node_modules/eslint/bin/eslint.js web/static tests/web/js
 
-format: $(STAMP) ## Format the code with ruff
+format: $(STAMP) $(NODE_MODULES) ## Format the code with ruff, and the pages' scripts with prettier
 	@$(BIN)/ruff check --fix --quiet .
 	@$(BIN)/ruff format .
+	@$(PRETTIER) --write $(SCRIPTS)
 
 test-long: $(STAMP) tools ## Run long tests (crashes, replays of all shapes): an hour or more
 	@$(BIN)/python -m pytest -q -m "long or hypothesis" --hypothesis-profile=thorough -o timeout=0 \
