@@ -5,7 +5,12 @@ type Numbers = ArrayLike<number>;
 type Vector = [x: number, y: number, z: number];
 type Quaternion = [w: number, x: number, y: number, z: number];
 type Floats = Float32Array<ArrayBuffer> | Float64Array<ArrayBuffer>;
-type Column = Floats | Uint8Array<ArrayBuffer> | Uint16Array<ArrayBuffer> | Uint32Array<ArrayBuffer> | Int32Array<ArrayBuffer>;
+type Column =
+  | Floats
+  | Uint8Array<ArrayBuffer>
+  | Uint16Array<ArrayBuffer>
+  | Uint32Array<ArrayBuffer>
+  | Int32Array<ArrayBuffer>;
 
 // Messages of web/timeline/columns.py.
 
@@ -19,7 +24,10 @@ interface ColumnTold {
   differences?: number;
   short?: boolean;
 }
-interface Message<Header, Arrays> { header: Header; arrays: Arrays }
+interface Message<Header, Arrays> {
+  header: Header;
+  arrays: Arrays;
+}
 
 // Scene bundle: web/viser/scene_bundle.py.
 
@@ -42,7 +50,11 @@ interface Chain {
   folded_root_wxyz: Quaternion;
 }
 // A convex module, and how many of it there are.
-interface Hull { modules: number; face_normals: Vector[]; vertices: Vector[] }
+interface Hull {
+  modules: number;
+  face_normals: Vector[];
+  vertices: Vector[];
+}
 interface Outline {
   modules: number;
   corners: Vector[];
@@ -64,7 +76,11 @@ interface CameraConstants {
   stretch: number | null;
 }
 type Colour = [red: number, green: number, blue: number];
-interface TableTold { height: number; thickness: number; outline: [x: number, y: number][] }
+interface TableTold {
+  height: number;
+  thickness: number;
+  outline: [x: number, y: number][];
+}
 interface BundleHeader {
   chain: Chain & Hull;
   messages: SceneMessage[];
@@ -74,7 +90,10 @@ interface BundleHeader {
   pitch: number;
   shown_size: number;
   reach: number;
-  colours: Record<"neutral" | "unknown" | "error" | "selected" | "stuck" | "first" | "last", Colour>;
+  colours: Record<
+    "neutral" | "unknown" | "error" | "selected" | "stuck" | "first" | "last",
+    Colour
+  >;
 }
 interface BundleArrays extends Record<string, Column> {
   folded_rad: Floats;
@@ -86,20 +105,30 @@ interface Bundle extends Message<BundleHeader, BundleArrays> {
   neighbours?: Int32Array; // of a long fold: see touching.js
 }
 // What a scene is built of, whatever else is told with it.
-interface Staged extends Message<{ messages: SceneMessage[]; camera: { field_of_view_rad: number } }, Record<string, Column>> {}
+interface Staged extends Message<
+  { messages: SceneMessage[]; camera: { field_of_view_rad: number } },
+  Record<string, Column>
+> {}
 // web/viser/preview_scene.py.
-interface PreviewBundle extends Message<{
-  messages: SceneMessage[];
-  hull: Hull;
-  corners: Vector[];
-  radius: number;
-  camera: Omit<CameraConstants, "stretch" | "turn_rad_s"> & { margin: [number, number] };
-  colours: { selected: Colour; ghost: Colour; ghost_opacity: number };
-}, Record<string, Column> & { cells: Int32Array<ArrayBuffer>; colours: Uint8Array<ArrayBuffer> }> {}
+interface PreviewBundle extends Message<
+  {
+    messages: SceneMessage[];
+    hull: Hull;
+    corners: Vector[];
+    radius: number;
+    camera: Omit<CameraConstants, "stretch" | "turn_rad_s"> & { margin: [number, number] };
+    colours: { selected: Colour; ghost: Colour; ghost_opacity: number };
+  },
+  Record<string, Column> & { cells: Int32Array<ArrayBuffer>; colours: Uint8Array<ArrayBuffer> }
+> {}
 
 // Frames: web/timeline/frame_batch.py, web/timeline/window_columns.py and js/player/frames.js.
 
-interface Phase { name: string; from: number; to: number }
+interface Phase {
+  name: string;
+  from: number;
+  to: number;
+}
 interface TimelineOutline {
   frames: number;
   growing: boolean;
@@ -139,7 +168,12 @@ interface WindowArrays {
   recorded?: Numbers;
 }
 type Batch = Message<BatchHeader, WholeArrays | WindowArrays>;
-interface BatchAsked { from?: number; to?: number | null; stride?: number; wait?: number }
+interface BatchAsked {
+  from?: number;
+  to?: number | null;
+  stride?: number;
+  wait?: number;
+}
 interface TimelineSource {
   bundle(): Promise<Bundle | null>;
   batch(asked?: BatchAsked): Promise<Batch | null>;
@@ -155,9 +189,15 @@ interface Row {
   errors: Floats;
   foldedRad: Floats;
 }
-interface Poses { positions: Floats; wxyzs: Floats }
+interface Poses {
+  positions: Floats;
+  wxyzs: Floats;
+}
 // Modules up to `core` are folded, those from `rod` on are straight.
-interface WindowPoses extends Poses { core?: number; rod?: number }
+interface WindowPoses extends Poses {
+  core?: number;
+  rod?: number;
+}
 // The moment at a frame.
 interface Snapshot extends WindowPoses {
   frame: number;
@@ -173,16 +213,39 @@ interface Snapshot extends WindowPoses {
 
 // The camera.
 
-interface View { target: Vector; azimuth: number; elevation: number; distance: number }
-interface Eye { position: Vector; target: Vector }
+interface View {
+  target: Vector;
+  azimuth: number;
+  elevation: number;
+  distance: number;
+}
+interface Eye {
+  position: Vector;
+  target: Vector;
+}
 // A camera relative to that from which Follow shows the chain: its direction, null for Follow's own; its
 // distance in that of Follow; and with Follow off how far beside the chain it looks, to the right and
 // up, in that distance as well.
-interface CameraAt { azimuth: number | null; elevation: number | null; zoom: number; aside: [right: number, up: number] | null }
+interface CameraAt {
+  azimuth: number | null;
+  elevation: number | null;
+  zoom: number;
+  aside: [right: number, up: number] | null;
+}
 // What a hand does to the view: turns the camera, multiplies its distance, moves the picture by shares of
 // its height. Gently is in a glide.
-interface Orbit { turn?: [azimuth: number, elevation: number]; zoom?: number; move?: [x: number, y: number]; gently?: boolean }
-interface Seeing { radius: number; aspect: number; field: number; home?: number }
+interface Orbit {
+  turn?: [azimuth: number, elevation: number];
+  zoom?: number;
+  move?: [x: number, y: number];
+  gently?: boolean;
+}
+interface Seeing {
+  radius: number;
+  aspect: number;
+  field: number;
+  home?: number;
+}
 
 // What the address of a page says: see js/player/address.js. Frames and modules count from 0 here.
 
@@ -214,8 +277,20 @@ interface TourStop {
   path?: boolean;
 }
 // A visitor's own numbers, kept with a fold: planner/plan/module_values.py.
-interface KeptValues { format: string; name: string; unit: string; low: number; high: number; rows: number; data: string }
-interface Tour { format: string; title: string; stops: TourStop[] }
+interface KeptValues {
+  format: string;
+  name: string;
+  unit: string;
+  low: number;
+  high: number;
+  rows: number;
+  data: string;
+}
+interface Tour {
+  format: string;
+  title: string;
+  stops: TourStop[];
+}
 interface Addressed {
   player: Playing;
   view(): AddressedView | null;
@@ -273,7 +348,13 @@ interface ModuleTold {
   joints: JointTold[];
   shown: Snapshot;
 }
-interface BarOutline { frames: number; phases: Phase[]; errors: (number | null)[]; error_scale_rad: number; growing: boolean }
+interface BarOutline {
+  frames: number;
+  phases: Phase[];
+  errors: (number | null)[];
+  error_scale_rad: number;
+  growing: boolean;
+}
 // Who plays: a player, or two on one playhead.
 interface Playing {
   send(message: Command): boolean;
@@ -296,23 +377,63 @@ interface ViewTold {
 
 // Figures: web/timeline/metrics.py.
 
-interface TableBounds { unit_nm: number; bound: number | null; kept: number | null; words: string }
-interface PlotHeader { frames: number; rows: number; torque_at_some_frames: boolean; largest: Record<string, number>; table: TableBounds | null }
-type PlotName = "max_error_rad" | "min_clearance" | "hinges_moving" | "peak_torque_nm" | "table_torque";
+interface TableBounds {
+  unit_nm: number;
+  bound: number | null;
+  kept: number | null;
+  words: string;
+}
+interface PlotHeader {
+  frames: number;
+  rows: number;
+  torque_at_some_frames: boolean;
+  largest: Record<string, number>;
+  table: TableBounds | null;
+}
+type PlotName =
+  "max_error_rad" | "min_clearance" | "hinges_moving" | "peak_torque_nm" | "table_torque";
 type Curves = PlotHeader & Partial<Record<PlotName, Floats>>;
-type FigureName = "clearance" | "nearest" | "torque" | "position_error" | "joint_torque" | "pressed";
+type FigureName =
+  "clearance" | "nearest" | "torque" | "position_error" | "joint_torque" | "pressed";
 // Of peeled chains there are position errors alone.
-interface FigurePart extends Message<{ widths: Partial<Record<FigureName, number>> }, Partial<Record<FigureName, Floats>>> {}
+interface FigurePart extends Message<
+  { widths: Partial<Record<FigureName, number>> },
+  Partial<Record<FigureName, Floats>>
+> {}
 type FigureRow = Partial<Record<FigureName, Floats>>;
 
 // Facts that scripts use: `SCRIPT_FACTS` of server/pages/facts.py.
 
 type Form = Record<string, string | number | boolean | Blob | null>;
-interface Failing { frame: number | null; modules: number[] }
-interface PlanDot { label: string; time_s: number | null; torque_mnm: number | null; room: number | null; moving: number | null; verified: boolean; chosen: boolean }
-interface Choice { prefer: string; seconds: number; plans: PlanDot[] }
-interface Again { text: string; form: Form }
-interface Way { text: string; hint: string; form: Form; id?: string; settable?: string }
+interface Failing {
+  frame: number | null;
+  modules: number[];
+}
+interface PlanDot {
+  label: string;
+  time_s: number | null;
+  torque_mnm: number | null;
+  room: number | null;
+  moving: number | null;
+  verified: boolean;
+  chosen: boolean;
+}
+interface Choice {
+  prefer: string;
+  seconds: number;
+  plans: PlanDot[];
+}
+interface Again {
+  text: string;
+  form: Form;
+}
+interface Way {
+  text: string;
+  hint: string;
+  form: Form;
+  id?: string;
+  settable?: string;
+}
 // A step of a plan that rests between steps: StepMoment in planner/plan/moments.py.
 interface PlanStep {
   start: number; // frame
@@ -322,7 +443,11 @@ interface PlanStep {
   moving: [first: number, last: number][];
   held?: HeldModule | null;
 }
-interface HeldModule { module: number; position: Vector; wxyz: Quaternion } // in the frame of the folded shape
+interface HeldModule {
+  module: number;
+  position: Vector;
+  wxyz: Quaternion;
+} // in the frame of the folded shape
 type TurningPart = Pick<PlanStep, "joints" | "moving" | "held">;
 interface Facts {
   id: string;
@@ -348,9 +473,16 @@ type Refused = Partial<Api.Fault> & { message?: string };
 // The editor. Cells are keys, as js/editor/painting.js says.
 
 // What has been painted: whether each cell is filled, and the path drawn through them.
-interface Painted { size: number; cells: Uint8Array; path: readonly number[] }
+interface Painted {
+  size: number;
+  cells: Uint8Array;
+  path: readonly number[];
+}
 // A path and the end of it that is drawn: its first cell or its last.
-interface DrawnPath { path: readonly number[]; atStart: boolean }
+interface DrawnPath {
+  path: readonly number[];
+  atStart: boolean;
+}
 interface PathChecked {
   length: number;
   cells: number;
@@ -463,7 +595,11 @@ interface Elements {
 type ElementOf<Id extends string> = Id extends keyof Elements ? Elements[Id] : HTMLElement;
 
 interface Window {
-  foldback: { timeline: import("./static/js/player/timeline.js").Timeline; player: import("./static/js/player/player.js").Player; showing?: unknown };
+  foldback: {
+    timeline: import("./static/js/player/timeline.js").Timeline;
+    player: import("./static/js/player/player.js").Player;
+    showing?: unknown;
+  };
   foldbackScripts: { imports: string; worker: string }; // of a page without a server
   foldbackFilms: Record<string, Record<string, string>>;
   SwaggerUIBundle(options: Record<string, unknown>): void;

@@ -24,16 +24,21 @@
   // The page's dialogs need forms; the link to the fold page needs a new tab.
   const SANDBOX = "allow-scripts allow-forms allow-popups allow-popups-to-escape-sandbox";
 
-  const off = (/** @type {string | null} */ value) => value === null || ["0", "false", "none"].includes(value);
+  const off = (/** @type {string | null} */ value) =>
+    value === null || ["0", "false", "none"].includes(value);
 
   // Return the address to load in the frame, and whether a service serves it: such a page needs its
   // own origin to fetch data; a file has none.
   /** @param {string} src */
   function addressOf(src) {
     let url;
-    try { url = new URL(src, document.baseURI); } catch { }
+    try {
+      url = new URL(src, document.baseURI);
+    } catch {}
     if (!url || !src || !["http:", "https:", "file:"].includes(url.protocol)) {
-      throw new Error(`Got src="${src.slice(0, MAX_TEXT)}", expected the address of a fold's page or of a downloaded fold, such as "wrench.html".`);
+      throw new Error(
+        `Got src="${src.slice(0, MAX_TEXT)}", expected the address of a fold's page or of a downloaded fold, such as "wrench.html".`,
+      );
     }
     const [, base, id] = FOLD_PATH.exec(url.pathname) ?? [];
     if (id) url.pathname = `${base}/embed/${id}`;
@@ -97,9 +102,11 @@
       if (!this.isConnected || before === value) return;
       if (name === "src") this.load();
       else if (name === "title") this.nameView();
-      else if (name === "frame") { if (value !== null) this.seek(Number(value)); }
-      else if (name === "autoplay") { if (value !== null) this.send(off(value) ? "pause" : "play"); }
-      else if (name === "controls") this.send(name, value === null || !off(value));
+      else if (name === "frame") {
+        if (value !== null) this.seek(Number(value));
+      } else if (name === "autoplay") {
+        if (value !== null) this.send(off(value) ? "pause" : "play");
+      } else if (name === "controls") this.send(name, value === null || !off(value));
       else if (name === "tour") this.send(name, off(value) ? 0 : Number(value) || 1);
       else this.send(name, value ?? "");
     }
@@ -126,7 +133,13 @@
       view.setAttribute("sandbox", served ? `${SANDBOX} allow-same-origin` : SANDBOX);
       view.onload = () => {
         clearTimeout(this.timer);
-        this.timer = setTimeout(() => this.fail(`No fold answers at ${url.origin === "null" ? "" : url.origin}${url.pathname}. Check the address${served ? ", and that the service allows this site to show its folds (FOLDBACK_EMBED_ORIGINS)" : ""}.`), PATIENCE_MS);
+        this.timer = setTimeout(
+          () =>
+            this.fail(
+              `No fold answers at ${url.origin === "null" ? "" : url.origin}${url.pathname}. Check the address${served ? ", and that the service allows this site to show its folds (FOLDBACK_EMBED_ORIGINS)" : ""}.`,
+            ),
+          PATIENCE_MS,
+        );
       };
       view.src = url.href;
       this.nameView();
@@ -137,7 +150,13 @@
     /** @param {string} hash */
     hash(hash) {
       const view = new URLSearchParams(hash.slice(1));
-      const [frame, theme, autoplay, tour, controls] = ["frame", "theme", "autoplay", "tour", "controls"].map((name) => this.getAttribute(name));
+      const [frame, theme, autoplay, tour, controls] = [
+        "frame",
+        "theme",
+        "autoplay",
+        "tour",
+        "controls",
+      ].map((name) => this.getAttribute(name));
       if (frame !== null) view.set("frame", frame);
       if (theme) view.set("theme", theme);
       if (autoplay !== null) view.set("play", off(autoplay) ? "0" : "1");
@@ -146,23 +165,37 @@
       return String(view);
     }
 
-    nameView() { if (this.view) this.view.title = this.title || this.name; }
+    nameView() {
+      if (this.view) this.view.title = this.title || this.name;
+    }
 
-    play() { this.send("play"); }
+    play() {
+      this.send("play");
+    }
 
-    pause() { this.send("pause"); }
+    pause() {
+      this.send("pause");
+    }
 
     /** @param {number} frame from 1 */
-    seek(frame) { this.send("seek", frame); }
+    seek(frame) {
+      this.send("seek", frame);
+    }
 
     /**
      * @param {string} name
      * @param {unknown} value
      */
     send(name, value = null) {
-      if (!this.ready) { this.waiting.push([name, value]); return; }
+      if (!this.ready) {
+        this.waiting.push([name, value]);
+        return;
+      }
       // An opaque origin cannot be named as the target; the messages are not confidential.
-      this.view?.contentWindow?.postMessage({ foldback: name, value }, this.origin === "null" ? "*" : this.origin);
+      this.view?.contentWindow?.postMessage(
+        { foldback: name, value },
+        this.origin === "null" ? "*" : this.origin,
+      );
     }
 
     // Handle a message of the fold page.
@@ -174,9 +207,13 @@
       clearTimeout(this.timer);
       if (!this.answered) this.said.textContent = "";
       this.answered = true;
-      if (data.foldback === "error") { this.fail(text("message")); return; }
+      if (data.foldback === "error") {
+        this.fail(text("message"));
+        return;
+      }
       if (data.foldback === "ready") this.begin(text("name"), number("frames"), number("modules"));
-      if (data.foldback === "state") this.changed(number("frame"), number("frames"), data.playing === true);
+      if (data.foldback === "state")
+        this.changed(number("frame"), number("frames"), data.playing === true);
     }
 
     /**
@@ -216,7 +253,9 @@
      * @param {string} name
      * @param {Record<string, unknown> | null} detail
      */
-    tell(name, detail = null) { this.dispatchEvent(new CustomEvent(name, { detail })); }
+    tell(name, detail = null) {
+      this.dispatchEvent(new CustomEvent(name, { detail }));
+    }
   }
   customElements.define(NAME, FoldbackFold);
 })();

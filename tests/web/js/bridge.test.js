@@ -12,21 +12,42 @@ class Context {
 const page = { name: "the page around the frame" };
 const frame = new EventTarget();
 const clock = { currentTime: 0 };
-const frameDocument = { timeline: clock, documentElement: Object.assign(new EventTarget(), { style: { setProperty() {} }, classList: { toggle() {} } }) };
+const frameDocument = {
+  timeline: clock,
+  documentElement: Object.assign(new EventTarget(), {
+    style: { setProperty() {} },
+    classList: { toggle() {} },
+  }),
+};
 Object.assign(globalThis, {
-  window: globalThis, parent: page, WebGL2RenderingContext: Context, location: { search: "", hash: "", pathname: "/view" },
-  history: { replaceState() {} }, MutationObserver: class { observe() {} }, Element: class {}, HTMLElement: class {}, HTMLCanvasElement: class {},
+  window: globalThis,
+  parent: page,
+  WebGL2RenderingContext: Context,
+  location: { search: "", hash: "", pathname: "/view" },
+  history: { replaceState() {} },
+  MutationObserver: class {
+    observe() {}
+  },
+  Element: class {},
+  HTMLElement: class {},
+  HTMLCanvasElement: class {},
   document: frameDocument,
-  addEventListener: frame.addEventListener.bind(frame), removeEventListener: frame.removeEventListener.bind(frame),
+  addEventListener: frame.addEventListener.bind(frame),
+  removeEventListener: frame.removeEventListener.bind(frame),
 });
 await import("../../../web/static/js/viewer/bridge.js");
 
-const soon = () => new Promise((done) => { setTimeout(done, 5); });
+const soon = () =>
+  new Promise((done) => {
+    setTimeout(done, 5);
+  });
 
 // Client that applies its messages before it paints.
 const client = new globalThis.Worker();
 const messages = [];
-client.onmessage = ({ data }) => { if (data.messages) messages.push(...data.messages.map(({ type, mark }) => mark ?? type)); };
+client.onmessage = ({ data }) => {
+  if (data.messages) messages.push(...data.messages.map(({ type, mark }) => mark ?? type));
+};
 
 async function paint() {
   clock.currentTime++;
@@ -38,15 +59,25 @@ async function paint() {
 
 test("the client gets a camera one frame after the poses that it follows", async (t) => {
   const { document: other, requestAnimationFrame: next } = globalThis; // other test files of this process use them
-  Object.assign(globalThis, { document: frameDocument, requestAnimationFrame: (draw) => waiting.push(draw) });
+  Object.assign(globalThis, {
+    document: frameDocument,
+    requestAnimationFrame: (draw) => waiting.push(draw),
+  });
   t.after(() => Object.assign(globalThis, { document: other, requestAnimationFrame: next }));
   const { port1, port2 } = new MessageChannel();
   client.postMessage({ type: "set_server" });
-  frame.dispatchEvent(Object.assign(new Event("message"), { source: page, ports: [port2], data: {} }));
+  frame.dispatchEvent(
+    Object.assign(new Event("message"), { source: page, ports: [port2], data: {} }),
+  );
   const show = async (k) => {
-    port1.postMessage({ do: "show", messages: [
-      { type: "SceneNodeUpdateMessage", mark: `poses ${k}` }, { type: "SetCameraPositionMessage", mark: `position ${k}` }, { type: "SetCameraLookAtMessage", mark: `target ${k}` },
-    ] });
+    port1.postMessage({
+      do: "show",
+      messages: [
+        { type: "SceneNodeUpdateMessage", mark: `poses ${k}` },
+        { type: "SetCameraPositionMessage", mark: `position ${k}` },
+        { type: "SetCameraLookAtMessage", mark: `target ${k}` },
+      ],
+    });
     await soon();
   };
   await soon();

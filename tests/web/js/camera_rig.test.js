@@ -7,7 +7,9 @@ import { axesOf } from "../../../web/static/js/viewer/camera.js";
 import { close, random, recorded, turnOfEvents, vectors } from "./vectors.js";
 
 const EVERY = 10; // frames
-const CORNERS = [-0.5, 0.5].flatMap((x) => [-0.5, 0.5].flatMap((y) => [-0.5, 0.5].map((z) => [x, y, z])));
+const CORNERS = [-0.5, 0.5].flatMap((x) =>
+  [-0.5, 0.5].flatMap((y) => [-0.5, 0.5].map((z) => [x, y, z])),
+);
 const due = [];
 let now = 0;
 
@@ -22,7 +24,9 @@ async function shown(given = vectors.timeline, options = {}) {
   globalThis.requestAnimationFrame = (then) => due.push(then);
   const { timeline } = await recorded(given);
   const player = new Player(timeline, options);
-  player.colourBy = (chosen) => { player.colouring = chosen; };
+  player.colourBy = (chosen) => {
+    player.colouring = chosen;
+  };
   await turnOfEvents();
   draw(200);
   return { timeline, player };
@@ -33,7 +37,9 @@ function outside({ rig, shown: snapshot, timeline }, covered = 0) {
   const { view } = rig;
   const { field, aspect } = rig.seeing();
   const [right, up, out] = axesOf(view.azimuth, view.elevation);
-  const { header: { sketch, pitch } } = timeline.bundle;
+  const {
+    header: { sketch, pitch },
+  } = timeline.bundle;
   const corners = timeline.chain.cells ? CORNERS : sketch.corners;
   const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
   let count = 0;
@@ -42,10 +48,18 @@ function outside({ rig, shown: snapshot, timeline }, covered = 0) {
     for (const [a, b, c] of corners) {
       const [u, v, t] = [2 * (y * c - z * b), 2 * (z * a - x * c), 2 * (x * b - y * a)];
       const at = [a + w * u + y * t - z * v, b + w * v + z * u - x * t, c + w * t + x * v - y * u];
-      const off = at.map((value, k) => (value + snapshot.positions[3 * i + k]) * pitch - view.target[k]);
+      const off = at.map(
+        (value, k) => (value + snapshot.positions[3 * i + k]) * pitch - view.target[k],
+      );
       const depth = view.distance - dot(off, out);
       const tall = Math.tan(field / 2) * depth;
-      if (depth <= 0 || dot(off, up) > tall || dot(off, up) < (2 * covered - 1) * tall || Math.abs(dot(off, right)) > tall * aspect) count++;
+      if (
+        depth <= 0 ||
+        dot(off, up) > tall ||
+        dot(off, up) < (2 * covered - 1) * tall ||
+        Math.abs(dot(off, right)) > tall * aspect
+      )
+        count++;
     }
   }
   return count;
@@ -54,12 +68,13 @@ function outside({ rig, shown: snapshot, timeline }, covered = 0) {
 test("the followed chain stays above a panel", async () => {
   const { player, timeline } = await shown(vectors.films[0], { aspect: () => 1.6, calm: true });
   const ends = [0, timeline.last >> 1, timeline.last];
-  const hidden = (covered) => ends.map((frame) => {
-    player.cover(covered);
-    player.send({ do: "seek", frame });
-    draw(1);
-    return outside(player, 0.4);
-  });
+  const hidden = (covered) =>
+    ends.map((frame) => {
+      player.cover(covered);
+      player.send({ do: "seek", frame });
+      draw(1);
+      return outside(player, 0.4);
+    });
   assert.ok(hidden(0).some((count) => count > 0));
   assert.deepEqual(hidden(0.4), [0, 0, 0]);
 });
@@ -73,14 +88,22 @@ for (const film of vectors.films) {
     for (let frame = 0; frame <= timeline.last; frame += EVERY) {
       aspect = [1.6, 0.6, 2.4][random(3)];
       player.send({ do: "seek", frame });
-      player.send({ do: "orbit", turn: [part(-3, 3), part(-1.5, 1.5)], zoom: part(0.2, 1.5), gently: random(2) === 0 });
+      player.send({
+        do: "orbit",
+        turn: [part(-3, 3), part(-1.5, 1.5)],
+        zoom: part(0.2, 1.5),
+        gently: random(2) === 0,
+      });
       draw(1 + random(3)); // also in motion
       assert.equal(outside(player), 0, `frame ${frame}`);
       assert.ok(player.is.follow);
     }
     player.send({ do: "seek", frame: 0 });
     player.send({ do: "play" });
-    for (let k = 0; k < 60; k++) { draw(1); assert.equal(outside(player), 0, `played, picture ${k}`); }
+    for (let k = 0; k < 60; k++) {
+      draw(1);
+      assert.equal(outside(player), 0, `played, picture ${k}`);
+    }
   });
 }
 
@@ -129,7 +152,11 @@ test("moving the picture ends following, and Follow continues from that directio
 });
 
 test("a camera in an address shows the same view in another player", async () => {
-  for (const orbits of [[{ turn: [0.7, -0.3] }, { zoom: 1.7 }], [{ zoom: 1.3 }], [{ turn: [1, 0.4], zoom: 1.2 }, { move: [0.2, -0.1] }, { zoom: 0.6 }]]) {
+  for (const orbits of [
+    [{ turn: [0.7, -0.3] }, { zoom: 1.7 }],
+    [{ zoom: 1.3 }],
+    [{ turn: [1, 0.4], zoom: 1.2 }, { move: [0.2, -0.1] }, { zoom: 0.6 }],
+  ]) {
     const [{ player: one }, { player: other }] = [await shown(), await shown()];
     one.send({ do: "seek", frame: 40 });
     for (const orbit of orbits) one.send({ do: "orbit", ...orbit });
@@ -141,7 +168,10 @@ test("a camera in an address shows the same view in another player", async () =>
     draw(200);
     // The direction and position of the camera are visible, the distance of its target is not.
     close(other.rig.eye.position, one.rig.eye.position, { atol: 1e-6 * one.rig.view.distance });
-    close([other.rig.view.azimuth, other.rig.view.elevation], [one.rig.view.azimuth, one.rig.view.elevation]);
+    close(
+      [other.rig.view.azimuth, other.rig.view.elevation],
+      [one.rig.view.azimuth, one.rig.view.elevation],
+    );
     assert.equal(cameraText(other.rig.at(other.shown)), cameraText(camera));
   }
 });

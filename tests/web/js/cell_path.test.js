@@ -1,6 +1,15 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
-import { checked, cut, extended, neighbours, nextCells, through, told, touch } from "../../../web/static/js/editor/cell_path.js";
+import {
+  checked,
+  cut,
+  extended,
+  neighbours,
+  nextCells,
+  through,
+  told,
+  touch,
+} from "../../../web/static/js/editor/cell_path.js";
 import { cellOf, keyOf, keysOf } from "../../../web/static/js/editor/painting.js";
 import { box } from "../../../web/static/js/editor/shape_tools.js";
 import { Editor } from "../../../web/static/js/editor/state.js";
@@ -34,20 +43,36 @@ test("a path is whole when it visits all cells, each once, from face to face", (
   assert.ok(found.whole);
   assert.deepEqual(told(found), { text: "The path visits all 4 cells.", tone: "good" });
   assert.deepEqual(checked(painted(square, square.slice(0, 3))).missing, [key(1, 0)]);
-  assert.deepEqual(checked(painted(square, [square[0], square[2], square[1], square[3]])).gaps, [0, 2]);
+  assert.deepEqual(
+    checked(painted(square, [square[0], square[2], square[1], square[3]])).gaps,
+    [0, 2],
+  );
   const twice = checked(painted(square, [...square, square[0]]));
   assert.deepEqual(twice.repeats, [[0, 4]]);
-  assert.equal(told(twice).text, "Cells 1 and 5 of the path are the same cell. A path visits each cell only once.");
+  assert.equal(
+    told(twice).text,
+    "Cells 1 and 5 of the path are the same cell. A path visits each cell only once.",
+  );
   assert.equal(checked(painted(row(2), row(2))).whole, false); // a chain needs a joint
   assert.match(told(checked(painted(row(2), row(2)))).text, /needs at least 3/);
-  assert.match(told(checked(painted(row(4), [key(0, 0), key(0, 1), key(0, 3)]))).text, /^Cells 2 and 3 do not touch/);
+  assert.match(
+    told(checked(painted(row(4), [key(0, 0), key(0, 1), key(0, 3)]))).text,
+    /^Cells 2 and 3 do not touch/,
+  );
 });
 
 test("a path that the editor calls complete is one for the planner too", () => {
   for (const { cells, code } of vectors.paths) {
     const path = cells.map((cell) => key(...cell));
     const found = checked(painted(path, path));
-    const problem = path.length < 3 ? "too-few-cells" : found.repeats.length ? "repeated-cell" : found.gaps.length ? "not-adjacent" : null;
+    const problem =
+      path.length < 3
+        ? "too-few-cells"
+        : found.repeats.length
+          ? "repeated-cell"
+          : found.gaps.length
+            ? "not-adjacent"
+            : null;
     assert.deepEqual([problem, found.whole], [code, code === null]);
   }
 });
@@ -69,12 +94,24 @@ test("the editor says while you draw that a shape can have no path", () => {
 test("a path grows at its ends, removes its last cell, and closes a gap", () => {
   const drawn = { path: row(3), atStart: false };
   assert.deepEqual(extended({ path: [], atStart: true }, 7, SIZE), { path: [7], atStart: false });
-  assert.deepEqual(extended(drawn, key(1, 2), SIZE), { path: [...row(3), key(1, 2)], atStart: false });
-  assert.deepEqual(extended(drawn, key(1, 0), SIZE), { path: [key(1, 0), ...row(3)], atStart: true });
+  assert.deepEqual(extended(drawn, key(1, 2), SIZE), {
+    path: [...row(3), key(1, 2)],
+    atStart: false,
+  });
+  assert.deepEqual(extended(drawn, key(1, 0), SIZE), {
+    path: [key(1, 0), ...row(3)],
+    atStart: true,
+  });
   assert.deepEqual(extended(drawn, key(0, 1), SIZE), { path: row(2), atStart: false });
-  assert.deepEqual(extended({ ...drawn, atStart: true }, key(0, 1), SIZE), { path: row(3).slice(1), atStart: true });
+  assert.deepEqual(extended({ ...drawn, atStart: true }, key(0, 1), SIZE), {
+    path: row(3).slice(1),
+    atStart: true,
+  });
   assert.deepEqual(extended(drawn, key(0, 0), SIZE), { ...drawn, atStart: true }); // the other end is used
-  assert.match(extended({ path: row(5), atStart: false }, key(0, 1), SIZE), /This is already cell 2 of the path/);
+  assert.match(
+    extended({ path: row(5), atStart: false }, key(0, 1), SIZE),
+    /This is already cell 2 of the path/,
+  );
   assert.match(extended(drawn, key(5, 5), SIZE), /share a face/);
   const torn = { path: [key(0, 0), key(0, 1), key(0, 3)], atStart: false };
   assert.deepEqual(extended(torn, key(0, 2), SIZE).path, row(4));
@@ -93,7 +130,10 @@ test("a path drawn by hand has no gaps or repeated cells, and can be undone", ()
     editor.press(where);
     editor.lift(random(9) > 0);
     const found = checked(painting.state);
-    assert.deepEqual([found.gaps, found.repeats, found.missing.length > 0], [[], [], found.length < found.cells]);
+    assert.deepEqual(
+      [found.gaps, found.repeats, found.missing.length > 0],
+      [[], [], found.length < found.cells],
+    );
   }
   assert.ok(painting.path.length > 10);
   while (painting.undo()) assert.deepEqual(checked(painting.state).gaps, []);
@@ -103,7 +143,11 @@ test("a path drawn by hand has no gaps or repeated cells, and can be undone", ()
 test("one finger draws, fills and moves; a second finger cancels it", () => {
   const editor = new Editor(12_000);
   const { painting } = editor;
-  const press = (...keys) => { editor.press(keys[0]); if (keys.length > 1) editor.drag(keys.slice(1)); editor.lift(true); };
+  const press = (...keys) => {
+    editor.press(keys[0]);
+    if (keys.length > 1) editor.drag(keys.slice(1));
+    editor.lift(true);
+  };
   editor.take("box");
   press(key(1, 1), key(2, 2));
   assert.equal(painting.filled, 4);

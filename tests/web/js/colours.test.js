@@ -1,8 +1,20 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { radians } from "../../../web/static/js/lib/text.js";
-import { colouring, colouringsOf, isOffered, ramped, roundUp } from "../../../web/static/js/player/colours.js";
-import { keptRows, packed, readValues, unpacked, valuesAt } from "../../../web/static/js/module_values/reading.js";
+import {
+  colouring,
+  colouringsOf,
+  isOffered,
+  ramped,
+  roundUp,
+} from "../../../web/static/js/player/colours.js";
+import {
+  keptRows,
+  packed,
+  readValues,
+  unpacked,
+  valuesAt,
+} from "../../../web/static/js/module_values/reading.js";
 import { close, recorded, unpack, vectors } from "./vectors.js";
 
 // Figures with the same values for every frame.
@@ -18,12 +30,17 @@ const figuresOf = (modules, joints) => ({
 test("colours of a ramp are the same as in Python", async () => {
   const { bundle, shares, errors } = vectors.colours;
   const { header, arrays } = await unpack(bundle);
-  const found = ramped(Float64Array.from(shares, (v) => v ?? NaN), arrays.ramp_error, header.colours.unknown);
+  const found = ramped(
+    Float64Array.from(shares, (v) => v ?? NaN),
+    arrays.ramp_error,
+    header.colours.unknown,
+  );
   assert.deepEqual([...found], errors);
 });
 
 test("colour scales end at the same values as in Python", () => {
-  for (const [value, scale] of vectors.colours.scales) close([roundUp(value)], [scale], { rtol: 1e-9 });
+  for (const [value, scale] of vectors.colours.scales)
+    close([roundUp(value)], [scale], { rtol: 1e-9 });
   assert.equal(roundUp(0), 1);
 });
 
@@ -38,19 +55,31 @@ test("every colouring has a scale in numbers", async () => {
     seen[key] = chosen.of(shown);
     assert.equal(seen[key].length, 3 * timeline.chain.modules);
     scales[key] = chosen.legend().high;
-    assert.match(chosen.legend().ramp, /^linear-gradient\(to right, (rgb\(\d+ \d+ \d+\)(, |\)$)){9}/);
+    assert.match(
+      chosen.legend().ramp,
+      /^linear-gradient\(to right, (rgb\(\d+ \d+ \d+\)(, |\)$)){9}/,
+    );
   }
   const { speed, error, ...others } = scales;
   assert.deepEqual(others, {
-    "error-even": error, position: "0.034 pitch", torque: "1.7 N·m", clearance: "0.5 pitch", chain: "Module 16",
+    "error-even": error,
+    position: "0.034 pitch",
+    torque: "1.7 N·m",
+    clearance: "0.5 pitch",
+    chain: "Module 16",
   });
   assert.match(speed, /^[\d.]+ m?rad\/s$/);
   const scale = timeline.errorScale;
   assert.equal(error, radians(scale));
   // Only errors and overlaps are red.
-  const redness = (colours) => Array.from({ length: colours.length / 3 }, (_, i) => colours[3 * i] - Math.max(colours[3 * i + 1], colours[3 * i + 2]));
+  const redness = (colours) =>
+    Array.from(
+      { length: colours.length / 3 },
+      (_, i) => colours[3 * i] - Math.max(colours[3 * i + 1], colours[3 * i + 2]),
+    );
   assert.ok(Math.max(...redness(seen.error)) > 60);
-  for (const key of ["error-even", "position", "torque", "speed", "chain"]) assert.ok(Math.max(...redness(seen[key])) < 60, key);
+  for (const key of ["error-even", "position", "torque", "speed", "chain"])
+    assert.ok(Math.max(...redness(seen[key])) < 60, key);
   assert.deepEqual([...seen.clearance.subarray(9, 12)], timeline.bundle.header.colours.error);
 });
 
@@ -69,11 +98,26 @@ test("what is not measured yet is grey", async () => {
 test("only colourings with values of single modules are offered", async () => {
   const { timeline } = await recorded();
   const { timeline: peeled } = await recorded(vectors.peeled);
-  const offered = (of, ...names) => colouringsOf(false).map(([key]) => key).filter((key) => isOffered(key, of, { offers: (name) => names.includes(name) }));
+  const offered = (of, ...names) =>
+    colouringsOf(false)
+      .map(([key]) => key)
+      .filter((key) => isOffered(key, of, { offers: (name) => names.includes(name) }));
   const own = ["error", "error-even", "speed", "chain"];
   assert.deepEqual(offered(timeline), own); // a downloaded page has no values of single modules
-  assert.deepEqual(offered(timeline, "clearance"), ["error", "error-even", "speed", "clearance", "chain"]);
-  assert.deepEqual(offered(peeled, "clearance", "torque", "position_error"), ["error", "error-even", "position", "speed", "chain"]);
+  assert.deepEqual(offered(timeline, "clearance"), [
+    "error",
+    "error-even",
+    "speed",
+    "clearance",
+    "chain",
+  ]);
+  assert.deepEqual(offered(peeled, "clearance", "torque", "position_error"), [
+    "error",
+    "error-even",
+    "position",
+    "speed",
+    "chain",
+  ]);
 });
 
 // Numbers of a visitor.
@@ -89,11 +133,26 @@ const READ = [
   ["0\t10\n3\t-40\n", [10, null, null, -40], "heat", ""],
   ["# stress\n1.0e0 2.0e0 nan 4.0e0", [1, 2, null, 4], "stress", ""],
   ["1;2;3;4\n5;6;7;8\n9;10;11;", [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, null], "heat", ""],
-  [",0,1,2,3\n0,1,2,3,4\n1,5,6,7,8\n2,9,10,11,12\n", [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], "heat", ""],
-  ["frame,m1,m2,m3,m4\n1,1,2,3,4\n2,5,6,7,8\n3,9,10,11,12", [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], "heat", ""],
+  [
+    ",0,1,2,3\n0,1,2,3,4\n1,5,6,7,8\n2,9,10,11,12\n",
+    [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12],
+    "heat",
+    "",
+  ],
+  [
+    "frame,m1,m2,m3,m4\n1,1,2,3,4\n2,5,6,7,8\n3,9,10,11,12",
+    [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12],
+    "heat",
+    "",
+  ],
   ["1,5,9\n2,6,10\n3,7,11\n4,8,12", [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], "heat", ""],
   ["[1, NaN, null, 4]", [1, null, null, 4], "heat", ""],
-  ['{"name": "Heat", "unit": "K", "values": [[1, 2, 3, 4], [5, 6, 7, 8], [9, 10, 11, 12]]}', [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], "Heat", "K"],
+  [
+    '{"name": "Heat", "unit": "K", "values": [[1, 2, 3, 4], [5, 6, 7, 8], [9, 10, 11, 12]]}',
+    [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12],
+    "Heat",
+    "K",
+  ],
 ];
 
 test("numbers are read from files in many formats", () => {
@@ -106,7 +165,10 @@ test("numbers are read from files in many formats", () => {
 });
 
 const REFUSED = [
-  ["1\n2\n3", /This file has 3 rows with 1 number each. This fold needs 4 numbers, one for each module, or 3 rows of 4 numbers,/],
+  [
+    "1\n2\n3",
+    /This file has 3 rows with 1 number each. This fold needs 4 numbers, one for each module, or 3 rows of 4 numbers,/,
+  ],
   ["1,2,3,4\n5,6,7", /Line 2: this line has 3 values, but the lines before it have 4/],
   ["1\n2\nthree\n4", /Line 3: "three" is not a number/],
   ["1,2,3\nfoo", /^Error: Line 2: "foo" is not a number/],
@@ -118,7 +180,10 @@ const REFUSED = [
   ['{"a": 1}', /has no list of numbers/],
   ["[1, 2", /The file is not valid JSON/],
   ['[1, 2, 3, {"a": 1}]', /Value 4: {"a":1} is not a number/],
-  ['{"format": "foldback-values/1", "rows": 1, "low": 0, "high": 1, "data": "AAA="}', /the values of another fold/],
+  [
+    '{"format": "foldback-values/1", "rows": 1, "low": 0, "high": 1, "data": "AAA="}',
+    /the values of another fold/,
+  ],
 ];
 
 test("unsuitable numbers are refused with a message", () => {
@@ -129,12 +194,25 @@ test("stored numbers are restored within one level of the scale", () => {
   const own = read("1;2;3;4\n5;6;7;8\n9;10;11;");
   const back = unpacked(packed(own), 4);
   assert.deepEqual([back.name, back.rows, back.low, back.high], ["heat", 3, 1, 11]);
-  own.values.forEach((value, i) => assert.ok(Number.isNaN(value) ? Number.isNaN(back.values[i]) : Math.abs(value - back.values[i]) <= 10 / 254));
+  own.values.forEach((value, i) =>
+    assert.ok(
+      Number.isNaN(value)
+        ? Number.isNaN(back.values[i])
+        : Math.abs(value - back.values[i]) <= 10 / 254,
+    ),
+  );
   assert.deepEqual(list(read(JSON.stringify(packed(own)))), list(back));
   // Rows beyond the limit are dropped evenly.
-  const long = readValues(JSON.stringify(Array.from({ length: 90 }, (_, k) => Array.from({ length: 1000 }, () => k))), "a.json", { modules: 1000, frames: 90 });
+  const long = readValues(
+    JSON.stringify(Array.from({ length: 90 }, (_, k) => Array.from({ length: 1000 }, () => k))),
+    "a.json",
+    { modules: 1000, frames: 90 },
+  );
   const short = unpacked(packed(long), 1000);
-  assert.deepEqual([keptRows(long), short.rows, short.values[0], short.values.at(-1)], [45, 45, 0, 89]);
+  assert.deepEqual(
+    [keptRows(long), short.rows, short.values[0], short.values.at(-1)],
+    [45, 45, 0, 89],
+  );
 });
 
 test("values between rows are interpolated", () => {

@@ -9,26 +9,67 @@ const key = (x, y, z = 0) => keyOf(x, y, z, 10);
 function painted(count, how = "no", maxModules = 200) {
   const editor = new Editor(maxModules);
   editor.draft.note({ how });
-  editor.step(() => editor.painting.paint(Array.from({ length: count }, (_, y) => key(0, y)), true));
+  editor.step(() =>
+    editor.painting.paint(
+      Array.from({ length: count }, (_, y) => key(0, y)),
+      true,
+    ),
+  );
   return editor;
 }
-const summary = ({ standing: { text, tone, limit, ready, completable } }) => [text, tone, limit, ready, completable];
+const summary = ({ standing: { text, tone, limit, ready, completable } }) => [
+  text,
+  tone,
+  limit,
+  ready,
+  completable,
+];
 
 test("the editor says what would be folded, and what is wrong with it", () => {
   assert.deepEqual(summary(painted(0)), ["", "", "", false, false]);
   assert.deepEqual(summary(painted(2)), ["16 modules", "", "Limit: 200 modules.", true, true]);
-  assert.deepEqual(summary(painted(2, "yes")), ["2 modules. A fold needs at least 8.", "", "Limit: 200 modules.", false, true]);
-  assert.deepEqual(summary(painted(9, "no", 64)), ["The shape needs 72 modules, but the limit is 64. Paint fewer cells.", "bad", "", false, false]);
+  assert.deepEqual(summary(painted(2, "yes")), [
+    "2 modules. A fold needs at least 8.",
+    "",
+    "Limit: 200 modules.",
+    false,
+    true,
+  ]);
+  assert.deepEqual(summary(painted(9, "no", 64)), [
+    "The shape needs 72 modules, but the limit is 64. Paint fewer cells.",
+    "bad",
+    "",
+    false,
+    false,
+  ]);
   const apart = painted(2);
   apart.step(() => apart.painting.paint([key(5, 5)], true));
-  assert.deepEqual(summary(apart), ["The shape has 2 separate pieces. Connect them face to face.", "bad", "Limit: 200 modules.", false, true]);
+  assert.deepEqual(summary(apart), [
+    "The shape has 2 separate pieces. Connect them face to face.",
+    "bad",
+    "Limit: 200 modules.",
+    false,
+    true,
+  ]);
 });
 
 test("your own path is ready when it visits all cells", () => {
   const editor = painted(4, "path");
-  assert.deepEqual(summary(editor), ["No path yet. Choose the tool Path and drag from cell to cell.", "", "4 modules. Limit: 200 modules.", false, true]);
+  assert.deepEqual(summary(editor), [
+    "No path yet. Choose the tool Path and drag from cell to cell.",
+    "",
+    "4 modules. Limit: 200 modules.",
+    false,
+    true,
+  ]);
   editor.step(() => editor.follow({ path: [0, 1, 2, 3].map((y) => key(0, y)), atStart: false }));
-  assert.deepEqual(summary(editor), ["The path visits all 4 cells.", "good", "4 modules. Limit: 200 modules.", true, false]);
+  assert.deepEqual(summary(editor), [
+    "The path visits all 4 cells.",
+    "good",
+    "4 modules. Limit: 200 modules.",
+    true,
+    false,
+  ]);
   assert.ok(editor.standing.whole);
 });
 
@@ -51,16 +92,27 @@ test("letters are written beside each other as one connected word", () => {
   const editor = painted(0, "no", 400);
   const drawn = () => {
     const { size, cells } = editor.painting;
-    return Array.from({ length: 5 }, (_, x) => Array.from({ length: size }, (_none, y) => (cells[keyOf(x + top, y, 0, size)] ? "#" : " ")).join(""));
+    return Array.from({ length: 5 }, (_, x) =>
+      Array.from({ length: size }, (_none, y) =>
+        cells[keyOf(x + top, y, 0, size)] ? "#" : " ",
+      ).join(""),
+    );
   };
   let top = 2;
   for (const letter of "LO") editor.write(letter, letterCells(letter));
   assert.equal(editor.painting.size, 16);
   top = bounds(editor.painting.state).low[0];
-  assert.deepEqual(drawn().map((row) => row.trim()), ["#     #####", "#     #   #", "#     #   #", "#     #   #", "###########"]);
+  assert.deepEqual(
+    drawn().map((row) => row.trim()),
+    ["#     #####", "#     #   #", "#     #   #", "#     #   #", "###########"],
+  );
   assert.deepEqual([editor.name, editor.standing.ready], ["LO", true]);
   for (const letter of "OP") editor.write(letter, letterCells(letter));
-  assert.deepEqual([editor.name, editor.painting.size, editor.standing.tone], ["LOOP", 24, "bad"], "more modules than the limit of this service");
+  assert.deepEqual(
+    [editor.name, editor.painting.size, editor.standing.tone],
+    ["LOOP", 24, "bad"],
+    "more modules than the limit of this service",
+  );
   editor.write("S", letterCells("S"));
   const full = editor.painting.filled;
   editor.write("Q", letterCells("Q"));
@@ -87,8 +139,15 @@ test("a layer is copied from the one below, if there is one", () => {
 test("a letter names the shape, a file gives the cells and their order", () => {
   const editor = painted(0);
   editor.turn(4);
-  editor.write("T", [[0, 0], [0, 1], [0, 2]]);
-  assert.deepEqual([editor.name, editor.layer, editor.painting.filled, editor.painting.cells[key(2, 2)]], ["Letter T", 0, 3, 1]);
+  editor.write("T", [
+    [0, 0],
+    [0, 1],
+    [0, 2],
+  ]);
+  assert.deepEqual(
+    [editor.name, editor.layer, editor.painting.filled, editor.painting.cells[key(2, 2)]],
+    ["Letter T", 0, 3, 1],
+  );
   editor.draft.note({ name: " Duck/1 " });
   assert.deepEqual([editor.name, editor.fileName("path.json")], ["Duck/1", "Duck1.path.json"]);
   editor.clear();

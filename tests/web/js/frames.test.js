@@ -1,8 +1,19 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { decode } from "../../../web/static/js/lib/columns.js";
-import { FrameStore, Rows, angleIn, between, thereAndBack } from "../../../web/static/js/player/frames.js";
-import { Kinematics, Standing, foldedness, frameFolded } from "../../../web/static/js/player/kinematics.js";
+import {
+  FrameStore,
+  Rows,
+  angleIn,
+  between,
+  thereAndBack,
+} from "../../../web/static/js/player/frames.js";
+import {
+  Kinematics,
+  Standing,
+  foldedness,
+  frameFolded,
+} from "../../../web/static/js/player/kinematics.js";
 import { close, closeTurns, recorded, unpack, vectors } from "./vectors.js";
 
 for (const { name, bundle, batch, frames } of vectors.windows) {
@@ -23,7 +34,10 @@ for (const { name, bundle, batch, frames } of vectors.windows) {
       const length = expected.positions.reduce((most, v) => Math.max(most, Math.abs(v)), 1);
       close(positions, expected.positions, { atol: 1e-6 * length });
       closeTurns(wxyzs, expected.wxyzs);
-      close(Float64Array.from(foldedRad, (_, j) => angleIn(row, j)), expected.angles);
+      close(
+        Float64Array.from(foldedRad, (_, j) => angleIn(row, j)),
+        expected.angles,
+      );
       assert.deepEqual([...row.errors].map(Number.isNaN), [...expected.errors].map(Number.isNaN));
       const known = expected.errors.some(Number.isNaN) ? [[], []] : [row.errors, expected.errors];
       close(...known, { atol: 1e-12, rtol: 1 / 256 });
@@ -43,13 +57,26 @@ test("the windows of a plan are played backwards, then forwards", async () => {
   const foldedRad = (await unpack(bundle)).arrays.folded_rad;
   const plan = new Rows(await unpack(batch), foldedRad);
   const { first, ends, angles: values } = plan.arrays;
-  const offsets = [0, ...ends], none = new Float32Array();
+  const offsets = [0, ...ends],
+    none = new Float32Array();
   const last = Array.from(first, (a, k) => a + offsets[k + 1] - offsets[k]);
   const both = thereAndBack({ frames: plan.rows, first, last, offsets, values });
-  const rows = new Rows({ arrays: { ...both, time_s: new Float64Array(2 * plan.rows), phase: [], base_position: none, base_wxyz: none } }, foldedRad);
+  const rows = new Rows(
+    {
+      arrays: {
+        ...both,
+        time_s: new Float64Array(2 * plan.rows),
+        phase: [],
+        base_position: none,
+        base_wxyz: none,
+      },
+    },
+    foldedRad,
+  );
   for (let k = 0; k < plan.rows; k += 7) {
     for (const frame of [plan.rows + k, plan.rows - 1 - k]) {
-      for (const name of ["first", "last", "angles"]) assert.deepEqual(rows.row(frame)[name], plan.row(k)[name]);
+      for (const name of ["first", "last", "angles"])
+        assert.deepEqual(rows.row(frame)[name], plan.row(k)[name]);
     }
   }
 });
@@ -61,8 +88,15 @@ test("packed columns are decoded", async () => {
   assert.deepEqual([...arrays.plain], [0, 1, 2, 3, 4]);
   close(arrays.angles, angles, { atol: 6e-7 });
   const known = errors.flatMap((v, k) => (v === null ? [] : [k]));
-  close(known.map((k) => arrays.errors[k]), known.map((k) => errors[k]), { rtol: 1 / 256 });
-  assert.deepEqual([...arrays.errors].map(Number.isNaN), errors.map((v) => v === null));
+  close(
+    known.map((k) => arrays.errors[k]),
+    known.map((k) => errors[k]),
+    { rtol: 1 / 256 },
+  );
+  assert.deepEqual(
+    [...arrays.errors].map(Number.isNaN),
+    errors.map((v) => v === null),
+  );
 });
 
 test("a message that was cut short is refused", async () => {
@@ -74,7 +108,8 @@ test("a message that was cut short is refused", async () => {
 const TURN = [Math.SQRT1_2, Math.SQRT1_2, 0, 0]; // a quarter turn about x
 const [FROM, TO] = [100, 201];
 
-const angleBetween = (a, b) => 2 * Math.acos(Math.min(1, Math.abs(a.reduce((sum, v, k) => sum + v * b[k], 0))));
+const angleBetween = (a, b) =>
+  2 * Math.acos(Math.min(1, Math.abs(a.reduce((sum, v, k) => sum + v * b[k], 0))));
 // Positions relative to the first module.
 const relative = (positions) => positions.map((v, k) => v - positions[k % 3]);
 
@@ -85,11 +120,18 @@ for (const given of vectors.shipped) {
     const shown = timeline.snapshot(timeline.last);
     close(relative(shown.positions), relative(drawn.positions), { atol: 0.05 });
     for (let i = 0; i < timeline.chain.modules; i++) {
-      const off = angleBetween(shown.wxyzs.subarray(4 * i, 4 * i + 4), drawn.wxyzs.subarray(4 * i, 4 * i + 4));
+      const off = angleBetween(
+        shown.wxyzs.subarray(4 * i, 4 * i + 4),
+        drawn.wxyzs.subarray(4 * i, 4 * i + 4),
+      );
       assert.ok(off < 0.01, `module ${i} is off by ${off} rad`);
     }
     const [root, straight] = [timeline.row(0), timeline.row(timeline.outline.phases.at(-1).from)];
-    for (const row of [root, straight]) assert.equal(timeline.standing.turned(row.wxyz, row === root ? 0 : timeline.outline.phases.at(-1).from), row.wxyz);
+    for (const row of [root, straight])
+      assert.equal(
+        timeline.standing.turned(row.wxyz, row === root ? 0 : timeline.outline.phases.at(-1).from),
+        row.wxyz,
+      );
     let last = null;
     let most = 0;
     for (let frame = 0; frame <= timeline.last; frame += 0.5) {
@@ -104,13 +146,18 @@ for (const given of vectors.shipped) {
     const { timeline } = await recorded(given);
     const at = (frame) => timeline.folded(timeline.snapshot(frame));
     const { from } = timeline.outline.phases.findLast(({ name }) => name === "playback");
-    close([at(0), at(from), at(timeline.last)], [timeline.outline.phases.length > 1 ? 1 : 0, 0, 1], { atol: 0.01 });
+    close(
+      [at(0), at(from), at(timeline.last)],
+      [timeline.outline.phases.length > 1 ? 1 : 0, 0, 1],
+      { atol: 0.01 },
+    );
     let most = 0;
     for (let frame = from; frame <= timeline.last; frame++) {
       assert.ok(at(frame) > most - 0.02, `frame ${frame} is folded less than one before`);
       most = Math.max(most, at(frame));
     }
-    for (const wanted of [0.25, 0.5, 0.9]) close([at(frameFolded(timeline, wanted))], [wanted], { atol: 0.005 });
+    for (const wanted of [0.25, 0.5, 0.9])
+      close([at(frameFolded(timeline, wanted))], [wanted], { atol: 0.005 });
     close([frameFolded(timeline, 0), frameFolded(timeline, 1)], [from, timeline.last], {});
   });
 }
@@ -119,15 +166,23 @@ test("a tangled chain does not count as folded", () => {
   const goal = Float64Array.from([1, -1, 0, 1]);
   close([foldedness((j) => [1, -1, 0, 0][j], goal)], [2 / 3]);
   close([foldedness((j) => [3, 1, 1, 0.5][j], goal)], [1.5 / 3]); // beyond is folded, the other sign is 0
-  assert.equal(foldedness((j) => -goal[j], goal), 0);
-  assert.equal(foldedness((j) => goal[j], goal), 1);
+  assert.equal(
+    foldedness((j) => -goal[j], goal),
+    0,
+  );
+  assert.equal(
+    foldedness((j) => goal[j], goal),
+    1,
+  );
 });
 
 test("the first folded frame is found among the frames that have been fetched", () => {
   const fetched = new Set([0, 40, 100]);
   const timeline = {
-    outline: { phases: [{ name: "playback", from: 0, to: 101 }] }, foldedRad: Float64Array.from([1, 2]),
-    row: (frame) => (fetched.has(frame) ? { first: 0, last: 2, angles: [frame / 100, frame / 50] } : null),
+    outline: { phases: [{ name: "playback", from: 0, to: 101 }] },
+    foldedRad: Float64Array.from([1, 2]),
+    row: (frame) =>
+      fetched.has(frame) ? { first: 0, last: 2, angles: [frame / 100, frame / 50] } : null,
     nearest: (frame) => [...fetched].sort((a, b) => Math.abs(a - frame) - Math.abs(b - frame))[0],
   };
   close([frameFolded(timeline, 0.7), frameFolded(timeline, 0.1)], [70, 10], { atol: 1e-9 });
@@ -144,7 +199,12 @@ test("the table of an open page fades in", () => {
   while (standing.advance(1 / 30)) pictures++;
   assert.ok(pictures > 10);
   close(standing.turned(end, TO - 1), TURN);
-  close(standing.turned(end, (FROM + TO - 1) / 2), [Math.cos(Math.PI / 8), Math.sin(Math.PI / 8), 0, 0]);
+  close(standing.turned(end, (FROM + TO - 1) / 2), [
+    Math.cos(Math.PI / 8),
+    Math.sin(Math.PI / 8),
+    0,
+    0,
+  ]);
   standing.set(TURN, TURN, { name: "playback", from: FROM, to: TO }, false);
   assert.equal(standing.turned(end, TO - 1), end); // it is already upright
 });
@@ -162,9 +222,18 @@ test("each frame is read from the latest batch that holds it, and a missing one 
   const store = filled(400);
   store.put(batch(3, "spread"), { start: 100, stride: 100 });
   store.put(batch(10, "part"), { start: 195, stride: 1 });
-  assert.deepEqual([100, 195, 200, 204].map((frame) => store.row(frame)), ["spread 0", "part 0", "part 5", "part 9"]);
-  assert.deepEqual([0, 99, 205].map((frame) => store.row(frame)), [null, null, null]);
-  assert.deepEqual([0, 199, 212, 399].map((frame) => store.nearest(frame)), [100, 199, 204, 300]);
+  assert.deepEqual(
+    [100, 195, 200, 204].map((frame) => store.row(frame)),
+    ["spread 0", "part 0", "part 5", "part 9"],
+  );
+  assert.deepEqual(
+    [0, 99, 205].map((frame) => store.row(frame)),
+    [null, null, null],
+  );
+  assert.deepEqual(
+    [0, 199, 212, 399].map((frame) => store.nearest(frame)),
+    [100, 199, 204, 300],
+  );
   assert.equal(new FrameStore().nearest(0), null);
 });
 
@@ -174,8 +243,14 @@ test("frames are fetched from the current one on, around the timeline, until all
   assert.ok(rows > 10 && count > 4);
   store.focus = 2 * rows + 1;
   const order = [];
-  for (let next = store.next(false); next !== null; next = store.next(false)) { order.push(next); store.loading.add(next); }
-  assert.deepEqual(order, Array.from({ length: count }, (_, k) => (k + 2) % count));
+  for (let next = store.next(false); next !== null; next = store.next(false)) {
+    order.push(next);
+    store.loading.add(next);
+  }
+  assert.deepEqual(
+    order,
+    Array.from({ length: count }, (_, k) => (k + 2) % count),
+  );
   store.loading.clear();
   store.put(batch(5, "begin"), { start: 0, stride: 1 });
   assert.deepEqual(store.missing(0), { from: 5, to: rows });
@@ -201,5 +276,8 @@ test("when memory is full, the frames farthest from the current one are dropped"
   store.spare();
   assert.equal(store.bytes, 64 * 2 ** 20);
   const kept = new Set([...store.frames.keys()].map((frame) => Math.floor(frame / 256)));
-  assert.deepEqual([...kept].map((k) => Math.abs(k - 10) <= 4), Array(8).fill(true));
+  assert.deepEqual(
+    [...kept].map((k) => Math.abs(k - 10) <= 4),
+    Array(8).fill(true),
+  );
 });

@@ -7,9 +7,12 @@ import { close } from "./vectors.js";
 function held(follows = true) {
   const done = [];
   const hand = new Hand((orbit) => done.push(orbit), {
-    height: () => 100, follows: () => follows, tap: (...place) => done.push({ tap: place }),
+    height: () => 100,
+    follows: () => follows,
+    tap: (...place) => done.push({ tap: place }),
   });
-  const say = (type, offsetX = 0, offsetY = 0, more = {}) => hand.hear({ type, pointerId: 1, offsetX, offsetY, button: 0, ...more });
+  const say = (type, offsetX = 0, offsetY = 0, more = {}) =>
+    hand.hear({ type, pointerId: 1, offsetX, offsetY, button: 0, ...more });
   return { done, hand, say };
 }
 

@@ -18,7 +18,10 @@ for (const { name, bundle, given, origin, ways, modules } of vectors.picking) {
   test(`the first of the ${name} that a ray hits`, async () => {
     const { header } = await unpack(bundle);
     const { arrays } = await unpack(given);
-    assert.deepEqual(ways.map((way) => picked(header.chain, arrays, origin, way)), modules);
+    assert.deepEqual(
+      ways.map((way) => picked(header.chain, arrays, origin, way)),
+      modules,
+    );
   });
 }
 
@@ -27,6 +30,9 @@ test("touching faces are found", async () => {
   const { header, arrays } = await unpack(bundle);
   const found = touching(header, new Kinematics(header.chain, arrays.folded_rad).folded);
   const faces = found.length / beside.length;
-  assert.deepEqual(beside.map((_, i) => [...found.subarray(i * faces, (i + 1) * faces)].sort((a, b) => a - b)), beside);
+  assert.deepEqual(
+    beside.map((_, i) => [...found.subarray(i * faces, (i + 1) * faces)].sort((a, b) => a - b)),
+    beside,
+  );
   assert.deepEqual([...buriedBy(found, header.chain.modules)], buried);
 });

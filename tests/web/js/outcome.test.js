@@ -3,43 +3,99 @@ import { test } from "node:test";
 import { OverallProgress, queueWords } from "../../../web/static/js/panels/overall_progress.js";
 import { Progress } from "../../../web/static/js/panels/progress.js";
 import { outcome } from "../../../web/static/js/panels/plan_check.js";
-import { announcementOf, awaitOutcome, headingOf, titleOf } from "../../../web/static/js/panels/outcome.js";
+import {
+  announcementOf,
+  awaitOutcome,
+  headingOf,
+  titleOf,
+} from "../../../web/static/js/panels/outcome.js";
 
-const said = { limits: "", known: true, module: "cube", start: "straight", end: "folded: 3 of 12 hinges are bent, by up to 90.0 degrees" };
-const proved = { is: "proved", plan: { frames: 9, modules: 8, size: .95, claim: .03125 }, touch: null, tightest: null, joint: 0, size: .95, seconds: 1 };
+const said = {
+  limits: "",
+  known: true,
+  module: "cube",
+  start: "straight",
+  end: "folded: 3 of 12 hinges are bent, by up to 90.0 degrees",
+};
+const proved = {
+  is: "proved",
+  plan: { frames: 9, modules: 8, size: 0.95, claim: 0.03125 },
+  touch: null,
+  tightest: null,
+  joint: 0,
+  size: 0.95,
+  seconds: 1,
+};
 
 test("a checked plan is described by its modules, their size, the start and the end", () => {
   assert.equal(
     outcome("claim", { ...proved, said }),
     "This browser checked 8 modules without our server. Each module (cube) fills 95.0 % of the spacing. The motion begins straight. It ends folded: 3 of 12 hinges are bent, by up to 90.0 degrees. Modules that share no joint stay at least 3.1 % of the spacing apart during the whole motion. The check took 1 s.",
   );
-  assert.match(outcome("claim", { ...proved, said: { ...said, limits: "nothing folds" } }), /^Proved, but nothing folds\. This browser/);
-  assert.match(outcome("claim", { ...proved, said: { ...said, known: false, module: '"brick" as the plan describes it' } }), /Each module, at 95\.0 % of its full size, is "brick" as the plan describes it\..*at least 3\.1 % of the spacing apart/);
+  assert.match(
+    outcome("claim", { ...proved, said: { ...said, limits: "nothing folds" } }),
+    /^Proved, but nothing folds\. This browser/,
+  );
+  assert.match(
+    outcome("claim", {
+      ...proved,
+      said: { ...said, known: false, module: '"brick" as the plan describes it' },
+    }),
+    /Each module, at 95\.0 % of its full size, is "brick" as the plan describes it\..*at least 3\.1 % of the spacing apart/,
+  );
 });
 
 const facts = (tone) => ({ name: "torus", verdict: { tone, text: "" } });
 
 test("the title of a running fold shows its progress", () => {
   const advance = new OverallProgress();
-  const title = (now) => { advance.note(now); return titleOf(now, "torus", advance); };
-  assert.equal(title({ status: "running", stage: "read" }), "Reading the input 0 % · torus · foldback");
-  assert.equal(title({ status: "running", stage: "explode", fraction: 0.429 }), "Unfolding 42 % · torus · foldback");
-  assert.equal(title({ status: "running", stage: "export", fraction: 0 }), "Writing the files … · torus · foldback");
-  assert.equal(title({ status: "queued", stage: "read", fraction: 0.4 }), "Waiting · torus · foldback");
+  const title = (now) => {
+    advance.note(now);
+    return titleOf(now, "torus", advance);
+  };
+  assert.equal(
+    title({ status: "running", stage: "read" }),
+    "Reading the input 0 % · torus · foldback",
+  );
+  assert.equal(
+    title({ status: "running", stage: "explode", fraction: 0.429 }),
+    "Unfolding 42 % · torus · foldback",
+  );
+  assert.equal(
+    title({ status: "running", stage: "export", fraction: 0 }),
+    "Writing the files … · torus · foldback",
+  );
+  assert.equal(
+    title({ status: "queued", stage: "read", fraction: 0.4 }),
+    "Waiting · torus · foldback",
+  );
 });
 
 test("the title shows the progress while solvers are prepared", () => {
   for (const status of ["queued", "running"]) {
-    assert.equal(titleOf({ status, fraction: 0, preparing: { fraction: 0.478, remaining_s: 90 } }, "torus", new OverallProgress()), "Preparing 47 % · torus · foldback");
+    assert.equal(
+      titleOf(
+        { status, fraction: 0, preparing: { fraction: 0.478, remaining_s: 90 } },
+        "torus",
+        new OverallProgress(),
+      ),
+      "Preparing 47 % · torus · foldback",
+    );
   }
 });
 
 test("the title has a mark when there is a verdict", () => {
-  assert.deepEqual(["good", "bad", "soft"].map((tone) => headingOf(facts(tone))), ["✓ torus", "✕ torus", "torus"]);
+  assert.deepEqual(
+    ["good", "bad", "soft"].map((tone) => headingOf(facts(tone))),
+    ["✓ torus", "✕ torus", "torus"],
+  );
 });
 
 test("only a verified fold is announced", () => {
-  assert.deepEqual(["good", "bad"].map((tone) => announcementOf(facts(tone))), ["✓ torus: fold verified", null]);
+  assert.deepEqual(
+    ["good", "bad"].map((tone) => announcementOf(facts(tone))),
+    ["✓ torus: fold verified", null],
+  );
 });
 
 /** @param {[string, number, number][]} reports */
@@ -52,22 +108,45 @@ function after(reports) {
 }
 
 test("the progress of several robots never goes backwards", () => {
-  assert.deepEqual(after([["play_back", 0.3, 30], ["play_back", 0.2, 26], ["play_back", 0.4, 36]]), [
-    [0.3, 30, 1], [0.3, 30, 1], [0.4, 36, 1],
-  ]);
+  assert.deepEqual(
+    after([
+      ["play_back", 0.3, 30],
+      ["play_back", 0.2, 26],
+      ["play_back", 0.4, 36],
+    ]),
+    [
+      [0.3, 30, 1],
+      [0.3, 30, 1],
+      [0.4, 36, 1],
+    ],
+  );
 });
 
 test("an earlier stage begins another attempt", () => {
-  assert.deepEqual(after([["explode", 0.9, 0], ["play_back", 0.1, 5], ["explode", 0.06, 0]]).at(-1), [0.06, 0, 2]);
+  assert.deepEqual(
+    after([
+      ["explode", 0.9, 0],
+      ["play_back", 0.1, 5],
+      ["explode", 0.06, 0],
+    ]).at(-1),
+    [0.06, 0, 2],
+  );
 });
 
 test("a fold that waits gives its reason", () => {
-  assert.deepEqual([0, 1, 2, 4].map((place) => queueWords(place)), [
-    "In the queue", "Next in line", "In the queue, behind 1 other fold", "In the queue, behind 3 other folds",
-  ]);
-  assert.deepEqual([1, 3].map((place) => queueWords(place, 1)), [
-    "Next in line, after the running fold", "In the queue, behind 3 other folds",
-  ]);
+  assert.deepEqual(
+    [0, 1, 2, 4].map((place) => queueWords(place)),
+    [
+      "In the queue",
+      "Next in line",
+      "In the queue, behind 1 other fold",
+      "In the queue, behind 3 other folds",
+    ],
+  );
+  assert.deepEqual(
+    [1, 3].map((place) => queueWords(place, 1)),
+    ["Next in line, after the running fold", "In the queue, behind 3 other folds"],
+  );
 });
 
 test("a fold with a preference says how many plans there are", () => {
@@ -83,7 +162,12 @@ test("a fold with a preference says how many plans there are", () => {
 
 test("a plan that is being smoothed is never called exploding", () => {
   const advance = new OverallProgress();
-  const names = [["explode", "smoothing"], ["explode", "done"], ["play_back", ""], ["explode", ""]].map(([stage, message]) => {
+  const names = [
+    ["explode", "smoothing"],
+    ["explode", "done"],
+    ["play_back", ""],
+    ["explode", ""],
+  ].map(([stage, message]) => {
     advance.note({ stage, message });
     return advance.name();
   });
@@ -95,18 +179,31 @@ test("a plan that is being smoothed is never called exploding", () => {
 
 test("permission to notify is asked on a click only, and a hidden tab notifies once", async (t) => {
   const { document: page, window: browser } = globalThis; // other test files of this process use them
-  t.after(() => Object.assign(globalThis, { document: page, window: browser, Notification: undefined }));
+  t.after(() =>
+    Object.assign(globalThis, { document: page, window: browser, Notification: undefined }),
+  );
   const parts = {};
   let asked = 0;
   const sent = [];
   class Notification {
     static permission = "default";
-    static requestPermission() { asked += 1; return Promise.resolve("granted"); }
-    constructor(title, { tag }) { sent.push([title, tag]); }
+    static requestPermission() {
+      asked += 1;
+      return Promise.resolve("granted");
+    }
+    constructor(title, { tag }) {
+      sent.push([title, tag]);
+    }
   }
-  Object.assign(globalThis, { Notification, window: { Notification, focus() {} }, document: {
-    hidden: true, title: "", getElementById: (id) => (parts[id] ??= { classList: { add() {} } }),
-  } });
+  Object.assign(globalThis, {
+    Notification,
+    window: { Notification, focus() {} },
+    document: {
+      hidden: true,
+      title: "",
+      getElementById: (id) => (parts[id] ??= { classList: { add() {} } }),
+    },
+  });
   const end = awaitOutcome(() => {});
   const over = { ...facts("good"), id: "abc" };
   end(over);
@@ -122,21 +219,52 @@ test("permission to notify is asked on a click only, and a hidden tab notifies o
 
 test("a fold has no verdict, and can be cancelled, while its files are written", (t) => {
   const { document: page, window: browser, EventSource } = globalThis;
-  t.after(() => Object.assign(globalThis, { document: page, window: browser, Notification: undefined, EventSource }));
+  t.after(() =>
+    Object.assign(globalThis, {
+      document: page,
+      window: browser,
+      Notification: undefined,
+      EventSource,
+    }),
+  );
   const parts = {};
-  const part = () => ({ classList: { contains: () => true, toggle(name, on) { this[name] = on; } }, dataset: {}, style: {}, firstElementChild: { style: {} } });
+  const part = () => ({
+    classList: {
+      contains: () => true,
+      toggle(name, on) {
+        this[name] = on;
+      },
+    },
+    dataset: {},
+    style: {},
+    firstElementChild: { style: {} },
+  });
   Object.assign(globalThis, {
-    window: { Notification: {} }, Notification: {}, document: { getElementById: (id) => (parts[id] ??= part()) },
-    EventSource: class { addEventListener() {} },
+    window: { Notification: {} },
+    Notification: {},
+    document: { getElementById: (id) => (parts[id] ??= part()) },
+    EventSource: class {
+      addEventListener() {}
+    },
   });
   const progress = new Progress({ id: "abc" }, () => null);
   progress.token = "key";
   parts.name = { textContent: "torus" };
   const shown = (stage) => {
     progress.show({ status: "running", stage, fraction: 0.5, remaining_s: 0 });
-    return [parts.verdict.dataset.tone, parts.verdict.textContent, parts.cancel.hidden, parts.progress.classList.unmeasured];
+    return [
+      parts.verdict.dataset.tone,
+      parts.verdict.textContent,
+      parts.cancel.hidden,
+      parts.progress.classList.unmeasured,
+    ];
   };
-  assert.deepEqual(shown("certify"), ["busy", "Checking clearance 50 % · takes longer than usual", false, false]);
+  assert.deepEqual(shown("certify"), [
+    "busy",
+    "Checking clearance 50 % · takes longer than usual",
+    false,
+    false,
+  ]);
   assert.deepEqual(shown("export"), ["busy", "Writing the files …", false, true]);
   assert.equal(document.title, "Writing the files … · torus · foldback");
 });

@@ -2,7 +2,18 @@ import assert from "node:assert/strict";
 import { afterEach, test } from "node:test";
 import { letterCells } from "../../../web/static/js/editor/letters.js";
 import { visible } from "../../../web/static/js/editor/isometric.js";
-import { Draft, MOST_STEPS, Painting, SIZES, cellOf, cellsOf, keyOf, keysOf, parts, unpacked } from "../../../web/static/js/editor/painting.js";
+import {
+  Draft,
+  MOST_STEPS,
+  Painting,
+  SIZES,
+  cellOf,
+  cellsOf,
+  keyOf,
+  keysOf,
+  parts,
+  unpacked,
+} from "../../../web/static/js/editor/painting.js";
 import { random } from "./vectors.js";
 
 const SIZE = SIZES[0];
@@ -10,19 +21,28 @@ const key = (cell, size = SIZE) => keyOf(...cell, size);
 
 function stroke(painting, cells, filled = true) {
   painting.begin();
-  painting.paint(cells.map((cell) => key(cell)), filled);
+  painting.paint(
+    cells.map((cell) => key(cell)),
+    filled,
+  );
   return painting.end();
 }
 const cells = (painting) => cellsOf(keysOf(painting.cells), painting.size);
 
 test("strokes are undone and redone", () => {
   const painting = new Painting();
-  stroke(painting, [[0, 0, 0], [1, 0, 0]]);
+  stroke(painting, [
+    [0, 0, 0],
+    [1, 0, 0],
+  ]);
   stroke(painting, [[1, 0, 0]], false);
   assert.equal(stroke(painting, [[0, 0, 0]]), false); // no change, so no stroke
   assert.deepEqual(cells(painting), [[0, 0, 0]]);
   assert.ok(painting.undo());
-  assert.deepEqual(cells(painting), [[0, 0, 0], [1, 0, 0]]);
+  assert.deepEqual(cells(painting), [
+    [0, 0, 0],
+    [1, 0, 0],
+  ]);
   assert.ok(painting.redo());
   assert.equal(painting.redo(), false);
   assert.ok(painting.undo() && painting.undo());
@@ -33,7 +53,13 @@ test("strokes are undone and redone", () => {
 test("undo also restores the grid and the path, and a cancelled step leaves no trace", () => {
   const painting = new Painting();
   painting.begin();
-  painting.draw([[0, 0, 0], [0, 1, 0], [0, 2, 0]].map((cell) => key(cell)));
+  painting.draw(
+    [
+      [0, 0, 0],
+      [0, 1, 0],
+      [0, 2, 0],
+    ].map((cell) => key(cell)),
+  );
   painting.end();
   const { path } = painting;
   stroke(painting, [[0, 1, 0]], false); // emptied cells are not part of the path
@@ -69,7 +95,12 @@ test("any sequence of strokes can be undone, as far as steps are kept", () => {
 
 test("cells are connected by faces, not across the edge of the grid", () => {
   const painting = new Painting();
-  stroke(painting, [[0, 0, 0], [0, 1, 0], [1, 2, 0], [0, SIZE - 1, 0]]);
+  stroke(painting, [
+    [0, 0, 0],
+    [0, 1, 0],
+    [1, 2, 0],
+    [0, SIZE - 1, 0],
+  ]);
   assert.equal(parts(painting.cells, painting.size).length, 3);
   stroke(painting, [[1, 1, 0]]);
   assert.equal(parts(painting.cells, painting.size).length, 2);
@@ -78,18 +109,29 @@ test("cells are connected by faces, not across the edge of the grid", () => {
 test("doubling turns a cell into a block of eight", () => {
   const block = cellsOf([key([1, 2, 3])], SIZE, true);
   assert.equal(new Set(block.map(String)).size, 8);
-  for (const cell of block) assert.deepEqual(cell.map((v) => v >> 1), [1, 2, 3]);
+  for (const cell of block)
+    assert.deepEqual(
+      cell.map((v) => v >> 1),
+      [1, 2, 3],
+    );
 });
 
 test("keys identify cells", () => {
   for (const size of SIZES) {
-    for (const cell of [[0, 0, 0], [3, 7, 5], [size - 1, size - 1, size - 1]]) assert.deepEqual(cellOf(key(cell, size), size), cell);
+    for (const cell of [
+      [0, 0, 0],
+      [3, 7, 5],
+      [size - 1, size - 1, size - 1],
+    ])
+      assert.deepEqual(cellOf(key(cell, size), size), cell);
   }
 });
 
 test("a stored drawing is restored as far as it is valid", () => {
-  for (const nonsense of [null, [3, 4], { size: 1e9, filled: [1] }]) assert.equal(unpacked(nonsense), null);
-  for (const empty of [{ size: 10 }, { size: 10, filled: "no", path: 3 }]) assert.deepEqual(keysOf(unpacked(empty).cells), []);
+  for (const nonsense of [null, [3, 4], { size: 1e9, filled: [1] }])
+    assert.equal(unpacked(nonsense), null);
+  for (const empty of [{ size: 10 }, { size: 10, filled: "no", path: 3 }])
+    assert.deepEqual(keysOf(unpacked(empty).cells), []);
   const restored = unpacked({ size: 16, filled: [5, 6, -1, 16 ** 3, "7", 8.5], path: [5, 6, 7] });
   assert.deepEqual([restored.size, keysOf(restored.cells), restored.path], [16, [5, 6], [5, 6]]);
 });
@@ -97,7 +139,10 @@ test("a stored drawing is restored as far as it is valid", () => {
 test("every letter is connected", () => {
   for (const letter of "ABCDEFGHIJKLMNOPQRSTUVWXYZ") {
     const painting = new Painting();
-    stroke(painting, letterCells(letter).map(([row, column]) => [row, column, 0]));
+    stroke(
+      painting,
+      letterCells(letter).map(([row, column]) => [row, column, 0]),
+    );
     assert.equal(parts(painting.cells, painting.size).length, 1, letter);
   }
 });
@@ -127,15 +172,34 @@ test("a full cube shows three whole sides; of other cells, the nearest ones are 
 // Draft without the cells.
 /** @param {string | null} text that the browser stores */
 function storing(text = null) {
-  globalThis.localStorage = { getItem: () => text, setItem: (_, value) => { text = value; } };
+  globalThis.localStorage = {
+    getItem: () => text,
+    setItem: (_, value) => {
+      text = value;
+    },
+  };
 }
 const seen = ({ how, name }) => [how, name];
-afterEach(() => { delete globalThis.localStorage; delete globalThis.sessionStorage; });
+afterEach(() => {
+  delete globalThis.localStorage;
+  delete globalThis.sessionStorage;
+});
 
 test("the steps for undo and redo survive leaving the page, as far as they fit", () => {
-  globalThis.localStorage = globalThis.sessionStorage = new class { getItem(name) { return this[name] ?? null; } setItem(name, value) { this[name] = value; } }();
+  globalThis.localStorage = globalThis.sessionStorage = new (class {
+    getItem(name) {
+      return this[name] ?? null;
+    }
+    setItem(name, value) {
+      this[name] = value;
+    }
+  })();
   const painting = new Painting();
-  const step = (...keys) => { painting.begin(); painting.paint(keys, true); painting.end(); };
+  const step = (...keys) => {
+    painting.begin();
+    painting.paint(keys, true);
+    painting.end();
+  };
   step(1);
   step(2);
   painting.undo();
@@ -145,7 +209,11 @@ test("the steps for undo and redo survive leaving the page, as far as they fit",
   again.redo();
   assert.equal(again.filled, 2);
   painting.become({ size: 32, cells: new Uint8Array(32 ** 3).fill(1), path: [] });
-  for (let k = 0; k < 9; k++) { painting.begin(); painting.paint([k], false); painting.end(); }
+  for (let k = 0; k < 9; k++) {
+    painting.begin();
+    painting.paint([k], false);
+    painting.end();
+  }
   painting.leave();
   assert.ok(sessionStorage["foldback:painting-steps"].length < 1_000_100);
   assert.equal(new Painting().done.length, 5);
@@ -167,7 +235,14 @@ test("a draft is empty if nothing valid is stored", () => {
 });
 
 test("a draft works without storage", () => {
-  globalThis.localStorage = new Proxy({}, { get() { throw new Error("no storage"); } });
+  globalThis.localStorage = new Proxy(
+    {},
+    {
+      get() {
+        throw new Error("no storage");
+      },
+    },
+  );
   const draft = new Draft();
   draft.note({ how: "yes" });
   assert.equal(draft.how, "yes");

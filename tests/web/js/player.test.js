@@ -32,7 +32,10 @@ async function shown(options = {}, given = vectors.timeline) {
   const { timeline } = await recorded(given);
   const player = new Player(timeline, options);
   const events = {};
-  for (const name of ["state", "module", "outline", "drawn"]) player.on(name, (detail) => { events[name] = detail; });
+  for (const name of ["state", "module", "outline", "drawn"])
+    player.on(name, (detail) => {
+      events[name] = detail;
+    });
   assert.equal(player.send({ do: "play" }), false); // no frames yet
   await turnOfEvents();
   draw(1);
@@ -46,11 +49,17 @@ test("a requested frame is shown and reported", async () => {
     assert.ok(player.send({ do: "seek", frame }));
     draw(1);
     assert.equal(events.drawn, frame);
-    assert.deepEqual([events.state.frame, events.state.frames, events.state.time_s], [frame, timeline.total, time]);
+    assert.deepEqual(
+      [events.state.frame, events.state.frames, events.state.time_s],
+      [frame, timeline.total, time],
+    );
   }
   assert.equal(events.state.phase, "playback");
   assert.ok(player.send({ do: "seek", percent: 0 }));
-  assert.deepEqual([events.state.frame, events.state.phase, events.state.error_rad], [0, "explosion", null]);
+  assert.deepEqual(
+    [events.state.frame, events.state.phase, events.state.error_rad],
+    [0, "explosion", null],
+  );
   assert.equal(player.send({ do: "dance" }), false);
 });
 
@@ -58,7 +67,10 @@ test("playing pauses between two pictures, but turning the view does not wait", 
   mock.timers.enable({ apis: ["setTimeout"] });
   try {
     const { player } = await shown({ pauseMs: () => 1e6 });
-    const turn = () => { player.send({ do: "orbit", turn: [0.1, 0] }); draw(1); };
+    const turn = () => {
+      player.send({ do: "orbit", turn: [0.1, 0] });
+      draw(1);
+    };
     player.send({ do: "play" });
     turn();
     const { frame } = player.shown;
@@ -105,7 +117,14 @@ test("requests made while a timeline is fetched again are carried out when it is
 
 test("a batch with fewer frames than announced is used as far as it goes", () => {
   const column = (width) => new Float32Array(2 * width);
-  const arrays = { time_s: column(1), phase: column(1), root_position: column(3), root_wxyz: column(4), joint_angles_rad: column(1), joint_error_rad: column(1) };
+  const arrays = {
+    time_s: column(1),
+    phase: column(1),
+    root_position: column(3),
+    root_wxyz: column(4),
+    joint_angles_rad: column(1),
+    joint_error_rad: column(1),
+  };
   assert.equal(new Rows({ arrays }, column(1).subarray(1)).rows, 2);
 });
 
@@ -158,9 +177,17 @@ test("a selected module shows its cell and its joint", async () => {
   const { index, cell, joints } = events.module;
   assert.deepEqual([index, cell.map((c) => c + 0)], [6, vectors.timeline.cells[6]]);
   const first = (6 - timeline.chain.rigid_links) * timeline.chain.hinges;
-  assert.deepEqual(joints.map(({ name }) => name), vectors.timeline.joints.slice(first, first + timeline.chain.hinges));
-  close(joints.map(({ angle_rad: angle }) => angle), AT_END.angles.slice(first, first + timeline.chain.hinges));
-  close([Math.max(...joints.map(({ error_rad: error }) => error))], [AT_END.errors[6]], { rtol: 1 / 256 });
+  assert.deepEqual(
+    joints.map(({ name }) => name),
+    vectors.timeline.joints.slice(first, first + timeline.chain.hinges),
+  );
+  close(
+    joints.map(({ angle_rad: angle }) => angle),
+    AT_END.angles.slice(first, first + timeline.chain.hinges),
+  );
+  close([Math.max(...joints.map(({ error_rad: error }) => error))], [AT_END.errors[6]], {
+    rtol: 1 / 256,
+  });
   player.send({ do: "select", module: 99 });
   assert.equal(events.module.index, 6);
   player.send({ do: "select", module: null });
@@ -173,20 +200,44 @@ test("joints of a peeled chain show their error where they were simulated", asyn
   const module = middle.errors.indexOf(Math.max(...middle.errors));
   player.send({ do: "select", module });
   player.send({ do: "seek", frame: middle.frame });
-  close([Math.max(...events.module.joints.map(({ error_rad: error }) => error))], [middle.errors[module]], { rtol: 1 / 256 });
+  close(
+    [Math.max(...events.module.joints.map(({ error_rad: error }) => error))],
+    [middle.errors[module]],
+    { rtol: 1 / 256 },
+  );
   player.send({ do: "seek", frame: explosion.frame });
   assert.ok(events.module.joints.every(({ error_rad: error }) => error === null));
 });
 
 test("each module but the first and the last shows the hinges of its joint", () => {
   const chain = { modules: 5, rigid_links: 1, hinges: 2, hinge_names: ["z", "y"] };
-  const timeline = { chain, joints: 6, bundle: { arrays: { folded_positions: new Float32Array(15) } }, foldedRad: [10, 11, 12, 13, 14, 15] };
+  const timeline = {
+    chain,
+    joints: 6,
+    bundle: { arrays: { folded_positions: new Float32Array(15) } },
+    foldedRad: [10, 11, 12, 13, 14, 15],
+  };
   const snapshot = { angle: (j) => j, errors: new Float32Array(6) };
   const hinges = [0, 1, 3, 4].map((selected) => {
     const state = Object.assign(new PlayerState(timeline, true), { shown: snapshot, selected });
-    return state.module.joints.map(({ name, angle_rad: angle, target_rad: target }) => [name, angle, target]);
+    return state.module.joints.map(({ name, angle_rad: angle, target_rad: target }) => [
+      name,
+      angle,
+      target,
+    ]);
   });
-  assert.deepEqual(hinges, [[], [["joint_1_z", 0, 10], ["joint_1_y", 1, 11]], [["joint_3_z", 4, 14], ["joint_3_y", 5, 15]], []]);
+  assert.deepEqual(hinges, [
+    [],
+    [
+      ["joint_1_z", 0, 10],
+      ["joint_1_y", 1, 11],
+    ],
+    [
+      ["joint_3_z", 4, 14],
+      ["joint_3_y", 5, 15],
+    ],
+    [],
+  ]);
 });
 
 test("a click on a module selects it, and another one deselects it", async () => {
@@ -206,9 +257,15 @@ test("the motion plays to the end with the whole chain in view", async () => {
     const { position, target } = player.rig.eye;
     assert.ok(position.every(Number.isFinite) && target.every(Number.isFinite));
     const { view } = player.rig;
-    assert.ok(view.distance >= (1 - 1e-9) * distanceNeeded(player.rig.points(player.shown), view, player.rig.seeing()));
+    assert.ok(
+      view.distance >=
+        (1 - 1e-9) * distanceNeeded(player.rig.points(player.shown), view, player.rig.seeing()),
+    );
   }
-  assert.deepEqual([player.is.playing, player.playhead.frame, events.state.playing], [false, timeline.last, false]);
+  assert.deepEqual(
+    [player.is.playing, player.playhead.frame, events.state.playing],
+    [false, timeline.last, false],
+  );
   draw(200);
   assert.equal(due.length, 0); // nothing is drawn at rest
   player.send({ do: "play" });
@@ -223,7 +280,10 @@ test("the camera goes to modules that are to be looked at, and back", async () =
   player.lookAt([3, 4], clearestSight);
   draw(200);
   const seen = player.rig.view;
-  const middle = [0, 1, 2].map((c) => ((player.shown.positions[9 + c] + player.shown.positions[12 + c]) / 2) * player.rig.pitch);
+  const middle = [0, 1, 2].map(
+    (c) =>
+      ((player.shown.positions[9 + c] + player.shown.positions[12 + c]) / 2) * player.rig.pitch,
+  );
   close(seen.target, middle, { atol: 0.5 * player.rig.pitch });
   player.lookAt([]);
   draw(200);
@@ -293,7 +353,15 @@ test("steps are whole frames, and stay in the timeline", () => {
     playhead.do({ do: "step", by });
     return playhead.frame;
   };
-  assert.deepEqual([3.5, 3, 0, 239].map((frame) => [stepped(frame, 1), stepped(frame, -1)]), [[4, 3], [4, 2], [1, 0], [239, 238]]);
+  assert.deepEqual(
+    [3.5, 3, 0, 239].map((frame) => [stepped(frame, 1), stepped(frame, -1)]),
+    [
+      [4, 3],
+      [4, 2],
+      [1, 0],
+      [239, 238],
+    ],
+  );
   assert.equal(stepped(3, -10), 0);
   assert.equal(playhead.do({ do: "nothing" }), false);
 });
@@ -329,11 +397,18 @@ test("two folds play their phases in step", async () => {
   outline.phases = [{ name: "explosion", from: begin / 2, to: begin }, outline.phases[1]];
   const pair = new Pair([one, two]);
   let latest = null;
-  pair.on("state", (state) => { latest = state; });
+  pair.on("state", (state) => {
+    latest = state;
+  });
   assert.equal(pair.send({ do: "play" }), false);
   pair.begin();
   assert.equal(pair.last, timeline.last);
-  for (const [frame, other] of [[0, begin / 2], [begin - 1, begin - 1], [begin, begin], [timeline.last, timeline.last]]) {
+  for (const [frame, other] of [
+    [0, begin / 2],
+    [begin - 1, begin - 1],
+    [begin, begin],
+    [timeline.last, timeline.last],
+  ]) {
     assert.ok(pair.send({ do: "seek", frame }));
     assert.deepEqual([one.playhead.frame, two.playhead.frame], [frame, other]);
     assert.equal(latest.phase, frame < begin ? "explosion" : "playback");

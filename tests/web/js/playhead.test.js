@@ -7,7 +7,10 @@ import { close, recorded, vectors } from "./vectors.js";
 
 function head(last = 239, growing = false) {
   const playhead = new Playhead({ last, growing });
-  const set = (options) => { playhead.do({ do: "set", ...options }); return [playhead.is.from, playhead.is.to, playhead.is.loop]; };
+  const set = (options) => {
+    playhead.do({ do: "set", ...options });
+    return [playhead.is.from, playhead.is.to, playhead.is.loop];
+  };
   return { playhead, set };
 }
 
@@ -59,29 +62,62 @@ test("there is no loop over frames that are not there yet", () => {
 
 // Frames of one hinge at these times; a time of null is a frame that has not arrived.
 function timeline(times, angles = times.map(() => 0), phases = times.map(() => 0)) {
-  const row = (k) => (times[k] === null || times[k] === undefined ? null : { time_s: times[k], phase: phases[k], first: 0, last: 1, angles: [angles[k]] });
+  const row = (k) =>
+    times[k] === null || times[k] === undefined
+      ? null
+      : { time_s: times[k], phase: phases[k], first: 0, last: 1, angles: [angles[k]] };
   return { last: times.length - 1, row, joints: 1 };
 }
 
 test("a step in time may end between frames and stays in the timeline", () => {
   const uneven = timeline([0, 0.1, 0.1, 0.5, 1.5]);
-  close([after(uneven, 0, 0.05), after(uneven, 0, 0.3), after(uneven, 2.5, 0.2), after(uneven, 3, 9)], [0.5, 2.5, 3, 4]);
-  close([after(uneven, 4, -1), after(uneven, 3.5, -0.7), after(uneven, 2, -0.05), after(uneven, 0.5, -1)], [3, 2.5, 0.5, 0]);
-  for (const frame of [0.25, 1, 2.75]) close([after(uneven, after(uneven, frame, 0.1), -0.1)], [frame === 1 ? 2 : frame]);
+  close(
+    [after(uneven, 0, 0.05), after(uneven, 0, 0.3), after(uneven, 2.5, 0.2), after(uneven, 3, 9)],
+    [0.5, 2.5, 3, 4],
+  );
+  close(
+    [
+      after(uneven, 4, -1),
+      after(uneven, 3.5, -0.7),
+      after(uneven, 2, -0.05),
+      after(uneven, 0.5, -1),
+    ],
+    [3, 2.5, 0.5, 0],
+  );
+  for (const frame of [0.25, 1, 2.75])
+    close([after(uneven, after(uneven, frame, 0.1), -0.1)], [frame === 1 ? 2 : frame]);
 });
 
 test("missing frames count as long as the last one in a step in time", () => {
   const partly = timeline([0, 0.1, null, null, null, null]);
-  close([after(partly, 0, 0.3), after(partly, 0, 60), after(partly, 3, 1), after(partly, 5, -1)], [3, 5, 4, 4]);
+  close(
+    [after(partly, 0, 0.3), after(partly, 0, 60), after(partly, 3, 1), after(partly, 5, -1)],
+    [3, 5, 4, 4],
+  );
 });
 
 test("the next change is where a hinge has turned visibly, or another phase begins", () => {
   const angles = [0, 0.02, 0.04, 0.06, 0.06, 0.06, 0.06];
-  const turns = timeline(angles.map((_, k) => k), angles, [0, 0, 0, 0, 0, 1, 1]);
-  assert.deepEqual([0, 0.5, 3, 5, 6].map((frame) => nextChange(turns, frame, 1).frame), [3, 3, 5, 6, 6]);
-  assert.deepEqual([6, 4.5, 3, 1, 0].map((frame) => nextChange(turns, frame, -1).frame), [4, 4, 0, 0, 0]);
+  const turns = timeline(
+    angles.map((_, k) => k),
+    angles,
+    [0, 0, 0, 0, 0, 1, 1],
+  );
+  assert.deepEqual(
+    [0, 0.5, 3, 5, 6].map((frame) => nextChange(turns, frame, 1).frame),
+    [3, 3, 5, 6, 6],
+  );
+  assert.deepEqual(
+    [6, 4.5, 3, 1, 0].map((frame) => nextChange(turns, frame, -1).frame),
+    [4, 4, 0, 0, 0],
+  );
   const partly = timeline([0, 1, null, 3, 4]);
-  assert.deepEqual([nextChange(partly, 0, 1), nextChange(partly, 2, 1), nextChange(partly, 4, -1)].map(({ frame }) => frame), [2, 3, 2]);
+  assert.deepEqual(
+    [nextChange(partly, 0, 1), nextChange(partly, 2, 1), nextChange(partly, 4, -1)].map(
+      ({ frame }) => frame,
+    ),
+    [2, 3, 2],
+  );
 });
 
 test("a search for a change continues at a frame that was missing", () => {
@@ -98,19 +134,35 @@ test("a search for a change continues at a frame that was missing", () => {
 test("the search for a change also looks at hinges outside of windows", async () => {
   const { timeline: peeled } = await recorded(vectors.peeled);
   assert.ok(peeled.windowed);
-  const angles = (frame) => { const row = peeled.row(frame); return Array.from({ length: peeled.joints }, (_, j) => angleIn(row, j)); };
+  const angles = (frame) => {
+    const row = peeled.row(frame);
+    return Array.from({ length: peeled.joints }, (_, j) => angleIn(row, j));
+  };
   for (const frame of [0, Math.round(peeled.last / 3), peeled.last]) {
     const from = angles(frame);
-    const turned = (k) => peeled.row(k).phase !== peeled.row(frame).phase || angles(k).some((angle, j) => Math.abs(angle - from[j]) > 0.05);
+    const turned = (k) =>
+      peeled.row(k).phase !== peeled.row(frame).phase ||
+      angles(k).some((angle, j) => Math.abs(angle - from[j]) > 0.05);
     for (const way of [1, -1]) {
       let k = frame;
-      do k += way; while (k > 0 && k < peeled.last && !turned(k));
+      do k += way;
+      while (k > 0 && k < peeled.last && !turned(k));
       assert.equal(nextChange(peeled, frame, way).frame, Math.min(Math.max(k, 0), peeled.last));
     }
   }
 });
 
 test("each key has one name, also with Caps Lock", () => {
-  const pressed = [["n", false], ["N", true], ["?", true], ["ArrowLeft", false], ["ArrowLeft", true], [" ", true]];
-  assert.deepEqual(pressed.map(([key, shiftKey]) => nameOf({ key, shiftKey })), ["n", "n", "?", "ArrowLeft", "Shift+ArrowLeft", " "]);
+  const pressed = [
+    ["n", false],
+    ["N", true],
+    ["?", true],
+    ["ArrowLeft", false],
+    ["ArrowLeft", true],
+    [" ", true],
+  ];
+  assert.deepEqual(
+    pressed.map(([key, shiftKey]) => nameOf({ key, shiftKey })),
+    ["n", "n", "?", "ArrowLeft", "Shift+ArrowLeft", " "],
+  );
 });

@@ -29,20 +29,31 @@ test("a quicker plan is on the left, one with more torque or room higher, all in
     assert.ok(dots[1].x < dots[0].x && dots[0].x < dots[2].x);
     assert.ok(axis !== "torque_mnm" ? dots[1].y > dots[0].y : dots[1].y < dots[0].y);
     for (const { x, y } of dots) assert.ok(x > 40 && x < 336 && y > 0 && y < 190, `${x} ${y}`);
-    for (const list of [across, up]) assert.ok(list.length > 1 && list.every(({ at, text }) => Number.isFinite(at) && text));
+    for (const list of [across, up])
+      assert.ok(list.length > 1 && list.every(({ at, text }) => Number.isFinite(at) && text));
   }
 });
 
 test("plans that lie close together share a label", () => {
-  const at = (/** @type {number} */ x, /** @type {string} */ label) => ({ x, y: 50, plan: { ...plan(1, 1, 1), label } });
-  assert.deepEqual(labels([at(50, "1. All at once"), at(90, "2. Blocks first"), at(60, "4. Plan 1, smoothed")]), [
-    { x: 60, y: 50, text: "1, 4" },
-    { x: 90, y: 50, text: "2" },
-  ]);
+  const at = (/** @type {number} */ x, /** @type {string} */ label) => ({
+    x,
+    y: 50,
+    plan: { ...plan(1, 1, 1), label },
+  });
+  assert.deepEqual(
+    labels([at(50, "1. All at once"), at(90, "2. Blocks first"), at(60, "4. Plan 1, smoothed")]),
+    [
+      { x: 60, y: 50, text: "1, 4" },
+      { x: 90, y: 50, text: "2" },
+    ],
+  );
 });
 
 test("unknown figures have no dot; a single plan, or equal ones, can be drawn", () => {
-  assert.equal(layout([plan(null, 1, 0.1), plan(3, null, 0.1), plan(3, 0, 0.1)], "torque_mnm").dots.length, 0);
+  assert.equal(
+    layout([plan(null, 1, 0.1), plan(3, null, 0.1), plan(3, 0, 0.1)], "torque_mnm").dots.length,
+    0,
+  );
   assert.equal(layout([plan(3, null, 0.1)], "room").dots.length, 1);
   const { dots, up } = layout([plan(3, 1, 0), plan(3, 1, 0)], "torque_mnm");
   assert.ok(dots.every(({ x, y }) => Number.isFinite(x) && Number.isFinite(y)));
@@ -54,9 +65,20 @@ test("a plot as text lists every frame from 1, and nothing where nothing is know
 });
 
 test("axes have round values with their unit, and frames from 1", () => {
-  const { up, across } = axes({ low: 0, high: 3.4e-5, frames: 1026, text: (v) => `${Math.round(v * 1e6)} µN·m` });
-  assert.deepEqual(up.map(({ text }) => text), ["0 µN·m", "10 µN·m", "20 µN·m", "30 µN·m"]);
-  assert.deepEqual(across.map(({ text }) => text), ["1", "500", "1\u2009000"]);
+  const { up, across } = axes({
+    low: 0,
+    high: 3.4e-5,
+    frames: 1026,
+    text: (v) => `${Math.round(v * 1e6)} µN·m`,
+  });
+  assert.deepEqual(
+    up.map(({ text }) => text),
+    ["0 µN·m", "10 µN·m", "20 µN·m", "30 µN·m"],
+  );
+  assert.deepEqual(
+    across.map(({ text }) => text),
+    ["1", "500", "1\u2009000"],
+  );
   assert.ok([...up, ...across].every(({ at }) => at >= 0 && at <= 1));
   assert.equal(axes({ low: 0, high: 0, frames: 1, text: String }).across.length, 1);
 });
@@ -66,10 +88,17 @@ test("a scale is linear or logarithmic, and a line has gaps where nothing is kno
   assert.deepEqual([0, 2.5, 10].map(even), [100, 75, 0]);
   assert.deepEqual([1, 10, 100].map(scaleOf([1, 100], [0, 8], true)), [0, 4, 8]);
   assert.equal(scaleOf([3, 3], [5, 9])(3), 5);
-  assert.equal(linePath([0, 10, NaN, 5], (k) => k, even), "M0.0 100.0L1.0 0.0M3.0 50.0");
+  assert.equal(
+    linePath([0, 10, NaN, 5], (k) => k, even),
+    "M0.0 100.0L1.0 0.0M3.0 50.0",
+  );
 });
 
 test("a typed frame counts from 1, with or without a space; anything else is refused", () => {
-  assert.deepEqual(["1", " 240 ", "1 085", "1\u2009085"].map((text) => frameIn(text, 1085)), [0, 239, 1084, 1084]);
-  for (const text of ["", "0", "1086", "-3", "2.5", "1e2", "12 s", "99999999999"]) assert.equal(frameIn(text, 1085), null, text);
+  assert.deepEqual(
+    ["1", " 240 ", "1 085", "1\u2009085"].map((text) => frameIn(text, 1085)),
+    [0, 239, 1084, 1084],
+  );
+  for (const text of ["", "0", "1086", "-3", "2.5", "1e2", "12 s", "99999999999"])
+    assert.equal(frameIn(text, 1085), null, text);
 });

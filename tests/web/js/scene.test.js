@@ -23,12 +23,25 @@ test("the view has the page's light or dark theme from the start", () => {
 
 test("invalid messages from the view are ignored", () => {
   const scene = new Scene(new EventTarget(), {});
-  for (const invalid of [null, 1, "open", [], {}, { is: "constructor" }, { is: "done", id: "x" }, { is: "key", key: "F5" }]) scene.hear(invalid);
+  for (const invalid of [
+    null,
+    1,
+    "open",
+    [],
+    {},
+    { is: "constructor" },
+    { is: "done", id: "x" },
+    { is: "key", key: "F5" },
+  ])
+    scene.hear(invalid);
   assert.equal(scene.open, false);
 });
 
 test("a tap sends a ray from the shown camera through that point of the picture", () => {
-  const scene = new Scene(Object.assign(new EventTarget(), { clientWidth: 200, clientHeight: 100 }), {});
+  const scene = new Scene(
+    Object.assign(new EventTarget(), { clientWidth: 200, clientHeight: 100 }),
+    {},
+  );
   const rays = [];
   scene.pick = (...ray) => rays.push(ray);
   scene.bundle = { header: { camera: { field_of_view_rad: Math.PI / 2 } } };
@@ -36,9 +49,20 @@ test("a tap sends a ray from the shown camera through that point of the picture"
   scene.eye = { position: [5, 0, 0], target: [0, 0, 0] };
   scene.tap(100, 50);
   scene.tap(200, 0); // seen from +x, +y is on the right and twice as far away as +z is up
-  const [middle, corner] = rays.map(([, direction]) => direction.map((v) => Math.round(1e6 * v) / 1e6));
-  assert.deepEqual(rays.map(([origin]) => origin), [[5, 0, 0], [5, 0, 0]]);
+  const [middle, corner] = rays.map(([, direction]) =>
+    direction.map((v) => Math.round(1e6 * v) / 1e6),
+  );
+  assert.deepEqual(
+    rays.map(([origin]) => origin),
+    [
+      [5, 0, 0],
+      [5, 0, 0],
+    ],
+  );
   assert.deepEqual(middle.map(Math.abs), [1, 0, 0]);
   const unit = Math.sqrt(6);
-  assert.deepEqual(corner, [-1 / unit, 2 / unit, 1 / unit].map((v) => Math.round(1e6 * v) / 1e6));
+  assert.deepEqual(
+    corner,
+    [-1 / unit, 2 / unit, 1 / unit].map((v) => Math.round(1e6 * v) / 1e6),
+  );
 });

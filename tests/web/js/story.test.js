@@ -8,14 +8,21 @@ const TICK_S = 1 / 30;
 const EXPLOSION = 500;
 
 // Fold with a number of frames in each phase, and the frames that its page shows over time.
-function told({ explosion = EXPLOSION, playback = 0, growing = true, over = false, calm = false } = {}) {
+function told({
+  explosion = EXPLOSION,
+  playback = 0,
+  growing = true,
+  over = false,
+  calm = false,
+} = {}) {
   const timeline = { growing, over, windowed: false, outline: { phases: [] }, last: 0 };
   const playhead = new Playhead(timeline);
   const story = new Story(playhead, timeline, calm);
   playhead.story = story;
   const has = (exploded, played) => {
     timeline.outline.phases = [{ name: "explosion", from: 0, to: exploded }];
-    if (played) timeline.outline.phases.push({ name: "playback", from: exploded, to: exploded + played });
+    if (played)
+      timeline.outline.phases.push({ name: "playback", from: exploded, to: exploded + played });
     timeline.last = exploded + played - 1;
   };
   let now = 0;
@@ -28,8 +35,14 @@ function told({ explosion = EXPLOSION, playback = 0, growing = true, over = fals
     }
     return playhead.frame;
   };
-  const finish = () => { Object.assign(timeline, { growing: false, over: true }); story.settled(); };
-  const send = (message) => { story.heard(message); playhead.do(message); };
+  const finish = () => {
+    Object.assign(timeline, { growing: false, over: true });
+    story.settled();
+  };
+  const send = (message) => {
+    story.heard(message);
+    playhead.do(message);
+  };
   has(explosion, playback);
   story.begun();
   return { timeline, playhead, story, has, pass, finish, send };
@@ -83,7 +96,10 @@ test("after the verdict the fold plays once from straight, then rests", () => {
   assert.deepEqual([playhead.frame, playhead.is.playing], [EXPLOSION, true]);
   assert.ok(pass(3) < timeline.last - 50);
   pass(9);
-  assert.deepEqual([playhead.frame, playhead.is.playing, story.telling], [timeline.last, false, false]);
+  assert.deepEqual(
+    [playhead.frame, playhead.is.playing, story.telling],
+    [timeline.last, false, false],
+  );
   pass(5);
   assert.equal(playhead.frame, timeline.last);
 });
@@ -98,14 +114,25 @@ test("a verdict during the explosion plays on to the finished shape", () => {
   assert.deepEqual([playhead.frame, playhead.is.playing], [timeline.last, false]);
 });
 
-for (const message of [{ do: "seek", frame: 40 }, { do: "step", by: 1 }, { do: "pause" }, { do: "set", live: true }]) {
+for (const message of [
+  { do: "seek", frame: 40 },
+  { do: "step", by: 1 },
+  { do: "pause" },
+  { do: "set", live: true },
+]) {
   test(`the story does not interrupt a visitor who sends ${message.do}`, () => {
     const { playhead, story, pass, send, finish } = told({ playback: 200 });
     pass(2);
     send(message);
-    const { frame, is: { playing } } = playhead;
+    const {
+      frame,
+      is: { playing },
+    } = playhead;
     finish();
-    assert.deepEqual([playhead.frame, playhead.is.playing, story.framesPerSecond], [frame, playing, null]);
+    assert.deepEqual(
+      [playhead.frame, playhead.is.playing, story.framesPerSecond],
+      [frame, playing, null],
+    );
   });
 }
 

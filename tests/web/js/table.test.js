@@ -6,7 +6,8 @@ globalThis.matchMedia = () => ({ matches: false, addEventListener() {} });
 globalThis.document = { documentElement: { dataset: {} } };
 const { Stage, discs } = await import("../../../web/static/js/viewer/stage.js");
 const { tableColours } = await import("../../../web/static/js/viewer/sketch.js");
-const { colouring, colouringsOf, withUnit } = await import("../../../web/static/js/player/colours.js");
+const { colouring, colouringsOf, withUnit } =
+  await import("../../../web/static/js/player/colours.js");
 const { recorded } = await import("./vectors.js");
 
 test("the ground arrives below the chain, wherever it was and if its first step takes no time", () => {
@@ -39,14 +40,23 @@ test("the table has the page's light or dark theme", () => {
 
 test("a fold on a table has other torques than one that floats", async () => {
   const keys = (table) => colouringsOf(table).map(([key]) => key);
-  assert.deepEqual(keys(true).filter((key) => !keys(false).includes(key)), ["joint_torque", "pressed"]);
-  assert.deepEqual(keys(false).filter((key) => !keys(true).includes(key)), ["torque"]);
+  assert.deepEqual(
+    keys(true).filter((key) => !keys(false).includes(key)),
+    ["joint_torque", "pressed"],
+  );
+  assert.deepEqual(
+    keys(false).filter((key) => !keys(true).includes(key)),
+    ["torque"],
+  );
   assert.equal(withUnit(4, 2.6487e-4), "4 w·p, 1.1 mN·m");
   const { timeline } = await recorded();
   const figures = {
     plots: { table: { unit_nm: 0.001, bound: 8, kept: 2, words: "frictionless" } },
     largest: () => 3.2,
-    row: () => ({ joint_torque: new Float32Array(timeline.joints).fill(2), pressed: new Float32Array(timeline.chain.modules).fill(1) }),
+    row: () => ({
+      joint_torque: new Float32Array(timeline.joints).fill(2),
+      pressed: new Float32Array(timeline.chain.modules).fill(1),
+    }),
   };
   const shown = timeline.snapshot(0);
   assert.equal(colouring("joint_torque", timeline, figures).legend().high, "3.2 w·p, 3.2 mN·m");
@@ -54,6 +64,13 @@ test("a fold on a table has other torques than one that floats", async () => {
   const { unknown } = timeline.bundle.header.colours;
   for (const key of ["joint_torque", "pressed"]) {
     assert.equal(colouring(key, timeline, figures).of(shown).length, 3 * timeline.chain.modules);
-    assert.deepEqual([...colouring(key, timeline, { ...figures, row: () => null }).of(shown).subarray(0, 3)], unknown);
+    assert.deepEqual(
+      [
+        ...colouring(key, timeline, { ...figures, row: () => null })
+          .of(shown)
+          .subarray(0, 3),
+      ],
+      unknown,
+    );
   }
 });

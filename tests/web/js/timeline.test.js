@@ -7,7 +7,16 @@ const TOTAL = 400;
 
 // Source of `TOTAL` frames, one per second; after each number of requests the timeline is replaced.
 function begunAnew(swaps, status) {
-  const chain = { modules: 2, root: 0, rigid_links: 0, hinges: 1, axes: [[0, 0, 1]], anchor: [0.5, 0, 0], offset: [0.5, 0, 0], turn: [1, 0, 0, 0] };
+  const chain = {
+    modules: 2,
+    root: 0,
+    rigid_links: 0,
+    hinges: 1,
+    axes: [[0, 0, 1]],
+    anchor: [0.5, 0, 0],
+    offset: [0.5, 0, 0],
+    turn: [1, 0, 0, 0],
+  };
   const arrays = { folded_rad: new Float32Array(1), folded_positions: new Float32Array(6) };
   return {
     asked: 0,
@@ -22,7 +31,11 @@ function begunAnew(swaps, status) {
         header: { id, status, total: TOTAL, start: from, stop, stride, outline: {} },
         arrays: {
           time_s: column(1).map((_, k) => from + k * stride),
-          phase: column(1), root_position: column(3), root_wxyz: column(4), joint_angles_rad: column(1), joint_error_rad: column(1),
+          phase: column(1),
+          root_position: column(3),
+          root_wxyz: column(4),
+          joint_angles_rad: column(1),
+          joint_error_rad: column(1),
         },
       };
     },
@@ -38,7 +51,9 @@ async function pass(timers, ms) {
 }
 
 for (const swaps of [[], [2], [4], [4, 9]]) {
-  test(`a timeline that restarts after ${swaps.join(" and ") || "no"} requests is shown to its end`, async ({ mock: { timers } }) => {
+  test(`a timeline that restarts after ${swaps.join(" and ") || "no"} requests is shown to its end`, async ({
+    mock: { timers },
+  }) => {
     timers.enable({ apis: ["setTimeout"] });
     const source = begunAnew(swaps, "complete");
     const timeline = new Timeline(source, { over: false });
@@ -46,7 +61,10 @@ for (const swaps of [[], [2], [4], [4, 9]]) {
     timeline.finish();
     await pass(timers, 300);
     timeline.stop();
-    assert.deepEqual([timeline.id, timeline.complete, timeline.total], [`timeline ${swaps.length}`, true, TOTAL]);
+    assert.deepEqual(
+      [timeline.id, timeline.complete, timeline.total],
+      [`timeline ${swaps.length}`, true, TOTAL],
+    );
     assert.ok(source.asked < 60, `${source.asked} requests`); // it waits between polls
   });
 }
@@ -64,10 +82,15 @@ test("every frame is stored in its place, first some that are spread over the ti
   const timeline = new Timeline(begunAnew([], "complete"));
   const times = () => Array.from({ length: TOTAL }, (_, k) => timeline.row(k)?.time_s ?? null);
   let spread = null;
-  timeline.on("begun", () => { spread = times(); });
+  timeline.on("begun", () => {
+    spread = times();
+  });
   while (!timeline.complete) await turnOfEvents();
   const frames = Array.from({ length: TOTAL }, (_, k) => k);
-  assert.deepEqual(spread, frames.map((k) => (k % 7 ? null : k)));
+  assert.deepEqual(
+    spread,
+    frames.map((k) => (k % 7 ? null : k)),
+  );
   assert.deepEqual(times(), frames);
 });
 
@@ -82,20 +105,36 @@ for (const kind of ["timeline", "peeled"]) {
       const shown = timeline.snapshot(frame);
       assert.ok(shown.exact);
       assert.equal(shown.time_s, time);
-      close(angles.map((_, j) => shown.angle(j)), angles, { atol: 6e-7 });
+      close(
+        angles.map((_, j) => shown.angle(j)),
+        angles,
+        { atol: 6e-7 },
+      );
       const expected = (await unpack(poses)).arrays;
       close(shown.positions, expected.positions, { atol: kind === "peeled" ? 3e-5 : 3e-6 }); // roundings add up along a rod
       closeTurns(shown.wxyzs, expected.wxyzs, 1e-5);
       const told = timeline.perModule(shown.errors);
-      assert.deepEqual([...told].map(Number.isNaN), errors.map((v) => v === null));
+      assert.deepEqual(
+        [...told].map(Number.isNaN),
+        errors.map((v) => v === null),
+      );
       const known = errors.flatMap((v, i) => (v === null ? [] : [i]));
-      close(known.map((i) => told[i]), known.map((i) => errors[i]), { atol: 1e-12, rtol: 1 / 256 });
+      close(
+        known.map((i) => told[i]),
+        known.map((i) => errors[i]),
+        { atol: 1e-12, rtol: 1 / 256 },
+      );
     }
     const { frame: middle, errors } = given.frames[1];
     assert.ok(Math.max(...errors) > 0);
-    const [before, between, after] = [middle, middle + 0.25, middle + 1].map((frame) => timeline.snapshot(frame));
+    const [before, between, after] = [middle, middle + 0.25, middle + 1].map((frame) =>
+      timeline.snapshot(frame),
+    );
     assert.ok(Math.abs(between.time_s - (0.75 * before.time_s + 0.25 * after.time_s)) < 1e-9);
-    for (const j of before.errors.keys()) assert.ok(Math.abs(between.angle(j) - (0.75 * before.angle(j) + 0.25 * after.angle(j))) < 1e-7);
+    for (const j of before.errors.keys())
+      assert.ok(
+        Math.abs(between.angle(j) - (0.75 * before.angle(j) + 0.25 * after.angle(j))) < 1e-7,
+      );
     assert.deepEqual(between.errors, before.errors);
   });
 }
@@ -103,7 +142,10 @@ for (const kind of ["timeline", "peeled"]) {
 test("hinge speeds follow from the changes of angles", async () => {
   const { timeline } = await recorded();
   const [one, two] = [timeline.snapshot(120), timeline.snapshot(121)];
-  const expected = Array.from({ length: timeline.joints }, (_, j) => (two.angle(j) - one.angle(j)) / (two.time_s - one.time_s));
+  const expected = Array.from(
+    { length: timeline.joints },
+    (_, j) => (two.angle(j) - one.angle(j)) / (two.time_s - one.time_s),
+  );
   assert.ok(Math.max(...expected.map(Math.abs)) > 0.1);
   for (const frame of [120, 120.5]) close(timeline.speeds(frame), expected, { atol: 1e-5 });
   const seam = timeline.outline.phases[1].from - 1; // an explosion's last frame and a playback's first
@@ -127,9 +169,14 @@ test("a refused request is repeated when the service says so", async ({ mock }) 
   const source = begunAnew([], "growing");
   const busy = new Source("/folds/one");
   let asked = 0;
-  mock.method(globalThis, "fetch", async () => { asked++; return new Response("{}", { status: 429, headers: { "Retry-After": "2" } }); });
+  mock.method(globalThis, "fetch", async () => {
+    asked++;
+    return new Response("{}", { status: 429, headers: { "Retry-After": "2" } });
+  });
   const { batch } = source;
-  source.batch = function wait(how) { return how?.wait ? busy.batch(how) : batch.call(this, how); };
+  source.batch = function wait(how) {
+    return how?.wait ? busy.batch(how) : batch.call(this, how);
+  };
   const timeline = new Timeline(source, { over: false });
   await pass(timers, 1900);
   assert.equal(asked, 1);
@@ -139,12 +186,17 @@ test("a refused request is repeated when the service says so", async ({ mock }) 
   assert.ok(timeline.chain && timeline.growing); // existing data stay
 });
 
-test("the timeline of a running fold asks often for its first frames", async ({ mock: { timers } }) => {
+test("the timeline of a running fold asks often for its first frames", async ({
+  mock: { timers },
+}) => {
   timers.enable({ apis: ["setTimeout"] });
   const source = begunAnew([], "complete");
   const { batch } = source;
   const asked = [];
-  source.batch = function first(how) { asked.push(how); return asked.length < 50 ? null : batch.call(this, how); };
+  source.batch = function first(how) {
+    asked.push(how);
+    return asked.length < 50 ? null : batch.call(this, how);
+  };
   const timeline = new Timeline(source, { over: false });
   await pass(timers, 990);
   const often = asked.length;
@@ -161,7 +213,10 @@ test("the bundle is fetched once, before the first frame", async ({ mock: { time
   const { bundle, batch } = source;
   let frames = false;
   let bundles = 0;
-  source.bundle = () => { bundles++; return bundle(); };
+  source.bundle = () => {
+    bundles++;
+    return bundle();
+  };
   source.batch = async (asked) => {
     const found = await batch.call(source, asked);
     if (!frames) found.header.total = 0;

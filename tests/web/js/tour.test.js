@@ -3,9 +3,20 @@ import { test } from "node:test";
 import { hashOf, viewIn } from "../../../web/static/js/player/address.js";
 import { Flight } from "../../../web/static/js/tour/flight.js";
 import { idleSeconds } from "../../../web/static/js/tour/kiosk.js";
-import { MAX_CAPTION, MAX_STOPS, TourState, frameBetween, movingSeconds, readingSeconds } from "../../../web/static/js/tour/state.js";
+import {
+  MAX_CAPTION,
+  MAX_STOPS,
+  TourState,
+  frameBetween,
+  movingSeconds,
+  readingSeconds,
+} from "../../../web/static/js/tour/state.js";
 
-const tour = (...captions) => ({ format: "foldback-tour/1", title: "Wrench", stops: captions.map((caption, k) => ({ caption, frame: k + 1 })) });
+const tour = (...captions) => ({
+  format: "foldback-tour/1",
+  title: "Wrench",
+  stops: captions.map((caption, k) => ({ caption, frame: k + 1 })),
+});
 const captions = ({ stops }) => stops.map(({ caption }) => caption).join("");
 
 test("a tour is edited, and every step can be undone", () => {
@@ -45,7 +56,10 @@ test("an edited tour stays valid for the service", () => {
 });
 
 test("motion between stops is slow at both ends, and captions can be read", () => {
-  assert.deepEqual([-1, 0, 0.5, 1, 2].map((share) => frameBetween(10, 30, share)), [10, 10, 20, 30, 30]);
+  assert.deepEqual(
+    [-1, 0, 0.5, 1, 2].map((share) => frameBetween(10, 30, share)),
+    [10, 10, 20, 30, 30],
+  );
   assert.ok(frameBetween(10, 30, 0.1) < 12 && frameBetween(10, 30, 0.9) > 28);
   assert.ok(movingSeconds(2) >= 1 && movingSeconds(-1e6) === movingSeconds(1e6));
   assert.ok(readingSeconds("x".repeat(160)) > 8);
@@ -55,11 +69,20 @@ test("a visitor who moves the playhead stops the tour", () => {
   const frames = [];
   globalThis.requestAnimationFrame = (draw) => frames.push(draw);
   const player = {
-    is: { playing: false }, playhead: { frame: 0 }, mark() {},
-    send({ do: what, frame }) { if (what === "seek") this.playhead.frame = frame; },
+    is: { playing: false },
+    playhead: { frame: 0 },
+    mark() {},
+    send({ do: what, frame }) {
+      if (what === "seek") this.playhead.frame = frame;
+    },
   };
   const called = [];
-  const flight = new Flight(player, { calm: false, page: { colour() {}, path() {} }, over: () => called.push("over"), taken: () => called.push("taken") });
+  const flight = new Flight(player, {
+    calm: false,
+    page: { colour() {}, path() {} },
+    over: () => called.push("over"),
+    taken: () => called.push("taken"),
+  });
   flight.show({ caption: "a", frame: 100 }, { playing: true });
   frames.pop()();
   assert.deepEqual(called, []);
@@ -77,5 +100,10 @@ test("the address names a stop of the tour", () => {
 
 test("the kiosk accepts seconds in its range, and uses sixty otherwise", () => {
   assert.equal(idleSeconds("?theme=dark"), null);
-  assert.deepEqual(["10", "3600", "9", "3601", "-30", "1e3", "99999", ""].map((asked) => idleSeconds(`?kiosk=${asked}`)), [10, 3600, 60, 60, 60, 60, 60, 60]);
+  assert.deepEqual(
+    ["10", "3600", "9", "3601", "-30", "1e3", "99999", ""].map((asked) =>
+      idleSeconds(`?kiosk=${asked}`),
+    ),
+    [10, 3600, 60, 60, 60, 60, 60, 60],
+  );
 });

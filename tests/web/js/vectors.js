@@ -5,7 +5,10 @@ import { decode } from "../../../web/static/js/lib/columns.js";
 import { Timeline } from "../../../web/static/js/player/timeline.js";
 
 const path = process.env.FOLDBACK_VECTORS;
-if (!path) throw new Error("FOLDBACK_VECTORS names no file: run these by `pytest tests/web/test_javascript.py`");
+if (!path)
+  throw new Error(
+    "FOLDBACK_VECTORS names no file: run these by `pytest tests/web/test_javascript.py`",
+  );
 export const vectors = JSON.parse(readFileSync(path, "utf8"));
 
 // Decode a message of web/timeline/columns.py from base64.
@@ -15,7 +18,10 @@ export function close(found, expected, { atol = 1e-6, rtol = 0 } = {}) {
   assert.equal(found.length, expected.length);
   for (let k = 0; k < found.length; k++) {
     const off = Math.abs(found[k] - expected[k]);
-    assert.ok(off <= atol + rtol * Math.abs(expected[k]), `got ${found[k]}, expected ${expected[k]} at ${k}`);
+    assert.ok(
+      off <= atol + rtol * Math.abs(expected[k]),
+      `got ${found[k]}, expected ${expected[k]} at ${k}`,
+    );
   }
 }
 
@@ -36,14 +42,23 @@ export function random(bound) {
 }
 
 // Run all pending promises.
-export const turnOfEvents = () => new Promise((done) => { setImmediate(done); });
+export const turnOfEvents = () =>
+  new Promise((done) => {
+    setImmediate(done);
+  });
 
 // Complete timeline of these vectors; `asked` counts its requests.
 export async function recorded(given = vectors.timeline) {
   const source = {
     asked: 0,
-    bundle() { this.asked++; return unpack(given.bundle); },
-    batch() { this.asked++; return unpack(given.batch); },
+    bundle() {
+      this.asked++;
+      return unpack(given.bundle);
+    },
+    batch() {
+      this.asked++;
+      return unpack(given.batch);
+    },
   };
   const timeline = new Timeline(source);
   while (!timeline.complete) await turnOfEvents();

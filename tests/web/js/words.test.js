@@ -3,48 +3,110 @@ import { test } from "node:test";
 import { countFromOne, refusalWords } from "../../../web/static/js/lib/api.js";
 import { factsOf, verdictOf } from "../../../web/static/js/panels/owned_cards.js";
 import { preparingWords, remaining } from "../../../web/static/js/panels/preparing.js";
-import { duration, newtonMetres, number, radians, si, whole } from "../../../web/static/js/lib/text.js";
+import {
+  duration,
+  newtonMetres,
+  number,
+  radians,
+  si,
+  whole,
+} from "../../../web/static/js/lib/text.js";
 import { degrees } from "../../../web/static/js/panels/module_panel.js";
 import { motorWords } from "../../../web/static/js/panels/motor_words.js";
 import { vectors } from "./vectors.js";
 
 test("figures have two significant digits, and missing ones say so", () => {
   assert.equal(whole(1234567.4), "1\u2009234\u2009567");
-  assert.deepEqual([null, 0, 7.1e-6, 0.00123].map(radians), ["no data for this frame", "0 rad", "7.1 µrad", "1.2 mrad"]);
-  assert.deepEqual([Math.PI / 2, -0.5, -1e-9].map((v) => degrees(v)), ["90.0°", "−28.6°", "0.0°"]);
+  assert.deepEqual([null, 0, 7.1e-6, 0.00123].map(radians), [
+    "no data for this frame",
+    "0 rad",
+    "7.1 µrad",
+    "1.2 mrad",
+  ]);
+  assert.deepEqual(
+    [Math.PI / 2, -0.5, -1e-9].map((v) => degrees(v)),
+    ["90.0°", "−28.6°", "0.0°"],
+  );
   assert.deepEqual([1.234, 3.4e-5, 501].map(newtonMetres), ["1.2 N·m", "34 µN·m", "500 N·m"]);
-  assert.deepEqual([0.2, 89, 90, 5399, 7200].map(duration), ["about 1 s", "about 89 s", "about 2 min", "about 90 min", "about 2 h"]);
+  assert.deepEqual([0.2, 89, 90, 5399, 7200].map(duration), [
+    "about 1 s",
+    "about 89 s",
+    "about 2 min",
+    "about 90 min",
+    "about 2 h",
+  ]);
 });
 
 test("a quantity has the same text in scripts and on the server", () => {
   for (const { value, digits, si: withPrefix, number: plain } of vectors.quantities) {
-    assert.deepEqual([si(value, "N·m", digits), number(value, digits)], [withPrefix, plain], `${value} to ${digits} digits`);
+    assert.deepEqual(
+      [si(value, "N·m", digits), number(value, digits)],
+      [withPrefix, plain],
+      `${value} to ${digits} digits`,
+    );
   }
 });
 
 test("modules and cells in a text count from 1 in scripts as on the server", () => {
   for (const [text, fromOne] of vectors.module_texts) assert.equal(countFromOne(text), fromOne);
-  assert.equal(refusalWords({ detail: "modules 0 and 9 overlap", where: "modules 0 and 9" }, 422), "Modules 1 and 10 overlap");
-  const apart = { detail: "cells 1 and 2 are 3 steps apart; consecutive cells must share a face.", where: "cells 1 and 2" };
-  assert.equal(refusalWords(apart, 422), "Cells 2 and 3 are 3 steps apart; consecutive cells must share a face.");
+  assert.equal(
+    refusalWords({ detail: "modules 0 and 9 overlap", where: "modules 0 and 9" }, 422),
+    "Modules 1 and 10 overlap",
+  );
+  const apart = {
+    detail: "cells 1 and 2 are 3 steps apart; consecutive cells must share a face.",
+    where: "cells 1 and 2",
+  };
+  assert.equal(
+    refusalWords(apart, 422),
+    "Cells 2 and 3 are 3 steps apart; consecutive cells must share a face.",
+  );
 });
 
 test("a torque other than 0 is never shown as 0", () => {
-  assert.deepEqual([0, 1e-7, 2.5e-10, 1e-15].map(newtonMetres), ["0 N·m", "100 nN·m", "250 pN·m", "< 1 pN·m"]);
+  assert.deepEqual([0, 1e-7, 2.5e-10, 1e-15].map(newtonMetres), [
+    "0 N·m",
+    "100 nN·m",
+    "250 pN·m",
+    "< 1 pN·m",
+  ]);
 });
 
 test("the remaining time is rounded to what can be known", () => {
   assert.deepEqual([0, 1, 4.4, 12, 23, 400].map(remaining), [
-    "takes longer than usual", "a few seconds left", "a few seconds left", "about 12 s left", "about 25 s left", "about 7 min left",
+    "takes longer than usual",
+    "a few seconds left",
+    "a few seconds left",
+    "about 12 s left",
+    "about 25 s left",
+    "about 7 min left",
   ]);
-  assert.deepEqual([0, 12].map((value) => remaining(value, true)), ["slow, because the computer is busy with other work", "about 12 s left"]);
+  assert.deepEqual(
+    [0, 12].map((value) => remaining(value, true)),
+    ["slow, because the computer is busy with other work", "about 12 s left"],
+  );
 });
 
 test("a refusal says what is wrong and where", () => {
-  assert.equal(refusalWords({ detail: "got 3, expected 2", where: "seed" }, 422), "Seed: got 3, expected 2");
-  assert.equal(refusalWords({ detail: "the module size is too large", where: "module_size" }, 422), "The module size is too large");
-  assert.equal(refusalWords({ detail: "got an empty file, expected cells.", message: "This file is empty." }, 422), "This file is empty.");
-  assert.equal(refusalWords({}, 503), "The request failed: the server answered with status 503. Try again later.");
+  assert.equal(
+    refusalWords({ detail: "got 3, expected 2", where: "seed" }, 422),
+    "Seed: got 3, expected 2",
+  );
+  assert.equal(
+    refusalWords({ detail: "the module size is too large", where: "module_size" }, 422),
+    "The module size is too large",
+  );
+  assert.equal(
+    refusalWords(
+      { detail: "got an empty file, expected cells.", message: "This file is empty." },
+      422,
+    ),
+    "This file is empty.",
+  );
+  assert.equal(
+    refusalWords({}, 503),
+    "The request failed: the server answered with status 503. Try again later.",
+  );
 });
 
 /**
@@ -52,14 +114,23 @@ test("a refusal says what is wrong and where", () => {
  * @param {number} peak
  */
 function motors(torque, peak) {
-  const joints = [["joint_1_y", 0.002], ["joint_2_y", peak]].map(([name, need]) => ({
-    name: String(name), peak_torque_nm: Number(need), peak_time_s: 0.47, would_do: torque === null ? null : Number(need) <= torque,
+  const joints = [
+    ["joint_1_y", 0.002],
+    ["joint_2_y", peak],
+  ].map(([name, need]) => ({
+    name: String(name),
+    peak_torque_nm: Number(need),
+    peak_time_s: 0.47,
+    would_do: torque === null ? null : Number(need) <= torque,
   }));
   return { would_do: torque === null ? null : peak <= torque, motor_torque_nm: torque, joints };
 }
 
 test("without a motor the answer is the required torque, not a refusal", () => {
-  assert.equal(motorWords(motors(null, 201)), "Motors with a torque of 201 N·m or more are strong enough. joint_2_y needs the highest torque (201 N·m) 0.47 s after the motion starts.");
+  assert.equal(
+    motorWords(motors(null, 201)),
+    "Motors with a torque of 201 N·m or more are strong enough. joint_2_y needs the highest torque (201 N·m) 0.47 s after the motion starts.",
+  );
 });
 
 test("required figures are rounded up", () => {
@@ -67,14 +138,34 @@ test("required figures are rounded up", () => {
 });
 
 test("the judgement of a motor is a sentence", () => {
-  assert.match(motorWords(motors(3, 0.5)), /^Yes, 3 N·m is enough\. joint_2_y needs the highest torque \(500 mN·m\)/);
-  assert.match(motorWords(motors(3, 501)), /^No, 3 N·m is not enough for 1 of 2 hinges\. joint_2_y needs the highest torque \(501 N·m\)/);
+  assert.match(
+    motorWords(motors(3, 0.5)),
+    /^Yes, 3 N·m is enough\. joint_2_y needs the highest torque \(500 mN·m\)/,
+  );
+  assert.match(
+    motorWords(motors(3, 501)),
+    /^No, 3 N·m is not enough for 1 of 2 hinges\. joint_2_y needs the highest torque \(501 N·m\)/,
+  );
 });
 
 test("while the share is unknown, the text does not mention a first start", () => {
-  assert.equal(preparingWords({ fraction: 0, remaining_s: null }), "Starting the folding software…");
-  assert.equal(verdictOf({ status: "queued", stage: null, summary: {}, progress: { preparing: { fraction: 0.42, remaining_s: 25 } } }).text, "Preparing the folding software: 42 %");
-  assert.match(preparingWords({ fraction: 0.42, remaining_s: 25 }), /^First start: .*, 42 % done\. .* · about 25 s left$/);
+  assert.equal(
+    preparingWords({ fraction: 0, remaining_s: null }),
+    "Starting the folding software…",
+  );
+  assert.equal(
+    verdictOf({
+      status: "queued",
+      stage: null,
+      summary: {},
+      progress: { preparing: { fraction: 0.42, remaining_s: 25 } },
+    }).text,
+    "Preparing the folding software: 42 %",
+  );
+  assert.match(
+    preparingWords({ fraction: 0.42, remaining_s: 25 }),
+    /^First start: .*, 42 % done\. .* · about 25 s left$/,
+  );
 });
 
 test("the card of a fold says how much it is like its file", () => {

@@ -22,12 +22,17 @@
 
   // Apply the theme; the event `themechange` informs scripts that draw.
   function apply() {
-    if (chosen) root.dataset.theme = chosen; else delete root.dataset.theme;
-    for (const meta of /** @type {NodeListOf<HTMLMetaElement>} */ (document.querySelectorAll("meta[name=theme-color]"))) {
+    if (chosen) root.dataset.theme = chosen;
+    else delete root.dataset.theme;
+    for (const meta of /** @type {NodeListOf<HTMLMetaElement>} */ (
+      document.querySelectorAll("meta[name=theme-color]")
+    )) {
       const { of } = meta.dataset;
       meta.media = chosen ? (of === chosen ? "all" : "not all") : `(prefers-color-scheme: ${of})`;
     }
-    for (const button of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-theme-switch]"))) {
+    for (const button of /** @type {NodeListOf<HTMLElement>} */ (
+      document.querySelectorAll("[data-theme-switch]")
+    )) {
       button.hidden = false;
       const words = button.querySelector("span");
       if (words) words.textContent = `Theme: ${WORDS[chosen]}`;
@@ -40,12 +45,18 @@
   function change() {
     const [same, other] = dark.matches ? ["dark", "light"] : ["light", "dark"];
     chosen = chosen === "" ? other : chosen === other ? same : "";
-    try { localStorage.setItem(KEPT, chosen); } catch { /* storage is refused */ }
+    try {
+      localStorage.setItem(KEPT, chosen);
+    } catch {
+      /* storage is refused */
+    }
     apply();
   }
 
   // In a low window, or a narrow frame in another page, a fold has compact controls.
-  const small = matchMedia(window.parent === window ? "(max-height: 420px)" : "(max-height: 420px), (max-width: 900px)");
+  const small = matchMedia(
+    window.parent === window ? "(max-height: 420px)" : "(max-height: 420px), (max-width: 900px)",
+  );
   const compact = () => root.toggleAttribute("data-compact", small.matches);
   small.addEventListener("change", compact);
   compact();
@@ -59,6 +70,17 @@
     document.getElementById("main")?.focus();
   });
   dark.addEventListener("change", apply);
-  addEventListener("hashchange", () => { const asked = addressed(); if (asked && asked !== chosen) { chosen = asked; apply(); } });
-  addEventListener("storage", ({ key }) => { if (key === KEPT) { chosen = recall(); apply(); } }); // changed in another window
+  addEventListener("hashchange", () => {
+    const asked = addressed();
+    if (asked && asked !== chosen) {
+      chosen = asked;
+      apply();
+    }
+  });
+  addEventListener("storage", ({ key }) => {
+    if (key === KEPT) {
+      chosen = recall();
+      apply();
+    }
+  }); // changed in another window
 })();

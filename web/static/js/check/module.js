@@ -7,30 +7,70 @@
  *   hinges: string[], rigid_links: number, apart: number, limit_rad: number }} Geometry a plan's description of a module
  */
 
-const HALVES = [-.5, .5], H = Math.SQRT1_2, T = Math.sqrt(1 / 3);
+const HALVES = [-0.5, 0.5],
+  H = Math.SQRT1_2,
+  T = Math.sqrt(1 / 3);
 /** @type {Vector[]} */
-const ONE = [[1, 0, 0], [0, 1, 0], [0, 0, 1]];
+const ONE = [
+  [1, 0, 0],
+  [0, 1, 0],
+  [0, 0, 1],
+];
 /** @type {Record<string, Geometry>} */
 export const KNOWN = {
   cube: {
-    corners: HALVES.flatMap((x) => HALVES.flatMap((y) => HALVES.map((z) => /** @type {Vector} */ ([x, y, z])))),
-    faces: ONE, edges: ONE, anchor: [0, 0, 0], offset: [1, 0, 0],
+    corners: HALVES.flatMap((x) =>
+      HALVES.flatMap((y) => HALVES.map((z) => /** @type {Vector} */ ([x, y, z]))),
+    ),
+    faces: ONE,
+    edges: ONE,
+    anchor: [0, 0, 0],
+    offset: [1, 0, 0],
     turns: [ONE, [ONE[1], ONE[2], ONE[0]], [ONE[2], ONE[0], ONE[1]]],
-    hinges: ["_z", "_y"], rigid_links: 1, apart: 2, limit_rad: 92 * (Math.PI / 180),
+    hinges: ["_z", "_y"],
+    rigid_links: 1,
+    apart: 2,
+    limit_rad: 92 * (Math.PI / 180),
   },
   tetrahedron: {
-    corners: [[-.5, -1, 0], [-.5, 1, 0], [.5, 0, -1], [.5, 0, 1]],
-    faces: [[-H, 0, H], [-H, 0, -H], [H, H, 0], [H, -H, 0]],
+    corners: [
+      [-0.5, -1, 0],
+      [-0.5, 1, 0],
+      [0.5, 0, -1],
+      [0.5, 0, 1],
+    ],
+    faces: [
+      [-H, 0, H],
+      [-H, 0, -H],
+      [H, H, 0],
+      [H, -H, 0],
+    ],
     edges: [ONE[1], ONE[2], [T, -T, -T], [T, -T, T], [T, T, -T], [T, T, T]],
-    anchor: [.5, 0, 0], offset: [.5, 0, 0], turns: [ONE, [[1, 0, 0], [0, 0, -1], [0, 1, 0]]],
-    hinges: [""], rigid_links: 0, apart: 1, limit_rad: 90.85 * (Math.PI / 180),
+    anchor: [0.5, 0, 0],
+    offset: [0.5, 0, 0],
+    turns: [
+      ONE,
+      [
+        [1, 0, 0],
+        [0, 0, -1],
+        [0, 1, 0],
+      ],
+    ],
+    hinges: [""],
+    rigid_links: 0,
+    apart: 1,
+    limit_rad: 90.85 * (Math.PI / 180),
   },
 };
 
 /** @type {(a: Vector, b: Vector) => number} */
 export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
 /** @type {(a: Vector, b: Vector) => Vector} */
-export const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+export const cross = (a, b) => [
+  a[1] * b[2] - a[2] * b[1],
+  a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0],
+];
 /** @type {(a: Vector) => number} */
 export const norm = (a) => Math.sqrt(dot(a, a));
 
@@ -41,7 +81,9 @@ export class Module {
    */
   constructor(told, size) {
     this.told = told;
-    this.corners = told.corners.map(([x, y, z]) => /** @type {Vector} */ ([x * size, y * size, z * size]));
+    this.corners = told.corners.map(
+      ([x, y, z]) => /** @type {Vector} */ ([x * size, y * size, z * size]),
+    );
     this.radius = Math.max(...this.corners.map(norm));
     this.length = (norm(told.anchor) + norm(told.offset)) * (1 + 1e-12);
     this.hinges = told.hinges.length;
@@ -54,10 +96,18 @@ export class Module {
    */
   get sound() {
     const { turns, faces, edges, corners, anchor, offset, limit_rad: limit } = this.told;
-    return turns.every((rows) => dot(rows[0], cross(rows[1], rows[2])) > 0
-      && rows.every((a, i) => rows.every((b, j) => Math.abs(dot(a, b) - Number(i === j)) < 1e-15)))
-      && faces.every((f) => Math.abs(dot(f, f) - 1) < 1e-15) && this.length > 1e-6 && limit > 0 && limit <= 2 * Math.PI
-      && [...corners, ...edges, anchor, offset].every((v) => v.every((x) => Math.abs(x) < 1e6));
+    return (
+      turns.every(
+        (rows) =>
+          dot(rows[0], cross(rows[1], rows[2])) > 0 &&
+          rows.every((a, i) => rows.every((b, j) => Math.abs(dot(a, b) - Number(i === j)) < 1e-15)),
+      ) &&
+      faces.every((f) => Math.abs(dot(f, f) - 1) < 1e-15) &&
+      this.length > 1e-6 &&
+      limit > 0 &&
+      limit <= 2 * Math.PI &&
+      [...corners, ...edges, anchor, offset].every((v) => v.every((x) => Math.abs(x) < 1e6))
+    );
   }
 
   /**
@@ -78,17 +128,24 @@ export class Module {
   next(P, from, to, q, at) {
     const { anchor, offset, turns } = this.told;
     for (let x = 0; x < 12; x++) P[to + x] = P[from + x];
-    for (let x = to; x < to + 3; x++) P[x] += anchor[0] * P[x + 3] + anchor[1] * P[x + 6] + anchor[2] * P[x + 9];
+    for (let x = to; x < to + 3; x++)
+      P[x] += anchor[0] * P[x + 3] + anchor[1] * P[x + 6] + anchor[2] * P[x + 9];
     for (let k = 0; k <= this.hinges; k++) {
       const [r0, r1, r2] = turns[k];
-      const c = k < this.hinges ? Math.cos(q[at + k]) : 1, s = k < this.hinges ? Math.sin(q[at + k]) : 0;
+      const c = k < this.hinges ? Math.cos(q[at + k]) : 1,
+        s = k < this.hinges ? Math.sin(q[at + k]) : 0;
       for (let x = to + 3; x < to + 6; x++) {
-        const a = P[x], b = P[x + 3], d = P[x + 6], one = r0[0] * a + r1[0] * b + r2[0] * d, two = r0[1] * a + r1[1] * b + r2[1] * d;
+        const a = P[x],
+          b = P[x + 3],
+          d = P[x + 6],
+          one = r0[0] * a + r1[0] * b + r2[0] * d,
+          two = r0[1] * a + r1[1] * b + r2[1] * d;
         P[x] = c * one + s * two;
         P[x + 3] = c * two - s * one;
         P[x + 6] = r0[2] * a + r1[2] * b + r2[2] * d;
       }
     }
-    for (let x = to; x < to + 3; x++) P[x] += offset[0] * P[x + 3] + offset[1] * P[x + 6] + offset[2] * P[x + 9];
+    for (let x = to; x < to + 3; x++)
+      P[x] += offset[0] * P[x + 3] + offset[1] * P[x + 6] + offset[2] * P[x + 9];
   }
 }

@@ -7,11 +7,21 @@ import { Archive, quoted, readable, TYPES, Unreadable } from "./npz.js";
 /** @typedef {{ verdict: string, limits: string, known: boolean, module: string, start: string, end: string }} Said what was proved, and of what; the words are those of foldback_check.py */
 
 const FORMAT = "foldback-claim/1";
-const VERDICTS = ["verified", "verified (simulated)", "verified (kinematics only)", "verified (it is not known whether the playback was simulated)"];
+const VERDICTS = [
+  "verified",
+  "verified (simulated)",
+  "verified (kinematics only)",
+  "verified (it is not known whether the playback was simulated)",
+];
 const RULES = ["", "none", "consecutive modules (i, i+1)"]; // of exempt pairs, by `apart`
 const SLIP = 1e-6; // rad by which a hinge may miss what is said of it; by more, it is bent
-const STEP = Math.PI / 2 * 2 ** -23; // rad, unit of angles in planes
-const MAX_MODULES = 2 ** 18, MAX_FRAMES = 2 ** 20, MAX_PARTS = 64, MAX_HINGES = 4, MAX_LETTERS = 16, MAX_DEPTH = 64;
+const STEP = (Math.PI / 2) * 2 ** -23; // rad, unit of angles in planes
+const MAX_MODULES = 2 ** 18,
+  MAX_FRAMES = 2 ** 20,
+  MAX_PARTS = 64,
+  MAX_HINGES = 4,
+  MAX_LETTERS = 16,
+  MAX_DEPTH = 64;
 
 /** A claim that could not be proved, and its place. */
 export class NotProved extends Error {
@@ -21,7 +31,10 @@ export class NotProved extends Error {
    * @param {string} message
    * @param {Place | null} [place]
    */
-  constructor(message, place = null) { super(message); this.place = place; }
+  constructor(message, place = null) {
+    super(message);
+    this.place = place;
+  }
 }
 
 /**
@@ -35,7 +48,8 @@ function require(condition, message) {
 
 /** @type {(value: unknown) => Record<string, any>} a JSON object */
 function fields(value) {
-  if (typeof value !== "object" || !value || Array.isArray(value)) throw new Unreadable(`got ${quoted(value)}, expected a JSON object`);
+  if (typeof value !== "object" || !value || Array.isArray(value))
+    throw new Unreadable(`got ${quoted(value)}, expected a JSON object`);
   return value;
 }
 
@@ -51,8 +65,13 @@ function numbers(value, ...lengths) {
     if (!Number.isFinite(value)) throw new Unreadable(`got ${quoted(value)}, expected a number`);
     return value;
   }
-  if (!Array.isArray(value) || (value.length !== length && !(value.length > 0 && value.length <= -length))) {
-    throw new Unreadable(`got ${quoted(value)}, expected a list of ${Math.abs(length)} parts${length < 0 ? " at most" : ""}`);
+  if (
+    !Array.isArray(value) ||
+    (value.length !== length && !(value.length > 0 && value.length <= -length))
+  ) {
+    throw new Unreadable(
+      `got ${quoted(value)}, expected a list of ${Math.abs(length)} parts${length < 0 ? " at most" : ""}`,
+    );
   }
   return value.map((part) => numbers(part, ...rest));
 }
@@ -60,17 +79,30 @@ function numbers(value, ...lengths) {
 /** @type {(value: unknown, least: number, most: number) => number} a whole number of a range */
 function whole(value, least, most) {
   const found = numbers(value);
-  readable(Number.isInteger(found) && found >= least && found <= most, `got ${quoted(value)}, expected a whole number from ${least} to ${most}`);
+  readable(
+    Number.isInteger(found) && found >= least && found <= most,
+    `got ${quoted(value)}, expected a whole number from ${least} to ${most}`,
+  );
   return found;
 }
 
 /** Return a JSON text's object, in which no name occurs twice. @param {string} text */
 function parsed(text) {
-  const told = JSON.parse(text), parts = text.replace(/\\./gs, "").split('"'); // outside of strings, inside, outside, ...
-  let names = parts.filter((part, k) => k % 2 === 0 && /^\s*:/.test(part)).length, depth = 0;
-  for (let level = [told]; level.length; level = level.flatMap((value) => (value && typeof value === "object" ? Object.values(value) : []))) {
+  const told = JSON.parse(text),
+    parts = text.replace(/\\./gs, "").split('"'); // outside of strings, inside, outside, ...
+  let names = parts.filter((part, k) => k % 2 === 0 && /^\s*:/.test(part)).length,
+    depth = 0;
+  for (
+    let level = [told];
+    level.length;
+    level = level.flatMap((value) =>
+      value && typeof value === "object" ? Object.values(value) : [],
+    )
+  ) {
     readable(++depth <= MAX_DEPTH, "the text of the plan is nested too deeply");
-    for (const value of level) if (value && typeof value === "object" && !Array.isArray(value)) names -= Object.keys(value).length;
+    for (const value of level)
+      if (value && typeof value === "object" && !Array.isArray(value))
+        names -= Object.keys(value).length;
   }
   readable(names === 0, "a name occurs twice in the text of the plan");
   return fields(told);
@@ -79,27 +111,44 @@ function parsed(text) {
 /** @type {(told: Record<string, any>) => Geometry} a module's description; lists and texts have a bounded length */
 function geometry(told) {
   const { hinges } = told;
-  readable(Array.isArray(hinges) && hinges.length > 0 && hinges.length <= MAX_HINGES && hinges.every((name) => typeof name === "string" && name.length <= MAX_LETTERS), "names of hinges that cannot be");
+  readable(
+    Array.isArray(hinges) &&
+      hinges.length > 0 &&
+      hinges.length <= MAX_HINGES &&
+      hinges.every((name) => typeof name === "string" && name.length <= MAX_LETTERS),
+    "names of hinges that cannot be",
+  );
   return {
-    corners: numbers(told.corners, -MAX_PARTS, 3), faces: numbers(told.faces, -MAX_PARTS, 3), edges: numbers(told.edges, -MAX_PARTS, 3),
-    anchor: numbers(told.anchor, 3), offset: numbers(told.offset, 3), turns: numbers(told.turns, hinges.length + 1, 3, 3),
-    hinges, rigid_links: whole(told.rigid_links, 0, 1), apart: whole(told.apart, 1, 2), limit_rad: numbers(told.limit_rad),
+    corners: numbers(told.corners, -MAX_PARTS, 3),
+    faces: numbers(told.faces, -MAX_PARTS, 3),
+    edges: numbers(told.edges, -MAX_PARTS, 3),
+    anchor: numbers(told.anchor, 3),
+    offset: numbers(told.offset, 3),
+    turns: numbers(told.turns, hinges.length + 1, 3, 3),
+    hinges,
+    rigid_links: whole(told.rigid_links, 0, 1),
+    apart: whole(told.apart, 1, 2),
+    limit_rad: numbers(told.limit_rad),
   };
 }
 
 /** @type {(values: Float64Array) => number} largest absolute value; Infinity if one is not a number */
-const widest = (values) => values.reduce((most, x) => Math.max(most, Number.isNaN(x) ? Infinity : Math.abs(x)), 0);
+const widest = (values) =>
+  values.reduce((most, x) => Math.max(most, Number.isNaN(x) ? Infinity : Math.abs(x)), 0);
 const degrees = (/** @type {number} */ angle) => `${Number((angle * (180 / Math.PI)).toFixed(4))}°`;
 /** @type {(a: ArrayLike<number>, b: ArrayLike<number>) => boolean} */
-const near = (a, b) => a.length === b.length && Array.prototype.every.call(a, (x, k) => Math.abs(x - b[k]) <= SLIP);
+const near = (a, b) =>
+  a.length === b.length && Array.prototype.every.call(a, (x, k) => Math.abs(x - b[k]) <= SLIP);
 /** @type {(values: Float64Array) => boolean} */
 const rise = (values) => values.every((x, k) => Number.isFinite(x) && (!k || x >= values[k - 1]));
 /** @type {(x: number) => number} the nearest whole number, of two the even one */
-const nearest = (x) => (x - Math.floor(x) === .5 ? 2 * Math.round(x / 2) : Math.round(x));
+const nearest = (x) => (x - Math.floor(x) === 0.5 ? 2 * Math.round(x / 2) : Math.round(x));
 /** @type {(values: Float64Array) => Int32Array} how many of the values before each are bent */
 const bends = (values) => {
   const found = new Int32Array(values.length + 1);
-  values.forEach((x, k) => { found[k + 1] = found[k] + Number(Math.abs(x) > SLIP); });
+  values.forEach((x, k) => {
+    found[k + 1] = found[k] + Number(Math.abs(x) > SLIP);
+  });
   return found;
 };
 
@@ -121,7 +170,8 @@ export class Plan {
 
   /** Open a plan; `facts` are not checked. @param {Uint8Array<ArrayBuffer>} bytes */
   static async open(bytes) {
-    const file = new Archive(bytes), plan = new Plan(parsed((await file.texts("plan"))[0]));
+    const file = new Archive(bytes),
+      plan = new Plan(parsed((await file.texts("plan"))[0]));
     await plan.load(file);
     return plan;
   }
@@ -129,11 +179,15 @@ export class Plan {
   /** @param {Uint8Array<ArrayBuffer>} bytes */
   static async read(bytes) {
     try {
-      const plan = await Plan.open(bytes), wrong = Object.entries(await plan.facts()).find(([, holds]) => !holds);
+      const plan = await Plan.open(bytes),
+        wrong = Object.entries(await plan.facts()).find(([, holds]) => !holds);
       require(!wrong, String(wrong?.[0]));
       return plan;
     } catch (error) {
-      const said = error instanceof NotProved || error instanceof Unreadable ? error.message : quoted(String(error));
+      const said =
+        error instanceof NotProved || error instanceof Unreadable
+          ? error.message
+          : quoted(String(error));
       const found = new NotProved(`The plan cannot be read, or it contradicts itself: ${said}.`);
       if (!(error instanceof NotProved)) found.verdict = "no plan";
       throw found;
@@ -142,47 +196,90 @@ export class Plan {
 
   /** @param {Record<string, any>} told the plan's own description */
   constructor(told) {
-    const said = this.said = fields(told.certificate);
+    const said = (this.said = fields(told.certificate));
     require(VERDICTS.includes(said.verdict), `the plan says of itself: ${quoted(said.verdict)}`);
-    const chain = fields(told.chain), claim = this.stated = told.claim == null ? { format: FORMAT } : fields(told.claim);
-    require(claim.format === FORMAT, `its claim has the format ${quoted(claim.format)}, expected ${FORMAT}; another version of this checker may know it`);
+    const chain = fields(told.chain),
+      claim = (this.stated = told.claim == null ? { format: FORMAT } : fields(told.claim));
+    require(claim.format ===
+      FORMAT, `its claim has the format ${quoted(claim.format)}, expected ${FORMAT}; another version of this checker may know it`);
     this.coded = told.angles;
     this.kind = chain.module;
     this.n = whole(chain.modules, 2, MAX_MODULES);
     readable(typeof this.kind === "string", `got ${quoted(this.kind)}, expected a kind of module`);
     this.known = Object.hasOwn(KNOWN, this.kind) ? geometry(KNOWN[this.kind]) : null;
-    readable(this.known || claim.module != null, `the module ${quoted(this.kind)} is not described`);
-    const described = this.known && claim.module == null ? this.known : geometry(fields(claim.module));
+    readable(
+      this.known || claim.module != null,
+      `the module ${quoted(this.kind)} is not described`,
+    );
+    const described =
+      this.known && claim.module == null ? this.known : geometry(fields(claim.module));
     this.size = numbers(said.module_size);
     this.claim = numbers(said.clearance_bound ?? 0);
     this.step = (numbers(said.max_joint_step_rad ?? 0) || Infinity) + 1e-9;
     this.module = new Module(described, this.size);
     require(this.module.sound, "a module that cannot be");
-    require(!this.known || JSON.stringify(described) === JSON.stringify(this.known), `${this.kind}s of another kind`);
+    require(!this.known ||
+      JSON.stringify(described) === JSON.stringify(this.known), `${this.kind}s of another kind`);
     this.pad = described.rigid_links * this.module.hinges;
     const hinges = (this.n - 1) * this.module.hinges - this.pad;
     this.folded = Float64Array.from(numbers(chain.folded_rad, hinges));
-    this.start = told.start == null ? new Float64Array(hinges) : Float64Array.from(numbers(fields(told.start).folded_rad, hinges));
+    this.start =
+      told.start == null
+        ? new Float64Array(hinges)
+        : Float64Array.from(numbers(fields(told.start).folded_rad, hinges));
   }
 
   /** Read names, times and angles of a file, sizes first. @param {Archive} file */
   async load(file) {
-    const { n, module: { told: { hinges, rigid_links: rigid } } } = this, J = this.folded.length, windowed = this.windowed = file.has("first");
-    const [frames] = await file.shape(windowed ? "first" : "time_s", 1), plain = windowed ? "angles_rad" : "joint_angles_rad";
-    readable(frames > 0 && frames <= MAX_FRAMES, `got ${frames} frames, expected 1 to ${MAX_FRAMES}`);
+    const {
+        n,
+        module: {
+          told: { hinges, rigid_links: rigid },
+        },
+      } = this,
+      J = this.folded.length,
+      windowed = (this.windowed = file.has("first"));
+    const [frames] = await file.shape(windowed ? "first" : "time_s", 1),
+      plain = windowed ? "angles_rad" : "joint_angles_rad";
+    readable(
+      frames > 0 && frames <= MAX_FRAMES,
+      `got ${frames} frames, expected 1 to ${MAX_FRAMES}`,
+    );
     this.frames = frames;
-    const stored = Object.keys(TYPES).filter((name) => name.includes("angle") && file.has(name)), planes = stored[0] === "angle_planes";
-    readable(stored.length === 1 && (planes || stored[0] === plain), "the angles are missing, or stored more than once");
-    const shape = await file.shape(stored[0], planes || !windowed ? 2 : 1), count = planes ? shape[1] : shape.reduce((a, b) => a * b, 1);
-    readable(windowed ? count <= frames * J : count === frames * J, "the number of angles does not match the hinges and frames");
-    const names = Array.from({ length: n - 1 - rigid }, (_, i) => hinges.map((h) => `joint_${i + rigid}${h}`)).flat();
-    require(JSON.stringify(names) === JSON.stringify(await file.texts("joint_names", J)), "the names of the hinges do not match the chain");
+    const stored = Object.keys(TYPES).filter((name) => name.includes("angle") && file.has(name)),
+      planes = stored[0] === "angle_planes";
+    readable(
+      stored.length === 1 && (planes || stored[0] === plain),
+      "the angles are missing, or stored more than once",
+    );
+    const shape = await file.shape(stored[0], planes || !windowed ? 2 : 1),
+      count = planes ? shape[1] : shape.reduce((a, b) => a * b, 1);
+    readable(
+      windowed ? count <= frames * J : count === frames * J,
+      "the number of angles does not match the hinges and frames",
+    );
+    const names = Array.from({ length: n - 1 - rigid }, (_, i) =>
+      hinges.map((h) => `joint_${i + rigid}${h}`),
+    ).flat();
+    require(JSON.stringify(names) ===
+      JSON.stringify(
+        await file.texts("joint_names", J),
+      ), "the names of the hinges do not match the chain");
     this.times = await file.numbers("time_s", frames);
     this.first = windowed ? await file.numbers("first", frames) : new Float64Array(frames);
-    this.offsets = windowed ? await file.numbers("offsets", frames + 1) : Float64Array.from({ length: frames + 1 }, (_, k) => k * J);
+    this.offsets = windowed
+      ? await file.numbers("offsets", frames + 1)
+      : Float64Array.from({ length: frames + 1 }, (_, k) => k * J);
     this.last = this.first.map((a, k) => a + this.offsets[k + 1] - this.offsets[k]);
-    require(this.offsets[0] === 0 && this.offsets[frames] === count && rise(this.offsets) && this.first.every((a, k) => a >= 0 && this.last[k] <= J), "the windows do not match the chain");
-    this.values = planes ? this.decoded(await file.numbers("angle_planes", 4, count), count) : await file.numbers(plain, ...windowed ? [count] : [frames, J]);
+    require(this.offsets[0] === 0 &&
+      this.offsets[frames] === count &&
+      rise(this.offsets) &&
+      this.first.every(
+        (a, k) => a >= 0 && this.last[k] <= J,
+      ), "the windows do not match the chain");
+    this.values = planes
+      ? this.decoded(await file.numbers("angle_planes", 4, count), count)
+      : await file.numbers(plain, ...(windowed ? [count] : [frames, J]));
     this.most = Math.max(widest(this.values), widest(this.folded));
   }
 
@@ -192,11 +289,21 @@ export class Plan {
    * @param {number} count
    */
   decoded(planes, count) {
-    const { folded, frames, windowed, first, last, offsets } = this, J = folded.length, coded = fields(this.coded);
-    readable(coded.encoding === "zigzag-planes" && coded.step_rad === STEP && coded.differences === (windowed ? "window" : 3)
-      && `${numbers(coded.shape, -2)}` === `${windowed ? [count] : [frames, J]}`, "angles in planes of another kind");
-    const values = Float64Array.from({ length: count }, (_, k) => { // integers with the sign in the lowest bit
-      const code = planes[k] + 256 * (planes[count + k] + 256 * (planes[2 * count + k] + 256 * planes[3 * count + k]));
+    const { folded, frames, windowed, first, last, offsets } = this,
+      J = folded.length,
+      coded = fields(this.coded);
+    readable(
+      coded.encoding === "zigzag-planes" &&
+        coded.step_rad === STEP &&
+        coded.differences === (windowed ? "window" : 3) &&
+        `${numbers(coded.shape, -2)}` === `${windowed ? [count] : [frames, J]}`,
+      "angles in planes of another kind",
+    );
+    const values = Float64Array.from({ length: count }, (_, k) => {
+      // integers with the sign in the lowest bit
+      const code =
+        planes[k] +
+        256 * (planes[count + k] + 256 * (planes[2 * count + k] + 256 * planes[3 * count + k]));
       return code % 2 ? -(code + 1) / 2 : code / 2;
     });
     if (!windowed) {
@@ -206,9 +313,11 @@ export class Plan {
       }
       return values.map((x) => x * STEP);
     }
-    const now = new Float64Array(J), rest = folded.map((x) => nearest(x / STEP));
+    const now = new Float64Array(J),
+      rest = folded.map((x) => nearest(x / STEP));
     first.forEach((a, k) => {
-      for (let h = a, at = offsets[k]; h < last[k]; h++, at++) values[at] = Math.fround((now[h] += values[at]) * STEP);
+      for (let h = a, at = offsets[k]; h < last[k]; h++, at++)
+        values[at] = Math.fround((now[h] += values[at]) * STEP);
       for (let h = 0; h < J; h++) if (h < a || h >= last[k]) now[h] = h < a ? rest[h] : 0; // value on entering the window
     });
     return values;
@@ -216,19 +325,39 @@ export class Plan {
 
   /** Return the possible defects of a plan, each with true if the plan is free of it. */
   async facts() {
-    const { said, n, size, claim, frames, pad, folded, most, times, module: { told: { apart, limit_rad: limit } } } = this;
-    const exempt = said.exempt_pairs == null ? null : fields(said.exempt_pairs), digest = this.stated.angles_sha256;
+    const {
+      said,
+      n,
+      size,
+      claim,
+      frames,
+      pad,
+      folded,
+      most,
+      times,
+      module: {
+        told: { apart, limit_rad: limit },
+      },
+    } = this;
+    const exempt = said.exempt_pairs == null ? null : fields(said.exempt_pairs),
+      digest = this.stated.angles_sha256;
     return {
-      [`a hinge turns by ${degrees(most)}, expected at most ${degrees(limit)}`]: most <= limit + SLIP,
+      [`a hinge turns by ${degrees(most)}, expected at most ${degrees(limit)}`]:
+        most <= limit + SLIP,
       "the module size or the clearance is out of range": size > 0 && size <= 1 && claim > 0,
-      "the certificate does not cover the same pairs of modules as this check": !exempt
-        || (numbers(exempt.apart) === apart && numbers(exempt.count) === (apart - 1) * (n - 1) && [RULES[apart], null, undefined].includes(exempt.rule)),
-      "the number of frames differs from the certificate": said.frames == null || numbers(said.frames) === frames,
+      "the certificate does not cover the same pairs of modules as this check":
+        !exempt ||
+        (numbers(exempt.apart) === apart &&
+          numbers(exempt.count) === (apart - 1) * (n - 1) &&
+          [RULES[apart], null, undefined].includes(exempt.rule)),
+      "the number of frames differs from the certificate":
+        said.frames == null || numbers(said.frames) === frames,
       "the times do not increase": rise(times),
       "the first frame is not the start shape": near(this.frame(0).subarray(pad), this.start),
       "the last frame is not the folded shape": near(this.frame(frames - 1).subarray(pad), folded),
       // Browsers provide hashes only on https and localhost; the proof itself needs no digest.
-      "the checksum of the angles does not match": digest == null || !globalThis.crypto?.subtle || digest === await this.digest(),
+      "the checksum of the angles does not match":
+        digest == null || !globalThis.crypto?.subtle || digest === (await this.digest()),
     };
   }
 
@@ -238,20 +367,42 @@ export class Plan {
    * @returns {Said}
    */
   words(step) {
-    const { values, folded, first, offsets, frames, known, kind, module: { radius } } = this, within = bends(values), before = bends(folded);
-    const bent = Array.from({ length: frames }, (_, k) => within[offsets[k + 1]] - within[offsets[k]] + before[first[k]]), straight = bent.indexOf(0);
-    const shape = (/** @type {number} */ k) => `${bent[k]} of ${folded.length} hinges are bent, by up to ${(widest(this.frame(k)) * (180 / Math.PI)).toFixed(1)} degrees`;
+    const {
+        values,
+        folded,
+        first,
+        offsets,
+        frames,
+        known,
+        kind,
+        module: { radius },
+      } = this,
+      within = bends(values),
+      before = bends(folded);
+    const bent = Array.from(
+        { length: frames },
+        (_, k) => within[offsets[k + 1]] - within[offsets[k]] + before[first[k]],
+      ),
+      straight = bent.indexOf(0);
+    const shape = (/** @type {number} */ k) =>
+      `${bent[k]} of ${folded.length} hinges are bent, by up to ${(widest(this.frame(k)) * (180 / Math.PI)).toFixed(1)} degrees`;
     const limits = [
       step === 0 || !bent[frames - 1] ? "nothing folds" : "",
       known ? "" : "only for modules as the plan describes them, not foldback's",
       straight < 0 ? "only from another shape, without being straight" : "",
-    ].filter(Boolean).join(" and ");
+    ]
+      .filter(Boolean)
+      .join(" and ");
     return {
       verdict: limits ? `proved, but ${limits}` : "proved",
       limits,
       known: Boolean(known),
-      module: known ? kind : `${quoted(kind)} as the plan describes it, not one of foldback's: its corners are up to ${(100 * radius).toFixed(1)} % of the spacing from its centre`,
-      start: bent[0] ? `in another shape: ${shape(0)}; the chain is ${straight < 0 ? "never straight" : `straight after ${straight} of ${frames - 1} steps`}` : "straight",
+      module: known
+        ? kind
+        : `${quoted(kind)} as the plan describes it, not one of foldback's: its corners are up to ${(100 * radius).toFixed(1)} % of the spacing from its centre`,
+      start: bent[0]
+        ? `in another shape: ${shape(0)}; the chain is ${straight < 0 ? "never straight" : `straight after ${straight} of ${frames - 1} steps`}`
+        : "straight",
       end: bent[frames - 1] ? `folded: ${shape(frames - 1)}` : "straight",
     };
   }
@@ -262,14 +413,26 @@ export class Plan {
    */
   async digest() {
     const { windowed, first, offsets, values } = this;
-    const parts = windowed ? [BigInt64Array.from([...first, ...offsets], BigInt), Float32Array.from(values)] : [Float64Array.from(values)];
-    const hash = new Uint8Array(await crypto.subtle.digest("SHA-256", await new Blob(parts).arrayBuffer()));
+    const parts = windowed
+      ? [BigInt64Array.from([...first, ...offsets], BigInt), Float32Array.from(values)]
+      : [Float64Array.from(values)];
+    const hash = new Uint8Array(
+      await crypto.subtle.digest("SHA-256", await new Blob(parts).arrayBuffer()),
+    );
     return Array.from(hash, (byte) => byte.toString(16).padStart(2, "0")).join("");
   }
 
   /** Return the angles of a frame, including those of rigid links. @param {number} k */
   frame(k) {
-    const { pad, folded, values, first: { [k]: a }, last: { [k]: b }, offsets: { [k]: offset } } = this, found = new Float64Array(pad + folded.length);
+    const {
+        pad,
+        folded,
+        values,
+        first: { [k]: a },
+        last: { [k]: b },
+        offsets: { [k]: offset },
+      } = this,
+      found = new Float64Array(pad + folded.length);
     found.set(folded.subarray(0, a), pad);
     found.set(values.subarray(offset, offset + b - a), pad + a);
     return found;

@@ -9,15 +9,26 @@ import { NotProved } from "./plan.js";
 /** @typedef {import("./module.js").Vector} Vector */
 
 const U = 2 ** -53;
-const ORDER = 5, MIDDLE = 2; // nodes of an interval; odd, so that one of them is the midpoint
-const NODES = Array.from({ length: ORDER }, (_, k) => (1 - Math.cos((2 * k + 1) * Math.PI / (2 * ORDER))) / 2);
+const ORDER = 5,
+  MIDDLE = 2; // nodes of an interval; odd, so that one of them is the midpoint
+const NODES = Array.from(
+  { length: ORDER },
+  (_, k) => (1 - Math.cos(((2 * k + 1) * Math.PI) / (2 * ORDER))) / 2,
+);
 const CHOOSE = [[1], [1, 1], [1, 2, 1], [1, 3, 3, 1], [1, 4, 6, 4, 1]];
 /** Lagrange polynomials of the nodes: coefficients of 1, t, t^2, ... */
-const LAGRANGE = NODES.map((t) => NODES.filter((u) => u !== t).reduce((p, u) => [...p, 0].map((c, k) => ((p[k - 1] ?? 0) - u * c) / (t - u)), [1]));
+const LAGRANGE = NODES.map((t) =>
+  NODES.filter((u) => u !== t).reduce(
+    (p, u) => [...p, 0].map((c, k) => ((p[k - 1] ?? 0) - u * c) / (t - u)),
+    [1],
+  ),
+);
 /** Matrix from a polynomial's values at the nodes to its Bernstein coefficients. */
-const BERNSTEIN = CHOOSE.map((row) => LAGRANGE.map((p) => row.reduce((sum, c, k) => sum + c / CHOOSE[4][k] * p[k], 0)));
+const BERNSTEIN = CHOOSE.map((row) =>
+  LAGRANGE.map((p) => row.reduce((sum, c, k) => sum + (c / CHOOSE[4][k]) * p[k], 0)),
+);
 /** Factor of S^p (L + r) in the interpolation error. */
-const REMAINDER = 2 / (4 ** ORDER * 120) * (1 + 1e-9);
+const REMAINDER = (2 / (4 ** ORDER * 120)) * (1 + 1e-9);
 const POSES = 12 * ORDER; // a module's centre and axes at all nodes
 const CROWD = 200; // pairs per moving module above which an interval is halved without checking them
 const DEPTH = 14; // maximum number of halvings of an interval
@@ -32,7 +43,12 @@ const powerIn = (x) => 1 << (31 - Math.clz32(Math.max(x, 1)));
  * Return a coefficient of the polynomial through values o, o + 12, o + 24, ...
  * @type {(row: number[], values: Float64Array, o: number) => number}
  */
-const coefficient = (row, values, o) => row[0] * values[o] + row[1] * values[o + 12] + row[2] * values[o + 24] + row[3] * values[o + 36] + row[4] * values[o + 48];
+const coefficient = (row, values, o) =>
+  row[0] * values[o] +
+  row[1] * values[o + 12] +
+  row[2] * values[o + 24] +
+  row[3] * values[o + 36] +
+  row[4] * values[o + 48];
 
 export class Proof {
   M = new Float64Array(POSES); // poses of one module relative to another
@@ -47,7 +63,9 @@ export class Proof {
    * @param {number} [size] of modules
    */
   constructor(plan, size = plan.size) {
-    const m = new Module(plan.module.told, size), still = new Float64Array(m.hinges), angle = (4 * 2 + 2) * U * plan.most + 8 * U;
+    const m = new Module(plan.module.told, size),
+      still = new Float64Array(m.hinges),
+      angle = (4 * 2 + 2) * U * plan.most + 8 * U;
     const e = m.hinges * Math.SQRT2 * (2 * angle + 3 * U) + (m.exact ? 0 : (m.hinges + 1) * 40 * U);
     const scale = Math.max(...BERNSTEIN.map((row) => row.reduce((sum, x) => sum + Math.abs(x), 0)));
     this.E = scale * (m.length * plan.n + 2 * m.radius) * (plan.n * (2 * e + 48 * U) + 256 * U);
@@ -59,7 +77,9 @@ export class Proof {
      * `end` straight; P and boxes hold the folded state up to module `folded`.
      */
     this.k = this.frame = this.c = this.end = this.folded = this.slack = this.largest = 0;
-    this.P = Float64Array.from({ length: plan.n * POSES }, (_, x) => Number(x < POSES && x % 4 === 3));
+    this.P = Float64Array.from({ length: plan.n * POSES }, (_, x) =>
+      Number(x < POSES && x % 4 === 3),
+    );
     this.S = new Float64Array(plan.n);
     this.straight = this.P.slice(0, 12 * plan.n).fill(0, 12); // poses of the straight chain
     for (let k = 1; k < plan.n; k++) m.next(this.straight, 12 * k - 12, 12 * k, still, 0);
@@ -69,25 +89,38 @@ export class Proof {
   }
 
   /** Prove all intervals; yield the frame of each one before checking it. */
-  * run() {
+  *run() {
     for (let k = 0; k < this.intervals; k++) {
       yield k;
       this.interval(k);
     }
-    if (this.largest > this.plan.step) throw new NotProved(`a hinge turns by ${this.largest.toFixed(6)} rad between two frames, more than the plan states.`);
+    if (this.largest > this.plan.step)
+      throw new NotProved(
+        `a hinge turns by ${this.largest.toFixed(6)} rad between two frames, more than the plan states.`,
+      );
   }
 
-  get intervals() { return Math.max(1, this.plan.frames - 1); }
+  get intervals() {
+    return Math.max(1, this.plan.frames - 1);
+  }
 
   /** Prove the interval from frame k to the next one. @param {number} k */
   interval(k) {
-    const { plan, module: { hinges } } = this, { first, last, pad, n } = plan, after = Math.min(k + 1, plan.frames - 1);
+    const {
+        plan,
+        module: { hinges },
+      } = this,
+      { first, last, pad, n } = plan,
+      after = Math.min(k + 1, plan.frames - 1);
     this.k = k;
     this.q = plan.frame(k);
     this.step = plan.frame(after).map((x, s) => x - this.q[s]);
     this.largest = this.step.reduce((most, x) => Math.max(most, Math.abs(x)), this.largest);
     this.c = Math.min(Math.floor((Math.min(first[k], first[after]) + pad) / hinges), n - 2);
-    this.end = Math.min(Math.max(Math.ceil((Math.max(last[k], last[after]) + pad) / hinges), this.c + 1), n - 1);
+    this.end = Math.min(
+      Math.max(Math.ceil((Math.max(last[k], last[after]) + pad) / hinges), this.c + 1),
+      n - 1,
+    );
     this.look(0, 1, null);
   }
 
@@ -103,8 +136,17 @@ export class Proof {
     this.frame = this.k + t + w / 2;
     const left = (only ?? this.near())?.filter(([i, j]) => !this.clear(i, j)) ?? null;
     if (left?.length === 0) return;
-    const open = left && { modules: left[0], frame: this.frame, gap: this.plan.claim, fits: this.size };
-    if (w <= 2 ** -DEPTH) throw new NotProved(`no bound${left ? ` between ${pair(...left[0])}` : ""} at frame ${(this.k + t + 1).toFixed(5)}.`, open);
+    const open = left && {
+      modules: left[0],
+      frame: this.frame,
+      gap: this.plan.claim,
+      fits: this.size,
+    };
+    if (w <= 2 ** -DEPTH)
+      throw new NotProved(
+        `no bound${left ? ` between ${pair(...left[0])}` : ""} at frame ${(this.k + t + 1).toFixed(5)}.`,
+        open,
+      );
     for (const begin of [t, t + w / 2]) this.look(begin, w / 2, left);
   }
 
@@ -114,10 +156,24 @@ export class Proof {
    * @param {number} w
    */
   move(t, w) {
-    const { P, S, c, end, q, step, behind, module, plan: { n } } = this, { hinges } = module, angles = q.slice();
+    const {
+        P,
+        S,
+        c,
+        end,
+        q,
+        step,
+        behind,
+        module,
+        plan: { n },
+      } = this,
+      { hinges } = module,
+      angles = q.slice();
     for (let a = 0; a < POSES; a += 12) {
-      for (let s = c * hinges; s < end * hinges; s++) angles[s] = q[s] + (t + w * NODES[a / 12]) * step[s];
-      for (let j = Math.min(c, this.folded); j < end; j++) module.next(P, j * POSES + a, (j + 1) * POSES + a, angles, j * hinges);
+      for (let s = c * hinges; s < end * hinges; s++)
+        angles[s] = q[s] + (t + w * NODES[a / 12]) * step[s];
+      for (let j = Math.min(c, this.folded); j < end; j++)
+        module.next(P, j * POSES + a, (j + 1) * POSES + a, angles, j * hinges);
     }
     for (let m = n - 2, all = 0; m >= 0; m--) {
       let turn = 0;
@@ -131,9 +187,15 @@ export class Proof {
   /** Compute the poses of a module of the straight tail. @param {number} m */
   place(m) {
     const { P, straight, end } = this;
-    for (let a = end * POSES, p = m * POSES; p < (m + 1) * POSES; a += 12) for (let k = 0, s = 12 * (m - end); k < 12; k += 3, s += 3) {
-      for (let o = a; o < a + 3; o++, p++) P[p] = (k ? 0 : P[o]) + straight[s] * P[o + 3] + straight[s + 1] * P[o + 6] + straight[s + 2] * P[o + 9];
-    }
+    for (let a = end * POSES, p = m * POSES; p < (m + 1) * POSES; a += 12)
+      for (let k = 0, s = 12 * (m - end); k < 12; k += 3, s += 3) {
+        for (let o = a; o < a + 3; o++, p++)
+          P[p] =
+            (k ? 0 : P[o]) +
+            straight[s] * P[o + 3] +
+            straight[s + 1] * P[o + 6] +
+            straight[s + 2] * P[o + 9];
+      }
   }
 
   /**
@@ -141,7 +203,14 @@ export class Proof {
    * point of module j at distance r from its centre, relative to i.
    * @type {(i: number, j: number, r: number) => number}
    */
-  lost(i, j, r) { return REMAINDER * (Math.abs(this.S[j] - this.S[i]) + this.slack) ** ORDER * (Math.abs(j - i) * this.module.length + r) + this.E; }
+  lost(i, j, r) {
+    return (
+      REMAINDER *
+        (Math.abs(this.S[j] - this.S[i]) + this.slack) ** ORDER *
+        (Math.abs(j - i) * this.module.length + r) +
+      this.E
+    );
+  }
 
   /**
    * Compute the poses of module j relative to i, or only their centres.
@@ -151,15 +220,24 @@ export class Proof {
   see(i, j, count = 12) {
     const { P, M } = this;
     for (const m of [i, j]) if (m > this.end) this.place(m);
-    for (let a = 0, o = i * POSES, p = j * POSES; a < POSES; a += 12, o += 12, p += 12) for (let k = 0; k < count; k += 3) {
-      const x = P[p + k] - (k ? 0 : P[o]), y = P[p + k + 1] - (k ? 0 : P[o + 1]), z = P[p + k + 2] - (k ? 0 : P[o + 2]);
-      for (let r = 0; r < 3; r++) M[a + k + r] = P[o + 3 + 3 * r] * x + P[o + 4 + 3 * r] * y + P[o + 5 + 3 * r] * z;
-    }
+    for (let a = 0, o = i * POSES, p = j * POSES; a < POSES; a += 12, o += 12, p += 12)
+      for (let k = 0; k < count; k += 3) {
+        const x = P[p + k] - (k ? 0 : P[o]),
+          y = P[p + k + 1] - (k ? 0 : P[o + 1]),
+          z = P[p + k + 2] - (k ? 0 : P[o + 2]);
+        for (let r = 0; r < 3; r++)
+          M[a + k + r] = P[o + 3 + 3 * r] * x + P[o + 4 + 3 * r] * y + P[o + 5 + 3 * r] * z;
+      }
   }
 
   /** Compute the box that bounds a module's centre, relative to a root module. @param {number} m */
   box(m) {
-    const { boxes, plan: { n, windowed } } = this, root = windowed ? 0 : n >> 1, lost = this.lost(root, m, 0);
+    const {
+        boxes,
+        plan: { n, windowed },
+      } = this,
+      root = windowed ? 0 : n >> 1,
+      lost = this.lost(root, m, 0);
     this.see(root, m, 3);
     for (let x = 0; x < 3; x++) {
       const hull = BERNSTEIN.map((row) => coefficient(row, this.M, x));
@@ -170,24 +248,48 @@ export class Proof {
 
   /** Return the pairs i < j of modules that may come too near; null if there are too many. */
   near() {
-    const { boxes, k, c, end, behind, folded, module: { radius, length, told: { apart } }, plan: { n, claim, windowed } } = this;
-    const found = /** @type {[number, number][]} */ ([]), reach = 2 * radius + claim + this.E;
+    const {
+      boxes,
+      k,
+      c,
+      end,
+      behind,
+      folded,
+      module: {
+        radius,
+        length,
+        told: { apart },
+      },
+      plan: { n, claim, windowed },
+    } = this;
+    const found = /** @type {[number, number][]} */ ([]),
+      reach = 2 * radius + claim + this.E;
     // Boxes of the folded core do not change; those of the straight tail are computed on demand.
     for (let m = windowed ? Math.min(c, folded) : 0; m <= end; m++) this.box(m);
     boxes.fill(NaN, 6 * end + 6);
     this.folded = c;
-    for (let i = 0, least = Infinity; i < n; i += Math.max(Math.floor(least), 1), least = Infinity) {
+    for (
+      let i = 0, least = Infinity;
+      i < n;
+      i += Math.max(Math.floor(least), 1), least = Infinity
+    ) {
       // Pairs without a turning joint between them do not change. No link is longer than `length`:
       // half of the spare distance is reserved for modules after j, half for those after i.
       for (let j = Math.max(i + apart, k ? behind[i] : 0); j < n;) {
         let gap = 0;
         for (const m of [i, j]) if (Number.isNaN(boxes[6 * m])) this.box(m);
-        for (let x = 0; x < 3; x++) gap += Math.max(boxes[6 * i + x] - boxes[6 * j + x + 3], boxes[6 * j + x] - boxes[6 * i + x + 3], 0) ** 2;
+        for (let x = 0; x < 3; x++)
+          gap +=
+            Math.max(
+              boxes[6 * i + x] - boxes[6 * j + x + 3],
+              boxes[6 * j + x] - boxes[6 * i + x + 3],
+              0,
+            ) ** 2;
         const spare = (Math.sqrt(gap) - reach) / length / 2;
         if (!(spare >= 0)) found.push([i, j]);
         least = Math.min(least, spare);
         const leap = Math.max(Math.floor(spare), 1) || 1; // stop at multiples of powers of two, so that many i share the boxes of distant modules
-        j += leap - (j + leap) % powerIn(leap / 2);
+        j += leap - ((j + leap) % powerIn(leap / 2));
       }
       if (found.length > CROWD * ((k ? end - c : n) + 10)) return null;
     }
@@ -201,10 +303,19 @@ export class Proof {
    */
   clear(i, j) {
     this.see(i, j);
-    const { frame, plan: { claim } } = this, bound = this.solids(this.lost(i, j, this.module.radius)), { gap, fits } = this.best;
+    const {
+        frame,
+        plan: { claim },
+      } = this,
+      bound = this.solids(this.lost(i, j, this.module.radius)),
+      { gap, fits } = this.best;
     const place = /** @type {Place} */ ({ modules: [i, j], frame, gap, fits });
     if (!this.tightest || gap < this.tightest.gap) this.tightest = place;
-    if (!(bound >= claim || gap >= claim)) throw new NotProved(`${pair(i, j)}: no gap above ${gap.toFixed(9)} at frame ${(frame + 1).toFixed(5)}.`, place);
+    if (!(bound >= claim || gap >= claim))
+      throw new NotProved(
+        `${pair(i, j)}: no gap above ${gap.toFixed(9)} at frame ${(frame + 1).toFixed(5)}.`,
+        place,
+      );
     return bound >= claim;
   }
 
@@ -228,27 +339,59 @@ export class Proof {
    * @param {boolean} edges
    */
   separate(edges) {
-    const { M, module: m, size, plan: { claim } } = this, own = edges ? m.told.edges : m.told.faces;
+    const {
+        M,
+        module: m,
+        size,
+        plan: { claim },
+      } = this,
+      own = edges ? m.told.edges : m.told.faces;
     /** @type {Vector[]} */
-    const [y, a, b, c] = [0, 3, 6, 9].map((k) => [M[12 * MIDDLE + k], M[12 * MIDDLE + k + 1], M[12 * MIDDLE + k + 2]]);
-    const other = own.map(([u, v, w]) => /** @type {Vector} */ ([u * a[0] + v * b[0] + w * c[0], u * a[1] + v * b[1] + w * c[1], u * a[2] + v * b[2] + w * c[2]]));
-    for (const axis of edges ? own.flatMap((e) => other.map((f) => cross(e, f))) : [y, ...own, ...other]) {
-      const far = dot(axis, y), l = norm(axis) * (far < 0 ? -1 : 1);
+    const [y, a, b, c] = [0, 3, 6, 9].map((k) => [
+      M[12 * MIDDLE + k],
+      M[12 * MIDDLE + k + 1],
+      M[12 * MIDDLE + k + 2],
+    ]);
+    const other = own.map(
+      ([u, v, w]) =>
+        /** @type {Vector} */ ([
+          u * a[0] + v * b[0] + w * c[0],
+          u * a[1] + v * b[1] + w * c[1],
+          u * a[2] + v * b[2] + w * c[2],
+        ]),
+    );
+    for (const axis of edges
+      ? own.flatMap((e) => other.map((f) => cross(e, f)))
+      : [y, ...own, ...other]) {
+      const far = dot(axis, y),
+        l = norm(axis) * (far < 0 ? -1 : 1);
       if (Math.abs(l) <= PARALLEL) continue;
       /** @type {Vector} */
-      const n = [axis[0] / l, axis[1] / l, axis[2] / l], thick = -m.least(-n[0], -n[1], -n[2]) - m.least(dot(a, n), dot(b, n), dot(c, n));
-      this.best.fits = Math.max(this.best.fits, size * (far / l - claim) / thick);
-      if (far / l - thick > this.best.gap) this.best = { gap: far / l - thick, axis: n, fits: this.best.fits };
+      const n = [axis[0] / l, axis[1] / l, axis[2] / l],
+        thick = -m.least(-n[0], -n[1], -n[2]) - m.least(dot(a, n), dot(b, n), dot(c, n));
+      this.best.fits = Math.max(this.best.fits, (size * (far / l - claim)) / thick);
+      if (far / l - thick > this.best.gap)
+        this.best = { gap: far / l - thick, axis: n, fits: this.best.fits };
     }
   }
 
   /** Return the bound along the best axis over the whole interval, without the error terms. */
   during() {
-    const { M, line, module: m, best: { axis: [x, y, z] } } = this;
+    const {
+      M,
+      line,
+      module: m,
+      best: {
+        axis: [x, y, z],
+      },
+    } = this;
     for (let o = 0; o < POSES; o += 3) line[o] = x * M[o] + y * M[o + 1] + z * M[o + 2];
     let least = Infinity;
     for (const row of BERNSTEIN) {
-      const far = coefficient(row, line, 0), u = coefficient(row, line, 3), v = coefficient(row, line, 6), w = coefficient(row, line, 9);
+      const far = coefficient(row, line, 0),
+        u = coefficient(row, line, 3),
+        v = coefficient(row, line, 6),
+        w = coefficient(row, line, 9);
       least = Math.min(least, far + m.least(u, v, w));
     }
     return least + m.least(-x, -y, -z);

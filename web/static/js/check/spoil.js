@@ -18,17 +18,20 @@ export class Largest {
   touch = null;
 
   /** @param {Plan} plan */
-  constructor(plan) { this.proof = new Proof(plan, 1); }
+  constructor(plan) {
+    this.proof = new Proof(plan, 1);
+  }
 
   /** Prove all intervals, as `Proof.run` does. */
-  * run() {
+  *run() {
     const { proof } = this;
     for (let k = 0; k < proof.intervals; k++) {
       yield k;
       try {
         proof.interval(k);
       } catch (error) {
-        const place = error instanceof NotProved ? error.place : null, size = Math.min(place?.fits ?? 0, proof.size);
+        const place = error instanceof NotProved ? error.place : null,
+          size = Math.min(place?.fits ?? 0, proof.size);
         if (!place || size <= SHY) throw error;
         this.touch = { ...place, size };
         proof.size = size - SHY;
@@ -46,12 +49,17 @@ export class Largest {
  * @param {number} module
  */
 export function turnMore(plan, module) {
-  const { hinges, told: { rigid_links: rigid } } = plan.module;
+  const {
+    hinges,
+    told: { rigid_links: rigid },
+  } = plan.module;
   const joint = Math.min(Math.max(module, rigid), plan.n - 2);
   const some = Array.from({ length: hinges }, (_, h) => (joint - rigid) * hinges + h);
   const slot = some.reduce((a, b) => (Math.abs(plan.folded[b]) > Math.abs(plan.folded[a]) ? b : a));
   for (let k = 1; k < plan.frames - 1; k++) {
-    if (slot >= plan.first[k] && slot < plan.last[k]) plan.values[plan.offsets[k] + slot - plan.first[k]] -= Math.sign(plan.folded[slot] || 1) * OFF;
+    if (slot >= plan.first[k] && slot < plan.last[k])
+      plan.values[plan.offsets[k] + slot - plan.first[k]] -=
+        Math.sign(plan.folded[slot] || 1) * OFF;
   }
   plan.most += OFF;
   plan.step = Infinity;

@@ -22,26 +22,45 @@ const TOUCHES = 1e-5; // cell widths; modules that are nearer touch
 /** @param {Asked} asked */
 async function check({ href, way, module }) {
   const began = performance.now();
-  let frames = 0, joint = 0, claim = 0, told = 0;
+  let frames = 0,
+    joint = 0,
+    claim = 0,
+    told = 0;
   try {
     const answer = await fetch(href);
-    if (!answer.ok) throw new NotProved("The plan file cannot be loaded. Check the connection and try again.");
-    const plan = await Plan.read(new Uint8Array(await answer.arrayBuffer())), { n: modules, size } = plan;
+    if (!answer.ok)
+      throw new NotProved("The plan file cannot be loaded. Check the connection and try again.");
+    const plan = await Plan.read(new Uint8Array(await answer.arrayBuffer())),
+      { n: modules, size } = plan;
     if (way !== "claim") plan.claim = TOUCHES;
     if (way === "hinge") joint = turnMore(plan, module ?? Math.floor(Math.random() * plan.n));
     ({ frames, claim } = plan);
-    const largest = way === "size" ? new Largest(plan) : null, proof = largest?.proof ?? new Proof(plan);
+    const largest = way === "size" ? new Largest(plan) : null,
+      proof = largest?.proof ?? new Proof(plan);
     for (const frame of (largest ?? proof).run()) {
       if (performance.now() - told < TELL_MS) continue;
       told = performance.now();
       postMessage({ is: "progress", frame, frames, tightest: proof.tightest });
     }
-    const { tightest, size: found } = proof, touch = largest?.touch ?? null, seconds = (performance.now() - began) / 1000;
-    postMessage({ is: "proved", plan: { frames, modules, size, claim }, said: plan.words(proof.largest), size: found, tightest, touch, joint, seconds });
+    const { tightest, size: found } = proof,
+      touch = largest?.touch ?? null,
+      seconds = (performance.now() - began) / 1000;
+    postMessage({
+      is: "proved",
+      plan: { frames, modules, size, claim },
+      said: plan.words(proof.largest),
+      size: found,
+      tightest,
+      touch,
+      joint,
+      seconds,
+    });
   } catch (error) {
     const { message: text, place = null } = /** @type {Error & { place?: Place | null }} */ (error);
     postMessage({ is: "refused", text, place, frames, claim, joint });
   }
 }
 
-onmessage = (/** @type {MessageEvent<Asked>} */ { data }) => { check(data); };
+onmessage = (/** @type {MessageEvent<Asked>} */ { data }) => {
+  check(data);
+};

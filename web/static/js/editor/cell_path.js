@@ -10,7 +10,8 @@ const FEWEST = 3;
  */
 export function neighbours(key, size) {
   const found = [];
-  for (let step = 1; step < size ** 3; step *= size) { // along rows, columns and layers
+  for (let step = 1; step < size ** 3; step *= size) {
+    // along rows, columns and layers
     const place = Math.floor(key / step) % size;
     if (place > 0) found.push(key - step);
     if (place < size - 1) found.push(key + step);
@@ -41,19 +42,29 @@ export function checked({ cells, size, path }) {
   let odd = 0;
   path.forEach((key, index) => {
     const first = place.get(key);
-    if (first === undefined) place.set(key, index); else repeats.push([first, index]);
+    if (first === undefined) place.set(key, index);
+    else repeats.push([first, index]);
     if (index && !touch(path[index - 1], key, size)) gaps.push(index - 1);
   });
   const missing = [];
   for (let key = 0; key < cells.length; key++) {
     if (!cells[key]) continue;
     count++;
-    odd += (key % size + Math.floor(key / size) % size + Math.floor(key / (size * size))) % 2;
+    odd += ((key % size) + (Math.floor(key / size) % size) + Math.floor(key / (size * size))) % 2;
     if (!place.has(key)) missing.push(key);
   }
   const difference = Math.abs(count - 2 * odd);
   const whole = path.length >= FEWEST && !gaps.length && !repeats.length && !missing.length;
-  return { length: path.length, cells: count, gaps, repeats, missing, lost: lost(missing, path, size), difference, whole };
+  return {
+    length: path.length,
+    cells: count,
+    gaps,
+    repeats,
+    missing,
+    lost: lost(missing, path, size),
+    difference,
+    whole,
+  };
 }
 
 // Return the missing cells that cannot be reached from either end of the path.
@@ -80,18 +91,32 @@ function lost(missing, path, size) {
 export function told({ length, cells, gaps, repeats, missing, lost: apart, difference, whole }) {
   if (repeats.length) {
     const [first, second] = repeats[0];
-    return { text: `Cells ${first + 1} and ${second + 1} of the path are the same cell. A path visits each cell only once.`, tone: "bad" };
+    return {
+      text: `Cells ${first + 1} and ${second + 1} of the path are the same cell. A path visits each cell only once.`,
+      tone: "bad",
+    };
   }
   if (gaps.length) {
-    return { text: `Cells ${gaps[0] + 1} and ${gaps[0] + 2} do not touch. Add cells between them, or cut the path there.`, tone: "bad" };
+    return {
+      text: `Cells ${gaps[0] + 1} and ${gaps[0] + 2} do not touch. Add cells between them, or cut the path there.`,
+      tone: "bad",
+    };
   }
   if (whole) return { text: `The path visits all ${cells} cells.`, tone: "good" };
-  if (length && !missing.length) return { text: `The path has only ${length} cells. It needs at least ${FEWEST}.`, tone: "" };
+  if (length && !missing.length)
+    return { text: `The path has only ${length} cells. It needs at least ${FEWEST}.`, tone: "" };
   const so = length ? `The path visits ${length} of ${cells} cells.` : "No path yet.";
   if (difference > 1) {
-    return { text: `${so} No path visits all cells: a path alternates between the two colours of a chessboard, but one colour has ${difference} more cells than the other. Add or remove cells until the difference is at most 1.`, tone: "bad" };
+    return {
+      text: `${so} No path visits all cells: a path alternates between the two colours of a chessboard, but one colour has ${difference} more cells than the other. Add or remove cells until the difference is at most 1.`,
+      tone: "bad",
+    };
   }
-  if (apart.length) return { text: `${so} The path can no longer reach ${apart.length} of the remaining cells.`, tone: "bad" };
+  if (apart.length)
+    return {
+      text: `${so} The path can no longer reach ${apart.length} of the remaining cells.`,
+      tone: "bad",
+    };
   return { text: length ? so : `${so} Choose the tool Path and drag from cell to cell.`, tone: "" };
 }
 
@@ -111,12 +136,17 @@ export function extended({ path, atStart }, key, size) {
   if (index >= 0) {
     const [end, before] = atStart ? [0, 1] : [last, last - 1];
     if (index === end) return { path, atStart };
-    if (index === before && last > 0) return { path: atStart ? path.slice(1) : path.slice(0, -1), atStart };
+    if (index === before && last > 0)
+      return { path: atStart ? path.slice(1) : path.slice(0, -1), atStart };
     if (index === 0 || index === last) return { path, atStart: index === 0 };
     return `This is already cell ${index + 1} of the path. A path visits each cell only once.`;
   }
   for (let k = 0; k < last; k++) {
-    if (!touch(path[k], path[k + 1], size) && touch(path[k], key, size) && touch(key, path[k + 1], size)) {
+    if (
+      !touch(path[k], path[k + 1], size) &&
+      touch(path[k], key, size) &&
+      touch(key, path[k + 1], size)
+    ) {
       return { path: path.toSpliced(k + 1, 0, key), atStart };
     }
   }
@@ -167,7 +197,8 @@ export function through(keys, start, size) {
   const visit = (/** @type {number} */ key) => {
     left.delete(key);
     path.push(key);
-    if (!left.size || neighbours(key, size).some((next) => left.has(next) && visit(next))) return true;
+    if (!left.size || neighbours(key, size).some((next) => left.has(next) && visit(next)))
+      return true;
     left.add(key);
     path.pop();
     return false;

@@ -16,7 +16,11 @@ const FEW = 8;
  * @param {boolean} doubled
  */
 export function voxelFile(name, { cells, size }, doubled = false) {
-  const voxels = { format: "foldback-voxels/1", name, cells: cellsOf(keysOf(cells), size, doubled) };
+  const voxels = {
+    format: "foldback-voxels/1",
+    name,
+    cells: cellsOf(keysOf(cells), size, doubled),
+  };
   return new File([JSON.stringify(voxels)], "painted.json", { type: "application/json" });
 }
 
@@ -34,7 +38,8 @@ export function pathFile(name, { path, size }) {
  * @param {Form} fields
  * @returns {Promise<Api.Preview>}
  */
-export const report = (fields) => ask("/api/shapes/preview", { body: formOf(fields), token: ownKey() });
+export const report = (fields) =>
+  ask("/api/shapes/preview", { body: formOf(fields), token: ownKey() });
 
 // Read the cells of a file, or of a previous upload, without a search for a path.
 /**
@@ -43,7 +48,8 @@ export const report = (fields) => ask("/api/shapes/preview", { body: formOf(fiel
  */
 export async function read(source, cells) {
   const answer = await report({ ...source, method: "exact", modules: cells, path: false });
-  if (answer.module !== "cube") throw new Error("This is a chain of tetrahedra. Only cubes can be painted.");
+  if (answer.module !== "cube")
+    throw new Error("This is a chain of tetrahedra. Only cubes can be painted.");
   return answer;
 }
 
@@ -59,7 +65,10 @@ export async function completed({ cells, size }, { path, atStart }) {
   const rest = keysOf(left);
   if (!rest.length || parts(left, size).length > 1) return null;
   const head = path.at(atStart ? 0 : -1);
-  const joined = (/** @type {number[]} */ more) => ({ path: atStart ? [...more.reverse(), ...path] : [...path, ...more], atStart });
+  const joined = (/** @type {number[]} */ more) => ({
+    path: atStart ? [...more.reverse(), ...path] : [...path, ...more],
+    atStart,
+  });
   const starts = head === undefined ? [null] : neighbours(head, size).filter((key) => left[key]);
   if (rest.length <= FEW) {
     for (const start of starts[0] === null ? rest : starts) {
@@ -74,7 +83,8 @@ export async function completed({ cells, size }, { path, atStart }) {
     const wish = start === null ? null : cellOf(start, size).join(",");
     const answer = await report({ ...source, start: wish });
     source = { preview: answer.id };
-    if (answer.has_path && !answer.not_started) return joined(answer.cells.map(([x, y, z]) => keyOf(x, y, z, size)));
+    if (answer.has_path && !answer.not_started)
+      return joined(answer.cells.map(([x, y, z]) => keyOf(x, y, z, size)));
   }
   return null;
 }

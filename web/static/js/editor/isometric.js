@@ -9,14 +9,32 @@ const SIDES = ["l", "r", "t"];
 /** Visible corners of a face, by the bits of its visible halves. */
 const SEEN = [[], [0, 1, 2], [0, 2, 3], [0, 1, 2, 3]];
 /** Colours along the path, from its first module to its last, as in previews: cividis. */
-const ALONG = ["#00224e", "#123570", "#3b496c", "#575d6d", "#707173", "#8a8678", "#a59c74", "#c3b369", "#e1cc55", "#fee838"];
+const ALONG = [
+  "#00224e",
+  "#123570",
+  "#3b496c",
+  "#575d6d",
+  "#707173",
+  "#8a8678",
+  "#a59c74",
+  "#c3b369",
+  "#e1cc55",
+  "#fee838",
+];
 /** @type {Record<string, number>} */
 const SHADES = { t: 1, l: 0.82, r: 0.66 };
 
 /** @param {number[]} cell */
 const project = ([x, y, z]) => [(y - x) * COSINE * UNIT, ((x + y) * 0.5 - z) * UNIT];
 /** @param {number[][]} points */
-const line = (points) => `M${points.map((point) => project(point).map((v) => v.toFixed(1)).join(" ")).join("L")}`;
+const line = (points) =>
+  `M${points
+    .map((point) =>
+      project(point)
+        .map((v) => v.toFixed(1))
+        .join(" "),
+    )
+    .join("L")}`;
 
 // Return the corners of a face; the diagonal from the first to the third divides it into halves.
 /**
@@ -24,9 +42,26 @@ const line = (points) => `M${points.map((point) => project(point).map((v) => v.t
  * @param {string} side
  */
 function corners([x, y, z], side) {
-  if (side === "t") return [[x, y, z + 1], [x + 1, y, z + 1], [x + 1, y + 1, z + 1], [x, y + 1, z + 1]];
-  if (side === "l") return [[x + 1, y, z], [x + 1, y + 1, z], [x + 1, y + 1, z + 1], [x + 1, y, z + 1]];
-  return [[x, y + 1, z], [x + 1, y + 1, z], [x + 1, y + 1, z + 1], [x, y + 1, z + 1]];
+  if (side === "t")
+    return [
+      [x, y, z + 1],
+      [x + 1, y, z + 1],
+      [x + 1, y + 1, z + 1],
+      [x, y + 1, z + 1],
+    ];
+  if (side === "l")
+    return [
+      [x + 1, y, z],
+      [x + 1, y + 1, z],
+      [x + 1, y + 1, z + 1],
+      [x + 1, y, z + 1],
+    ];
+  return [
+    [x, y + 1, z],
+    [x + 1, y + 1, z],
+    [x + 1, y + 1, z + 1],
+    [x, y + 1, z + 1],
+  ];
 }
 
 // Return the visible halves of faces. Projected along (1, 1, 1), a
@@ -44,7 +79,10 @@ export function visible(keys, size) {
   /** @param {number} a @param {number} b @param {number} half @param {number} depth @param {number} face */
   const cover = (a, b, half, depth, face) => {
     const place = 2 * ((a + size) * wide + b + size) + half;
-    if (depth > nearest[place]) { nearest[place] = depth; owner[place] = face; }
+    if (depth > nearest[place]) {
+      nearest[place] = depth;
+      owner[place] = face;
+    }
   };
   for (const key of keys) {
     const [x, y, z] = cellOf(key, size);
@@ -71,7 +109,9 @@ export function visible(keys, size) {
  * @param {string} side
  */
 function colour(step, side) {
-  const parts = [1, 3, 5].map((k) => Math.round(parseInt(ALONG[step].slice(k, k + 2), 16) * SHADES[side]));
+  const parts = [1, 3, 5].map((k) =>
+    Math.round(parseInt(ALONG[step].slice(k, k + 2), 16) * SHADES[side]),
+  );
   return `rgb(${parts.join(" ")})`;
 }
 
@@ -86,7 +126,9 @@ export function draw(picture, { cells, size }, layer, drawn) {
   const highest = keys.length ? cellOf(keys[keys.length - 1], size)[2] : 0;
   const top = Math.max(layer, 2, highest) + 1;
   const path = drawn?.path ?? [];
-  const place = new Map(path.map((key, index) => [key, Math.floor((ALONG.length * index) / path.length)]));
+  const place = new Map(
+    path.map((key, index) => [key, Math.floor((ALONG.length * index) / path.length)]),
+  );
 
   // Faces of the same style share one element.
   /** @type {Map<string, string[]>[]} faces below the layer; those in it and above */
@@ -101,20 +143,37 @@ export function draw(picture, { cells, size }, layer, drawn) {
     const all = corners(cell, side);
     const text = `${line(SEEN[halves].map((k) => all[k]))}z`;
     const texts = storey.get(look);
-    if (texts) texts.push(text); else storey.set(look, [text]);
+    if (texts) texts.push(text);
+    else storey.set(look, [text]);
   }
-  const faces = storeys.map((storey) => [...storey].map(([look, texts]) => {
-    const [side, step] = look.split(" ");
-    const own = /\d/.test(step);
-    const part = svg("path", { class: own ? "face" : `face ${side} ${step}`, d: texts.join("") });
-    if (own) part.setAttribute("fill", colour(Number(step), side));
-    return part;
-  }));
-  const square = (/** @type {number} */ z) => `${line([[0, 0, z], [size, 0, z], [size, size, z], [0, size, z]])}z`;
-  const parts = [svg("path", { class: "floor", d: square(0) }), ...faces[0], svg("path", { class: "plane", d: square(layer) }), ...faces[1]];
+  const faces = storeys.map((storey) =>
+    [...storey].map(([look, texts]) => {
+      const [side, step] = look.split(" ");
+      const own = /\d/.test(step);
+      const part = svg("path", { class: own ? "face" : `face ${side} ${step}`, d: texts.join("") });
+      if (own) part.setAttribute("fill", colour(Number(step), side));
+      return part;
+    }),
+  );
+  const square = (/** @type {number} */ z) =>
+    `${line([
+      [0, 0, z],
+      [size, 0, z],
+      [size, size, z],
+      [0, size, z],
+    ])}z`;
+  const parts = [
+    svg("path", { class: "floor", d: square(0) }),
+    ...faces[0],
+    svg("path", { class: "plane", d: square(layer) }),
+    ...faces[1],
+  ];
   if (drawn && path.length) parts.push(...course(drawn, size));
   const wide = size * COSINE * UNIT + 8;
-  picture.setAttribute("viewBox", `${-wide} ${-top * UNIT - 8} ${2 * wide} ${(size + top) * UNIT + 16}`);
+  picture.setAttribute(
+    "viewBox",
+    `${-wide} ${-top * UNIT - 8} ${2 * wide} ${(size + top) * UNIT + 16}`,
+  );
   picture.replaceChildren(...parts);
 }
 
@@ -132,5 +191,10 @@ function course({ path, atStart }, size) {
     return svg("circle", { class: name, cx, cy, r: 0.22 * UNIT * Math.max(1, size / 16) });
   };
   const [first, head] = [middles[0], middles[atStart ? 0 : middles.length - 1]];
-  return [svg("path", { class: "course casing", d }), svg("path", { class: "course", d }), spot(first, "first"), spot(head, "head")];
+  return [
+    svg("path", { class: "course casing", d }),
+    svg("path", { class: "course", d }),
+    spot(first, "first"),
+    spot(head, "head"),
+  ];
 }

@@ -27,7 +27,11 @@ export const keyOf = (x, y, z, size) => (z * size + x) * size + y;
  * @param {number} size
  * @returns {Vector}
  */
-export const cellOf = (key, size) => [Math.floor(key / size) % size, key % size, Math.floor(key / (size * size))];
+export const cellOf = (key, size) => [
+  Math.floor(key / size) % size,
+  key % size,
+  Math.floor(key / (size * size)),
+];
 
 // Return the keys of the filled cells.
 /** @param {Uint8Array} cells */
@@ -42,8 +46,12 @@ export function keysOf(cells) {
  * @param {Painted} b
  */
 function same(a, b) {
-  return a.size === b.size && a.cells.every((filled, key) => filled === b.cells[key])
-    && a.path.length === b.path.length && a.path.every((key, index) => key === b.path[index]);
+  return (
+    a.size === b.size &&
+    a.cells.every((filled, key) => filled === b.cells[key]) &&
+    a.path.length === b.path.length &&
+    a.path.every((key, index) => key === b.path[index])
+  );
 }
 
 export class Painting {
@@ -63,7 +71,9 @@ export class Painting {
       if (painted) this.become(painted);
       const { done, undone } = JSON.parse(stored(STORED_STEPS, "sessionStorage") ?? "{}");
       [this.done, this.undone] = [done, undone].map((steps) => steps.map(unpacked).filter(Boolean));
-    } catch { /* the stored value is not a painting */ }
+    } catch {
+      /* the stored value is not a painting */
+    }
   }
 
   // Store the steps for undo and redo until the tab is closed, as many of the last ones as fit.
@@ -74,16 +84,26 @@ export class Painting {
       const count = texts.findIndex((text) => (room -= text.length) < 0);
       return `[${(count < 0 ? texts : texts.slice(0, count)).toReversed().join()}]`;
     };
-    store(STORED_STEPS, `{"done":${last(this.done)},"undone":${last(this.undone)}}`, "sessionStorage");
+    store(
+      STORED_STEPS,
+      `{"done":${last(this.done)},"undone":${last(this.undone)}}`,
+      "sessionStorage",
+    );
   }
 
-  get filled() { return this.cells.reduce((sum, filled) => sum + filled, 0); }
+  get filled() {
+    return this.cells.reduce((sum, filled) => sum + filled, 0);
+  }
 
   /** @returns {Painted} */
-  get state() { return { size: this.size, cells: this.cells, path: this.path }; }
+  get state() {
+    return { size: this.size, cells: this.cells, path: this.path };
+  }
 
   // Begin a step: all changes until its end are one undo step.
-  begin() { this.before = { ...this.state, cells: this.cells.slice() }; }
+  begin() {
+    this.before = { ...this.state, cells: this.cells.slice() };
+  }
 
   // Fill or empty cells. Emptied cells leave the path. Return true if a cell changed.
   /**
@@ -97,7 +117,8 @@ export class Painting {
       this.cells[key] = Number(filled);
       changed = true;
     }
-    if (changed && !filled && this.path.length) this.path = this.path.filter((key) => this.cells[key]);
+    if (changed && !filled && this.path.length)
+      this.path = this.path.filter((key) => this.cells[key]);
     return changed;
   }
 
@@ -133,9 +154,13 @@ export class Painting {
     this.before = null;
   }
 
-  undo() { return this.turn(this.done, this.undone); }
+  undo() {
+    return this.turn(this.done, this.undone);
+  }
 
-  redo() { return this.turn(this.undone, this.done); }
+  redo() {
+    return this.turn(this.undone, this.done);
+  }
 
   /**
    * @param {Painted[]} from
@@ -150,7 +175,9 @@ export class Painting {
     return true;
   }
 
-  keep() { store(KEPT, JSON.stringify(packed(this.state))); }
+  keep() {
+    store(KEPT, JSON.stringify(packed(this.state)));
+  }
 }
 
 /** @param {Painted} painted */
@@ -164,8 +191,10 @@ const packed = ({ size, cells, path }) => ({ size, filled: keysOf(cells), path }
 export function unpacked(kept) {
   const size = Number(kept?.size);
   if (!SIZES.includes(size)) return null;
-  const keys = (/** @type {unknown} */ list) => (Array.isArray(list) ? list : [])
-    .filter((key) => Number.isInteger(key) && key >= 0 && key < size ** 3);
+  const keys = (/** @type {unknown} */ list) =>
+    (Array.isArray(list) ? list : []).filter(
+      (key) => Number.isInteger(key) && key >= 0 && key < size ** 3,
+    );
   const cells = new Uint8Array(size ** 3);
   for (const key of keys(kept?.filled)) cells[key] = 1;
   return { size, cells, path: keys(kept?.path).filter((key) => cells[key]) };
@@ -186,7 +215,9 @@ export class Draft {
       if (TOOLS.includes(tool)) this.tool = tool;
       if (typeof name === "string") this.name = name.slice(0, LONGEST_NAME);
       if (typeof given === "string") this.given = given;
-    } catch { /* the stored value is not a draft */ }
+    } catch {
+      /* the stored value is not a draft */
+    }
   }
 
   /** @param {{ how?: Draft["how"], tool?: Draft["tool"], name?: string, given?: string }} changed */
@@ -198,10 +229,14 @@ export class Draft {
 
   // Set the name from a letter or a file.
   /** @param {string} name */
-  give(name) { this.note({ name: name.slice(0, LONGEST_NAME), given: name.slice(0, LONGEST_NAME) }); }
+  give(name) {
+    this.note({ name: name.slice(0, LONGEST_NAME), given: name.slice(0, LONGEST_NAME) });
+  }
 
   // Reset the name after clearing, unless the visitor typed it.
-  clear() { if (this.name === this.given) this.note({ name: "", given: "" }); }
+  clear() {
+    if (this.name === this.given) this.note({ name: "", given: "" });
+  }
 }
 
 // Return the face-connected components of the filled cells, as lists of keys.
@@ -218,7 +253,11 @@ export function parts(cells, size) {
     const piece = [start];
     left[start] = 0;
     for (const key of piece) {
-      for (const next of neighbours(key, size)) if (left[next]) { left[next] = 0; piece.push(next); }
+      for (const next of neighbours(key, size))
+        if (left[next]) {
+          left[next] = 0;
+          piece.push(next);
+        }
     }
     found.push(piece);
   }
@@ -234,6 +273,9 @@ export function parts(cells, size) {
 export function cellsOf(keys, size, doubled = false) {
   const cells = keys.map((key) => cellOf(key, size));
   if (!doubled) return cells;
-  return cells.flatMap(([x, y, z]) => [0, 1, 2, 3, 4, 5, 6, 7]
-    .map((k) => /** @type {Vector} */ ([2 * x + (k & 1), 2 * y + ((k >> 1) & 1), 2 * z + (k >> 2)])));
+  return cells.flatMap(([x, y, z]) =>
+    [0, 1, 2, 3, 4, 5, 6, 7].map(
+      (k) => /** @type {Vector} */ ([2 * x + (k & 1), 2 * y + ((k >> 1) & 1), 2 * z + (k >> 2)]),
+    ),
+  );
 }

@@ -16,7 +16,12 @@ export function region({ cells, size }, start) {
   const seen = new Set([start]);
   for (const key of seen) {
     const [x, y, z] = cellOf(key, size);
-    for (const [i, j] of [[x + 1, y], [x - 1, y], [x, y + 1], [x, y - 1]]) {
+    for (const [i, j] of [
+      [x + 1, y],
+      [x - 1, y],
+      [x, y + 1],
+      [x, y - 1],
+    ]) {
       if (Math.min(i, j) < 0 || Math.max(i, j) >= size) continue;
       const next = keyOf(i, j, z, size);
       if (cells[next] === cells[start]) seen.add(next);
@@ -36,17 +41,21 @@ export function box(one, other, size) {
   const [low, high] = [a.map((v, k) => Math.min(v, b[k])), a.map((v, k) => Math.max(v, b[k]))];
   const keys = [];
   for (let z = low[2]; z <= high[2]; z++) {
-    for (let x = low[0]; x <= high[0]; x++) for (let y = low[1]; y <= high[1]; y++) keys.push(keyOf(x, y, z, size));
+    for (let x = low[0]; x <= high[0]; x++)
+      for (let y = low[1]; y <= high[1]; y++) keys.push(keyOf(x, y, z, size));
   }
   return keys;
 }
 
 // Return the minimum and maximum coordinates of cells; null without cells.
 /** @param {number[][]} cells */
-const extremes = (cells) => (cells.length ? {
-  low: cells.reduce((low, cell) => low.map((v, axis) => Math.min(v, cell[axis]))),
-  high: cells.reduce((high, cell) => high.map((v, axis) => Math.max(v, cell[axis]))),
-} : null);
+const extremes = (cells) =>
+  cells.length
+    ? {
+        low: cells.reduce((low, cell) => low.map((v, axis) => Math.min(v, cell[axis]))),
+        high: cells.reduce((high, cell) => high.map((v, axis) => Math.max(v, cell[axis]))),
+      }
+    : null;
 
 /** @param {Painted} painted */
 export const bounds = ({ cells, size }) => extremes(keysOf(cells).map((key) => cellOf(key, size)));
@@ -64,7 +73,9 @@ function placed(painted, place, size = painted.size) {
     return keyOf(x, y, z, size);
   };
   const cells = new Uint8Array(size ** 3);
-  painted.cells.forEach((filled, key) => { if (filled) cells[at(key)] = 1; });
+  painted.cells.forEach((filled, key) => {
+    if (filled) cells[at(key)] = 1;
+  });
   return { size, cells, path: painted.path.map(at) };
 }
 
@@ -104,7 +115,9 @@ export function resized(painted, size) {
   const { low, high } = within;
   if (high.some((v, axis) => v - low[axis] >= size)) return null;
   const middle = Math.floor((size - painted.size) / 2);
-  const by = [middle, middle, 0].map((v, axis) => Math.min(size - 1 - high[axis], Math.max(-low[axis], v)));
+  const by = [middle, middle, 0].map((v, axis) =>
+    Math.min(size - 1 - high[axis], Math.max(-low[axis], v)),
+  );
   return placed(painted, (cell) => cell.map((v, axis) => v + by[axis]), size);
 }
 
@@ -122,18 +135,32 @@ export function withLetter(painted, letter) {
   const grid = size && resized(painted, size);
   if (!size || !grid) return null;
   const margin = (/** @type {number} */ width) => Math.floor((size - width) / 2);
-  const { cells, path } = moved(grid, 1, margin(taken + LETTER_CELLS) - (bounds(grid)?.low[1] ?? 0));
+  const { cells, path } = moved(
+    grid,
+    1,
+    margin(taken + LETTER_CELLS) - (bounds(grid)?.low[1] ?? 0),
+  );
   const low = bounds({ size, cells, path })?.low ?? [margin(LETTER_CELLS), 0, 0];
   const [top, layer] = [Math.min(low[0], size - LETTER_CELLS), low[2]];
   const left = margin(taken + LETTER_CELLS) + taken;
   const written = letter.map(([x, y]) => keyOf(top + x, left + y, layer, size));
-  const gaps = [...Array(LETTER_CELLS).keys()].map((x) => {
-    const start = keyOf(top + x, 0, layer, size);
-    const row = [...cells.subarray(start, start + left)];
-    const [before, after] = [row.lastIndexOf(1), Math.min(...letter.filter(([i]) => i === x).map(([, y]) => left + y))];
-    return before < 0 ? [] : Array.from({ length: after - before - 1 }, (_none, k) => start + before + 1 + k);
-  }).filter(({ length }) => length);
-  const join = gaps.reduce((best, gap) => (best.length && best.length < gap.length ? best : gap), []);
+  const gaps = [...Array(LETTER_CELLS).keys()]
+    .map((x) => {
+      const start = keyOf(top + x, 0, layer, size);
+      const row = [...cells.subarray(start, start + left)];
+      const [before, after] = [
+        row.lastIndexOf(1),
+        Math.min(...letter.filter(([i]) => i === x).map(([, y]) => left + y)),
+      ];
+      return before < 0
+        ? []
+        : Array.from({ length: after - before - 1 }, (_none, k) => start + before + 1 + k);
+    })
+    .filter(({ length }) => length);
+  const join = gaps.reduce(
+    (best, gap) => (best.length && best.length < gap.length ? best : gap),
+    [],
+  );
   for (const key of [...written, ...join]) cells[key] = 1;
   return { size, cells, path };
 }
@@ -152,7 +179,10 @@ export function imported(cells, { ordered, least }) {
   const { low, high } = within;
   const extents = high.map((v, axis) => v - low[axis] + 1);
   const fits = SIZES.find((side) => Math.max(...extents) <= side);
-  if (!fits) throw new Error(`The shape measures ${extents.join("×")} cells, but the largest grid is ${LARGEST}×${LARGEST}×${LARGEST} cells. Use a smaller shape, or a shape with fewer and larger cells.`);
+  if (!fits)
+    throw new Error(
+      `The shape measures ${extents.join("×")} cells, but the largest grid is ${LARGEST}×${LARGEST}×${LARGEST} cells. Use a smaller shape, or a shape with fewer and larger cells.`,
+    );
   const size = Math.max(fits, least);
   const margin = extents.map((extent, axis) => (axis === 2 ? 0 : Math.floor((size - extent) / 2)));
   const keys = cells.map((cell) => {
@@ -190,14 +220,22 @@ export function symmetric(keys, size, axes) {
  * @param {boolean} bySides
  */
 export function passed([x, y], [i, j], bySides = false) {
-  const count = bySides ? Math.abs(i - x) + Math.abs(j - y) : Math.max(Math.abs(i - x), Math.abs(j - y));
+  const count = bySides
+    ? Math.abs(i - x) + Math.abs(j - y)
+    : Math.max(Math.abs(i - x), Math.abs(j - y));
   /** @type {[x: number, y: number][]} */
   const found = [[x, y]];
   for (let k = 1; k <= count; k++) {
     const share = k / count;
-    if (!bySides) { found.push([Math.round(x + share * (i - x)), Math.round(y + share * (j - y))]); continue; }
+    if (!bySides) {
+      found.push([Math.round(x + share * (i - x)), Math.round(y + share * (j - y))]);
+      continue;
+    }
     const [a, b] = found[k - 1];
-    const [behindX, behindY] = [Math.abs(i - x) * share - Math.abs(a - x), Math.abs(j - y) * share - Math.abs(b - y)];
+    const [behindX, behindY] = [
+      Math.abs(i - x) * share - Math.abs(a - x),
+      Math.abs(j - y) * share - Math.abs(b - y),
+    ];
     found.push(behindX >= behindY ? [a + Math.sign(i - x), b] : [a, b + Math.sign(j - y)]);
   }
   return found;

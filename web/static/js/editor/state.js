@@ -3,7 +3,16 @@
 import { whole } from "../lib/text.js";
 import { checked, cut, extended, headOf, told, touch } from "./cell_path.js";
 import { Draft, Painting, cellOf, keyOf, keysOf, parts } from "./painting.js";
-import { bounds, box, mirrored, moved, region, resized, symmetric, withLetter } from "./shape_tools.js";
+import {
+  bounds,
+  box,
+  mirrored,
+  moved,
+  region,
+  resized,
+  symmetric,
+  withLetter,
+} from "./shape_tools.js";
 
 /** @typedef {Draft["tool"]} Tool */
 
@@ -44,42 +53,79 @@ export class Editor {
     this.to = 0;
   }
 
-  get tool() { return this.draft.tool; }
+  get tool() {
+    return this.draft.tool;
+  }
 
   /** @returns {DrawnPath} */
-  get drawn() { return { path: this.painting.path, atStart: this.atStart }; }
+  get drawn() {
+    return { path: this.painting.path, atStart: this.atStart };
+  }
 
   // The path, if it is displayed.
-  get shownPath() { return this.tool === "path" || this.draft.how === "path" ? this.drawn : null; }
+  get shownPath() {
+    return this.tool === "path" || this.draft.how === "path" ? this.drawn : null;
+  }
 
-  get name() { return this.draft.name.trim() || "My shape"; }
+  get name() {
+    return this.draft.name.trim() || "My shape";
+  }
 
   /** @param {string} end */
-  fileName(end) { return `${this.name.replaceAll(/[^\p{L}\p{N} _-]+/gu, "").trim() || "shape"}.${end}`; }
+  fileName(end) {
+    return `${this.name.replaceAll(/[^\p{L}\p{N} _-]+/gu, "").trim() || "shape"}.${end}`;
+  }
 
   /** @returns {Standing} */
   get standing() {
-    const { painting, draft: { how }, maxModules } = this;
+    const {
+      painting,
+      draft: { how },
+      maxModules,
+    } = this;
     const cells = painting.filled;
     const path = how === "path" ? checked(painting.state) : null;
     const modules = cells * MODULES_PER_CELL[how];
     const pieces = path ? 1 : parts(painting.cells, painting.size).length;
     const large = modules > maxModules;
     const few = !path && modules > 0 && modules < MIN_MODULES;
-    const words = path && cells ? told(path) : { text: `${whole(modules)} modules${few ? `. A fold needs at least ${MIN_MODULES}.` : ""}`, tone: /** @type {const} */ ("") };
-    if (pieces > 1) Object.assign(words, { text: `The shape has ${pieces} separate pieces. Connect them face to face.`, tone: "bad" });
-    if (large) Object.assign(words, { text: `The shape needs ${whole(modules)} modules, but the limit is ${whole(maxModules)}. Paint fewer cells.`, tone: "bad" });
+    const words =
+      path && cells
+        ? told(path)
+        : {
+            text: `${whole(modules)} modules${few ? `. A fold needs at least ${MIN_MODULES}.` : ""}`,
+            tone: /** @type {const} */ (""),
+          };
+    if (pieces > 1)
+      Object.assign(words, {
+        text: `The shape has ${pieces} separate pieces. Connect them face to face.`,
+        tone: "bad",
+      });
+    if (large)
+      Object.assign(words, {
+        text: `The shape needs ${whole(modules)} modules, but the limit is ${whole(maxModules)}. Paint fewer cells.`,
+        tone: "bad",
+      });
     const visited = Boolean(path?.whole);
     return {
-      cells, tone: words.tone, text: cells ? words.text : "", whole: visited,
-      limit: large || !cells ? "" : `${path ? `${whole(modules)} modules. ` : ""}Limit: ${whole(maxModules)} modules.`,
-      completable: cells > 0 && !visited && !large, ready: cells > 0 && !large && (path ? visited : pieces === 1 && !few),
+      cells,
+      tone: words.tone,
+      text: cells ? words.text : "",
+      whole: visited,
+      limit:
+        large || !cells
+          ? ""
+          : `${path ? `${whole(modules)} modules. ` : ""}Limit: ${whole(maxModules)} modules.`,
+      completable: cells > 0 && !visited && !large,
+      ready: cells > 0 && !large && (path ? visited : pieces === 1 && !few),
     };
   }
 
   // Show a layer, or the nearest existing one.
   /** @param {number} layer */
-  turn(layer) { this.layer = Math.min(this.painting.size - 1, Math.max(0, layer)); }
+  turn(layer) {
+    this.layer = Math.min(this.painting.size - 1, Math.max(0, layer));
+  }
 
   /** @param {Tool} tool */
   take(tool) {
@@ -130,11 +176,14 @@ export class Editor {
         this.corner = null;
       }
     }
-    if (kept) painting.end(); else painting.cancel();
+    if (kept) painting.end();
+    else painting.cancel();
   }
 
   /** @param {number[]} keys */
-  paint(keys) { this.painting.paint(symmetric(keys, this.painting.size, this.axes), this.filling); }
+  paint(keys) {
+    this.painting.paint(symmetric(keys, this.painting.size, this.axes), this.filling);
+  }
 
   // Draw one cell of the path.
   /** @param {number} key */
@@ -171,10 +220,14 @@ export class Editor {
    * @param {0 | 1 | 2} axis
    * @param {number} by
    */
-  move(axis, by) { this.step(() => this.painting.become(moved(this.painting.state, axis, by))); }
+  move(axis, by) {
+    this.step(() => this.painting.become(moved(this.painting.state, axis, by)));
+  }
 
   /** @param {0 | 1 | 2} axis */
-  mirror(axis) { this.step(() => this.painting.become(mirrored(this.painting.state, axis))); }
+  mirror(axis) {
+    this.step(() => this.painting.become(mirrored(this.painting.state, axis)));
+  }
 
   // Extend the path from its drawn end in a direction, or start it
   // at a cell. Show the layer of the new drawn end and return it.
@@ -185,8 +238,11 @@ export class Editor {
   drawOn(by, from) {
     const { size } = this.painting;
     const head = headOf(this.drawn);
-    const [x, y, z] = cellOf(head ?? from, size).map((v, axis) => v + (head === null ? 0 : by[axis]));
-    if (Math.min(x, y, z) < 0 || Math.max(x, y, z) >= size) this.refused = "The grid ends here. Choose a larger grid.";
+    const [x, y, z] = cellOf(head ?? from, size).map(
+      (v, axis) => v + (head === null ? 0 : by[axis]),
+    );
+    if (Math.min(x, y, z) < 0 || Math.max(x, y, z) >= size)
+      this.refused = "The grid ends here. Choose a larger grid.";
     else this.step(() => this.draw(keyOf(x, y, z, size)));
     const next = headOf(this.drawn);
     if (next !== null) this.turn(cellOf(next, size)[2]);
@@ -195,12 +251,17 @@ export class Editor {
 
   takeBack() {
     const { path, atStart } = this.drawn;
-    this.step(() => { this.painting.path = atStart ? path.slice(1) : path.slice(0, -1); });
+    this.step(() => {
+      this.painting.path = atStart ? path.slice(1) : path.slice(0, -1);
+    });
   }
 
   /** @param {number} key */
   cutAt(key) {
-    if (!this.painting.path.includes(key)) { this.refused = "First select the cell where the path should end."; return; }
+    if (!this.painting.path.includes(key)) {
+      this.refused = "First select the cell where the path should end.";
+      return;
+    }
     this.step(() => this.follow(cut(this.drawn, key)));
   }
 
@@ -218,8 +279,15 @@ export class Editor {
   // Copy the cells of the layer below.
   repeat() {
     const area = this.painting.size ** 2;
-    const below = keysOf(this.painting.cells).filter((key) => Math.floor(key / area) === this.layer - 1);
-    this.step(() => this.painting.paint(below.map((key) => key + area), true));
+    const below = keysOf(this.painting.cells).filter(
+      (key) => Math.floor(key / area) === this.layer - 1,
+    );
+    this.step(() =>
+      this.painting.paint(
+        below.map((key) => key + area),
+        true,
+      ),
+    );
   }
 
   // Put a letter on the right of the shape, so that letters become a word.
@@ -228,9 +296,15 @@ export class Editor {
    * @param {[row: number, column: number][]} cells
    */
   write(letter, cells) {
-    const { painting, draft: { name, given } } = this;
+    const {
+      painting,
+      draft: { name, given },
+    } = this;
     const written = withLetter(painting.state, cells);
-    if (!written) { this.refused = "There is no room for another letter, even in the largest grid."; return; }
+    if (!written) {
+      this.refused = "There is no room for another letter, even in the largest grid.";
+      return;
+    }
     const word = LETTERS.exec(name === given ? given : "")?.[1];
     if (!painting.filled) this.draft.give(`Letter ${letter}`);
     else if (word) this.draft.give(word + letter);
@@ -249,7 +323,11 @@ export class Editor {
     this.atStart = false;
     this.draft.give(name);
     this.layer = 0;
-    if (!ordered && (this.draft.how === "path" || MODULES_PER_CELL.no * this.painting.filled > this.maxModules)) this.draft.note({ how: "yes" });
+    if (
+      !ordered &&
+      (this.draft.how === "path" || MODULES_PER_CELL.no * this.painting.filled > this.maxModules)
+    )
+      this.draft.note({ how: "yes" });
   }
 
   /** @param {number} size */

@@ -11,8 +11,11 @@ const ARROWS = { ArrowUp: [-1, 0], ArrowDown: [1, 0], ArrowLeft: [0, -1], ArrowR
 /** @typedef {import("./state.js").Editor} Editor */
 /** @typedef {import("./state.js").Tool} Tool */
 
-export const exact = /** @type {NodeListOf<HTMLInputElement>} */ (document.querySelectorAll('[name="exact"]'));
-export const all = (/** @type {string} */ selector) => /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(selector));
+export const exact = /** @type {NodeListOf<HTMLInputElement>} */ (
+  document.querySelectorAll('[name="exact"]')
+);
+export const all = (/** @type {string} */ selector) =>
+  /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(selector));
 
 // Write a text with its tone, if it changes: screen readers repeat a text that is written again.
 /**
@@ -30,15 +33,31 @@ export function say(id, text, tone = "") {
  * @param {Editor} editor
  * @param {import("./state.js").Standing} standing
  */
-export function showControls({ painting, layer, tool, draft, refused, sending }, { cells, text, tone, limit, whole, completable, ready }) {
+export function showControls(
+  { painting, layer, tool, draft, refused, sending },
+  { cells, text, tone, limit, whole, completable, ready },
+) {
   get("layer").textContent = `Layer ${layer + 1}`;
   const [bottom, pathless, idle] = [layer === 0, !painting.path.length, !ready || sending];
   const off = {
-    down: bottom, repeat: bottom, up: layer === painting.size - 1, undo: !painting.done.length, redo: !painting.undone.length, clear: !cells,
-    "save-cells": !cells, cut: pathless, turn: pathless, unpath: pathless, complete: !completable, preview: idle, fold: idle,
+    down: bottom,
+    repeat: bottom,
+    up: layer === painting.size - 1,
+    undo: !painting.done.length,
+    redo: !painting.undone.length,
+    clear: !cells,
+    "save-cells": !cells,
+    cut: pathless,
+    turn: pathless,
+    unpath: pathless,
+    complete: !completable,
+    preview: idle,
+    fold: idle,
   };
-  for (const [id, disabled] of Object.entries(off)) get(/** @type {keyof typeof off} */ (id)).disabled = disabled;
-  for (const button of all("[data-tool]")) button.ariaPressed = String(button.dataset.tool === tool);
+  for (const [id, disabled] of Object.entries(off))
+    get(/** @type {keyof typeof off} */ (id)).disabled = disabled;
+  for (const button of all("[data-tool]"))
+    button.ariaPressed = String(button.dataset.tool === tool);
   for (const part of all("[data-for]")) part.hidden = !part.dataset.for?.split(" ").includes(tool);
   get("size").value = String(painting.size);
   get("name").value = draft.name;
@@ -77,11 +96,14 @@ export class Sheet {
     grid.addEventListener("keydown", (event) => this.key(event));
     // Screen readers can move the focus to any cell.
     grid.addEventListener("focusin", ({ target }) => {
-      if (target instanceof HTMLButtonElement) this.focus(Number(target.dataset.x), Number(target.dataset.y));
+      if (target instanceof HTMLButtonElement)
+        this.focus(Number(target.dataset.x), Number(target.dataset.y));
     });
   }
 
-  get focusedKey() { return keyOf(...this.focused, this.layer, this.size); }
+  get focusedKey() {
+    return keyOf(...this.focused, this.layer, this.size);
+  }
 
   /** @param {number} size */
   build(size) {
@@ -89,33 +111,58 @@ export class Sheet {
     this.size = size;
     this.grid.style.setProperty("--size", String(size));
     this.lines.setAttribute("viewBox", `0 0 ${size} ${size}`);
-    this.squares = Array.from({ length: size }, (_, x) => Array.from({ length: size }, (_none, y) =>
-      element("button", { type: "button", role: "gridcell", tabindex: "-1", "data-x": x, "data-y": y })));
-    this.grid.replaceChildren(...this.squares.map((row) => element("div", { role: "row" }, ...row)), this.lines);
+    this.squares = Array.from({ length: size }, (_, x) =>
+      Array.from({ length: size }, (_none, y) =>
+        element("button", {
+          type: "button",
+          role: "gridcell",
+          tabindex: "-1",
+          "data-x": x,
+          "data-y": y,
+        }),
+      ),
+    );
+    this.grid.replaceChildren(
+      ...this.squares.map((row) => element("div", { role: "row" }, ...row)),
+      this.lines,
+    );
     this.focus(Math.floor(size / 2), Math.floor(size / 2));
   }
 
   // Show a layer. Only changed attributes are set, because a grid has up to a thousand buttons.
   show() {
-    const { painting: { size, cells, path }, layer, shownPath: drawn, corner, axes } = this.editor;
+    const {
+      painting: { size, cells, path },
+      layer,
+      shownPath: drawn,
+      corner,
+      axes,
+    } = this.editor;
     this.build(size);
     this.layer = layer;
     const place = new Map(drawn ? path.map((key, index) => [key, index]) : []);
     const next = new Set(drawn ? nextCells(drawn, size) : []);
     const below = layer > 0 ? -size * size : NaN;
-    this.squares.forEach((row, x) => row.forEach((square, y) => {
-      const key = keyOf(x, y, layer, size);
-      const on = cells[key] === 1;
-      const under = cells[key + below] === 1;
-      const index = place.get(key);
-      const missing = drawn && on && index === undefined;
-      const classes = `${on ? "on" : ""}${under ? " below" : ""}${missing ? " missing" : ""}${next.has(key) ? " next" : ""}${key === corner ? " corner" : ""}`;
-      const step = index === undefined ? missing ? ", not on the path" : "" : `, cell ${index + 1} of the path`;
-      const label = `Row ${x + 1}, column ${y + 1}, ${on ? "filled" : "empty"}${under ? ", cell below filled" : ""}${step}`;
-      if (square.className !== classes) square.className = classes;
-      if (square.ariaLabel !== label) square.ariaLabel = label;
-      if (square.ariaSelected !== String(on)) square.ariaSelected = String(on);
-    }));
+    this.squares.forEach((row, x) =>
+      row.forEach((square, y) => {
+        const key = keyOf(x, y, layer, size);
+        const on = cells[key] === 1;
+        const under = cells[key + below] === 1;
+        const index = place.get(key);
+        const missing = drawn && on && index === undefined;
+        const classes = `${on ? "on" : ""}${under ? " below" : ""}${missing ? " missing" : ""}${next.has(key) ? " next" : ""}${key === corner ? " corner" : ""}`;
+        const step =
+          index === undefined
+            ? missing
+              ? ", not on the path"
+              : ""
+            : `, cell ${index + 1} of the path`;
+        const label = `Row ${x + 1}, column ${y + 1}, ${on ? "filled" : "empty"}${under ? ", cell below filled" : ""}${step}`;
+        if (square.className !== classes) square.className = classes;
+        if (square.ariaLabel !== label) square.ariaLabel = label;
+        if (square.ariaSelected !== String(on)) square.ariaSelected = String(on);
+      }),
+    );
     this.grid.classList.toggle("is-mirrored-x", axes.has(0));
     this.grid.classList.toggle("is-mirrored-y", axes.has(1));
     this.lines.replaceChildren(...(drawn ? this.course(drawn) : []));
@@ -135,28 +182,38 @@ export class Sheet {
         const [i, j, k] = cellOf(other, this.size);
         const joined = touch(key, other, this.size);
         if (joined && k !== z) {
-          ups += k > z ? `M${y + 0.5} ${x + 0.08}l.15 .2h-.3z` : `M${y + 0.5} ${x + 0.92}l.15 -.2h-.3z`;
+          ups +=
+            k > z ? `M${y + 0.5} ${x + 0.08}l.15 .2h-.3z` : `M${y + 0.5} ${x + 0.92}l.15 -.2h-.3z`;
         } else if (k === z && other === path[index + 1]) {
           const text = `M${y + 0.5} ${x + 0.5}L${j + 0.5} ${i + 0.5}`;
-          if (joined) way += text; else gaps += text;
+          if (joined) way += text;
+          else gaps += text;
         } else if (!joined && k !== z) gaps += `M${y + 0.3} ${x + 0.3}l.4 .4m0 -.4l-.4 .4`;
       }
     });
-    const spot = (/** @type {number} */ key, /** @type {string} */ name, /** @type {number} */ r) => {
+    const spot = (
+      /** @type {number} */ key,
+      /** @type {string} */ name,
+      /** @type {number} */ r,
+    ) => {
       const [x, y, z] = cellOf(key, this.size);
       return z === this.layer ? [svg("circle", { class: name, cx: y + 0.5, cy: x + 0.5, r })] : [];
     };
     const head = headOf(drawn);
     return [
-      svg("path", { class: "way casing", d: way }), svg("path", { class: "way", d: way }),
-      svg("path", { class: "gaps", d: gaps }), svg("path", { class: "ups", d: ups }),
+      svg("path", { class: "way casing", d: way }),
+      svg("path", { class: "way", d: way }),
+      svg("path", { class: "gaps", d: gaps }),
+      svg("path", { class: "ups", d: ups }),
       ...(path.length ? spot(path[0], "first", 0.2) : []),
       ...(head === null ? [] : spot(head, "head", 0.3)),
     ];
   }
 
   /** @param {number} place */
-  within(place) { return Math.min(this.size - 1, Math.max(0, place)); }
+  within(place) {
+    return Math.min(this.size - 1, Math.max(0, place));
+  }
 
   /**
    * @param {number} x
@@ -198,7 +255,11 @@ export class Sheet {
     const from = this.stroke;
     this.stroke = to;
     this.focus(...to);
-    this.editor.drag(passed(from, to, this.editor.tool === "path").slice(1).map(([x, y]) => keyOf(x, y, this.layer, this.size)));
+    this.editor.drag(
+      passed(from, to, this.editor.tool === "path")
+        .slice(1)
+        .map(([x, y]) => keyOf(x, y, this.layer, this.size)),
+    );
     this.changed(false);
   }
 

@@ -12,12 +12,16 @@ export const MOST_KEYS = 8;
 const GONE = new Set([403, 404]);
 const BUSY = 429;
 
-const NUMBERED_PARTS = /\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?/gi;
+const NUMBERED_PARTS =
+  /\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?/gi;
 
 // Renumber modules and cells in a text of the planner to start
 // at 1, as `count_from_one` of words/messages.py.
 /** @param {string} text */
-export const countFromOne = (text) => text.replace(NUMBERED_PARTS, (named) => named.replace(/\d+(?! more)\b/g, (index) => String(Number(index) + 1)));
+export const countFromOne = (text) =>
+  text.replace(NUMBERED_PARTS, (named) =>
+    named.replace(/\d+(?! more)\b/g, (index) => String(Number(index) + 1)),
+  );
 
 // A refused request, with a message for the visitor.
 export class Refusal extends Error {
@@ -33,10 +37,14 @@ export class Refusal extends Error {
   }
 
   // True if a retry would be refused as well.
-  get final() { return this.status >= 400 && this.status < 500 && this.status !== BUSY; }
+  get final() {
+    return this.status >= 400 && this.status < 500 && this.status !== BUSY;
+  }
 
   // True if the requested item does not exist, or not for this key.
-  get gone() { return GONE.has(this.status); }
+  get gone() {
+    return GONE.has(this.status);
+  }
 }
 
 // Return the message of the server as a sentence that includes its location.
@@ -45,9 +53,15 @@ export class Refusal extends Error {
  * @param {number} status
  */
 export function refusalWords({ message, detail, where: place }, status) {
-  const text = countFromOne(message ?? detail ?? `The request failed: the server answered with status ${status}.${status === BUSY || status >= 500 ? " Try again later." : ""}`);
+  const text = countFromOne(
+    message ??
+      detail ??
+      `The request failed: the server answered with status ${status}.${status === BUSY || status >= 500 ? " Try again later." : ""}`,
+  );
   const where = countFromOne(place ?? "");
-  return sentence(text.includes(where) || text.includes(where.replaceAll("_", " ")) ? text : `${where}: ${text}`);
+  return sentence(
+    text.includes(where) || text.includes(where.replaceAll("_", " ")) ? text : `${where}: ${text}`,
+  );
 }
 
 // Return the JSON of an answer; other content becomes {}, because proxies send their own pages.
@@ -59,8 +73,13 @@ export function refusalWords({ message, detail, where: place }, status) {
  */
 export function contentOf(status, text) {
   let content = {};
-  try { content = JSON.parse(text) ?? {}; } catch { /* no JSON */ }
-  if (status < 200 || status > 299) throw new Refusal(refusalWords(content, status), status, /** @type {Refused} */ (content).code);
+  try {
+    content = JSON.parse(text) ?? {};
+  } catch {
+    /* no JSON */
+  }
+  if (status < 200 || status > 299)
+    throw new Refusal(refusalWords(content, status), status, /** @type {Refused} */ (content).code);
   return content;
 }
 
@@ -68,7 +87,8 @@ export function contentOf(status, text) {
 /** @param {Form} fields */
 export function formOf(fields) {
   const form = new FormData();
-  for (const [key, value] of Object.entries(fields)) if (value !== null) form.set(key, value instanceof Blob ? value : String(value));
+  for (const [key, value] of Object.entries(fields))
+    if (value !== null) form.set(key, value instanceof Blob ? value : String(value));
   return form;
 }
 
@@ -84,11 +104,16 @@ export function formOf(fields) {
 export async function ask(path, { method, body = null, token = null, signal } = {}) {
   const plain = body !== null && !(body instanceof FormData);
   const sent = {
-    method: method ?? (body ? "POST" : "GET"), signal, body: plain ? JSON.stringify(body) : body,
+    method: method ?? (body ? "POST" : "GET"),
+    signal,
+    body: plain ? JSON.stringify(body) : body,
     headers: { ...proof(token), ...(plain && { "Content-Type": "application/json" }) },
   };
-  const { status, text } = await fetch(at(path), sent).then(async (answer) => ({ status: answer.status, text: await answer.text() }))
-    .catch(() => { throw new Refusal(UNREACHABLE); });
+  const { status, text } = await fetch(at(path), sent)
+    .then(async (answer) => ({ status: answer.status, text: await answer.text() }))
+    .catch(() => {
+      throw new Refusal(UNREACHABLE);
+    });
   return contentOf(status, text);
 }
 
@@ -103,7 +128,13 @@ export async function ask(path, { method, body = null, token = null, signal } = 
  */
 export async function askUntil(path, pauseMs, over, signal) {
   let wake = () => {};
-  const pause = () => /** @type {Promise<void>} */ (new Promise((again) => { wake = again; setTimeout(again, pauseMs); }));
+  const pause = () =>
+    /** @type {Promise<void>} */ (
+      new Promise((again) => {
+        wake = again;
+        setTimeout(again, pauseMs);
+      })
+    );
   signal?.addEventListener("abort", () => wake());
   for (;;) {
     const answer = await ask(path, { signal }).catch((error) => error);
@@ -140,7 +171,10 @@ export function ownKey() {
   return store(OWN, made) ? made : null;
 }
 
-export const newKey = () => btoa(String.fromCharCode(...crypto.getRandomValues(new Uint8Array(BYTES)))).replaceAll("+", "-").replaceAll("/", "_");
+export const newKey = () =>
+  btoa(String.fromCharCode(...crypto.getRandomValues(new Uint8Array(BYTES))))
+    .replaceAll("+", "-")
+    .replaceAll("/", "_");
 
 // Replace the browser's own key, and its tokens of
 // folds, by a new key that was stored as an added one.
@@ -157,7 +191,9 @@ export function replaceOwn(made) {
 export function broughtKeys() {
   try {
     const told = JSON.parse(stored(BROUGHT) ?? "[]");
-    return Array.isArray(told) ? told.filter((key) => typeof key === "string" && isKey(key)).slice(0, MOST_KEYS) : [];
+    return Array.isArray(told)
+      ? told.filter((key) => typeof key === "string" && isKey(key)).slice(0, MOST_KEYS)
+      : [];
   } catch {
     return [];
   }
@@ -200,7 +236,9 @@ export function forgetKeys() {
 /** @returns {[id: string, token: string][]} */
 function ofFolds() {
   try {
-    return Object.keys(localStorage).filter((name) => name.startsWith(OF_FOLD)).map((name) => [name.slice(OF_FOLD.length), stored(name) ?? ""]);
+    return Object.keys(localStorage)
+      .filter((name) => name.startsWith(OF_FOLD))
+      .map((name) => [name.slice(OF_FOLD.length), stored(name) ?? ""]);
   } catch {
     return [];
   }

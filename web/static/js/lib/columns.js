@@ -1,7 +1,12 @@
 // Decoding of a binary message into a header and
 // arrays; web/timeline/columns.py defines its format.
 const TYPES = {
-  "<f8": Float64Array, "<f4": Float32Array, "|u1": Uint8Array, "<u2": Uint16Array, "<u4": Uint32Array, "<i4": Int32Array,
+  "<f8": Float64Array,
+  "<f4": Float32Array,
+  "|u1": Uint8Array,
+  "<u2": Uint16Array,
+  "<u4": Uint32Array,
+  "<i4": Int32Array,
 };
 
 /**
@@ -12,10 +17,16 @@ const TYPES = {
 export async function decode(buffer) {
   const length = new DataView(buffer).getUint32(0, true);
   /** @type {{ columns: ColumnTold[] }} */
-  const { columns, ...header } = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, length)));
+  const { columns, ...header } = JSON.parse(
+    new TextDecoder().decode(new Uint8Array(buffer, 4, length)),
+  );
   /** @type {Record<string, Column>} */
   const arrays = {};
-  await Promise.all(columns.map(async (told) => { arrays[told.name] = await column(told, buffer, 4 + length); }));
+  await Promise.all(
+    columns.map(async (told) => {
+      arrays[told.name] = await column(told, buffer, 4 + length);
+    }),
+  );
   return /** @type {Told} */ (/** @type {unknown} */ ({ header, arrays }));
 }
 
@@ -32,7 +43,8 @@ async function column({ dtype, shape, at, size, step, differences = 0, short }, 
   const planes = await inflated(new Uint8Array(buffer, start + at, size));
   const width = Type.BYTES_PER_ELEMENT;
   const bytes = new Uint8Array(count * width);
-  for (let b = 0; b < width; b++) for (let i = 0, from = b * count; i < count; i++) bytes[i * width + b] = planes[from + i];
+  for (let b = 0; b < width; b++)
+    for (let i = 0, from = b * count; i < count; i++) bytes[i * width + b] = planes[from + i];
   const values = new Type(bytes.buffer);
   if (!short && step === undefined) return values;
   const found = new Float32Array(count);
@@ -43,7 +55,8 @@ async function column({ dtype, shape, at, size, step, differences = 0, short }, 
   }
   const row = shape.length > 1 ? count / (shape[0] || 1) : 1;
   for (let i = 0; i < count; i++) values[i] = (values[i] >>> 1) ^ -(values[i] & 1);
-  for (let d = 0; d < differences; d++) for (let i = row; i < count; i++) values[i] += values[i - row];
+  for (let d = 0; d < differences; d++)
+    for (let i = row; i < count; i++) values[i] += values[i - row];
   for (let i = 0; i < count; i++) found[i] = values[i] * (step ?? 1);
   return found;
 }

@@ -5,6 +5,10 @@ import { at, element } from "./text.js";
 /** @param {string} path */
 export function addStyle(path) {
   const style = at(path);
-  if (document.body.classList.contains("standalone") || document.querySelector(`link[href="${style}"]`)) return;
+  if (
+    document.body.classList.contains("standalone") ||
+    document.querySelector(`link[href="${style}"]`)
+  )
+    return;
   document.head.append(element("link", { rel: "stylesheet", href: style }));
 }

@@ -18,9 +18,13 @@ export class FoldList {
   }
 
   // Total number of folds, known after the first request.
-  get total() { return this.ways.reduce((sum, { total }) => sum + total, 0); }
+  get total() {
+    return this.ways.reduce((sum, { total }) => sum + total, 0);
+  }
 
-  get done() { return this.ways.every(({ address, folds }) => address === null && !folds.length); }
+  get done() {
+    return this.ways.every(({ address, folds }) => address === null && !folds.length);
+  }
 
   /**
    * @param {number} count
@@ -28,8 +32,11 @@ export class FoldList {
    */
   async more(count) {
     while (this.found.length < count && !this.done) {
-      await Promise.all(this.ways.filter(({ folds }) => !folds.length).map((way) => this.fill(way)));
-      const newest = this.ways.filter(({ folds }) => folds.length)
+      await Promise.all(
+        this.ways.filter(({ folds }) => !folds.length).map((way) => this.fill(way)),
+      );
+      const newest = this.ways
+        .filter(({ folds }) => folds.length)
         .sort((a, b) => Date.parse(b.folds[0].created_at) - Date.parse(a.folds[0].created_at))[0];
       const fold = newest?.folds.shift();
       if (fold) this.found.push({ fold, key: newest.key });
@@ -59,7 +66,8 @@ export async function deleteMade(token) {
   while (address) {
     /** @type {Api.FoldsMade} */
     const { folds, next } = await ask(address, { token });
-    for (const { links, public: everybodys } of folds) if (!everybodys) await remove(links.self, token);
+    for (const { links, public: everybodys } of folds)
+      if (!everybodys) await remove(links.self, token);
     address = next;
   }
   /** @type {Api.MoviesMade} */

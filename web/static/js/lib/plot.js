@@ -18,7 +18,9 @@ export const round = (/** @type {number} */ value) => Number(value.toPrecision(D
 export function ticks(low, high, log, most = MAX_TICKS) {
   if (log) {
     const [first, last] = [low, high].map((value) => Math.floor(Math.log10(value)));
-    const found = Array.from({ length: last - first + 1 }, (_, k) => [1, 2, 5].map((digit) => round(digit * 10 ** (first + k))));
+    const found = Array.from({ length: last - first + 1 }, (_, k) =>
+      [1, 2, 5].map((digit) => round(digit * 10 ** (first + k))),
+    );
     const inside = found.flat().filter((value) => value >= low && value <= high);
     const tens = inside.filter((value) => Number.isInteger(round(Math.log10(value))));
     return inside.length > most && tens.length > 1 ? tens : inside;
@@ -27,7 +29,9 @@ export function ticks(low, high, log, most = MAX_TICKS) {
   const power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((digit) => digit * power).find((wide) => wide >= rough) ?? rough;
   const first = Math.ceil(low / step);
-  return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, k) => round((first + k) * step));
+  return Array.from({ length: Math.floor(high / step) - first + 1 }, (_, k) =>
+    round((first + k) * step),
+  );
 }
 
 // Return the function that maps values to positions: the ends of an axis to the ends of its line.
@@ -48,8 +52,14 @@ export function scaleOf([low, high], [from, to], log = false) {
  * @param {(column: number) => number} x
  * @param {(value: number) => number} y
  */
-export const linePath = (values, x, y) => values
-  .map((value, k) => (Number.isFinite(value) ? `${Number.isFinite(values[k - 1]) ? "L" : "M"}${x(k).toFixed(1)} ${y(value).toFixed(1)}` : "")).join("");
+export const linePath = (values, x, y) =>
+  values
+    .map((value, k) =>
+      Number.isFinite(value)
+        ? `${Number.isFinite(values[k - 1]) ? "L" : "M"}${x(k).toFixed(1)} ${y(value).toFixed(1)}`
+        : "",
+    )
+    .join("");
 
 // Return a straight line across a plot, horizontal at y or vertical at x.
 /**
@@ -57,12 +67,19 @@ export const linePath = (values, x, y) => values
  * @param {{ x?: number, y?: number }} at
  * @param {[from: number, to: number]} ends
  */
-export const rule = (name, { x, y }, [from, to]) => svg("line", x === undefined
-  ? { class: name, x1: from, x2: to, y1: y ?? 0, y2: y ?? 0 } : { class: name, x1: x, x2: x, y1: from, y2: to });
+export const rule = (name, { x, y }, [from, to]) =>
+  svg(
+    "line",
+    x === undefined
+      ? { class: name, x1: from, x2: to, y1: y ?? 0, y2: y ?? 0 }
+      : { class: name, x1: x, x2: x, y1: from, y2: to },
+  );
 
 // Move a vertical line.
 /**
  * @param {SVGElement} line
  * @param {number} x
  */
-export function moveRule(line, x) { for (const end of ["x1", "x2"]) line.setAttribute(end, String(x)); }
+export function moveRule(line, x) {
+  for (const end of ["x1", "x2"]) line.setAttribute(end, String(x));
+}

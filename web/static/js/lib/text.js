@@ -34,7 +34,10 @@ const COARSE_S = 10; // rounding of times that include compiling the solvers, so
  */
 export function si(value, unit, digits = DIGITS) {
   if (value === 0) return `0 ${unit}`;
-  const [mantissa, exponent] = Math.abs(value).toExponential(digits - 1).split("e").map(Number);
+  const [mantissa, exponent] = Math.abs(value)
+    .toExponential(digits - 1)
+    .split("e")
+    .map(Number);
   const power = Math.min(3 * Math.floor(exponent / 3), MAX_POWER);
   if (power < MIN_POWER) return `< 1 ${SI_PREFIXES[MIN_POWER]}${unit}`;
   return `${value < 0 ? "−" : ""}${Number(`${mantissa}e${exponent - power}`)} ${SI_PREFIXES[power]}${unit}`;
@@ -49,8 +52,12 @@ export function si(value, unit, digits = DIGITS) {
  */
 export function number(value, digits = DIGITS) {
   if (value < 0) return `−${number(-value, digits)}`;
-  const [mantissa, exponent] = value.toExponential(digits - 1).split("e").map(Number);
-  if (value === 0 || (exponent >= -4 && exponent < digits)) return String(Number(value.toPrecision(digits)));
+  const [mantissa, exponent] = value
+    .toExponential(digits - 1)
+    .split("e")
+    .map(Number);
+  if (value === 0 || (exponent >= -4 && exponent < digits))
+    return String(Number(value.toPrecision(digits)));
   if (value >= 1 && value < WHOLE_BELOW) return String(Math.round(value));
   return `${mantissa}×10${String(exponent).replace(/./g, (c) => "⁻⁰¹²³⁴⁵⁶⁷⁸⁹"["-0123456789".indexOf(c)])}`;
 }
@@ -59,7 +66,8 @@ export function number(value, digits = DIGITS) {
 export const pitches = (value) => `${number(value)} pitch`;
 
 /** @param {number | null | undefined} value */
-export const radians = (value) => value === null || value === undefined ? "no data for this frame" : si(value, "rad");
+export const radians = (value) =>
+  value === null || value === undefined ? "no data for this frame" : si(value, "rad");
 
 /** @param {number} value */
 export const newtonMetres = (value) => si(value, "N·m");
@@ -98,7 +106,8 @@ export const seconds = (value) => `${value.toFixed(2)} s`;
  * @template {string} Id
  * @param {Id} id
  */
-export const get = (id) => /** @type {ElementOf<Id>} */ (/** @type {unknown} */ (document.getElementById(id)));
+export const get = (id) =>
+  /** @type {ElementOf<Id>} */ (/** @type {unknown} */ (document.getElementById(id)));
 
 // Return the address of a path of the service, which may itself be below a path of its host.
 /** @param {string} path */
@@ -114,7 +123,11 @@ export const at = (path) => `${globalThis.document?.documentElement?.dataset?.ba
 export function element(name, attributes = {}, ...children) {
   const made = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
-    if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : String(value).startsWith("/") ? at(String(value)) : String(value));
+    if (value !== null && value !== undefined && value !== false)
+      made.setAttribute(
+        key,
+        value === true ? "" : String(value).startsWith("/") ? at(String(value)) : String(value),
+      );
   }
   made.append(...children.filter((child) => child !== null));
   return made;
@@ -154,7 +167,11 @@ export function svg(name, attributes = {}, ...children) {
  * @param {StorageArea} area
  */
 export function stored(name, area = "localStorage") {
-  try { return globalThis[area].getItem(name); } catch { return null; }
+  try {
+    return globalThis[area].getItem(name);
+  } catch {
+    return null;
+  }
 }
 
 // Store a value, null to remove it. Return false if storage is full or refused.
@@ -165,7 +182,8 @@ export function stored(name, area = "localStorage") {
  */
 export function store(name, value, area = "localStorage") {
   try {
-    if (value === null) globalThis[area].removeItem(name); else globalThis[area].setItem(name, value);
+    if (value === null) globalThis[area].removeItem(name);
+    else globalThis[area].setItem(name, value);
     return true;
   } catch {
     return false;
@@ -174,7 +192,8 @@ export function store(name, value, area = "localStorage") {
 
 // Return true if a click on a link opens it in another tab or window, or saves it.
 /** @param {MouseEvent} event */
-export const opensElsewhere = ({ ctrlKey, metaKey, shiftKey, altKey }) => ctrlKey || metaKey || shiftKey || altKey;
+export const opensElsewhere = ({ ctrlKey, metaKey, shiftKey, altKey }) =>
+  ctrlKey || metaKey || shiftKey || altKey;
 
 export const UNREACHABLE = "The server cannot be reached. Check the connection and try again.";
 
@@ -228,7 +247,9 @@ export function toast(text) {
   line.textContent = text;
   line.hidden = false;
   clearTimeout(toastTimer);
-  toastTimer = setTimeout(() => { line.hidden = true; }, TOAST_MS);
+  toastTimer = setTimeout(() => {
+    line.hidden = true;
+  }, TOAST_MS);
 }
 
 /**

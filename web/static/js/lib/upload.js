@@ -22,9 +22,19 @@ export function upload(path, form, { token = null, signal, onSent } = {}) {
     for (const [name, value] of Object.entries(proof(token))) request.setRequestHeader(name, value);
     // A listener would make a cross-origin request need a preflight.
     if (onSent) request.upload.onprogress = ({ loaded, total }) => onSent(loaded, total);
-    request.onload = () => { try { resolve(contentOf(request.status, request.responseText)); } catch (error) { reject(error); } };
-    request.onerror = request.onabort = () => reject(new Refusal(signal?.aborted ? STOPPED : UNREACHABLE));
-    if (signal?.aborted) { reject(new Refusal(STOPPED)); return; }
+    request.onload = () => {
+      try {
+        resolve(contentOf(request.status, request.responseText));
+      } catch (error) {
+        reject(error);
+      }
+    };
+    request.onerror = request.onabort = () =>
+      reject(new Refusal(signal?.aborted ? STOPPED : UNREACHABLE));
+    if (signal?.aborted) {
+      reject(new Refusal(STOPPED));
+      return;
+    }
     signal?.addEventListener("abort", () => request.abort());
     request.send(form);
   });

@@ -29,13 +29,18 @@ export class OwnPanel {
     this.box = get("own-values");
     this.error = get("own-error");
     const file = get("own-file");
-    file.onchange = () => { if (file.files?.[0]) this.take(file.files[0]); file.value = ""; };
+    file.onchange = () => {
+      if (file.files?.[0]) this.take(file.files[0]);
+      file.value = "";
+    };
     get("own-choose").onclick = () => file.click();
     get("own-keep").onclick = () => this.change("PUT");
     get("own-remove").onclick = () => this.change("DELETE");
     get("own-close").onclick = () => this.close();
     addStyle(STYLE);
-    player.on("begun", () => { if (player.colouring?.key === "own") this.show(); });
+    player.on("begun", () => {
+      if (player.colouring?.key === "own") this.show();
+    });
   }
 
   open() {
@@ -56,33 +61,69 @@ export class OwnPanel {
     this.error.textContent = "";
     const { timeline } = this.player;
     try {
-      if (file.size > MAX_FILE_BYTES) throw new Error(`This file is ${Math.ceil(file.size / 2 ** 20)} MB. The limit is ${MAX_FILE_BYTES / 2 ** 20} MB. Use fewer digits or frames.`);
+      if (file.size > MAX_FILE_BYTES)
+        throw new Error(
+          `This file is ${Math.ceil(file.size / 2 ** 20)} MB. The limit is ${MAX_FILE_BYTES / 2 ** 20} MB. Use fewer digits or frames.`,
+        );
       const frames = timeline.growing ? 0 : timeline.total;
-      this.own = readValues(await file.text(), file.name, { modules: timeline.chain.modules, frames });
+      this.own = readValues(await file.text(), file.name, {
+        modules: timeline.chain.modules,
+        frames,
+      });
       this.kept = false;
       this.show();
-    } catch (error) { this.error.textContent = wordsOf(error); }
+    } catch (error) {
+      this.error.textContent = wordsOf(error);
+    }
     this.say();
   }
 
   // Colour by the values, if there are any.
   show() {
-    const { own, player: { timeline } } = this;
+    const {
+      own,
+      player: { timeline },
+    } = this;
     this.legend.offer(own?.name ?? null);
     if (!own) return;
-    const text = (/** @type {number} */ value) => `${number(value, DIGITS)}${own.unit && ` ${own.unit}`}`;
-    this.player.colourBy(new Colouring("own", timeline, {
-      values: ({ frame }) => valuesAt(own, timeline.last ? frame / timeline.last : 0), low: own.low, high: own.high, text, none: own.values.some(Number.isNaN) ? "no value" : null,
-    }));
+    const text = (/** @type {number} */ value) =>
+      `${number(value, DIGITS)}${own.unit && ` ${own.unit}`}`;
+    this.player.colourBy(
+      new Colouring("own", timeline, {
+        values: ({ frame }) => valuesAt(own, timeline.last ? frame / timeline.last : 0),
+        low: own.low,
+        high: own.high,
+        text,
+        none: own.values.some(Number.isNaN) ? "no value" : null,
+      }),
+    );
   }
 
   say() {
-    const { own, kept, token, player: { timeline: { chain, total, growing } } } = this;
-    const rows = growing ? "" : `, or ${total} rows of ${chain.modules} numbers, one row for each frame`;
-    const more = own && own.rows > 1 ? `${own.rows} rows with ${chain.modules} numbers each` : `${chain.modules} numbers`;
-    const where = kept ? "Everyone with a link to this fold can see these numbers." : "The numbers stay in this browser.";
-    const fewer = own && token && keptRows(own) < own.rows ? ` Only ${keptRows(own)} of these rows, evenly spaced, can be saved with the fold.` : "";
-    get("own-words").textContent = own ? `${own.name}${own.unit && ` (${own.unit})`}: ${more}. ${where}${fewer}`
+    const {
+      own,
+      kept,
+      token,
+      player: {
+        timeline: { chain, total, growing },
+      },
+    } = this;
+    const rows = growing
+      ? ""
+      : `, or ${total} rows of ${chain.modules} numbers, one row for each frame`;
+    const more =
+      own && own.rows > 1
+        ? `${own.rows} rows with ${chain.modules} numbers each`
+        : `${chain.modules} numbers`;
+    const where = kept
+      ? "Everyone with a link to this fold can see these numbers."
+      : "The numbers stay in this browser.";
+    const fewer =
+      own && token && keptRows(own) < own.rows
+        ? ` Only ${keptRows(own)} of these rows, evenly spaced, can be saved with the fold.`
+        : "";
+    get("own-words").textContent = own
+      ? `${own.name}${own.unit && ` (${own.unit})`}: ${more}. ${where}${fewer}`
       : `Colour the modules by your own numbers: drop a CSV or JSON file here, or choose one. The file must contain ${chain.modules} numbers, one for each module${rows}. The file stays in this browser.`;
     get("own-keep").hidden = !own || kept || !token;
     get("own-remove").hidden = !own || (kept && !token);
@@ -95,11 +136,23 @@ export class OwnPanel {
     const remove = method === "DELETE";
     this.error.textContent = "";
     try {
-      if (own && token && (!remove || this.kept)) await ask(`/api/folds/${this.id}/values`, { method, token, body: remove ? null : packed(own) });
+      if (own && token && (!remove || this.kept))
+        await ask(`/api/folds/${this.id}/values`, {
+          method,
+          token,
+          body: remove ? null : packed(own),
+        });
       this.kept = !remove;
-      if (remove) { this.own = null; this.legend.offer(null); this.legend.choose(USUAL_COLOURING); }
+      if (remove) {
+        this.own = null;
+        this.legend.offer(null);
+        this.legend.choose(USUAL_COLOURING);
+      }
     } catch (error) {
-      this.error.textContent = error instanceof Refusal && error.gone ? "Only the owner of this fold can save numbers with it." : wordsOf(error);
+      this.error.textContent =
+        error instanceof Refusal && error.gone
+          ? "Only the owner of this fold can save numbers with it."
+          : wordsOf(error);
     }
     this.say();
   }

@@ -34,27 +34,49 @@ function cellsOf(text) {
   // If only some lines have a comma, it is a decimal comma.
   const [first = "", ...below] = lines.filter((line) => line.trim());
   const mayBeDecimal = (/** @type {string} */ line) => /^[^,]*(,\d+)?$/.test(line.trim());
-  const decimal = below.every(mayBeDecimal) && below.some((line) => !line.includes(",")) && (mayBeDecimal(first) || below.some((line) => line.includes(",")));
-  const separator = [";", "\t", ...(decimal ? [] : [","])].find((one) => text.includes(one)) ?? / +/;
+  const decimal =
+    below.every(mayBeDecimal) &&
+    below.some((line) => !line.includes(",")) &&
+    (mayBeDecimal(first) || below.some((line) => line.includes(",")));
+  const separator =
+    [";", "\t", ...(decimal ? [] : [","])].find((one) => text.includes(one)) ?? / +/;
   const read = (/** @type {string} */ cell) => {
     if (NOTHING.test(cell)) return NaN;
     const number = Number(separator === "," ? cell : cell.replace(",", "."));
     return Number.isNaN(number) ? null : number;
   };
-  const numbers = (/** @type {string} */ line) => line.trim().split(separator).map((cell) => read(cell.trim()));
-  const several = below.some((line) => numbers(line).length > 1) || (numbers(first).length > 1 && !numbers(first).includes(null));
+  const numbers = (/** @type {string} */ line) =>
+    line
+      .trim()
+      .split(separator)
+      .map((cell) => read(cell.trim()));
+  const several =
+    below.some((line) => numbers(line).length > 1) ||
+    (numbers(first).length > 1 && !numbers(first).includes(null));
   /** @type {Cells} */
   const found = { rows: [], header: [], places: [] };
   /** @type {Error | null} */
   let unread = null; // about the first line that is no numbers
   lines.forEach((line, k) => {
     if (several && !line.trim()) return;
-    const cells = (!several ? [line] : (typeof separator === "string" ? line : line.trim()).split(separator)).map((cell) => cell.trim().replace(/^"(.*)"$/, "$1").trim());
+    const cells = (
+      !several ? [line] : (typeof separator === "string" ? line : line.trim()).split(separator)
+    ).map((cell) =>
+      cell
+        .trim()
+        .replace(/^"(.*)"$/, "$1")
+        .trim(),
+    );
     const row = cells.map(read);
     const wrong = row.indexOf(null);
-    if (line.startsWith("#")) { found.header = [line.replace(/^#\s*/, "")]; return; }
+    if (line.startsWith("#")) {
+      found.header = [line.replace(/^#\s*/, "")];
+      return;
+    }
     if (wrong >= 0) {
-      const error = new Error(`Line ${k + 1}: "${cells[wrong].slice(0, 40)}" is not a number. Leave the field empty if a value is missing.`);
+      const error = new Error(
+        `Line ${k + 1}: "${cells[wrong].slice(0, 40)}" is not a number. Leave the field empty if a value is missing.`,
+      );
       if (found.rows.length) throw error;
       unread ??= error;
       found.header = cells;
@@ -76,23 +98,42 @@ function jsonOf(text) {
   let told;
   try {
     told = JSON.parse(text.replace(/\bNaN\b|-?\bInfinity\b/g, "null")); // written by Python
-  } catch (error) { throw new Error(`The file is not valid JSON: ${/** @type {Error} */ (error).message}.`, { cause: error }); }
+  } catch (error) {
+    throw new Error(`The file is not valid JSON: ${/** @type {Error} */ (error).message}.`, {
+      cause: error,
+    });
+  }
   if (Array.isArray(told)) told = { values: told };
   const { values } = told;
-  if (told.format !== FORMAT && !Array.isArray(values)) throw new Error('This JSON file has no list of numbers. Use a list, or an object with "values", "name" and "unit".');
-  const rows = (Array.isArray(values) ? (Array.isArray(values[0]) ? values : [values]) : []).map((row, k) => {
-    if (!Array.isArray(row)) throw new Error(`Value ${k + 1}: ${JSON.stringify(row)?.slice(0, 40)} is not a list of numbers, but the first value is a list.`);
-    return row.map((/** @type {unknown} */ value, /** @type {number} */ i) => {
-      if (typeof value === "number") return value;
-      if (value === null || (typeof value === "string" && NOTHING.test(value))) return NaN;
-      throw new Error(`Value ${i + 1}: ${JSON.stringify(value).slice(0, 40)} is not a number. Use null if a value is missing.`);
-    });
-  });
+  if (told.format !== FORMAT && !Array.isArray(values))
+    throw new Error(
+      'This JSON file has no list of numbers. Use a list, or an object with "values", "name" and "unit".',
+    );
+  const rows = (Array.isArray(values) ? (Array.isArray(values[0]) ? values : [values]) : []).map(
+    (row, k) => {
+      if (!Array.isArray(row))
+        throw new Error(
+          `Value ${k + 1}: ${JSON.stringify(row)?.slice(0, 40)} is not a list of numbers, but the first value is a list.`,
+        );
+      return row.map((/** @type {unknown} */ value, /** @type {number} */ i) => {
+        if (typeof value === "number") return value;
+        if (value === null || (typeof value === "string" && NOTHING.test(value))) return NaN;
+        throw new Error(
+          `Value ${i + 1}: ${JSON.stringify(value).slice(0, 40)} is not a number. Use null if a value is missing.`,
+        );
+      });
+    },
+  );
   return { told, cells: { rows, header: [], places: rows.map((_, k) => k + 1) } };
 }
 
-const counts = (/** @type {number[]} */ row) => row.length > 2 && [-1, 0, 1].some((from) => row.every((value, i) => value === i + from || (i === 0 && Number.isNaN(value))));
-const rises = (/** @type {number[][]} */ rows) => rows.every(([first], k) => k === 0 || first > rows[k - 1][0]);
+const counts = (/** @type {number[]} */ row) =>
+  row.length > 2 &&
+  [-1, 0, 1].some((from) =>
+    row.every((value, i) => value === i + from || (i === 0 && Number.isNaN(value))),
+  );
+const rises = (/** @type {number[][]} */ rows) =>
+  rows.every(([first], k) => k === 0 || first > rows[k - 1][0]);
 
 // Return the values from rows of module number and value;
 // numbers start at 0 if there is a 0, otherwise at 1.
@@ -105,8 +146,14 @@ function byNumber({ rows, places }, modules) {
   const row = new Array(modules).fill(NaN);
   const seen = new Set();
   rows.forEach(([module, value], k) => {
-    if (!Number.isInteger(module) || module < from || module >= modules + from) throw new Error(`Line ${places[k]}: there is no module ${module}. Module numbers go from ${from} to ${modules + from - 1}.`);
-    if (seen.has(module)) throw new Error(`Line ${places[k]}: module ${module} appears twice. List each module once. If your numbers have decimal commas, replace these commas with points.`);
+    if (!Number.isInteger(module) || module < from || module >= modules + from)
+      throw new Error(
+        `Line ${places[k]}: there is no module ${module}. Module numbers go from ${from} to ${modules + from - 1}.`,
+      );
+    if (seen.has(module))
+      throw new Error(
+        `Line ${places[k]}: module ${module} appears twice. List each module once. If your numbers have decimal commas, replace these commas with points.`,
+      );
     seen.add(module);
     row[module - from] = value;
   });
@@ -122,19 +169,31 @@ function arranged(cells, { modules, frames }) {
   let { rows } = cells;
   const width = rows[0]?.length ?? 0;
   const odd = rows.findIndex((row) => row.length !== width);
-  if (odd >= 0) throw new Error(`Line ${cells.places[odd]}: this line has ${rows[odd].length} values, but the lines before it have ${width}.`);
-  if (![1, modules, frames].includes(width) && rows.every((row) => Number.isNaN(row.at(-1)))) rows = rows.map((row) => row.slice(0, -1));
+  if (odd >= 0)
+    throw new Error(
+      `Line ${cells.places[odd]}: this line has ${rows[odd].length} values, but the lines before it have ${width}.`,
+    );
+  if (![1, modules, frames].includes(width) && rows.every((row) => Number.isNaN(row.at(-1))))
+    rows = rows.map((row) => row.slice(0, -1));
   if (rows[0]?.length === 1 && rows.length === modules) return [rows.flat()];
-  if (rows[0]?.length === 2 && modules !== 2 && rows.length <= modules) return byNumber(cells, modules);
+  if (rows[0]?.length === 2 && modules !== 2 && rows.length <= modules)
+    return byNumber(cells, modules);
   // The first row may contain module numbers, and the first column frame numbers.
   const below = counts(rows[0] ?? []) ? rows.slice(1) : rows;
-  for (const found of [rows, below, ...(rises(below) ? [rows, below].map((all) => all.map((row) => row.slice(1))) : [])]) {
+  for (const found of [
+    rows,
+    below,
+    ...(rises(below) ? [rows, below].map((all) => all.map((row) => row.slice(1))) : []),
+  ]) {
     const wide = found[0]?.length ?? 0;
     if (wide === modules && (found.length === 1 || found.length === frames)) return found;
-    if (found.length === modules && wide === frames) return Array.from({ length: frames }, (_, frame) => found.map((row) => row[frame]));
+    if (found.length === modules && wide === frames)
+      return Array.from({ length: frames }, (_, frame) => found.map((row) => row[frame]));
   }
   const each = frames ? `, or ${frames} rows of ${modules} numbers, one row for each frame` : "";
-  throw new Error(`This file has ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ${width} ${width === 1 ? "number" : "numbers"} each. This fold needs ${modules} numbers, one for each module${each}. Check that the file belongs to this fold.`);
+  throw new Error(
+    `This file has ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ${width} ${width === 1 ? "number" : "numbers"} each. This fold needs ${modules} numbers, one for each module${each}. Check that the file belongs to this fold.`,
+  );
 }
 
 /**
@@ -155,22 +214,37 @@ function named(text) {
  */
 export function readValues(text, file, expected) {
   const clean = text.replace(/^\uFEFF/, "");
-  const { told, cells } = /^\s*[[{]/.test(clean) ? jsonOf(clean) : { told: /** @type {Record<string, unknown>} */ ({}), cells: cellsOf(clean) };
+  const { told, cells } = /^\s*[[{]/.test(clean)
+    ? jsonOf(clean)
+    : { told: /** @type {Record<string, unknown>} */ ({}), cells: cellsOf(clean) };
   if (told.format === FORMAT) return unpacked(/** @type {any} */ (told), expected.modules);
   const rows = arranged(cells, expected);
   const { header } = cells;
   const above = header.length <= 2 ? header.findLast(Boolean) : "";
-  const [name, unit] = named(typeof told.name === "string" && told.name ? told.name : above || file.replace(/\.[^.]*$/, ""));
+  const [name, unit] = named(
+    typeof told.name === "string" && told.name ? told.name : above || file.replace(/\.[^.]*$/, ""),
+  );
   const values = Float32Array.from(rows.flat(), (value) => (Number.isFinite(value) ? value : NaN));
   let [low, high] = [Infinity, -Infinity];
-  for (const value of values) { if (value < low) low = value; if (value > high) high = value; }
+  for (const value of values) {
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
   if (low > high) throw new Error("This file contains no numbers.");
-  return { name: name || "Numbers from a file", unit: typeof told.unit === "string" ? told.unit.slice(0, 20) : unit, rows: rows.length, values, low, high };
+  return {
+    name: name || "Numbers from a file",
+    unit: typeof told.unit === "string" ? told.unit.slice(0, 20) : unit,
+    rows: rows.length,
+    values,
+    low,
+    high,
+  };
 }
 
 // Return the number of rows that can be stored with a fold.
 /** @param {OwnValues} own */
-export const keptRows = ({ rows, values }) => Math.min(rows, Math.max(1, Math.floor((MAX_KEPT * rows) / values.length)));
+export const keptRows = ({ rows, values }) =>
+  Math.min(rows, Math.max(1, Math.floor((MAX_KEPT * rows) / values.length)));
 
 // Pack values for storage with a fold, quantised between
 // minimum and maximum. Surplus rows are dropped evenly.
@@ -187,7 +261,9 @@ export function packed(own) {
     const from = modules * (kept === 1 ? 0 : Math.round((row / (kept - 1)) * (rows - 1)));
     for (let i = 0; i < modules; i++) {
       const value = values[from + i];
-      data += String.fromCharCode(Number.isNaN(value) ? NONE : Math.round((LEVELS * (value - low)) / (high - low || 1)));
+      data += String.fromCharCode(
+        Number.isNaN(value) ? NONE : Math.round((LEVELS * (value - low)) / (high - low || 1)),
+      );
     }
   }
   return { format: FORMAT, name, unit, low, high, rows: kept, data: btoa(data) };
@@ -200,9 +276,16 @@ export function packed(own) {
  */
 export function unpacked({ name, unit, low, high, rows, data }, modules) {
   let levels = "";
-  try { levels = atob(data); } catch { }
-  if (!(rows >= 1) || levels.length !== rows * modules || !(low <= high)) throw new Error(`These are the values of another fold. This fold needs ${modules} values in each row.`);
-  const values = Float32Array.from(levels, (level) => (level.charCodeAt(0) === NONE ? NaN : low + (level.charCodeAt(0) / LEVELS) * (high - low)));
+  try {
+    levels = atob(data);
+  } catch {}
+  if (!(rows >= 1) || levels.length !== rows * modules || !(low <= high))
+    throw new Error(
+      `These are the values of another fold. This fold needs ${modules} values in each row.`,
+    );
+  const values = Float32Array.from(levels, (level) =>
+    level.charCodeAt(0) === NONE ? NaN : low + (level.charCodeAt(0) / LEVELS) * (high - low),
+  );
   return { name: String(name), unit: String(unit), rows, values, low, high };
 }
 
@@ -220,6 +303,10 @@ export function valuesAt({ rows, values }, share) {
   if (!part) return before;
   return before.map((value, i) => {
     const next = values[(low + 1) * modules + i];
-    return Number.isNaN(next) || Number.isNaN(value) ? (part < 0.5 ? value : next) : value + part * (next - value);
+    return Number.isNaN(next) || Number.isNaN(value)
+      ? part < 0.5
+        ? value
+        : next
+      : value + part * (next - value);
   });
 }

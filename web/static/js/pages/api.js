@@ -1,7 +1,8 @@
 // Shows the API description with Swagger UI, in the theme of the other pages.
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const { classList, dataset } = document.documentElement;
-const follow = () => classList.toggle("dark-mode", dataset.theme ? dataset.theme === "dark" : dark.matches);
+const follow = () =>
+  classList.toggle("dark-mode", dataset.theme ? dataset.theme === "dark" : dark.matches);
 follow();
 addEventListener("themechange", follow);
 
@@ -9,10 +10,17 @@ addEventListener("themechange", follow);
 /** @param {{ React: any }} system */
 const accessible = ({ React: { createElement, Fragment } }) => ({
   wrapComponents: {
-    DeepLink: () => (/** @type {{ text: unknown }} */ { text }) => createElement("span", null, text),
-    operations: (/** @type {unknown} */ Operations) => (/** @type {object} */ props) => createElement(
-      Fragment, null, createElement("h2", { className: "visually-hidden" }, "Operations"), createElement(Operations, props),
-    ),
+    DeepLink:
+      () =>
+      (/** @type {{ text: unknown }} */ { text }) =>
+        createElement("span", null, text),
+    operations: (/** @type {unknown} */ Operations) => (/** @type {object} */ props) =>
+      createElement(
+        Fragment,
+        null,
+        createElement("h2", { className: "visually-hidden" }, "Operations"),
+        createElement(Operations, props),
+      ),
   },
 });
 

@@ -15,7 +15,9 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 /** @type {Facts[]} */
 const facts = JSON.parse(get("facts").textContent);
 /** @type {Promise<boolean>} */
-const webgl = new Promise((told) => { setTimeout(() => told(hasWebGL()), START_MS); });
+const webgl = new Promise((told) => {
+  setTimeout(() => told(hasWebGL()), START_MS);
+});
 
 /**
  * Show the verdict of a fold until it is over.
@@ -41,23 +43,45 @@ const sides = facts.map((fold, k) => {
   const frame = /** @type {HTMLIFrameElement} */ (side.querySelector("iframe"));
   const canvas = /** @type {HTMLCanvasElement} */ (side.querySelector("canvas"));
   const now = /** @type {HTMLElement} */ (side.querySelector(".side-now"));
-  const { player, stage } = playerOn(new Timeline(new Source(hrefOf(`/folds/${id}`)), { over: !running }), frame, canvas, { calm });
+  const { player, stage } = playerOn(
+    new Timeline(new Source(hrefOf(`/folds/${id}`)), { over: !running }),
+    frame,
+    canvas,
+    { calm },
+  );
   player.on("state", (/** @type {State} */ { error_rad: error }) => {
     now.textContent = error === null ? "" : `Joint error ${radians(error)}`;
   });
   if (running) follow(id, /** @type {HTMLElement} */ (side.querySelector(".verdict")), player);
   const check = /** @type {HTMLButtonElement} */ (side.querySelector(".check-here"));
-  check.onclick = () => checking(({ checkInDialog }) => checkInDialog(player, fold, (at) => { pair.send({ do: "seek", frame: pair.frameAt(player, at) }); }));
-  webgl.then((there) => setTimeout(() => { if (there) load(frame, hrefOf("/view")); }, 1500 * k));
+  check.onclick = () =>
+    checking(({ checkInDialog }) =>
+      checkInDialog(player, fold, (at) => {
+        pair.send({ do: "seek", frame: pair.frameAt(player, at) });
+      }),
+    );
+  webgl.then((there) =>
+    setTimeout(() => {
+      if (there) load(frame, hrefOf("/view"));
+    }, 1500 * k),
+  );
   return { player, stage };
 });
 const pair = new Pair(sides.map(({ player }) => player));
 offerSides(pair);
 new Keys(pair, new Bar(pair));
-facts.forEach(({ running, frames }, k) => { if (!running && !frames) pair.leave(sides[k].player); });
-pair.on("begun", () => { if (!place.go() && !calm) pair.send({ do: "play" }); });
+facts.forEach(({ running, frames }, k) => {
+  if (!running && !frames) pair.leave(sides[k].player);
+});
+pair.on("begun", () => {
+  if (!place.go() && !calm) pair.send({ do: "play" });
+});
 const colours = get("colour-by");
-colours.append(...COLOURINGS.filter(([key]) => !(key in MEASURED)).map(([key, label]) => element("option", { value: key }, label)));
+colours.append(
+  ...COLOURINGS.filter(([key]) => !(key in MEASURED)).map(([key, label]) =>
+    element("option", { value: key }, label),
+  ),
+);
 /** @param {string} key */
 function colourBy(key) {
   if (![...colours.options].some(({ value }) => value === key)) return;
@@ -74,14 +98,22 @@ const scale = () => {
 };
 pair.on("outline", scale);
 const through = pathButton(sides.map(({ stage }) => stage));
-const place = new Place({
-  player: pair,
-  view() {
-    const view = viewOf(sides[0].player, through.on);
-    return view && { ...view, ...pair.moment };
+const place = new Place(
+  {
+    player: pair,
+    view() {
+      const view = viewOf(sides[0].player, through.on);
+      return view && { ...view, ...pair.moment };
+    },
+    colour: colourBy,
+    path: (on) => through.set(on),
   },
-  colour: colourBy,
-  path: (on) => through.set(on),
-}, calm);
+  calm,
+);
 through.changed = () => place.note();
-get("share").onclick = () => copyText(location.origin + place.here(), () => toast("Link copied"), () => toast(location.href));
+get("share").onclick = () =>
+  copyText(
+    location.origin + place.here(),
+    () => toast("Link copied"),
+    () => toast(location.href),
+  );

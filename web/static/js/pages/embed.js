@@ -11,14 +11,22 @@ const facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const zoomKey = /Mac|iPhone|iPad/.test(navigator.platform) ? "⌘" : "Ctrl";
 const { hand, player } = view({
-  over: !facts.running, tightest: () => facts.tightest, source: new Source(at(`/folds/${facts.id}`)), figures, load: (frame) => load(frame, at("/embed/view")),
+  over: !facts.running,
+  tightest: () => facts.tightest,
+  source: new Source(at(`/folds/${facts.id}`)),
+  figures,
+  load: (frame) => load(frame, at("/embed/view")),
   kept: {
-    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), steps: () => ask(`/folds/${facts.id}/steps.json`), id: null,
+    tour: () => ask(`/folds/${facts.id}/tour.json`),
+    values: () => ask(`/folds/${facts.id}/values.json`),
+    steps: () => ask(`/folds/${facts.id}/steps.json`),
+    id: null,
   },
   onScroll: () => toast(`To zoom, click here or hold ${zoomKey}`),
 });
 // In full screen there is no page around it to scroll.
-const yieldScrolling = () => hand.yieldScrolling(window.parent !== window && !document.fullscreenElement);
+const yieldScrolling = () =>
+  hand.yieldScrolling(window.parent !== window && !document.fullscreenElement);
 document.addEventListener("fullscreenchange", yieldScrolling);
 yieldScrolling();
 if (!facts.running) figures.begin();

@@ -9,29 +9,52 @@ import { view } from "../viewer/fold_view.js";
 import { load } from "../viewer/scene.js";
 import { at, get, later, toast, wordsOf } from "../lib/text.js";
 
-const formOf = (/** @type {EventTarget | null} */ field) => /** @type {HTMLFormElement} */ (/** @type {HTMLElement} */ (field).closest("form"));
+const formOf = (/** @type {EventTarget | null} */ field) =>
+  /** @type {HTMLFormElement} */ (/** @type {HTMLElement} */ (field).closest("form"));
 /** @type {Facts} */
 let facts = JSON.parse(get("facts").textContent);
 const figures = new Figures(facts.id);
 const drawer = new Drawer();
 const code = new URLSearchParams(location.search).get("class"); // code of the class to follow
 const { timeline, player, place, bar } = view({
-  over: !facts.running, tightest: () => facts.tightest, play: code ? false : undefined,
-  source: new Source(at(`/folds/${facts.id}`)), figures, details: { drawer, ModulePanel, Plots }, load: (frame) => load(frame, at("/view")),
+  over: !facts.running,
+  tightest: () => facts.tightest,
+  play: code ? false : undefined,
+  source: new Source(at(`/folds/${facts.id}`)),
+  figures,
+  details: { drawer, ModulePanel, Plots },
+  load: (frame) => load(frame, at("/view")),
   kept: {
-    tour: () => ask(`/folds/${facts.id}/tour.json`), values: () => ask(`/folds/${facts.id}/values.json`), steps: () => ask(`/folds/${facts.id}/steps.json`), get id() { return facts.editable ? facts.id : null; },
+    tour: () => ask(`/folds/${facts.id}/tour.json`),
+    values: () => ask(`/folds/${facts.id}/values.json`),
+    steps: () => ask(`/folds/${facts.id}/steps.json`),
+    get id() {
+      return facts.editable ? facts.id : null;
+    },
   },
 });
 
 // Parts that most visitors do not use.
 const asking = later(() => import("../lib/fold_request.js"), toast);
-const checking = later(() => import("../panels/plan_check.js").then(({ Checking, planOf }) => new Checking(player, planOf(facts.id))), toast);
+const checking = later(
+  () =>
+    import("../panels/plan_check.js").then(
+      ({ Checking, planOf }) => new Checking(player, planOf(facts.id)),
+    ),
+  toast,
+);
 const choosing = later(() => import("../panels/plan_choice.js"), toast);
 const companions = later(() => import("../panels/compare_refold.js"), toast);
 const downloads = later(() => import("../panels/downloads.js"), toast);
-const failing = later(() => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })), toast);
+const failing = later(
+  () => import("../panels/failure.js").then(({ Failure }) => new Failure({ player, bar, drawer })),
+  toast,
+);
 const dialogs = later(() => import("../panels/dialogs.js"), toast);
-const share = later(() => import("../panels/share.js").then(({ sharing }) => sharing(facts, { place, player })), toast);
+const share = later(
+  () => import("../panels/share.js").then(({ sharing }) => sharing(facts, { place, player })),
+  toast,
+);
 const progress = later(() => import("../panels/progress.js"), toast);
 
 const token = tokenOf(facts.id);
@@ -41,7 +64,14 @@ if (rename) {
   get("delete").onclick = () => {
     get("ways-list").hidePopover();
     dialogs(async ({ confirmed }) => {
-      if (!await confirmed(`Delete “${facts.name}”?`, "This permanently deletes the fold, its plan and its movies. The link will stop working for everyone.", "Delete")) return;
+      if (
+        !(await confirmed(
+          `Delete “${facts.name}”?`,
+          "This permanently deletes the fold, its plan and its movies. The link will stop working for everyone.",
+          "Delete",
+        ))
+      )
+        return;
       await remove(`/api/folds/${facts.id}`, token);
       location.href = at("/my-folds");
     });
@@ -49,33 +79,53 @@ if (rename) {
   rename.hidden = !token;
   rename.onclick = () => {
     get("ways-list").hidePopover(); // first, so that the dialog gives the focus back to the menu's button
-    dialogs(({ renamed }) => renamed(get("name").textContent, async (name) => {
-      /** @type {Api.Fold} */
-      const { title } = await ask(`/api/folds/${facts.id}`, { method: "PATCH", token, body: { name } });
-      facts = { ...facts, name: title };
-      get("name").textContent = title;
-      document.title = `${title} · foldback`;
-    }));
+    dialogs(({ renamed }) =>
+      renamed(get("name").textContent, async (name) => {
+        /** @type {Api.Fold} */
+        const { title } = await ask(`/api/folds/${facts.id}`, {
+          method: "PATCH",
+          token,
+          body: { name },
+        });
+        facts = { ...facts, name: title };
+        get("name").textContent = title;
+        document.title = `${title} · foldback`;
+      }),
+    );
   };
 }
 get("share").onclick = () => share((open) => open());
 get("compare").onclick = () => companions(({ compare }) => compare(facts));
 get("refold").onclick = () => companions(({ refold }) => refold(facts));
-get("smooth").onclick = () => dialogs(async ({ confirmed }) => {
-  if (!await confirmed("Smooth this fold?", "foldback computes a shorter and quieter motion for the same shape. It becomes a fold of its own, beside this one, and you can compare both.", "Smooth")) return;
-  asking(({ openFold }) => openFold({ smooth: facts.id }, toast, get("smooth")));
-});
+get("smooth").onclick = () =>
+  dialogs(async ({ confirmed }) => {
+    if (
+      !(await confirmed(
+        "Smooth this fold?",
+        "foldback computes a shorter and quieter motion for the same shape. It becomes a fold of its own, beside this one, and you can compare both.",
+        "Smooth",
+      ))
+    )
+      return;
+    asking(({ openFold }) => openFold({ smooth: facts.id }, toast, get("smooth")));
+  });
 get("again").onclick = tryAgain;
-get("properties").onclick = ({ target }) => { if (target === get("check-plan")) checking((it) => it.begin("claim")); };
+get("properties").onclick = ({ target }) => {
+  if (target === get("check-plan")) checking((it) => it.begin("claim"));
+};
 get("rests").onclick = () => {
   drawer.openAt("properties");
   /** @type {HTMLDetailsElement} */ (get("on-table").querySelector("details")).open = true;
 };
-get("downloads")?.addEventListener("input", ({ target }) => downloads((it) => it.choose(formOf(target))));
+get("downloads")?.addEventListener("input", ({ target }) =>
+  downloads((it) => it.choose(formOf(target))),
+);
 get("downloads")?.addEventListener("submit", (event) => {
   event.preventDefault();
   const form = formOf(event.target);
-  downloads((it) => (form.id === "movie" ? it.createMovie(facts.id, form) : it.checkMotors(facts.id, form)));
+  downloads((it) =>
+    form.id === "movie" ? it.createMovie(facts.id, form) : it.checkMotors(facts.id, form),
+  );
 });
 
 // Show the parts of the outcome that need scripts: failure, plan choice, figures.
@@ -85,9 +135,18 @@ function show(now) {
   const { choice } = now;
   get("steps").hidden = !now.steps;
   if (now.failure) failing((it) => it.facts(now));
-  if (now.options && token && rename) for (const name of /** @type {const} */ (["change-options", "change-options-too", "more-modules"])) get(name).hidden = false;
+  if (now.options && token && rename)
+    for (const name of /** @type {const} */ ([
+      "change-options",
+      "change-options-too",
+      "more-modules",
+    ]))
+      get(name).hidden = false;
   if (choice) choosing(({ showChoice }) => showChoice(choice, drawer, player));
-  if (!now.running) { timeline.finish(); figures.begin(); }
+  if (!now.running) {
+    timeline.finish();
+    figures.begin();
+  }
   get("cover-button").onclick = tryAgain;
 }
 
@@ -109,15 +168,22 @@ async function renewed() {
 // Request another fold of the same input, with options that may work better.
 function tryAgain() {
   const { again } = facts;
-  if (again) asking(({ openFold }) => openFold(again.form, toast, get("again"), get("cover-button")));
+  if (again)
+    asking(({ openFold }) => openFold(again.form, toast, get("again"), get("cover-button")));
 }
 
 show(facts);
-if (code) import("../tour/follower.js").then(({ Follower }) => new Follower(code, player, place)).catch((error) => toast(wordsOf(error)));
+if (code)
+  import("../tour/follower.js")
+    .then(({ Follower }) => new Follower(code, player, place))
+    .catch((error) => toast(wordsOf(error)));
 if (facts.running) {
-  progress(({ Progress }) => new Progress(facts, async () => {
-    const now = await renewed();
-    if (now) show(now);
-    return now;
-  }));
+  progress(
+    ({ Progress }) =>
+      new Progress(facts, async () => {
+        const now = await renewed();
+        if (now) show(now);
+        return now;
+      }),
+  );
 }

@@ -4,12 +4,19 @@ import { get, later, opensElsewhere } from "../lib/text.js";
 const sieve = get("sieve");
 const cards = /** @type {HTMLElement[]} */ ([...get("cards").children]);
 const finished = /** @type {HTMLElement[]} */ ([...document.querySelectorAll("#finished li")]);
-const say = (/** @type {string} */ text) => { get("message").textContent = text; };
+const say = (/** @type {string} */ text) => {
+  get("message").textContent = text;
+};
 const asking = later(() => import("../lib/fold_request.js"), say);
 
 // Return the values of the filter by name, as in the query of the address.
 /** @returns {Record<string, string>} */
-const wanted = () => Object.fromEntries(Array.from(new FormData(sieve), ([name, value]) => [name, String(value).trim()]).filter(([, value]) => value));
+const wanted = () =>
+  Object.fromEntries(
+    Array.from(new FormData(sieve), ([name, value]) => [name, String(value).trim()]).filter(
+      ([, value]) => value,
+    ),
+  );
 
 /**
  * @param {Record<string, string>} filter
@@ -17,19 +24,26 @@ const wanted = () => Object.fromEntries(Array.from(new FormData(sieve), ([name, 
  */
 function lets({ type, kind, status, world, q = "", least, most }, { dataset }) {
   const modules = Number(dataset.modules);
-  return (!type || dataset.type === type)
-    && (!kind || (dataset.kinds ?? "").split(" ").includes(kind))
-    && (!status || dataset.status === status)
-    && (!world || dataset.world === world)
-    && (!least || modules >= Number(least))
-    && (!most || modules <= Number(most))
-    && q.toLowerCase().split(/\s+/).every((word) => ` ${dataset.words}`.includes(` ${word}`));
+  return (
+    (!type || dataset.type === type) &&
+    (!kind || (dataset.kinds ?? "").split(" ").includes(kind)) &&
+    (!status || dataset.status === status) &&
+    (!world || dataset.world === world) &&
+    (!least || modules >= Number(least)) &&
+    (!most || modules <= Number(most)) &&
+    q
+      .toLowerCase()
+      .split(/\s+/)
+      .every((word) => ` ${dataset.words}`.includes(` ${word}`))
+  );
 }
 
 function sift() {
   const filter = wanted();
   for (const card of [...cards, ...finished]) card.hidden = !lets(filter, card);
-  const [count, others] = [cards, finished].map((list) => list.filter(({ hidden }) => !hidden).length);
+  const [count, others] = [cards, finished].map(
+    (list) => list.filter(({ hidden }) => !hidden).length,
+  );
   const found = count === cards.length ? `${count} shapes` : `${count} of ${cards.length} shapes`;
   if (get("found").textContent !== found) get("found").textContent = found;
   get("nothing").hidden = count + others > 0;
@@ -45,7 +59,9 @@ if (sieve) {
   addEventListener("pageshow", sift);
 }
 
-for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-shape]"))) {
+for (const card of /** @type {NodeListOf<HTMLElement>} */ (
+  document.querySelectorAll("[data-shape]")
+)) {
   card.onclick = async (event) => {
     const { world } = wanted();
     if (card.dataset.fold && world !== "table") return; // its fold in zero gravity exists
@@ -54,7 +70,9 @@ for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelecto
     if (card.getAttribute("aria-busy")) return;
     card.setAttribute("aria-busy", "true");
     say("");
-    await asking(({ openFold }) => openFold({ shape: card.dataset.shape ?? "", ...(world ? { world } : {}) }, say));
+    await asking(({ openFold }) =>
+      openFold({ shape: card.dataset.shape ?? "", ...(world ? { world } : {}) }, say),
+    );
     card.removeAttribute("aria-busy");
     if (get("message").textContent) get("message").scrollIntoView({ block: "center" });
   };

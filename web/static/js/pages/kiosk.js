@@ -39,7 +39,11 @@ function next() {
   const { name, src } = exhibits[at];
   // The sandbox allows neither new windows nor navigation
   // of this page, so that no link leaves the exhibition.
-  coming = element("iframe", { title: name, sandbox: "allow-scripts allow-same-origin", class: "coming" });
+  coming = element("iframe", {
+    title: name,
+    sandbox: "allow-scripts allow-same-origin",
+    class: "coming",
+  });
   coming.src = `${src}?kiosk=${IDLE_MS / 1000}`;
   coming.onload = () => {
     // Detect error pages of the browser or the server; frames of files cannot be read.
@@ -53,7 +57,13 @@ function next() {
 function fail() {
   cancel();
   get("trouble").hidden = shown !== null;
-  timer = setTimeout(() => { timer = undefined; next(); }, Math.min(RETRY_MS[1], RETRY_MS[0] * 2 ** failures++));
+  timer = setTimeout(
+    () => {
+      timer = undefined;
+      next();
+    },
+    Math.min(RETRY_MS[1], RETRY_MS[0] * 2 ** failures++),
+  );
 }
 
 function show() {
@@ -74,13 +84,26 @@ addEventListener("message", ({ source, data }) => {
   else if (!shown || source !== shown.contentWindow) return;
   clearTimeout(stalled);
   stalled = setTimeout(next, STALLED_MS + IDLE_MS);
-  if (word === "touched") cancel(); // keep the fold that the visitor uses
+  if (word === "touched")
+    cancel(); // keep the fold that the visitor uses
   else if (word === "over") next();
 });
-get("next").onclick = () => { if (!coming) { cancel(); next(); } };
-addEventListener("online", () => { if (!coming && timer) { cancel(); next(); } });
+get("next").onclick = () => {
+  if (!coming) {
+    cancel();
+    next();
+  }
+};
+addEventListener("online", () => {
+  if (!coming && timer) {
+    cancel();
+    next();
+  }
+});
 const full = get("full-screen");
-const offer = () => { full.hidden = !document.fullscreenEnabled || document.fullscreenElement !== null; };
+const offer = () => {
+  full.hidden = !document.fullscreenEnabled || document.fullscreenElement !== null;
+};
 full.onclick = () => document.documentElement.requestFullscreen().catch(() => {}); // the browser may refuse
 addEventListener("fullscreenchange", offer);
 offer();

@@ -9,11 +9,21 @@ const hero = get("hero");
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 const player = playHero(hero, get("sketch"), { calm });
 
-const asking = later(() => import("../lib/fold_request.js"), (text) => say(text, "bad"));
-const uploading = later(async () => {
-  const [{ Sending }, upload, api] = await Promise.all([import("../panels/upload_progress.js"), import("../lib/upload.js"), import("../lib/api.js")]);
-  return { sending: new Sending(get("sending")), ...upload, ...api };
-}, (text) => say(text, "bad"));
+const asking = later(
+  () => import("../lib/fold_request.js"),
+  (text) => say(text, "bad"),
+);
+const uploading = later(
+  async () => {
+    const [{ Sending }, upload, api] = await Promise.all([
+      import("../panels/upload_progress.js"),
+      import("../lib/upload.js"),
+      import("../lib/api.js"),
+    ]);
+    return { sending: new Sending(get("sending")), ...upload, ...api };
+  },
+  (text) => say(text, "bad"),
+);
 const NO_PATH = "repeated-cell"; // a code of the API
 
 /**
@@ -35,7 +45,12 @@ function chosen() {
 for (const field of [get("preset"), get("seed")]) {
   field.addEventListener("input", () => {
     const { preset, seed } = chosen();
-    const told = [preset && `the preset “${get("preset").selectedOptions[0].textContent}”`, seed && `the seed ${seed}`].filter(Boolean).join(" and ");
+    const told = [
+      preset && `the preset “${get("preset").selectedOptions[0].textContent}”`,
+      seed && `the seed ${seed}`,
+    ]
+      .filter(Boolean)
+      .join(" and ");
     get("with").hidden = !told;
     get("with").textContent = `These shapes are folded with ${told}, as chosen in Options.`;
   });
@@ -50,33 +65,46 @@ async function start(fields, label) {
   const resting = player.is.playing && player.send({ do: "pause" });
   const preset = get("preset").value;
   const settings = preset === "paper" ? changed() : {};
-  const left = await asking(({ openFold }) => openFold({ ...fields, ...chosen(), ...settings }, (problem) => say(refused(problem), "bad")));
+  const left = await asking(({ openFold }) =>
+    openFold({ ...fields, ...chosen(), ...settings }, (problem) => say(refused(problem), "bad")),
+  );
   if (resting && !left) player.send({ do: "play" });
 }
 
 // Send a file. Paths and chains without knots are folded at once; other files open a preview.
 /** @param {File} file */
-const send = (file, asVoxels = false) => uploading(async ({ sending, upload, STOPPED, Refusal, formOf, ownKey }) => {
-  say(`Reading ${file.name}…`);
-  offer(null);
-  const form = formOf({ file, full: false, quick: true, as_voxels: asVoxels || null });
-  try {
-    /** @type {Api.Preview} */
-    const report = await sending.during(file.name, (how) => upload("/api/shapes/preview", form, { ...how, token: ownKey() }));
-    const straight = (report.kind === "path" || report.kind === "chain") && report.knot?.verdict !== "knotted";
-    if (straight) await start({ preview: report.id }, file.name);
-    else location.href = at(`${report.links.page}?${new URLSearchParams({ ...(asVoxels && { as_voxels: "true" }), ...chosen() })}`.replace(/\?$/, ""));
-  } catch (error) {
-    const words = wordsOf(error);
-    if (words !== STOPPED) say(words, "bad");
-    else if (!sending.control) say(STOPPED); // unless another file replaced it
-    if (error instanceof Refusal && error.code === NO_PATH) offer(file);
-  }
-});
+const send = (file, asVoxels = false) =>
+  uploading(async ({ sending, upload, STOPPED, Refusal, formOf, ownKey }) => {
+    say(`Reading ${file.name}…`);
+    offer(null);
+    const form = formOf({ file, full: false, quick: true, as_voxels: asVoxels || null });
+    try {
+      /** @type {Api.Preview} */
+      const report = await sending.during(file.name, (how) =>
+        upload("/api/shapes/preview", form, { ...how, token: ownKey() }),
+      );
+      const straight =
+        (report.kind === "path" || report.kind === "chain") && report.knot?.verdict !== "knotted";
+      if (straight) await start({ preview: report.id }, file.name);
+      else
+        location.href = at(
+          `${report.links.page}?${new URLSearchParams({ ...(asVoxels && { as_voxels: "true" }), ...chosen() })}`.replace(
+            /\?$/,
+            "",
+          ),
+        );
+    } catch (error) {
+      const words = wordsOf(error);
+      if (words !== STOPPED) say(words, "bad");
+      else if (!sending.control) say(STOPPED); // unless another file replaced it
+      if (error instanceof Refusal && error.code === NO_PATH) offer(file);
+    }
+  });
 
 // A typed chain, with one sign for each hinge, is sent as a file.
 const ANGLES = "foldback-angles/1";
-const sendTyped = () => send(new File([`${ANGLES}\n${get("angles").value}`], "chain.txt", { type: "text/plain" }));
+const sendTyped = () =>
+  send(new File([`${ANGLES}\n${get("angles").value}`], "chain.txt", { type: "text/plain" }));
 get("type").onclick = () => {
   const open = get("typing").hidden;
   get("typing").hidden = !open;
@@ -84,16 +112,24 @@ get("type").onclick = () => {
   if (open) get("angles").focus();
 };
 get("typed").onclick = sendTyped;
-get("angles").addEventListener("keydown", (event) => { if (event.key === "Enter") { event.preventDefault(); sendTyped(); } });
+get("angles").addEventListener("keydown", (event) => {
+  if (event.key === "Enter") {
+    event.preventDefault();
+    sendTyped();
+  }
+});
 
 /** @param {File | null} file */
 function offer(file) {
   const button = get("drop-voxels");
   button.hidden = !file;
-  button.onclick = () => { if (file) send(file, true); };
+  button.onclick = () => {
+    if (file) send(file, true);
+  };
 }
 
-if (!get("preparing").hidden) import("../panels/preparing.js").then(({ followPreparing }) => followPreparing());
+if (!get("preparing").hidden)
+  import("../panels/preparing.js").then(({ followPreparing }) => followPreparing());
 follow(get("preset"));
 drop.addEventListener("submit", (event) => event.preventDefault());
 get("file").addEventListener("change", () => {
@@ -101,7 +137,10 @@ get("file").addEventListener("change", () => {
   if (file) send(file);
   get("file").value = "";
 });
-addEventListener("dragover", (event) => { event.preventDefault(); drop.classList.add("over"); });
+addEventListener("dragover", (event) => {
+  event.preventDefault();
+  drop.classList.add("over");
+});
 addEventListener("pointermove", () => drop.classList.remove("over")); // there are no pointer moves during a drag
 addEventListener("drop", (event) => {
   event.preventDefault();
@@ -110,12 +149,17 @@ addEventListener("drop", (event) => {
   if (files.length > 1) say("One file at a time, please.", "bad");
   else if (files[0]) send(files[0]);
 });
-for (const card of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll("[data-shape]"))) {
+for (const card of /** @type {NodeListOf<HTMLElement>} */ (
+  document.querySelectorAll("[data-shape]")
+)) {
   card.onclick = async (event) => {
     if (opensElsewhere(event)) return;
     event.preventDefault();
     card.setAttribute("aria-busy", "true");
-    await start({ shape: card.dataset.shape ?? "" }, card.querySelector(".card-title")?.textContent ?? "");
+    await start(
+      { shape: card.dataset.shape ?? "" },
+      card.querySelector(".card-title")?.textContent ?? "",
+    );
     card.removeAttribute("aria-busy");
   };
 }

@@ -21,11 +21,16 @@ function counted() {
   const total = Math.max(count, list.total);
   get("more").hidden = list.done;
   const parts = [get("folds"), get("previews"), get("movies")];
-  for (const part of parts) /** @type {HTMLElement} */ (part.closest("section")).hidden = !part.children.length;
+  for (const part of parts)
+    /** @type {HTMLElement} */ (part.closest("section")).hidden = !part.children.length;
   const some = parts.some((part) => part.children.length);
   get("nothing").hidden = some;
   get("delete-all").hidden = !some;
-  get("found").textContent = !total ? "" : total === count ? `${count} ${count === 1 ? "fold" : "folds"}` : `${count} of ${total} folds`;
+  get("found").textContent = !total
+    ? ""
+    : total === count
+      ? `${count} ${count === 1 ? "fold" : "folds"}`
+      : `${count} of ${total} folds`;
 }
 
 async function more() {
@@ -36,7 +41,10 @@ async function more() {
     if (mine !== turn) return; // the keys may have changed meanwhile
     const cards = found.map(({ fold, key }) => {
       if (!fold.public) keepToken(fold.id, key); // its page lets the owner cancel it
-      return new FoldCard(fold, key, () => { list.forget(key); counted(); });
+      return new FoldCard(fold, key, () => {
+        list.forget(key);
+        counted();
+      });
     });
     get("folds").append(...cards.map(({ item }) => item));
     trouble("");
@@ -58,8 +66,12 @@ async function load() {
     const movies = await Promise.all(keys.map((token) => ask("/api/mine/movies", { token })));
     if (mine !== turn) return;
     list = new FoldList(keys);
-    const shapes = previews.flatMap((told, n) => told.previews.map((each) => new PreviewCard(each, keys[n], counted)));
-    const lines = movies.flatMap((told, n) => told.movies.map((each) => new MovieLine(each, keys[n], counted)));
+    const shapes = previews.flatMap((told, n) =>
+      told.previews.map((each) => new PreviewCard(each, keys[n], counted)),
+    );
+    const lines = movies.flatMap((told, n) =>
+      told.movies.map((each) => new MovieLine(each, keys[n], counted)),
+    );
     get("folds").replaceChildren();
     get("previews").replaceChildren(...shapes.map(({ item }) => item));
     get("movies").replaceChildren(...lines.map(({ item }) => item));
@@ -77,5 +89,7 @@ get("more").onclick = async () => {
   /** @type {HTMLElement | null} */ (get("folds").children[first]?.querySelector("h3 a"))?.focus();
 };
 get("retry").onclick = load;
-addEventListener("pageshow", (event) => { if (event.persisted) load(); });
+addEventListener("pageshow", (event) => {
+  if (event.persisted) load();
+});
 load();

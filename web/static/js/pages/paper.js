@@ -8,7 +8,10 @@ const SPEED = 1.2;
 // All folds of the paper are made by explosions.
 /** @type {Record<string, string>} */
 const LABELS = { ...PHASES, explosion: "Explosion" };
-const sight = later(() => import("../viewer/viewpoint.js"), () => {});
+const sight = later(
+  () => import("../viewer/viewpoint.js"),
+  () => {},
+);
 const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 
 /**
@@ -28,9 +31,15 @@ class Showing {
     this.bar = within(figure, ".run-bar");
     this.scrub = /** @type {HTMLInputElement} */ (within(figure, ".run-scrub"));
     this.toggle = within(figure, ".run-bar button");
-    this.views = /** @type {HTMLElement[]} */ ([...figure.querySelectorAll(".run-view[data-timeline]")]);
+    this.views = /** @type {HTMLElement[]} */ ([
+      ...figure.querySelectorAll(".run-view[data-timeline]"),
+    ]);
     this.players = this.views.map((view) => {
-      const canvas = element("canvas", { class: "run-sketch", role: "img", "aria-label": view.dataset.label });
+      const canvas = element("canvas", {
+        class: "run-sketch",
+        role: "img",
+        "aria-label": view.dataset.label,
+      });
       view.append(canvas);
       return playerIn(view, canvas);
     });
@@ -55,15 +64,22 @@ class Showing {
 
   // Run a callback once the films are loaded.
   /** @param {() => void} then */
-  when(then) { if (this.players.every(({ shown }) => shown)) then(); else this.then = then; }
+  when(then) {
+    if (this.players.every(({ shown }) => shown)) then();
+    else this.then = then;
+  }
 
-  play() { this.when(() => this.head.send({ do: "play" })); }
+  play() {
+    this.when(() => this.head.send({ do: "play" }));
+  }
 
   where() {
     const { frame, modules } = stuckAt(this.figure);
     this.when(() => {
       this.head.send({ do: "seek", frame });
-      sight(({ clearestSight }) => { for (const player of this.players) player.lookAt(modules, clearestSight); });
+      sight(({ clearestSight }) => {
+        for (const player of this.players) player.lookAt(modules, clearestSight);
+      });
     });
   }
 
@@ -71,18 +87,31 @@ class Showing {
   /** @param {boolean} seen */
   look(seen) {
     const { playing } = this.head.playhead.is;
-    if (!seen && playing) { this.resting = true; this.head.send({ do: "pause" }); }
-    if (seen && this.resting) { this.resting = false; this.head.send({ do: "play" }); }
+    if (!seen && playing) {
+      this.resting = true;
+      this.head.send({ do: "pause" });
+    }
+    if (seen && this.resting) {
+      this.resting = false;
+      this.head.send({ do: "play" });
+    }
   }
 
   /** @param {State} state */
   show({ playing, frame, frames, phase, time_s: time, error_rad: error }) {
     this.scrub.max = String(frames - 1);
     this.scrub.value = String(Math.round(frame));
-    const words = [LABELS[phase], time === null ? null : seconds(time), error === null ? null : `joint error ${radians(error)}`];
+    const words = [
+      LABELS[phase],
+      time === null ? null : seconds(time),
+      error === null ? null : `joint error ${radians(error)}`,
+    ];
     const told = words.filter(Boolean).join(" · ");
     within(this.figure, ".run-now").textContent = told;
-    this.scrub.setAttribute("aria-valuetext", `${LABELS[phase]}, frame ${Math.round(frame) + 1} of ${frames}`);
+    this.scrub.setAttribute(
+      "aria-valuetext",
+      `${LABELS[phase]}, frame ${Math.round(frame) + 1} of ${frames}`,
+    );
     this.toggle.setAttribute("aria-label", playing ? "Pause" : "Play");
     this.toggle.querySelector("use")?.setAttribute("href", playing ? "#i-pause" : "#i-play");
   }
@@ -90,7 +119,11 @@ class Showing {
   close() {
     this.watch.disconnect();
     this.head.send({ do: "pause" });
-    for (const { timeline, sketch } of this.players) { timeline.stop(); sketch?.worker?.terminate(); sketch?.canvas.remove(); }
+    for (const { timeline, sketch } of this.players) {
+      timeline.stop();
+      sketch?.worker?.terminate();
+      sketch?.canvas.remove();
+    }
     for (const view of this.views) view.classList.remove("moving");
     this.figure.classList.remove("open");
     this.bar.hidden = true;
@@ -116,10 +149,15 @@ function opened(figure) {
   return showing;
 }
 
-for (const figure of /** @type {NodeListOf<HTMLElement>} */ (document.querySelectorAll(".run:has([data-timeline])"))) {
+for (const figure of /** @type {NodeListOf<HTMLElement>} */ (
+  document.querySelectorAll(".run:has([data-timeline])")
+)) {
   const button = start(figure);
   button.hidden = false;
-  button.onclick = () => { opened(figure).play(); within(figure, ".run-toggle").focus(); };
+  button.onclick = () => {
+    opened(figure).play();
+    within(figure, ".run-toggle").focus();
+  };
   const where = /** @type {HTMLElement | null} */ (figure.querySelector(".run-where"));
   if (!where) continue;
   where.hidden = false;

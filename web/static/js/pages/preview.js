@@ -3,23 +3,45 @@ import { Refusal, ask, formOf, ownKey, tokenOf } from "../lib/api.js";
 import { UNREACHABLE, at, element, get, later, sentence } from "../lib/text.js";
 import { fieldsOf, fill, refused, settingsOf } from "../panels/paper_settings.js";
 import { Preview, verdictOf } from "../panels/preview_state.js";
-import { Picture, choicesOnPage, cover, foldWords, radios, showOffers, showOptions, showProblem, showReport, showStart, showTrouble } from "../panels/preview_view.js";
+import {
+  Picture,
+  choicesOnPage,
+  cover,
+  foldWords,
+  radios,
+  showOffers,
+  showOptions,
+  showProblem,
+  showReport,
+  showStart,
+  showTrouble,
+} from "../panels/preview_view.js";
 
 const DEBOUNCE_MS = 220;
 const UNFIT = "not-for-a-table"; // a code of the API
 
 /** @type {import("../panels/preview_state.js").PreviewFacts} */
 const facts = JSON.parse(get("facts").textContent);
-const preview = new Preview(facts, choicesOnPage(), new URLSearchParams(facts.id ? location.search : facts.options));
-if (![...get("preset").options].some(({ value }) => value === preview.preset)) preview.preset = "default";
+const preview = new Preview(
+  facts,
+  choicesOnPage(),
+  new URLSearchParams(facts.id ? location.search : facts.options),
+);
+if (![...get("preset").options].some(({ value }) => value === preview.preset))
+  preview.preset = "default";
 const picture = new Picture({
-  pick: (module, cell) => { preview.picked = module === null ? null : { module, cell }; showStart(preview, change); },
+  pick: (module, cell) => {
+    preview.picked = module === null ? null : { module, cell };
+    showStart(preview, change);
+  },
   settled: settle,
 });
 const requesting = later(() => import("../lib/fold_request.js"), showProblem);
 
 // Mark the view as busy while it does not match the figures yet.
-function settle() { document.querySelector(".stage")?.setAttribute("aria-busy", String(running || picture.waiting)); }
+function settle() {
+  document.querySelector(".stage")?.setAttribute("aria-busy", String(running || picture.waiting));
+}
 
 // Mark the figures as about to change.
 /** @param {boolean} on */
@@ -54,7 +76,10 @@ async function look() {
   searching.abort();
   improving.abort();
   get("seeking").textContent = "";
-  if (running) { again = true; return; }
+  if (running) {
+    again = true;
+    return;
+  }
   busy(true);
   if (preview.id) history.replaceState(null, "", at(preview.path));
   try {
@@ -64,8 +89,10 @@ async function look() {
     refuse(error);
   }
   busy(false);
-  if (again) { again = false; look(); }
-  else if (preview.report?.final === false) improve();
+  if (again) {
+    again = false;
+    look();
+  } else if (preview.report?.final === false) improve();
 }
 
 /**
@@ -74,8 +101,12 @@ async function look() {
  * @returns {Promise<Api.Preview>}
  */
 function reported(fields, signal) {
-  const token = tokenOf(preview.id ? "" : preview.origin.fold ?? "") ?? ownKey();
-  return ask("/api/shapes/preview", { body: formOf({ ...preview.fields, ...fields, full: false }), token, ...(signal && { signal }) });
+  const token = tokenOf(preview.id ? "" : (preview.origin.fold ?? "")) ?? ownKey();
+  return ask("/api/shapes/preview", {
+    body: formOf({ ...preview.fields, ...fields, full: false }),
+    token,
+    ...(signal && { signal }),
+  });
 }
 
 // Show the final report instead of the first one, which stays if the request fails. The next request
@@ -89,7 +120,8 @@ async function improve() {
   if (signal.aborted) return;
   working(false);
   if (report) show(report);
-  else if (preview.report) get("verdict").textContent = verdictOf({ ...preview.report, final: true });
+  else if (preview.report)
+    get("verdict").textContent = verdictOf({ ...preview.report, final: true });
 }
 
 /** @param {Api.Preview} report */
@@ -111,10 +143,21 @@ function refuse({ message, status, code }) {
     if (status) cover("This shape cannot be shown", message);
     else cover("The server cannot be reached", "Check the connection, then load the page again.");
   }
-  if (!status) { showProblem(UNREACHABLE); return; }
+  if (!status) {
+    showProblem(UNREACHABLE);
+    return;
+  }
   preview.refuse();
   if (!preview.report) return;
-  if (code === UNFIT) showTrouble({ title: "This path cannot be folded on a table", details: [message], ways: preview.waysFromPath }, change);
+  if (code === UNFIT)
+    showTrouble(
+      {
+        title: "This path cannot be folded on a table",
+        details: [message],
+        ways: preview.waysFromPath,
+      },
+      change,
+    );
   showProblem(code === UNFIT ? "" : message);
   get("verdict").textContent = "There is no preview for these options";
 }
@@ -127,15 +170,24 @@ async function search() {
   const { signal } = searching;
   get("seeking").textContent = "Searching for a version of the shape that folds on a table…";
   /** @type {Api.TableOffers | null} */
-  const answer = await ask("/api/shapes/offers", { body: formOf(preview.fields), signal }).catch(() => null);
+  const answer = await ask("/api/shapes/offers", { body: formOf(preview.fields), signal }).catch(
+    () => null,
+  );
   if (signal.aborted) return;
   preview.offers = answer?.offers ?? [];
-  get("seeking").textContent = !answer ? "The search for other versions of the shape failed." : preview.offers.length ? "" : "No version of the shape that folds on a table was found.";
+  get("seeking").textContent = !answer
+    ? "The search for other versions of the shape failed."
+    : preview.offers.length
+      ? ""
+      : "No version of the shape that folds on a table was found.";
   showOffers(preview, change);
   if (preview.report && picture.repaired) picture.show(preview.report);
 }
 
-get("options").addEventListener("submit", (event) => { event.preventDefault(); look(); });
+get("options").addEventListener("submit", (event) => {
+  event.preventDefault();
+  look();
+});
 get("modules").addEventListener("input", () => {
   preview.change({ modules: preview.modulesAt(Number(get("modules").value)) });
   showOptions(preview);
@@ -143,21 +195,35 @@ get("modules").addEventListener("input", () => {
   document.body.classList.add("busy-now");
   timer = setTimeout(look, DEBOUNCE_MS);
 });
-get("modules-number").addEventListener("change", () => change({ modules: Number(get("modules-number").value) }));
-get("seed").addEventListener("change", () => change({ seed: Math.max(0, Math.floor(Number(get("seed").value)) || 0) }));
+get("modules-number").addEventListener("change", () =>
+  change({ modules: Number(get("modules-number").value) }),
+);
+get("seed").addEventListener("change", () =>
+  change({ seed: Math.max(0, Math.floor(Number(get("seed").value)) || 0) }),
+);
 for (const list of [get("preset"), get("prefer")]) {
-  list.addEventListener("change", () => { preview.plan(get("preset").value, get("prefer").value); showOptions(preview); });
+  list.addEventListener("change", () => {
+    preview.plan(get("preset").value, get("prefer").value);
+    showOptions(preview);
+  });
 }
-for (const input of radios) input.addEventListener("change", () => change({ [input.name]: input.value }));
-get("unrepair").onclick = () => change({ repair: false, ...(preview.onTable && { method: preview.choices.method[0] }) });
+for (const input of radios)
+  input.addEventListener("change", () => change({ [input.name]: input.value }));
+get("unrepair").onclick = () =>
+  change({ repair: false, ...(preview.onTable && { method: preview.choices.method[0] }) });
 
 // Preload the scripts of the request and of the fold
 // page when the visitor is about to request a fold.
 async function loadAhead() {
   await requesting(() => {}); // a browser has six connections to a server: the request goes first
-  document.head.append(...facts.next_scripts.splice(0).map((href) => element("link", { rel: "prefetch", as: "script", href })));
+  document.head.append(
+    ...facts.next_scripts
+      .splice(0)
+      .map((href) => element("link", { rel: "prefetch", as: "script", href })),
+  );
 }
-for (const name of ["pointerenter", "focus"]) get("fold").addEventListener(name, loadAhead, { once: true });
+for (const name of ["pointerenter", "focus"])
+  get("fold").addEventListener(name, loadAhead, { once: true });
 
 get("fold").onclick = async () => {
   const { report, preset, prefer } = preview;
@@ -169,13 +235,26 @@ get("fold").onclick = async () => {
   button.textContent = "Sending…";
   showProblem("");
   picture.hold();
-  const settings = preview.onTable ? settingsOf(get("table-settings")) : preset === "paper" ? settingsOf(get("paper-settings")) : "";
-  const opened = requesting(({ openFold }) => openFold({
-    ...fieldsOf(get("more-options")), ...preview.fields, prefer, ...(settings && { settings }), ...(report.as_voxels && { as_voxels: true }),
-  }, (words) => {
-    showProblem(words); // reserves its space first, so that the field stays visible
-    showProblem(refused(words));
-  }));
+  const settings = preview.onTable
+    ? settingsOf(get("table-settings"))
+    : preset === "paper"
+      ? settingsOf(get("paper-settings"))
+      : "";
+  const opened = requesting(({ openFold }) =>
+    openFold(
+      {
+        ...fieldsOf(get("more-options")),
+        ...preview.fields,
+        prefer,
+        ...(settings && { settings }),
+        ...(report.as_voxels && { as_voxels: true }),
+      },
+      (words) => {
+        showProblem(words); // reserves its space first, so that the field stays visible
+        showProblem(refused(words));
+      },
+    ),
+  );
   loadAhead();
   if (await opened) return;
   picture.release();
@@ -184,13 +263,20 @@ get("fold").onclick = async () => {
   if (report.final === false) improve();
 };
 
-addEventListener("pageshow", (event) => { if (event.persisted) { picture.release(); busy(false); } });
+addEventListener("pageshow", (event) => {
+  if (event.persisted) {
+    picture.release();
+    busy(false);
+  }
+});
 showOptions(preview);
 fill(preview.onTable ? get("table-settings") : get("paper-settings"), facts.options.settings ?? "");
 look();
 if (!get("preparing").hidden) {
-  import("../panels/preparing.js").then(({ followPreparing }) => followPreparing((preparing) => {
-    preview.preparing = preparing;
-    showOptions(preview);
-  }));
+  import("../panels/preparing.js").then(({ followPreparing }) =>
+    followPreparing((preparing) => {
+      preview.preparing = preparing;
+      showOptions(preview);
+    }),
+  );
 }

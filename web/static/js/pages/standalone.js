@@ -39,7 +39,8 @@ const bytesOf = (text) => Uint8Array.from(atob(text), (character) => character.c
  * @param {string} text
  * @returns {Promise<Told>}
  */
-const unpacked = (text) => /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(bytesOf(text).buffer)));
+const unpacked = (text) =>
+  /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(bytesOf(text).buffer)));
 
 // A timeline of one batch. Angles that are also in the plan are stored only there.
 /** @type {TimelineSource} */
@@ -48,7 +49,8 @@ const source = {
   async batch() {
     /** @type {Batch} */
     const batch = await unpacked(parts.batch);
-    if (parts.plan && !("first" in batch.arrays || "joint_angles_rad" in batch.arrays)) Object.assign(batch.arrays, thereAndBack(await Plan.open(bytesOf(parts.plan))));
+    if (parts.plan && !("first" in batch.arrays || "joint_angles_rad" in batch.arrays))
+      Object.assign(batch.arrays, thereAndBack(await Plan.open(bytesOf(parts.plan))));
     return batch;
   },
 };
@@ -57,7 +59,9 @@ const source = {
 // single modules would multiply the size of the file.
 class StoredFigures extends Figures {
   /** @param {FigureName} name */
-  offers(name) { return name in (this.parts.get(0)?.header.widths ?? {}); }
+  offers(name) {
+    return name in (this.parts.get(0)?.header.widths ?? {});
+  }
 
   /**
    * @template {Message<object, Record<string, Column>>} [Told=Message<PlotHeader, Record<PlotName, Floats>>]
@@ -81,19 +85,35 @@ class StoredFigures extends Figures {
   }
 }
 
-Sketch.script = URL.createObjectURL(new Blob([window.foldbackScripts.worker], { type: "text/javascript" }));
+Sketch.script = URL.createObjectURL(
+  new Blob([window.foldbackScripts.worker], { type: "text/javascript" }),
+);
 /** @param {HTMLIFrameElement} frame */
 function loadView(frame) {
-  if (parts.view) load(frame, parts.view); else frame.srcdoc = parts.client ?? "";
+  if (parts.view) load(frame, parts.view);
+  else frame.srcdoc = parts.client ?? "";
 }
 const figures = new StoredFigures("");
 const drawer = new Drawer();
-const { player } = view({ source, figures, details: { drawer, ModulePanel, Plots }, load: loadView, tightest: () => parts.tightest, kept: { tour: async () => parts.tour, values: async () => parts.values, steps: async () => parts.steps, id: null } });
+const { player } = view({
+  source,
+  figures,
+  details: { drawer, ModulePanel, Plots },
+  load: loadView,
+  tightest: () => parts.tightest,
+  kept: {
+    tour: async () => parts.tour,
+    values: async () => parts.values,
+    steps: async () => parts.steps,
+    id: null,
+  },
+});
 figures.begin();
 get("steps").hidden = !parts.steps;
 if (parts.plan) {
   const checker = await (await fetch(import.meta.resolve("foldback/checker"))).text();
-  Checking.worker = () => new Worker(URL.createObjectURL(new Blob([checker], { type: "text/javascript" })));
+  Checking.worker = () =>
+    new Worker(URL.createObjectURL(new Blob([checker], { type: "text/javascript" })));
   const checking = new Checking(player, `data:;base64,${parts.plan}`);
   get("check-plan").onclick = () => checking.begin("claim");
   get("check").hidden = false;

@@ -15,7 +15,10 @@ function load(film) {
     const script = document.createElement("script");
     script.src = `${film}.js`;
     script.onload = () => loaded(window.foldbackFilms[film]);
-    script.onerror = () => { films.delete(film); refused(new Error(`${script.src} cannot be loaded.`)); };
+    script.onerror = () => {
+      films.delete(film);
+      refused(new Error(`${script.src} cannot be loaded.`));
+    };
     document.head.append(script);
   });
 }
@@ -25,5 +28,7 @@ Source.fetch = async (address) => {
   if (!films.has(film)) films.set(film, load(film));
   return fetch(`data:application/octet-stream;base64,${(await films.get(film))?.[part]}`);
 };
-Sketch.script = URL.createObjectURL(new Blob([window.foldbackScripts.worker], { type: "text/javascript" }));
+Sketch.script = URL.createObjectURL(
+  new Blob([window.foldbackScripts.worker], { type: "text/javascript" }),
+);
 import("./paper.js");

@@ -14,13 +14,23 @@ addStyle("/static/css/paper_settings.css");
 /** @param {Facts} facts */
 export function compare({ id, compare: others }) {
   get("paper-settings").hidden = !others.some(({ settable }) => settable);
-  get("compare-ways").replaceChildren(...others.map(({ text, hint, form, id: other, settable }) => way(text, hint, async () => {
-    if (!other && settable) return comparePublished(id, form, settable);
-    location.href = at(other ? `/compare?a=${other}&b=${id}` : `/compare?a=${id}&b=${(await requestFold(form)).id}`);
-  })));
+  get("compare-ways").replaceChildren(
+    ...others.map(({ text, hint, form, id: other, settable }) =>
+      way(text, hint, async () => {
+        if (!other && settable) return comparePublished(id, form, settable);
+        location.href = at(
+          other
+            ? `/compare?a=${other}&b=${id}`
+            : `/compare?a=${id}&b=${(await requestFold(form)).id}`,
+        );
+      }),
+    ),
+  );
   get("compare-form").onsubmit = (event) => {
     event.preventDefault();
-    const found = /(?:folds\/|^)([a-z0-9]{8,64})(?:[#?].*)?$/.exec(get("compare-link").value.trim());
+    const found = /(?:folds\/|^)([a-z0-9]{8,64})(?:[#?].*)?$/.exec(
+      get("compare-link").value.trim(),
+    );
     if (found) location.href = at(`/compare?a=${id}&b=${found[1]}`);
     else toast("This is not a link to a fold. Open the fold and copy the link under Share");
   };
@@ -37,7 +47,12 @@ export function compare({ id, compare: others }) {
 async function comparePublished(id, form, settable) {
   const settings = changed();
   get("compare-message").textContent = "";
-  if (settable === "must" && !settings.settings) { get("compare-message").textContent = "Both folds would be the same. Change at least one of the settings below."; open(); return true; }
+  if (settable === "must" && !settings.settings) {
+    get("compare-message").textContent =
+      "Both folds would be the same. Change at least one of the settings below.";
+    open();
+    return true;
+  }
   try {
     location.href = at(`/compare?a=${id}&b=${(await requestFold({ ...form, ...settings })).id}`);
     return false;
@@ -55,15 +70,30 @@ export async function refold({ id, refold: published }) {
   get("refold-dialog").showModal();
   if (listed) return;
   const list = get("refold-shapes");
-  const hint = (/** @type {string} */ text) => list.replaceChildren(element("p", { class: "hint" }, text));
+  const hint = (/** @type {string} */ text) =>
+    list.replaceChildren(element("p", { class: "hint" }, text));
   /** @type {Api.Shapes | null} */
-  const answer = await ask(`/api/folds/${id}/refolds`).catch((error) => { hint(wordsOf(error)); return null; });
+  const answer = await ask(`/api/folds/${id}/refolds`).catch((error) => {
+    hint(wordsOf(error));
+    return null;
+  });
   if (!answer) return;
   listed = true;
-  if (!answer.shapes.length) hint("No gallery shape has the same number of modules. Upload your own shape.");
-  else list.replaceChildren(...answer.shapes.map(({ name, title, modules }) => way(title, `${modules} modules`, async () => {
-    location.href = at(`/folds/${(await requestFold({ ...form, shape: name })).id}`);
-  }, `/shapes/${name}.svg`)));
+  if (!answer.shapes.length)
+    hint("No gallery shape has the same number of modules. Upload your own shape.");
+  else
+    list.replaceChildren(
+      ...answer.shapes.map(({ name, title, modules }) =>
+        way(
+          title,
+          `${modules} modules`,
+          async () => {
+            location.href = at(`/folds/${(await requestFold({ ...form, shape: name })).id}`);
+          },
+          `/shapes/${name}.svg`,
+        ),
+      ),
+    );
 }
 
 /** @param {Form} form */
@@ -89,12 +119,22 @@ async function refoldInto(form) {
  * @param {string | null} picture
  */
 function way(text, hint, go, picture = null) {
-  const button = element("button", { class: "way", type: "button" },
-    ...(picture ? [element("img", { src: picture, alt: "", width: 56, height: 56, loading: "lazy" })] : []),
-    element("span", {}, text, element("small", {}, hint)));
+  const button = element(
+    "button",
+    { class: "way", type: "button" },
+    ...(picture
+      ? [element("img", { src: picture, alt: "", width: 56, height: 56, loading: "lazy" })]
+      : []),
+    element("span", {}, text, element("small", {}, hint)),
+  );
   button.onclick = async () => {
     button.disabled = true;
-    try { if (await go()) button.disabled = false; } catch (error) { toast(wordsOf(error)); button.disabled = false; }
+    try {
+      if (await go()) button.disabled = false;
+    } catch (error) {
+      toast(wordsOf(error));
+      button.disabled = false;
+    }
   };
   return button;
 }

@@ -38,7 +38,7 @@ export async function renamed(name, save) {
   field.value = name;
   const answer = answered(get("renaming"));
   field.select();
-  if (!await answer || field.value === name) return false;
+  if (!(await answer) || field.value === name) return false;
   try {
     await save(field.value);
     return true;

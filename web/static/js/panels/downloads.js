@@ -14,7 +14,12 @@ const MAX_GIF_S = 20;
  * @param {HTMLFormElement} form
  * @returns {Record<string, string>}
  */
-const fieldsOf = (form) => Object.fromEntries(Array.from(new FormData(form), ([name, value]) => [name, String(value)]).filter(([, value]) => value !== ""));
+const fieldsOf = (form) =>
+  Object.fromEntries(
+    Array.from(new FormData(form), ([name, value]) => [name, String(value)]).filter(
+      ([, value]) => value !== "",
+    ),
+  );
 
 // Disable some options of a menu; if the chosen option is one of them, choose another one.
 /**
@@ -40,7 +45,9 @@ export function choose(form) {
     restrict(form, "seconds", ({ value }) => gif && Number(value) > MAX_GIF_S, "");
     return;
   }
-  for (const link of /** @type {NodeListOf<HTMLAnchorElement>} */ (get("robot-files").querySelectorAll("a"))) {
+  for (const link of /** @type {NodeListOf<HTMLAnchorElement>} */ (
+    get("robot-files").querySelectorAll("a")
+  )) {
     const address = new URL(link.href);
     address.searchParams.set("max_speed", speed ?? "");
     address.searchParams.set("max_acceleration", acceleration ?? "");
@@ -61,7 +68,10 @@ export async function createMovie(id, form) {
   get("movie-state").textContent = "Checking…";
   try {
     /** @type {Api.MovieBody} */
-    const movie = await ask(`/api/folds/${id}/movies`, { token: own, body: { ...options, width, height } });
+    const movie = await ask(`/api/folds/${id}/movies`, {
+      token: own,
+      body: { ...options, width, height },
+    });
     await follow(movie, movie.token ?? own); // the first request for a movie receives its own token
   } catch (error) {
     get("movie-state").textContent = wordsOf(error);
@@ -78,20 +88,48 @@ async function follow(movie, token) {
   let now = movie;
   const stopping = new AbortController();
   get("movie-stop").hidden = !token;
-  get("movie-stop").onclick = () => ask(now.links.self, { method: "DELETE", token }).then(() => stopping.abort(), (error) => {
-    const shared = error instanceof Refusal && error.status === FORBIDDEN;
-    toast(shared ? "Someone else requested this movie too, so it will be finished" : `The movie was not stopped. ${wordsOf(error)}`);
-  });
-  await askUntil(now.links.self, LOOK_MS, (/** @type {Api.MovieBody} */ answer) => {
-    now = answer;
-    get("movie-bar").hidden = false;
-    get("movie-bar").value = now.frames_done / now.frames_total;
-    get("movie-state").textContent = now.status === "queued" ? "Waiting in the queue" : `Picture ${now.frames_done} of ${now.frames_total}`;
-    return now.status !== "queued" && now.status !== "running";
-  }, stopping.signal);
-  if (stopping.signal.aborted) { get("movie-state").textContent = "Stopped"; return; }
-  if (now.status === "failed") throw new Error(now.problem?.detail ?? "The movie could not be created. Try again, or choose a smaller size.");
-  get("movie-state").replaceChildren(element("a", { href: now.links.file, download: true, class: "button primary" }, `Download the ${now.format === "gif" ? "GIF" : "MP4"}`));
+  get("movie-stop").onclick = () =>
+    ask(now.links.self, { method: "DELETE", token }).then(
+      () => stopping.abort(),
+      (error) => {
+        const shared = error instanceof Refusal && error.status === FORBIDDEN;
+        toast(
+          shared
+            ? "Someone else requested this movie too, so it will be finished"
+            : `The movie was not stopped. ${wordsOf(error)}`,
+        );
+      },
+    );
+  await askUntil(
+    now.links.self,
+    LOOK_MS,
+    (/** @type {Api.MovieBody} */ answer) => {
+      now = answer;
+      get("movie-bar").hidden = false;
+      get("movie-bar").value = now.frames_done / now.frames_total;
+      get("movie-state").textContent =
+        now.status === "queued"
+          ? "Waiting in the queue"
+          : `Picture ${now.frames_done} of ${now.frames_total}`;
+      return now.status !== "queued" && now.status !== "running";
+    },
+    stopping.signal,
+  );
+  if (stopping.signal.aborted) {
+    get("movie-state").textContent = "Stopped";
+    return;
+  }
+  if (now.status === "failed")
+    throw new Error(
+      now.problem?.detail ?? "The movie could not be created. Try again, or choose a smaller size.",
+    );
+  get("movie-state").replaceChildren(
+    element(
+      "a",
+      { href: now.links.file, download: true, class: "button primary" },
+      `Download the ${now.format === "gif" ? "GIF" : "MP4"}`,
+    ),
+  );
 }
 
 // Report whether motors are strong enough, and offer the torques of all joints.
@@ -101,12 +139,17 @@ async function follow(movie, token) {
  */
 export async function checkMotors(id, form) {
   const fields = fieldsOf(form);
-  const wanted = new URLSearchParams({ ...fields, ...(fields.floating === "true" && { gravity: "0" }) });
+  const wanted = new URLSearchParams({
+    ...fields,
+    ...(fields.floating === "true" && { gravity: "0" }),
+  });
   get("motors").textContent = "Computing…";
   try {
     get("motors").textContent = motorWords(await ask(`/api/folds/${id}/motors?${wanted}`));
     get("torque-table").hidden = false;
-    /** @type {HTMLAnchorElement} */ (get("torque-table").querySelector("a")).href = at(`/api/folds/${id}/motors?${wanted}&format=csv`);
+    /** @type {HTMLAnchorElement} */ (get("torque-table").querySelector("a")).href = at(
+      `/api/folds/${id}/motors?${wanted}&format=csv`,
+    );
   } catch (error) {
     get("motors").textContent = wordsOf(error);
   }

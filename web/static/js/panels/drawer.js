@@ -8,15 +8,28 @@ const TABS = ["attempts", "module", "plots", "properties", "downloads"];
  * @param {string[]} columns
  * @param {HTMLTableRowElement[]} rows
  */
-export const table = (columns, rows) => element("table", { class: "joints" },
-  element("thead", {}, element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text)))), element("tbody", {}, ...rows));
+export const table = (columns, rows) =>
+  element(
+    "table",
+    { class: "joints" },
+    element(
+      "thead",
+      {},
+      element("tr", {}, ...columns.map((text) => element("th", { scope: "col" }, text))),
+    ),
+    element("tbody", {}, ...rows),
+  );
 
 // Return the properties on the page as text: headings, each followed by labels and values.
 function propertiesAsText() {
-  const lines = get("properties").querySelectorAll(".group:not(#check) > :is(h3, summary), .on-table-text, dt, tr > :first-child");
+  const lines = get("properties").querySelectorAll(
+    ".group:not(#check) > :is(h3, summary), .on-table-text, dt, tr > :first-child",
+  );
   return Array.from(lines, (line) => {
     if (!line.matches("dt, th")) return line.firstChild?.textContent;
-    const values = line.matches("dt") ? [line.nextElementSibling] : [...line.parentElement?.children ?? []].slice(1);
+    const values = line.matches("dt")
+      ? [line.nextElementSibling]
+      : [...(line.parentElement?.children ?? [])].slice(1);
     return `  ${line.textContent}: ${values.map((value) => value?.textContent).join(", ")}`;
   }).join("\n");
 }
@@ -25,7 +38,12 @@ export class Drawer {
   constructor() {
     get("details").onclick = () => this.open(Boolean(get("drawer").hidden));
     get("drawer-close").onclick = () => this.close();
-    get("copy-properties").onclick = () => copyText(propertiesAsText(), () => toast("Properties copied"), () => toast("This browser does not allow copying"));
+    get("copy-properties").onclick = () =>
+      copyText(
+        propertiesAsText(),
+        () => toast("Properties copied"),
+        () => toast("This browser does not allow copying"),
+      );
     addEventListener("keydown", (event) => this.key(event));
     const tabs = TABS.filter((name) => get(`tab-${name}`));
     for (const name of tabs) {
@@ -56,7 +74,13 @@ export class Drawer {
 
   /** @param {KeyboardEvent} event */
   key(event) {
-    if (event.key !== "Escape" || event.defaultPrevented || get("drawer").hidden || document.querySelector("dialog[open], :popover-open")) return;
+    if (
+      event.key !== "Escape" ||
+      event.defaultPrevented ||
+      get("drawer").hidden ||
+      document.querySelector("dialog[open], :popover-open")
+    )
+      return;
     event.preventDefault();
     this.close();
   }

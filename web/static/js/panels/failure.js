@@ -47,7 +47,9 @@ export class Failure {
     get("stuck-card").open = open;
   }
 
-  mark() { if (this.player.timeline.chain) this.player.mark(this.found?.modules ?? []); }
+  mark() {
+    if (this.player.timeline.chain) this.player.mark(this.found?.modules ?? []);
+  }
 
   // Show the frame where the fold stalled, with the camera at the modules.
   go() {

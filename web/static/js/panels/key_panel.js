@@ -1,6 +1,20 @@
 // Access keys: show, copy and renew the key of this
 // browser, and add or remove keys of other browsers.
-import { MOST_KEYS, Refusal, ask, bring, broughtKeys, dropKey, forgetKeys, isKey, keysHere, newKey, ownKey, replaceOwn, useKey } from "../lib/api.js";
+import {
+  MOST_KEYS,
+  Refusal,
+  ask,
+  bring,
+  broughtKeys,
+  dropKey,
+  forgetKeys,
+  isKey,
+  keysHere,
+  newKey,
+  ownKey,
+  replaceOwn,
+  useKey,
+} from "../lib/api.js";
 import { deleteMade } from "../lib/owned_items.js";
 import { button, copyText, element, get, toast, wordsOf } from "../lib/text.js";
 import { confirmed } from "./dialogs.js";
@@ -13,8 +27,16 @@ export class KeyPanel {
   constructor(changed) {
     this.changed = changed;
     get("key-show").onclick = () => this.show(Boolean(get("key-shown").hidden));
-    get("key-copy").onclick = () => copyText(get("key").value, () => toast("Key copied"), () => get("key").select());
-    get("key-form").onsubmit = (event) => { event.preventDefault(); this.add(get("key-paste").value.trim()); };
+    get("key-copy").onclick = () =>
+      copyText(
+        get("key").value,
+        () => toast("Key copied"),
+        () => get("key").select(),
+      );
+    get("key-form").onsubmit = (event) => {
+      event.preventDefault();
+      this.add(get("key-paste").value.trim());
+    };
     get("key-new").onclick = () => this.renew();
     get("delete-all").onclick = () => this.deleteAll();
     get("forget").onclick = () => this.forget();
@@ -25,7 +47,10 @@ export class KeyPanel {
   /** @param {boolean} on */
   show(on) {
     const key = on ? ownKey() : "";
-    if (key === null) { this.say("This browser does not store data for this site, so it has no key."); return; }
+    if (key === null) {
+      this.say("This browser does not store data for this site, so it has no key.");
+      return;
+    }
     get("key-shown").hidden = !on;
     get("key-show").textContent = on ? "Hide the key" : "Show the key";
     get("key-show").setAttribute("aria-expanded", String(on));
@@ -34,21 +59,42 @@ export class KeyPanel {
   }
 
   /** @param {string} text */
-  say(text) { get("key-message").textContent = text; }
+  say(text) {
+    get("key-message").textContent = text;
+  }
 
   // Add a key of another browser. Nothing of this browser is shared with other holders of the key.
   /** @param {string} key */
   async add(key) {
-    if (!isKey(key)) { this.say("This is not a key. A key has at least 24 letters, digits, - or _, and no spaces."); return; }
-    if (keysHere().includes(key)) { this.say("You already added this key."); return; }
-    if (broughtKeys().length >= MOST_KEYS) { this.say(`You have added ${MOST_KEYS} keys, which is the limit. Remove one first.`); return; }
+    if (!isKey(key)) {
+      this.say("This is not a key. A key has at least 24 letters, digits, - or _, and no spaces.");
+      return;
+    }
+    if (keysHere().includes(key)) {
+      this.say("You already added this key.");
+      return;
+    }
+    if (broughtKeys().length >= MOST_KEYS) {
+      this.say(`You have added ${MOST_KEYS} keys, which is the limit. Remove one first.`);
+      return;
+    }
     this.say("Checking…");
     try {
       /** @type {{ total?: number, folds?: [], previews?: [], movies?: [] }[]} */
       const told = await Promise.all(LISTS.map((list) => ask(`/api/mine/${list}`, { token: key })));
-      const count = told.reduce((sum, { total, previews, movies }) => sum + (total ?? 0) + (previews?.length ?? 0) + (movies?.length ?? 0), 0);
-      if (!count) { this.say("Nothing was found for this key. Did you copy the whole key?"); return; }
-      if (!bring(key)) { this.say("This browser does not store data for this site, so the key cannot be added."); return; }
+      const count = told.reduce(
+        (sum, { total, previews, movies }) =>
+          sum + (total ?? 0) + (previews?.length ?? 0) + (movies?.length ?? 0),
+        0,
+      );
+      if (!count) {
+        this.say("Nothing was found for this key. Did you copy the whole key?");
+        return;
+      }
+      if (!bring(key)) {
+        this.say("This browser does not store data for this site, so the key cannot be added.");
+        return;
+      }
     } catch (error) {
       this.say(wordsOf(error));
       return;
@@ -59,15 +105,42 @@ export class KeyPanel {
   }
 
   list() {
-    get("keys").replaceChildren(...broughtKeys().map((key) => {
-      const name = `Key ${key.slice(0, SHOWN)}…`;
-      const use = button("way", "Use for new folds", async () => {
-        const sure = await confirmed("Use this key for new folds?", "Anyone else who has this key can see, rename and delete your new folds. Your earlier folds stay with your own key.", "Use it");
-        if (sure) { useKey(key); await this.again(); }
-      }, { "aria-label": `Use for new folds: ${name}` });
-      const remove = button("way", "Remove", async () => { dropKey(key); await this.again(); }, { "aria-label": `Remove: ${name}` });
-      return element("li", {}, element("code", {}, name), element("div", { class: "ways" }, use, remove));
-    }));
+    get("keys").replaceChildren(
+      ...broughtKeys().map((key) => {
+        const name = `Key ${key.slice(0, SHOWN)}…`;
+        const use = button(
+          "way",
+          "Use for new folds",
+          async () => {
+            const sure = await confirmed(
+              "Use this key for new folds?",
+              "Anyone else who has this key can see, rename and delete your new folds. Your earlier folds stay with your own key.",
+              "Use it",
+            );
+            if (sure) {
+              useKey(key);
+              await this.again();
+            }
+          },
+          { "aria-label": `Use for new folds: ${name}` },
+        );
+        const remove = button(
+          "way",
+          "Remove",
+          async () => {
+            dropKey(key);
+            await this.again();
+          },
+          { "aria-label": `Remove: ${name}` },
+        );
+        return element(
+          "li",
+          {},
+          element("code", {}, name),
+          element("div", { class: "ways" }, use, remove),
+        );
+      }),
+    );
     get("brought").hidden = !broughtKeys().length;
   }
 
@@ -81,9 +154,19 @@ export class KeyPanel {
   // so that moved items are still listed if the answer is lost.
   async renew() {
     const old = ownKey();
-    if (old === null) { this.say("This browser does not store data for this site, so it has no key."); return; }
-    if (broughtKeys().length >= MOST_KEYS) { this.say(`You have added ${MOST_KEYS} keys, which is the limit. Remove one first.`); return; }
-    const sure = await confirmed("Create a new key?", "Your folds move to a new key. The old key stops working everywhere. Add the new key to your other browsers.", "New key");
+    if (old === null) {
+      this.say("This browser does not store data for this site, so it has no key.");
+      return;
+    }
+    if (broughtKeys().length >= MOST_KEYS) {
+      this.say(`You have added ${MOST_KEYS} keys, which is the limit. Remove one first.`);
+      return;
+    }
+    const sure = await confirmed(
+      "Create a new key?",
+      "Your folds move to a new key. The old key stops working everywhere. Add the new key to your other browsers.",
+      "New key",
+    );
     if (!sure) return;
     const made = newKey();
     bring(made);
@@ -100,7 +183,12 @@ export class KeyPanel {
 
   async deleteAll() {
     const keys = keysHere();
-    const sure = await confirmed("Delete everything?", "This permanently deletes all folds, previews and movies listed here, also in your other browsers. Their links stop working for everyone. Gallery folds stay.", "Delete all", true);
+    const sure = await confirmed(
+      "Delete everything?",
+      "This permanently deletes all folds, previews and movies listed here, also in your other browsers. Their links stop working for everyone. Gallery folds stay.",
+      "Delete all",
+      true,
+    );
     if (!sure) return;
     this.say("Deleting…");
     try {
@@ -113,7 +201,12 @@ export class KeyPanel {
   }
 
   async forget() {
-    const sure = await confirmed("Forget the keys?", "This removes the keys from this browser. Your folds and links stay until they expire, but without the keys you cannot list, rename or delete them. Copy your access key first if you may need it again.", "Forget", true);
+    const sure = await confirmed(
+      "Forget the keys?",
+      "This removes the keys from this browser. Your folds and links stay until they expire, but without the keys you cannot list, rename or delete them. Copy your access key first if you may need it again.",
+      "Forget",
+      true,
+    );
     if (!sure) return;
     forgetKeys();
     this.say("Keys removed. You will get a new key with your next fold.");

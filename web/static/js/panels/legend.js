@@ -29,7 +29,11 @@ export class Legend {
       this.show();
       if (value === OWN) own("show");
       else if (value === OTHER) own("open");
-      else { store(KEPT, value); this.decided = true; this.choose(value); }
+      else {
+        store(KEPT, value);
+        this.decided = true;
+        this.choose(value);
+      }
     };
     player.on("begun", () => {
       this.fill();
@@ -41,7 +45,9 @@ export class Legend {
       this.fill();
       if (player.timeline.chain) this.resume();
     });
-    figures.on("loaded", () => { if (player.shown) player.show(true); });
+    figures.on("loaded", () => {
+      if (player.shown) player.show(true);
+    });
   }
 
   // Apply the colouring that was asked for or stored, if its data are loaded now.
@@ -55,8 +61,17 @@ export class Legend {
     const { plots } = this.figures;
     const before = this.menu.value;
     const known = colouringsOf(Boolean(plots?.table));
-    this.menu.replaceChildren(...known.map(([key, label]) => element("option", { value: key, disabled: !isOffered(key, this.player.timeline, this.figures) }, label)),
-      ...(this.ownName === null ? [] : [element("option", { value: OWN }, this.ownName)]), element("option", { value: OTHER }, "Your own numbers…"));
+    this.menu.replaceChildren(
+      ...known.map(([key, label]) =>
+        element(
+          "option",
+          { value: key, disabled: !isOffered(key, this.player.timeline, this.figures) },
+          label,
+        ),
+      ),
+      ...(this.ownName === null ? [] : [element("option", { value: OWN }, this.ownName)]),
+      element("option", { value: OTHER }, "Your own numbers…"),
+    );
     if ([...this.menu.options].some(({ value }) => value === before)) this.menu.value = before;
   }
 
@@ -79,10 +94,16 @@ export class Legend {
 
   /** @param {string} key */
   choose(key) {
-    if (key === OWN || ![...this.menu.options].some(({ value, disabled }) => value === key && !disabled)) return;
+    if (
+      key === OWN ||
+      ![...this.menu.options].some(({ value, disabled }) => value === key && !disabled)
+    )
+      return;
     this.asked = null;
     const { stage } = this.player;
-    if (stage) stage.pressed = key === "pressed" ? (shown) => this.figures.row(shown.low)?.pressed ?? null : null;
+    if (stage)
+      stage.pressed =
+        key === "pressed" ? (shown) => this.figures.row(shown.low)?.pressed ?? null : null;
     this.player.colourBy(colouring(key, this.player.timeline, this.figures));
   }
 

@@ -36,10 +36,16 @@ export class ModulePanel {
     this.field = get("module-number");
     this.field.onchange = () => this.choose(false);
     this.field.oninput = () => refuse(this.field, "");
-    get("module-form").onsubmit = (event) => { event.preventDefault(); this.choose(true); };
+    get("module-form").onsubmit = (event) => {
+      event.preventDefault();
+      this.choose(true);
+    };
     get("module-before").onclick = () => this.step(-1);
     get("module-after").onclick = () => this.step(1);
-    get("module-clear").onclick = () => { this.field.focus(); player.send({ do: "select", module: null }); };
+    get("module-clear").onclick = () => {
+      this.field.focus();
+      player.send({ do: "select", module: null });
+    };
     panel.addEventListener("click", ({ target }) => {
       const { module } = /** @type {HTMLElement} */ (target).dataset; // set on links to modules
       if (module !== undefined) player.send({ do: "select", module: Number(module) });
@@ -52,7 +58,9 @@ export class ModulePanel {
     this.show({ index: null });
   }
 
-  get index() { return this.module?.index ?? null; }
+  get index() {
+    return this.module?.index ?? null;
+  }
 
   /** @param {Told} told */
   show(told) {
@@ -66,8 +74,13 @@ export class ModulePanel {
     if (before !== module.index) {
       this.build(module);
       this.opened();
-      const turned = module.joints.map(({ name, angle_rad: angle }) => `${hingeOf(name)} ${degrees(angle)}`);
-      get("module-said").textContent = [`Module ${module.index + 1} of ${module.modules}`, ...turned].join(", ");
+      const turned = module.joints.map(
+        ({ name, angle_rad: angle }) => `${hingeOf(name)} ${degrees(angle)}`,
+      );
+      get("module-said").textContent = [
+        `Module ${module.index + 1} of ${module.modules}`,
+        ...turned,
+      ].join(", ");
     }
     this.fill();
   }
@@ -124,10 +137,23 @@ export class ModulePanel {
   /** @param {ModuleTold} module */
   build({ index, modules, cell, joints }) {
     const column = (/** @type {string} */ of) => element("td", { "data-of": of });
-    const rows = (/** @type {string[]} */ ...of) => joints.map(({ name }) => element("tr", { "data-joint": name }, element("th", { scope: "row" }, hingeOf(name)), ...of.map(column)));
-    get("module-joint").replaceChildren(...(joints.length
-      ? [table(["Hinge", "Now", "Folded", "Joint error"], rows("now", "target", "error")), table(["Hinge", "Speed", "Torque"], rows("speed", "torque"))]
-      : [element("p", { class: "hint" }, "This module has no joint.")]));
+    const rows = (/** @type {string[]} */ ...of) =>
+      joints.map(({ name }) =>
+        element(
+          "tr",
+          { "data-joint": name },
+          element("th", { scope: "row" }, hingeOf(name)),
+          ...of.map(column),
+        ),
+      );
+    get("module-joint").replaceChildren(
+      ...(joints.length
+        ? [
+            table(["Hinge", "Now", "Folded", "Joint error"], rows("now", "target", "error")),
+            table(["Hinge", "Speed", "Torque"], rows("speed", "torque")),
+          ]
+        : [element("p", { class: "hint" }, "This module has no joint.")]),
+    );
     get("module-heading").textContent = `Module ${index + 1} of ${modules}`;
     this.write("end", index === 0 ? "first module" : index === modules - 1 ? "last module" : null);
     this.write("index", String(index));
@@ -145,7 +171,8 @@ export class ModulePanel {
   write(of, text) {
     const value = /** @type {HTMLElement} */ (this.panel.querySelector(`dd[data-of=${of}]`));
     value.textContent = text;
-    for (const part of [value, /** @type {HTMLElement} */ (value.previousElementSibling)]) part.hidden = text === null;
+    for (const part of [value, /** @type {HTMLElement} */ (value.previousElementSibling)])
+      part.hidden = text === null;
     return value;
   }
 
@@ -160,15 +187,27 @@ export class ModulePanel {
       const torque = row?.torque?.[column] ?? (row?.joint_torque?.[column] ?? NaN) * unit;
       /** @type {Record<string, string>} */
       const texts = {
-        now: degrees(angle), target: degrees(target, 0), error: error === null ? "–" : radians(error),
-        speed: Number.isNaN(speeds[column]) ? "–" : si(speeds[column], "rad/s"), torque: Number.isFinite(torque) ? newtonMetres(torque) : "–",
+        now: degrees(angle),
+        target: degrees(target, 0),
+        error: error === null ? "–" : radians(error),
+        speed: Number.isNaN(speeds[column]) ? "–" : si(speeds[column], "rad/s"),
+        torque: Number.isFinite(torque) ? newtonMetres(torque) : "–",
       };
-      const cells = /** @type {NodeListOf<HTMLElement>} */ (this.panel.querySelectorAll(`[data-joint="${name}"] [data-of]`));
+      const cells = /** @type {NodeListOf<HTMLElement>} */ (
+        this.panel.querySelectorAll(`[data-joint="${name}"] [data-of]`)
+      );
       for (const cell of cells) cell.textContent = texts[cell.dataset.of ?? ""];
     }
     if (!row) return;
     const [pressed, off] = [row.pressed?.[index] ?? null, row.position_error?.[index] ?? NaN];
-    this.write("pressed", pressed === null ? null : Number.isFinite(pressed) ? `${number(pressed)} × the module’s weight` : "–");
+    this.write(
+      "pressed",
+      pressed === null
+        ? null
+        : Number.isFinite(pressed)
+          ? `${number(pressed)} × the module’s weight`
+          : "–",
+    );
     this.write("position", Number.isFinite(off) ? pitches(off) : "–");
     if (row.nearest && row.clearance) this.showNearest(row.nearest[index], row.clearance[index]);
   }
@@ -180,7 +219,13 @@ export class ModulePanel {
   showNearest(nearest, clearance) {
     const value = this.write("nearest", "none within one spacing");
     if (nearest < 0) return;
-    value.replaceChildren(element("button", { class: "inline", type: "button", "data-module": nearest }, `Module ${nearest + 1}`),
-      clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`);
+    value.replaceChildren(
+      element(
+        "button",
+        { class: "inline", type: "button", "data-module": nearest },
+        `Module ${nearest + 1}`,
+      ),
+      clearance < 0 ? `, overlaps by ${pitches(-clearance)}` : `, ${pitches(clearance)} away`,
+    );
   }
 }

@@ -20,11 +20,13 @@ export function titleOf({ status, preparing }, name, advance) {
 
 // Return the title of the tab and of the notification after the fold.
 /** @param {Pick<Facts, "name" | "verdict">} facts */
-export const headingOf = ({ name, verdict: { tone } }) => MARKS[tone] ? `${MARKS[tone]} ${name}` : name;
+export const headingOf = ({ name, verdict: { tone } }) =>
+  MARKS[tone] ? `${MARKS[tone]} ${name}` : name;
 
 // Return the announcement of the page; null if the failure card reports the outcome.
 /** @param {Pick<Facts, "name" | "verdict">} facts */
-export const announcementOf = ({ name, verdict: { tone } }) => (tone === "good" ? `✓ ${name}: fold verified` : null);
+export const announcementOf = ({ name, verdict: { tone } }) =>
+  tone === "good" ? `✓ ${name}: fold verified` : null;
 
 // Offer a notification. Return the function that reports the end of the fold.
 /**
@@ -36,9 +38,13 @@ export function awaitOutcome(toast) {
   let notifies = false;
   button.hidden = !("Notification" in window) || Notification.permission === "denied";
   button.onclick = async () => {
-    notifies = await Notification.requestPermission() === "granted";
+    notifies = (await Notification.requestPermission()) === "granted";
     button.hidden = true;
-    toast(notifies ? "You will get a notification when this fold is done" : "Notifications are blocked for this site");
+    toast(
+      notifies
+        ? "You will get a notification when this fold is done"
+        : "Notifications are blocked for this site",
+    );
   };
   return (facts) => {
     const text = announcementOf(facts);
@@ -48,8 +54,17 @@ export function awaitOutcome(toast) {
     get("verdict").classList.add("new"); // highlights it for a moment
     if (!notifies || !document.hidden) return;
     try {
-      const shown = new Notification(headingOf(facts), { body: facts.verdict.text, tag: facts.id, icon: ICON });
-      shown.onclick = () => { window.focus(); shown.close(); };
-    } catch { /* some phones allow notifications only from service workers */ }
+      const shown = new Notification(headingOf(facts), {
+        body: facts.verdict.text,
+        tag: facts.id,
+        icon: ICON,
+      });
+      shown.onclick = () => {
+        window.focus();
+        shown.close();
+      };
+    } catch {
+      /* some phones allow notifications only from service workers */
+    }
   };
 }

@@ -33,13 +33,21 @@ export class OverallProgress {
   }
 
   // True in the last stage, whose progress is not measured.
-  get writing() { return this.stage === ORDER.at(-1); }
+  get writing() {
+    return this.stage === ORDER.at(-1);
+  }
 
   // Return the name of the stage.
-  name() { return this.smoothing ? "Smoothing" : STAGES[this.stage] ?? "Waiting"; }
+  name() {
+    return this.smoothing ? "Smoothing" : (STAGES[this.stage] ?? "Waiting");
+  }
 
   // Return the name of the stage and its progress.
-  label() { return this.writing ? `${this.name()} …` : `${this.name()} ${Math.floor(100 * this.fraction)} %`; }
+  label() {
+    return this.writing
+      ? `${this.name()} …`
+      : `${this.name()} ${Math.floor(100 * this.fraction)} %`;
+  }
 }
 
 // Return the reason why a fold waits, without naming other folds.

@@ -6,7 +6,9 @@ const fields = [...root.querySelectorAll("input")];
 
 // Show the settings only for the published preset.
 /** @param {string} preset */
-export function showFor(preset) { root.hidden = preset !== "paper"; }
+export function showFor(preset) {
+  root.hidden = preset !== "paper";
+}
 
 // Show the settings while the published preset is selected in a list.
 /** @param {HTMLSelectElement} presets */
@@ -15,17 +17,32 @@ export function follow(presets) {
   showFor(presets.value);
 }
 
-const inputsIn = (/** @type {HTMLElement} */ part) => /** @type {(HTMLInputElement | HTMLSelectElement)[]} */ ([...part.querySelectorAll("input, select")]);
+const inputsIn = (/** @type {HTMLElement} */ part) =>
+  /** @type {(HTMLInputElement | HTMLSelectElement)[]} */ ([
+    ...part.querySelectorAll("input, select"),
+  ]);
 
 // Return the values of the fields in an element by name, without empty ones.
 /** @param {HTMLElement} part */
-export const fieldsOf = (part) => Object.fromEntries(inputsIn(part).filter(({ value }) => value).map(({ name, value }) => [name, value]));
+export const fieldsOf = (part) =>
+  Object.fromEntries(
+    inputsIn(part)
+      .filter(({ value }) => value)
+      .map(({ name, value }) => [name, value]),
+  );
 
 // Return the fields in an element that differ from their defaults, as a settings string.
 /** @param {HTMLElement} part */
 export function settingsOf(part) {
-  return inputsIn(part).map((input) => ({ name: input.name, value: input.value.trim().replaceAll(",", "."), usual: input.dataset.usual ?? ("placeholder" in input ? input.placeholder : "") }))
-    .filter(({ value, usual }) => value && value !== usual).map(({ name, value }) => `${name}=${value}`).join(",");
+  return inputsIn(part)
+    .map((input) => ({
+      name: input.name,
+      value: input.value.trim().replaceAll(",", "."),
+      usual: input.dataset.usual ?? ("placeholder" in input ? input.placeholder : ""),
+    }))
+    .filter(({ value, usual }) => value && value !== usual)
+    .map(({ name, value }) => `${name}=${value}`)
+    .join(",");
 }
 
 // Write a settings string into the fields of an element.
@@ -34,7 +51,9 @@ export function settingsOf(part) {
  * @param {string} settings
  */
 export function fill(part, settings) {
-  const values = new Map(settings.split(",").map((setting) => /** @type {[string, string]} */ (setting.split("="))));
+  const values = new Map(
+    settings.split(",").map((setting) => /** @type {[string, string]} */ (setting.split("="))),
+  );
   for (const input of inputsIn(part)) input.value = values.get(input.name) ?? input.value;
 }
 

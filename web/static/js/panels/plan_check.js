@@ -26,13 +26,22 @@ const took = (seconds) => `${seconds < 9.95 ? number(seconds) : whole(seconds)} 
  */
 export function outcome(way, said) {
   if (said.is === "refused") return refusal(way, said);
-  const { plan: { modules, size, claim }, said: { limits, known, module, start, end }, touch, joint, seconds } = said;
+  const {
+    plan: { modules, size, claim },
+    said: { limits, known, module, start, end },
+    touch,
+    joint,
+    seconds,
+  } = said;
   if (way === "claim") {
-    const shape = known ? `Each module (${module}) fills ${percent(size)} of the spacing.` : `Each module, at ${percent(size)} of its full size, is ${module}.`;
+    const shape = known
+      ? `Each module (${module}) fills ${percent(size)} of the spacing.`
+      : `Each module, at ${percent(size)} of its full size, is ${module}.`;
     return `${limits ? `Proved, but ${limits}. ` : ""}This browser checked ${whole(modules)} modules without our server. ${shape} The motion begins ${start}. It ends ${end}. Modules that share no joint stay at least ${percent(claim)} of the spacing apart during the whole motion. The check took ${took(seconds)}.`;
   }
   if (way === "size") {
-    if (!touch || touch.size > FULL) return `In this plan, each module fills ${percent(size)} of the spacing. Even modules that fill their cells completely would not overlap during the motion.`;
+    if (!touch || touch.size > FULL)
+      return `In this plan, each module fills ${percent(size)} of the spacing. Even modules that fill their cells completely would not overlap during the motion.`;
     return `The modules may grow from ${percent(size)} to almost ${percentUp(touch.size)} of the spacing; then ${pair(touch)} touch.`;
   }
   return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, no modules touch.`;
@@ -48,8 +57,10 @@ const percentUp = (share) => `${(Math.ceil(10000 * share) / 100).toFixed(2)} %`;
  * @param {Refused} said
  */
 function refusal(way, { text, place, claim, joint }) {
-  if (place && place.gap >= claim) return `Not proved: ${pair(place)} may be far enough apart, but the check cannot prove it.`;
-  if (way === "hinge" && place) return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, ${pair(place)} touch.`;
+  if (place && place.gap >= claim)
+    return `Not proved: ${pair(place)} may be far enough apart, but the check cannot prove it.`;
+  if (way === "hinge" && place)
+    return `If the joint between modules ${whole(joint + 1)} and ${whole(joint + 2)} is off by 1°, ${pair(place)} touch.`;
   if (!place) return `Not proved: ${text}`;
   return `Not proved: ${pair(place)} are only ${percent(Math.max(place.gap, 0))} of the spacing apart.`;
 }
@@ -58,14 +69,21 @@ function refusal(way, { text, place, claim, joint }) {
 export const planOf = (id) => hrefOf(`/api/folds/${id}/plan.npz`);
 
 export class Checking {
-  static worker = () => new Worker(new URL("../check/worker.js", import.meta.url), { type: "module" });
+  static worker = () =>
+    new Worker(new URL("../check/worker.js", import.meta.url), { type: "module" });
 
   /**
    * @param {import("../player/player.js").Player} player
    * @param {string} href of the plan
    * @param {(frame: number) => void} [seek] shows a frame of the player's timeline
    */
-  constructor(player, href, seek = (frame) => { player.send({ do: "seek", frame }); }) {
+  constructor(
+    player,
+    href,
+    seek = (frame) => {
+      player.send({ do: "seek", frame });
+    },
+  ) {
     this.player = player;
     this.seek = seek;
     this.href = href;
@@ -78,7 +96,8 @@ export class Checking {
     get("check-stop").onclick = () => this.end();
     get("check-size").onclick = () => this.begin("size");
     get("check-hinge").onclick = () => this.begin("hinge");
-    for (const part of /** @type {const} */ (["check-where", "check-limits", "check-tries"])) get(part).hidden = true;
+    for (const part of /** @type {const} */ (["check-where", "check-limits", "check-tries"]))
+      get(part).hidden = true;
   }
 
   /** @param {Asked["way"]} way */
@@ -89,14 +108,25 @@ export class Checking {
     this.reveal();
     get("check-bar").value = 0;
     this.worker = Checking.worker();
-    this.worker.onmessage = (/** @type {MessageEvent<Progress | Proved | Refused>} */ { data }) => this.heard(way, data);
-    this.worker.onerror = () => { this.end(); get("check-said").textContent = "This browser cannot run the check. Try another browser."; };
-    this.worker.postMessage({ href: new URL(this.href, location.href).href, way, module: this.player.selected });
+    this.worker.onmessage = (/** @type {MessageEvent<Progress | Proved | Refused>} */ { data }) =>
+      this.heard(way, data);
+    this.worker.onerror = () => {
+      this.end();
+      get("check-said").textContent = "This browser cannot run the check. Try another browser.";
+    };
+    this.worker.postMessage({
+      href: new URL(this.href, location.href).href,
+      way,
+      module: this.player.selected,
+    });
   }
 
   // Scroll just far enough to show the check.
   reveal() {
-    get("checking").scrollIntoView({ block: "nearest", behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "instant" : "smooth" });
+    get("checking").scrollIntoView({
+      block: "nearest",
+      behavior: matchMedia("(prefers-reduced-motion: reduce)").matches ? "instant" : "smooth",
+    });
   }
 
   end() {
@@ -118,9 +148,14 @@ export class Checking {
     this.end();
     get("check-said").textContent = outcome(way, said);
     get("check-said").className = said.is === "proved" && !said.said.limits ? "" : "bad";
-    const at = said.is === "refused" ? said.place : said.touch ?? said.tightest;
+    const at = said.is === "refused" ? said.place : (said.touch ?? said.tightest);
     get("check-where").hidden = !at;
-    if (at) this.show(at, said.is === "refused" ? said.frames : said.plan.frames, said.is === "refused" || said.touch ? "Show where" : "Tightest place");
+    if (at)
+      this.show(
+        at,
+        said.is === "refused" ? said.frames : said.plan.frames,
+        said.is === "refused" || said.touch ? "Show where" : "Tightest place",
+      );
     get("check-limits").hidden = get("check-tries").hidden = false;
     this.reveal();
   }
@@ -133,7 +168,8 @@ export class Checking {
   show(at, frames, label) {
     this.seen = { at, frames };
     get("check-where").hidden = false;
-    get("check-where").textContent = `${label}: ${pair(at)}${at.gap < TOUCHING ? "" : `, ${percent(at.gap)} apart`}`;
+    get("check-where").textContent =
+      `${label}: ${pair(at)}${at.gap < TOUCHING ? "" : `, ${percent(at.gap)} apart`}`;
   }
 
   // Show the reported frame and modules. The frames of the plan are the last ones of the timeline.

@@ -15,9 +15,19 @@ const NEAR = { x: 26, y: 12 }; // closer dots share a label, because their label
 
 /** @type {Record<Axis, { name: string, label: (seconds: number) => string, text: (value: number) => string, log: boolean }>} */
 const AXES = {
-  torque_mnm: { name: "Torque", label: (seconds) => `Torque at a folding time of ${round(seconds)} s`, text: (value) => newtonMetres(value / 1000), log: true },
+  torque_mnm: {
+    name: "Torque",
+    label: (seconds) => `Torque at a folding time of ${round(seconds)} s`,
+    text: (value) => newtonMetres(value / 1000),
+    log: true,
+  },
   room: { name: "Clearance", label: () => "Clearance, pitch", text: String, log: false },
-  moving: { name: "Hinges at once", label: () => "Mean number of hinges that move at once", text: String, log: false },
+  moving: {
+    name: "Hinges at once",
+    label: () => "Mean number of hinges that move at once",
+    text: String,
+    log: false,
+  },
 };
 
 /** @type {Record<string, Axis>} */
@@ -52,8 +62,16 @@ export function layout(plans, axis) {
     return time === null || value === null || (log && value <= 0) ? [] : [{ plan, time, value }];
   });
   if (!known.length) return { dots: [], across: [], up: [] };
-  const x = scale(known.map(({ time }) => time), [INSET.left, WIDE - INSET.right], false);
-  const y = scale(known.map(({ value }) => value), [HIGH - INSET.bottom, INSET.top], AXES[axis].log);
+  const x = scale(
+    known.map(({ time }) => time),
+    [INSET.left, WIDE - INSET.right],
+    false,
+  );
+  const y = scale(
+    known.map(({ value }) => value),
+    [HIGH - INSET.bottom, INSET.top],
+    AXES[axis].log,
+  );
   return {
     dots: known.map(({ plan, time, value }) => ({ x: x.at(time), y: y.at(value), plan })),
     across: x.ticks.map(({ at, value }) => ({ at, text: String(value) })),
@@ -68,13 +86,19 @@ export function labels(dots) {
   const found = [];
   for (const { x, y, plan } of dots) {
     const number = plan.label.split(".")[0];
-    const near = found.find((label) => Math.abs(label.x - x) < NEAR.x && Math.abs(label.y - y) < NEAR.y);
-    if (near) { near.text += `, ${number}`; near.x = Math.max(near.x, x); } else found.push({ x, y, text: number });
+    const near = found.find(
+      (label) => Math.abs(label.x - x) < NEAR.x && Math.abs(label.y - y) < NEAR.y,
+    );
+    if (near) {
+      near.text += `, ${number}`;
+      near.x = Math.max(near.x, x);
+    } else found.push({ x, y, text: number });
   }
   return found;
 }
 
-const endOf = (/** @type {PlanDot} */ { chosen, verified }) => (chosen ? "chosen" : verified ? "verified" : "refused");
+const endOf = (/** @type {PlanDot} */ { chosen, verified }) =>
+  chosen ? "chosen" : verified ? "verified" : "refused";
 
 /**
  * @param {Choice} choice
@@ -83,15 +107,47 @@ const endOf = (/** @type {PlanDot} */ { chosen, verified }) => (chosen ? "chosen
 function picture({ plans, seconds }, axis) {
   const { dots, across, up } = layout(plans, axis);
   const [bottom, right] = [HIGH - INSET.bottom, WIDE - INSET.right];
-  const text = (/** @type {number} */ x, /** @type {number} */ y, /** @type {"start" | "middle" | "end"} */ anchor, /** @type {string} */ words) => svg("text", { x, y, "text-anchor": anchor }, words);
-  const drawn = svg("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, role: "img", "aria-label": `Folding time and ${AXES[axis].name.toLowerCase()} of ${dots.length} plans. The table below lists the same values.` },
-    ...across.flatMap((tick) => [rule("choice-grid", { x: tick.at }, [INSET.top, bottom]), text(tick.at, bottom + 13, "middle", tick.text)]),
-    ...up.flatMap((tick) => [rule("choice-grid", { y: tick.at }, [INSET.left, right]), text(INSET.left - 5, tick.at + 4, "end", tick.text)]),
+  const text = (
+    /** @type {number} */ x,
+    /** @type {number} */ y,
+    /** @type {"start" | "middle" | "end"} */ anchor,
+    /** @type {string} */ words,
+  ) => svg("text", { x, y, "text-anchor": anchor }, words);
+  const drawn = svg(
+    "svg",
+    {
+      viewBox: `0 0 ${WIDE} ${HIGH}`,
+      role: "img",
+      "aria-label": `Folding time and ${AXES[axis].name.toLowerCase()} of ${dots.length} plans. The table below lists the same values.`,
+    },
+    ...across.flatMap((tick) => [
+      rule("choice-grid", { x: tick.at }, [INSET.top, bottom]),
+      text(tick.at, bottom + 13, "middle", tick.text),
+    ]),
+    ...up.flatMap((tick) => [
+      rule("choice-grid", { y: tick.at }, [INSET.left, right]),
+      text(INSET.left - 5, tick.at + 4, "end", tick.text),
+    ]),
     text(right, HIGH - 4, "end", "Folding time, s"),
     // The chosen plan is drawn last, above the others.
-    ...dots.toSorted((a, b) => Number(a.plan.chosen) - Number(b.plan.chosen))
-      .map(({ x, y, plan }) => svg("circle", { class: `choice-dot ${endOf(plan)}`, cx: x, cy: y, r: plan.chosen ? 7 : 5 }, svg("title", {}, plan.label))),
-    ...labels(dots).map((label) => text(Math.min(label.x, right), label.y - 10, label.x > WIDE / 2 ? "end" : "start", label.text)));
+    ...dots
+      .toSorted((a, b) => Number(a.plan.chosen) - Number(b.plan.chosen))
+      .map(({ x, y, plan }) =>
+        svg(
+          "circle",
+          { class: `choice-dot ${endOf(plan)}`, cx: x, cy: y, r: plan.chosen ? 7 : 5 },
+          svg("title", {}, plan.label),
+        ),
+      ),
+    ...labels(dots).map((label) =>
+      text(
+        Math.min(label.x, right),
+        label.y - 10,
+        label.x > WIDE / 2 ? "end" : "start",
+        label.text,
+      ),
+    ),
+  );
   return [element("p", { class: "choice-axis" }, AXES[axis].label(seconds)), drawn];
 }
 
@@ -102,8 +158,13 @@ function picture({ plans, seconds }, axis) {
  * @param {Pick<Playing, "send">} player
  */
 export function showChoice(choice, drawer, player) {
-  const [chips, plot] = ["axes", "plot"].map((part) => /** @type {HTMLElement} */ (get("choice").querySelector(`.choice-${part}`)));
-  const buttons = /** @type {Axis[]} */ (Object.keys(AXES)).map((axis) => ({ axis, chip: button("chip", AXES[axis].name, () => show(axis)) }));
+  const [chips, plot] = ["axes", "plot"].map(
+    (part) => /** @type {HTMLElement} */ (get("choice").querySelector(`.choice-${part}`)),
+  );
+  const buttons = /** @type {Axis[]} */ (Object.keys(AXES)).map((axis) => ({
+    axis,
+    chip: button("chip", AXES[axis].name, () => show(axis)),
+  }));
   const show = (/** @type {Axis} */ axis) => {
     plot.replaceChildren(...picture(choice, axis));
     for (const each of buttons) each.chip.setAttribute("aria-pressed", String(each.axis === axis));

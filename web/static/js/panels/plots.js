@@ -1,6 +1,17 @@
 // Plots of figures over the whole fold, with the playhead; clicks and keys move it.
 import { linePath, moveRule, rule, scaleOf, ticks } from "../lib/plot.js";
-import { button, element, newtonMetres, number, pitches, radians, save, seconds, svg, whole } from "../lib/text.js";
+import {
+  button,
+  element,
+  newtonMetres,
+  number,
+  pitches,
+  radians,
+  save,
+  seconds,
+  svg,
+  whole,
+} from "../lib/text.js";
 import { shareAt } from "../player/bar.js";
 
 const COLUMNS = 360;
@@ -22,7 +33,13 @@ const FAR = 10; // frames
 /** @type {Plot[]} */
 const PLOTS = [
   { name: "max_error_rad", label: "Largest joint error", text: radians, worst: Math.max },
-  { name: "min_clearance", label: "Smallest clearance", text: pitches, worst: Math.min, said: "of the motion that you see; the verdict is about the planned motion" },
+  {
+    name: "min_clearance",
+    label: "Smallest clearance",
+    text: pitches,
+    worst: Math.min,
+    said: "of the motion that you see; the verdict is about the planned motion",
+  },
   { name: "hinges_moving", label: "Hinges moving", text: whole, worst: Math.max },
   { name: "peak_torque_nm", label: "Largest torque", text: newtonMetres, worst: Math.max },
 ];
@@ -36,17 +53,30 @@ const TORQUES = ["table_torque", "peak_torque_nm"]; // a fold has one of them
 function onTable(table) {
   if (!table) return [];
   const wp = (/** @type {number} */ v) => `${number(v)} w·p`;
-  const bounds = [{ at: table.kept, what: "limit while unfolding" }, { at: table.bound, what: "limit" }];
-  return [{
-    name: "table_torque", label: "Largest torque on the table", text: (v) => `${wp(v)} (${newtonMetres(v * table.unit_nm)})`, worst: Math.max,
-    bounds: bounds.flatMap(({ at, what }) => (at === null ? [] : [{ at, what: `${wp(at)} ${what}` }])), said: table.words,
-  }];
+  const bounds = [
+    { at: table.kept, what: "limit while unfolding" },
+    { at: table.bound, what: "limit" },
+  ];
+  return [
+    {
+      name: "table_torque",
+      label: "Largest torque on the table",
+      text: (v) => `${wp(v)} (${newtonMetres(v * table.unit_nm)})`,
+      worst: Math.max,
+      bounds: bounds.flatMap(({ at, what }) =>
+        at === null ? [] : [{ at, what: `${wp(at)} ${what}` }],
+      ),
+      said: table.words,
+    },
+  ];
 }
 
-const SOME_FRAMES = "computed from the motion, but only at some frames; straight lines connect the values";
+const SOME_FRAMES =
+  "computed from the motion, but only at some frames; straight lines connect the values";
 // The certificate has the peak motor torque over all
 // steps, which inverse dynamics of frames cannot give.
-const ALL_FRAMES = "computed from the motion of the plan; for the highest torque in the simulation, see Peak torque in Properties";
+const ALL_FRAMES =
+  "computed from the motion of the plan; for the highest torque in the simulation, see Peak torque in Properties";
 
 // Return the worst value in each of a few hundred columns; NaN if there is none.
 /**
@@ -68,9 +98,17 @@ function columns(values, worst) {
  */
 export function axes({ low, high, frames, text }) {
   const span = high - low || 1;
-  const up = ticks(low, low + span, false, TICKS.up).map((value) => ({ at: (value - low) / span, text: text(value) }));
-  const inner = ticks(1, Math.max(frames, 2), false, TICKS.across).filter((frame) => Number.isInteger(frame) && frame > 1 && frame <= frames);
-  const across = [1, ...inner].map((frame) => ({ at: (frame - 1) / Math.max(1, frames - 1), text: whole(frame) }));
+  const up = ticks(low, low + span, false, TICKS.up).map((value) => ({
+    at: (value - low) / span,
+    text: text(value),
+  }));
+  const inner = ticks(1, Math.max(frames, 2), false, TICKS.across).filter(
+    (frame) => Number.isInteger(frame) && frame > 1 && frame <= frames,
+  );
+  const across = [1, ...inner].map((frame) => ({
+    at: (frame - 1) / Math.max(1, frames - 1),
+    text: whole(frame),
+  }));
   return { up: up.filter(({ text: said }, k) => said !== up[k - 1]?.text), across };
 }
 
@@ -79,7 +117,11 @@ export function axes({ low, high, frames, text }) {
  * @param {string} name
  * @param {Floats} values
  */
-export const csv = (name, values) => [`frame,${name}`, ...Array.from(values, (v, k) => `${k + 1},${Number.isFinite(v) ? v : ""}`)].join("\n");
+export const csv = (name, values) =>
+  [
+    `frame,${name}`,
+    ...Array.from(values, (v, k) => `${k + 1},${Number.isFinite(v) ? v : ""}`),
+  ].join("\n");
 
 // Return a picture with its axes: values at the left, frames below.
 /**
@@ -87,15 +129,23 @@ export const csv = (name, values) => [`frame,${name}`, ...Array.from(values, (v,
  * @param {ReturnType<typeof axes>} marks
  */
 function framed(picture, { up, across }) {
-  const labels = (/** @type {"bottom" | "left"} */ side, /** @type {{ at: number, text: string }[]} */ list) => list.map(({ at, text }) => {
-    const made = element("span", {}, text);
-    made.style[side] = `${100 * at}%`;
-    return made;
-  });
-  return element("div", { class: "plot-framed" },
-    element("div", { class: "plot-up", "aria-hidden": "true" }, ...labels("bottom", up)), picture,
+  const labels = (
+    /** @type {"bottom" | "left"} */ side,
+    /** @type {{ at: number, text: string }[]} */ list,
+  ) =>
+    list.map(({ at, text }) => {
+      const made = element("span", {}, text);
+      made.style[side] = `${100 * at}%`;
+      return made;
+    });
+  return element(
+    "div",
+    { class: "plot-framed" },
+    element("div", { class: "plot-up", "aria-hidden": "true" }, ...labels("bottom", up)),
+    picture,
     element("div", { class: "plot-across", "aria-hidden": "true" }, ...labels("left", across)),
-    element("span", { class: "plot-unit", "aria-hidden": "true" }, "Frame"));
+    element("span", { class: "plot-unit", "aria-hidden": "true" }, "Frame"),
+  );
 }
 
 /** @typedef {NonNullable<ReturnType<Plots["plot"]>>} Made */
@@ -115,7 +165,9 @@ export class Plots {
     const hint = element("p", { class: "hint" }, "Plots appear when the fold is finished.");
     panel.replaceChildren(hint);
     figures.on("begun", () => this.build());
-    figures.on("missing", () => { if (!figures.plots) hint.textContent = "There are no plots for this plan."; });
+    figures.on("missing", () => {
+      if (!figures.plots) hint.textContent = "There are no plots for this plan.";
+    });
     player.on("state", (/** @type {State} */ state) => this.show(state));
   }
 
@@ -143,21 +195,71 @@ export class Plots {
     const high = HEADROOM * Math.max(...known, ...bounds.map(({ at }) => at), 0);
     const low = HEADROOM * Math.min(...known, 0);
     const y = scaleOf([low, high], [HIGH, 0]);
-    const [line, hair] = [rule("plot-head", { x: 0 }, [0, HIGH]), rule("plot-hair", { x: 0 }, [0, HIGH])];
+    const [line, hair] = [
+      rule("plot-head", { x: 0 }, [0, HIGH]),
+      rule("plot-hair", { x: 0 }, [0, HIGH]),
+    ];
     hair.setAttribute("visibility", "hidden");
     const marks = axes({ low, high, frames: values.length, text });
-    const picture = svg("svg", { viewBox: `0 0 ${WIDE} ${HIGH}`, preserveAspectRatio: "none", role: "slider", tabindex: 0, "aria-label": label, "aria-valuemin": 1, "aria-valuemax": values.length },
+    const picture = svg(
+      "svg",
+      {
+        viewBox: `0 0 ${WIDE} ${HIGH}`,
+        preserveAspectRatio: "none",
+        role: "slider",
+        tabindex: 0,
+        "aria-label": label,
+        "aria-valuemin": 1,
+        "aria-valuemax": values.length,
+      },
       ...marks.up.map(({ at }) => rule("plot-grid", { y: HIGH * (1 - at) }, [0, WIDE])),
-      ...(low < 0 ? [svg("rect", { class: "plot-bad", x: 0, width: WIDE, y: y(0), height: HIGH - y(0) })] : []),
-      rule("plot-zero", { y: y(0) }, [0, WIDE]), svg("path", { class: "plot-line", d: linePath(drawn, (k) => (WIDE * (k + 0.5)) / drawn.length, y) }), line,
-      ...bounds.map(({ at }) => rule("plot-bound", { y: y(at) }, [0, WIDE])), hair);
+      ...(low < 0
+        ? [svg("rect", { class: "plot-bad", x: 0, width: WIDE, y: y(0), height: HIGH - y(0) })]
+        : []),
+      rule("plot-zero", { y: y(0) }, [0, WIDE]),
+      svg("path", {
+        class: "plot-line",
+        d: linePath(drawn, (k) => (WIDE * (k + 0.5)) / drawn.length, y),
+      }),
+      line,
+      ...bounds.map(({ at }) => rule("plot-bound", { y: y(at) }, [0, WIDE])),
+      hair,
+    );
     const [now, where] = [element("b"), element("small", { class: "plot-where" })];
-    const larger = button("inline", "Larger", () => this.enlarge(box, larger), { "aria-label": `Larger view of ${label.toLowerCase()}` });
-    const sheet = button("inline", "CSV", () => save(new Blob([csv(plot.name, values)], { type: "text/csv" }), `${plot.name}.csv`), { "aria-label": `${label} as CSV`, title: "Every frame and its value" });
-    const box = element("figure", { class: "plot" }, element("figcaption", {}, element("span", {}, label), now, where), framed(picture, marks),
-      element("div", { class: "plot-foot" }, element("small", {}, this.scaleWords(plot, known)), larger, sheet),
-      button("icon-button dialog-close plot-close", "×", () => box.hidePopover(), { "aria-label": "Close", title: "Close" }),
-      bounds.length ? element("small", { class: "plot-bounds" }, element("i", { "aria-hidden": "true" }), bounds.map(({ what }) => what).join("; ")) : null);
+    const larger = button("inline", "Larger", () => this.enlarge(box, larger), {
+      "aria-label": `Larger view of ${label.toLowerCase()}`,
+    });
+    const sheet = button(
+      "inline",
+      "CSV",
+      () => save(new Blob([csv(plot.name, values)], { type: "text/csv" }), `${plot.name}.csv`),
+      { "aria-label": `${label} as CSV`, title: "Every frame and its value" },
+    );
+    const box = element(
+      "figure",
+      { class: "plot" },
+      element("figcaption", {}, element("span", {}, label), now, where),
+      framed(picture, marks),
+      element(
+        "div",
+        { class: "plot-foot" },
+        element("small", {}, this.scaleWords(plot, known)),
+        larger,
+        sheet,
+      ),
+      button("icon-button dialog-close plot-close", "×", () => box.hidePopover(), {
+        "aria-label": "Close",
+        title: "Close",
+      }),
+      bounds.length
+        ? element(
+            "small",
+            { class: "plot-bounds" },
+            element("i", { "aria-hidden": "true" }),
+            bounds.map(({ what }) => what).join("; "),
+          )
+        : null,
+    );
     const made = { box, values, text, now, where, line, hair, label, picture };
     this.listen(made);
     return made;
@@ -170,17 +272,31 @@ export class Plots {
    */
   scaleWords({ name, text, said = "" }, known) {
     const origin = this.figures.plots?.torque_at_some_frames ? SOME_FRAMES : ALL_FRAMES;
-    return [`${text(Math.min(...known, 0))} to ${text(Math.max(...known, 0))}`, said, name === "peak_torque_nm" ? origin : ""].filter(Boolean).join(", ");
+    return [
+      `${text(Math.min(...known, 0))} to ${text(Math.max(...known, 0))}`,
+      said,
+      name === "peak_torque_nm" ? origin : "",
+    ]
+      .filter(Boolean)
+      .join(", ");
   }
 
   // Show the value under the pointer; a press goes to its frame.
   /** @param {Made} made */
   listen(made) {
     const { picture, values } = made;
-    const frameAt = (/** @type {MouseEvent} */ event) => Math.round(Math.min(1, Math.max(0, shareAt(event.clientX, picture))) * (values.length - 1));
-    const go = (/** @type {MouseEvent} */ event) => this.player.send({ do: "seek", frame: frameAt(event) });
-    picture.addEventListener("pointerdown", (event) => { picture.setPointerCapture(event.pointerId); go(event); });
-    picture.addEventListener("pointermove", (event) => { this.point(made, frameAt(event)); if (event.buttons) go(event); });
+    const frameAt = (/** @type {MouseEvent} */ event) =>
+      Math.round(Math.min(1, Math.max(0, shareAt(event.clientX, picture))) * (values.length - 1));
+    const go = (/** @type {MouseEvent} */ event) =>
+      this.player.send({ do: "seek", frame: frameAt(event) });
+    picture.addEventListener("pointerdown", (event) => {
+      picture.setPointerCapture(event.pointerId);
+      go(event);
+    });
+    picture.addEventListener("pointermove", (event) => {
+      this.point(made, frameAt(event));
+      if (event.buttons) go(event);
+    });
     picture.addEventListener("pointerleave", () => this.point(made, null));
     picture.addEventListener("keydown", (event) => this.key(event));
   }
@@ -207,7 +323,9 @@ export class Plots {
     const value = values[frame];
     const time = this.player.timeline.row(frame)?.time_s;
     now.textContent = Number.isFinite(value) ? text(value) : "–";
-    where.textContent = [`frame ${whole(frame + 1)}`, time === undefined ? null : seconds(time)].filter(Boolean).join(", ");
+    where.textContent = [`frame ${whole(frame + 1)}`, time === undefined ? null : seconds(time)]
+      .filter(Boolean)
+      .join(", ");
   }
 
   // Enlarge a plot over the page, or restore it.
@@ -216,7 +334,10 @@ export class Plots {
    * @param {HTMLElement} larger its button
    */
   enlarge(box, larger) {
-    if (box.popover) { box.hidePopover(); return; }
+    if (box.popover) {
+      box.hidePopover();
+      return;
+    }
     box.popover = "auto";
     box.ontoggle = ({ newState }) => {
       larger.textContent = newState === "open" ? "Close" : "Larger";
@@ -241,7 +362,10 @@ export class Plots {
       const told = Number.isFinite(value) ? text(value) : null;
       if (hair.getAttribute("visibility") === "hidden") this.read(made, shown);
       picture.setAttribute("aria-valuenow", String(shown + 1));
-      picture.setAttribute("aria-valuetext", `Frame ${shown + 1}, ${label.toLowerCase()} ${told ?? "unknown"}`);
+      picture.setAttribute(
+        "aria-valuetext",
+        `Frame ${shown + 1}, ${label.toLowerCase()} ${told ?? "unknown"}`,
+      );
     }
   }
 
@@ -259,12 +383,21 @@ export class Plots {
   /** @param {string} name */
   worst(name) {
     const { plots } = this.figures;
-    const wanted = TORQUES.includes(name) ? TORQUES.find((one) => plots?.[/** @type {PlotName} */ (one)]) : name;
+    const wanted = TORQUES.includes(name)
+      ? TORQUES.find((one) => plots?.[/** @type {PlotName} */ (one)])
+      : name;
     const plot = [...onTable(plots?.table), ...PLOTS].find((p) => p.name === wanted);
     const values = plot && plots?.[plot.name];
     if (!plot || !values) return null;
-    const begin = this.player.timeline.outline?.phases.find(({ name: phase }) => phase !== "explosion")?.from ?? 0;
+    const begin =
+      this.player.timeline.outline?.phases.find(({ name: phase }) => phase !== "explosion")?.from ??
+      0;
     const known = Array.from(values.subarray(begin)).filter(Number.isFinite);
-    return known.length ? values.indexOf(known.reduce((a, b) => plot.worst(a, b)), begin) : null;
+    return known.length
+      ? values.indexOf(
+          known.reduce((a, b) => plot.worst(a, b)),
+          begin,
+        )
+      : null;
   }
 }

@@ -11,8 +11,11 @@ const ASK_MS = 1000;
  * @param {boolean} busy true if the computer has other work
  */
 export function remaining(value, busy = false) {
-  if (value <= 0) return busy ? "slow, because the computer is busy with other work" : "takes longer than usual";
-  return value < FEW_S ? "a few seconds left" : `${duration(value < 20 ? value : 5 * Math.round(value / 5))} left`;
+  if (value <= 0)
+    return busy ? "slow, because the computer is busy with other work" : "takes longer than usual";
+  return value < FEW_S
+    ? "a few seconds left"
+    : `${duration(value < 20 ? value : 5 * Math.round(value / 5))} left`;
 }
 
 /** @param {Api.PreparingBody} preparing */

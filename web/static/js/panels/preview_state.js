@@ -31,21 +31,32 @@ export class Preview {
    * @param {Choices} choices
    * @param {URLSearchParams} query of the page's address, which stores the options
    */
-  constructor({ id, origin, options: earlier, most_modules: maxModules, table_modules: maxTableModules }, choices, query) {
+  constructor(
+    { id, origin, options: earlier, most_modules: maxModules, table_modules: maxTableModules },
+    choices,
+    query,
+  ) {
     this.id = id;
     this.origin = origin; // fold or gallery shape that is previewed, until the preview has its own id
     this.maxModules = maxModules;
     this.maxTableModules = maxTableModules;
     this.choices = choices;
-    const chosen = (/** @type {ChoiceName} */ name) => choices[name].find((value) => value === query.get(name)) ?? choices[name][0];
+    const chosen = (/** @type {ChoiceName} */ name) =>
+      choices[name].find((value) => value === query.get(name)) ?? choices[name][0];
     const start = query.get("start") ?? "";
     this.bound = ""; // message for a number of modules outside the bounds
     this.givenAsVoxels = query.get("as_voxels") === "true";
     /** @type {PreviewOptions} */
     this.options = {
-      module: chosen("module"), modules: this.bounded(Number(query.get("modules")) || null), method: chosen("method"), ends: chosen("ends"),
-      repair: query.get("repair") === "true", as_voxels: this.givenAsVoxels, start: /^-?\d+,-?\d+,-?\d+$/.test(start) ? start : null,
-      world: chosen("world"), seed: Number(query.get("seed")) || 0,
+      module: chosen("module"),
+      modules: this.bounded(Number(query.get("modules")) || null),
+      method: chosen("method"),
+      ends: chosen("ends"),
+      repair: query.get("repair") === "true",
+      as_voxels: this.givenAsVoxels,
+      start: /^-?\d+,-?\d+,-?\d+$/.test(start) ? start : null,
+      world: chosen("world"),
+      seed: Number(query.get("seed")) || 0,
     };
     this.preset = earlier.preset ?? query.get("preset") ?? "default";
     this.prefer = earlier.prefer ?? "computing";
@@ -60,19 +71,26 @@ export class Preview {
     this.restrict();
   }
 
-  get onTable() { return this.options.world === "table"; }
+  get onTable() {
+    return this.options.world === "table";
+  }
 
   /** @returns {Form} */
-  get fields() { return { ...(this.id ? { preview: this.id } : this.origin), ...this.options }; }
+  get fields() {
+    return { ...(this.id ? { preview: this.id } : this.origin), ...this.options };
+  }
 
   // Address of the page under its site, with the options that differ from the defaults.
-  get path() { return `/previews/${this.id}${this.query}`; }
+  get path() {
+    return `/previews/${this.id}${this.query}`;
+  }
 
   // Options that differ from the defaults of the page, as the query of its address.
   get query() {
     const usual = Object.values(this.choices).map(([first]) => first);
     const query = new URLSearchParams();
-    for (const [key, value] of Object.entries(this.options)) if (value && !usual.includes(String(value))) query.set(key, String(value));
+    for (const [key, value] of Object.entries(this.options))
+      if (value && !usual.includes(String(value))) query.set(key, String(value));
     if (this.preset !== "default") query.set("preset", this.preset);
     return query.size ? `?${query}` : "";
   }
@@ -82,24 +100,39 @@ export class Preview {
   bounded(modules) {
     this.bound = "";
     if (modules === null) return null;
-    const count = Math.min(this.maxModules, Math.max(MIN_MODULES, Math.round(modules) || MIN_MODULES));
+    const count = Math.min(
+      this.maxModules,
+      Math.max(MIN_MODULES, Math.round(modules) || MIN_MODULES),
+    );
     if (count === this.maxModules) this.bound = `At most ${whole(count)} modules`;
     else if (modules < MIN_MODULES) this.bound = `At least ${MIN_MODULES} modules`;
     return count;
   }
 
   /** @param {number} place of the slider */
-  modulesAt(place) { return Math.round(MIN_MODULES * (this.maxModules / MIN_MODULES) ** (place / SLIDER_STEPS)); }
+  modulesAt(place) {
+    return Math.round(MIN_MODULES * (this.maxModules / MIN_MODULES) ** (place / SLIDER_STEPS));
+  }
 
   /** @param {number} modules */
-  placeOf(modules) { return Math.round((SLIDER_STEPS * Math.log(modules / MIN_MODULES)) / Math.log(this.maxModules / MIN_MODULES)); }
+  placeOf(modules) {
+    return Math.round(
+      (SLIDER_STEPS * Math.log(modules / MIN_MODULES)) / Math.log(this.maxModules / MIN_MODULES),
+    );
+  }
 
   // Change options. Repairs and blocks are reset when the environment changes.
   /** @param {Partial<PreviewOptions>} change */
   change(change) {
     const afresh = "world" in change ? { repair: false, method: this.choices.method[0] } : {};
     const start = Object.keys(change).some((key) => RESHAPING.has(key)) ? { start: null } : {};
-    Object.assign(this.options, afresh, start, change, "modules" in change && { modules: this.bounded(change.modules ?? null) });
+    Object.assign(
+      this.options,
+      afresh,
+      start,
+      change,
+      "modules" in change && { modules: this.bounded(change.modules ?? null) },
+    );
     this.restrict();
   }
 
@@ -124,7 +157,9 @@ export class Preview {
     if (!this.choosing) this.prefer = "computing";
   }
 
-  get choosing() { return this.preset === "default" && !this.onTable; }
+  get choosing() {
+    return this.preset === "default" && !this.onTable;
+  }
 
   /** @param {Api.Preview} report */
   take(report) {
@@ -146,13 +181,25 @@ export class Preview {
   // Remedies for a path that cannot be folded on a table:
   // another path through its cells, or zero gravity.
   /** @returns {Offer[]} */
-  get waysFromPath() { return [{ text: "Find another path through these cells", primary: true, change: { as_voxels: true } }, this.floating]; }
+  get waysFromPath() {
+    return [
+      { text: "Find another path through these cells", primary: true, change: { as_voxels: true } },
+      this.floating,
+    ];
+  }
 
   /** @returns {Offer} */
-  get floating() { return { text: "Fold in zero gravity", change: { as_voxels: this.givenAsVoxels, world: "floating" } }; }
+  get floating() {
+    return {
+      text: "Fold in zero gravity",
+      change: { as_voxels: this.givenAsVoxels, world: "floating" },
+    };
+  }
 
   // Number of modules in the field and on the slider; null if it cannot be chosen.
-  get count() { return this.options.modules ?? (this.report?.kind === "mesh" ? this.report.modules : null); }
+  get count() {
+    return this.options.modules ?? (this.report?.kind === "mesh" ? this.report.modules : null);
+  }
 
   get expected() {
     const { report, preset, prefer, preparing } = this;
@@ -164,16 +211,25 @@ export class Preview {
   // Warning before a long chain is folded on a table.
   get warning() {
     return this.onTable && this.report && this.report.modules > this.maxTableModules
-      ? `Chains of more than ${whole(this.maxTableModules)} modules usually get stuck on a table.` : "";
+      ? `Chains of more than ${whole(this.maxTableModules)} modules usually get stuck on a table.`
+      : "";
   }
 
   // The clicked module or the chosen start cell, with the action of its button.
   get start() {
-    const { options: { start }, report } = this;
+    const {
+      options: { start },
+      report,
+    } = this;
     const picked = report?.has_path && report.final !== false ? this.picked : null; // the final path may lack the cell
     const first = picked?.module === 0;
     if (this.onTable || (!picked && !start)) return null;
-    if (!report || !picked || (first && start)) return { text: `The chain starts at cell (${start?.replaceAll(",", ", ")})`, button: first ? "" : "Undo", change: { start: null } };
+    if (!report || !picked || (first && start))
+      return {
+        text: `The chain starts at cell (${start?.replaceAll(",", ", ")})`,
+        button: first ? "" : "Undo",
+        change: { start: null },
+      };
     const text = `Module ${whole(picked.module + 1)} of ${whole(report.modules)}${first ? ", the first" : ""}`;
     return { text, button: "Start here", change: { start: picked.cell?.join(",") ?? null } };
   }
@@ -189,7 +245,9 @@ export function likenessWords(likeness) {
   const parts = [
     missing ? `${percent(missing)} of your file is missing` : "",
     added ? `${percent(added)} of the modules’ volume is outside of it` : "",
-  ].filter(Boolean).join(", ");
+  ]
+    .filter(Boolean)
+    .join(", ");
   return parts && `${sentence(parts)}.`;
 }
 
@@ -206,10 +264,18 @@ export function verdictOf({ module, modules, iou, has_path: path, final = true }
  * @param {Api.Preview} report
  */
 export function nearby({ bound, onTable, maxModules }, { asked, modules, below, above }) {
-  const nearest = (asked ?? modules) === modules ? "" : `${whole(modules)} is the closest possible number to ${whole(asked ?? modules)}`;
+  const nearest =
+    (asked ?? modules) === modules
+      ? ""
+      : `${whole(modules)} is the closest possible number to ${whole(asked ?? modules)}`;
   // On a table, a neighbouring count may have no path; the checked versions are offered instead.
-  const counts = onTable ? [] : [below, above].flatMap((n) => (n && n !== modules && n <= maxModules ? [n] : []));
-  return { counts, text: [bound, nearest].filter(Boolean).join("; ") || (counts.length ? "Also possible" : "") };
+  const counts = onTable
+    ? []
+    : [below, above].flatMap((n) => (n && n !== modules && n <= maxModules ? [n] : []));
+  return {
+    counts,
+    text: [bound, nearest].filter(Boolean).join("; ") || (counts.length ? "Also possible" : ""),
+  };
 }
 
 /** @param {Api.Preview} report */
@@ -217,7 +283,13 @@ export function figuresOf({ iou, likeness, candidates, knot }) {
   const { verdict = "", determinant = null } = knot ?? {};
   const knotted = verdict === "knotted";
   return {
-    iou: iou === null ? "" : percent(iou), likeness: likenessWords(likeness ?? null), candidates: String(candidates), knotted, knotHint: determinant ? `${knotted ? "The knot is undone while the chain unfolds, which takes longer. " : ""}The chain’s determinant, a test number for knots, is ${determinant}. Without a knot, it would be 1.` : "",
+    iou: iou === null ? "" : percent(iou),
+    likeness: likenessWords(likeness ?? null),
+    candidates: String(candidates),
+    knotted,
+    knotHint: determinant
+      ? `${knotted ? "The knot is undone while the chain unfolds, which takes longer. " : ""}The chain’s determinant, a test number for knots, is ${determinant}. Without a knot, it would be 1.`
+      : "",
     knot: knot ? KNOTS[verdict] : "–",
   };
 }
@@ -227,29 +299,51 @@ export function figuresOf({ iou, likeness, candidates, knot }) {
  * @param {Preview} preview
  * @param {Api.Preview} report
  */
-export function troubleOf({ onTable, options: { method, module }, floating }, { modules, feasibility }) {
+export function troubleOf(
+  { onTable, options: { method, module }, floating },
+  { modules, feasibility },
+) {
   const details = feasibility?.problems.map(({ detail }) => detail) ?? [];
-  if (onTable) return { title: `With ${whole(modules)} modules, this shape can’t be folded on a table`, details, ways: [floating] };
+  if (onTable)
+    return {
+      title: `With ${whole(modules)} modules, this shape can’t be folded on a table`,
+      details,
+      ways: [floating],
+    };
   /** @type {Offer[]} */
-  const ways = (feasibility?.repairs ?? []).filter(({ add, drop }) => add.length || drop.length).slice(0, 1).map(({ detail, doubled, modules: needed }) => ({
-    text: `Repair: ${detail.charAt(0).toLowerCase()}${detail.slice(1).replace(/\.$/, "")}`, primary: true,
-    change: { repair: true, ...(doubled && { modules: needed }) },
-  }));
+  const ways = (feasibility?.repairs ?? [])
+    .filter(({ add, drop }) => add.length || drop.length)
+    .slice(0, 1)
+    .map(({ detail, doubled, modules: needed }) => ({
+      text: `Repair: ${detail.charAt(0).toLowerCase()}${detail.slice(1).replace(/\.$/, "")}`,
+      primary: true,
+      change: { repair: true, ...(doubled && { modules: needed }) },
+    }));
   const apart = feasibility?.problems.some(({ code }) => code === "disconnected"); // their blocks would be disconnected, too
-  if (method !== "blocks" && module === "cube" && !apart) ways.push({ text: "Use 2×2×2 modules for each cell", change: { method: "blocks" } });
-  return { title: feasibility?.feasible === false ? "No path runs through all of these cells" : "No path was found", details, ways };
+  if (method !== "blocks" && module === "cube" && !apart)
+    ways.push({ text: "Use 2×2×2 modules for each cell", change: { method: "blocks" } });
+  return {
+    title:
+      feasibility?.feasible === false
+        ? "No path runs through all of these cells"
+        : "No path was found",
+    details,
+    ways,
+  };
 }
 
 // Return the meaning of the coloured cells; empty if there are none.
 /** @param {Api.Preview} report */
 export function oddWords({ has_path: path, feasibility }) {
   const marked = path ? undefined : feasibility?.problems.find(({ cells }) => cells.length);
-  return marked ? ODD[marked.code] ?? "cells that prevent a path" : "";
+  return marked ? (ODD[marked.code] ?? "cells that prevent a path") : "";
 }
 
 // Return whether the cells leave out a part of the file.
 /** @param {Api.Preview} report */
-export function isLossy({ unused_bodies: unused = [], keeps_parts: keeps = null }) { return unused.length > 0 || keeps === false; }
+export function isLossy({ unused_bodies: unused = [], keeps_parts: keeps = null }) {
+  return unused.length > 0 || keeps === false;
+}
 
 // Return about how many modules it takes to be how much like the file, and what helps if no number
 // is enough for more.
@@ -258,13 +352,21 @@ export function isLossy({ unused_bodies: unused = [], keeps_parts: keeps = null 
  * @param {Api.Preview} report
  */
 export function reachOf({ maxModules }, { reach = [] }) {
-  const ways = reach.flatMap(({ likeness, modules }) => (modules === null ? [] : [{
-    text: `${percent(likeness)}: ${whole(modules)}`, change: { modules },
-    label: `About ${whole(modules)} modules are ${percent(likeness)} like your file`,
-  }]));
+  const ways = reach.flatMap(({ likeness, modules }) =>
+    modules === null
+      ? []
+      : [
+          {
+            text: `${percent(likeness)}: ${whole(modules)}`,
+            change: { modules },
+            label: `About ${whole(modules)} modules are ${percent(likeness)} like your file`,
+          },
+        ],
+  );
   const beyond = reach.find(({ modules }) => modules === null);
   const limit = beyond
-    ? `Even ${whole(maxModules)} modules are less than ${percent(beyond.likeness)} like your file. Thicker parts would help more.` : "";
+    ? `Even ${whole(maxModules)} modules are less than ${percent(beyond.likeness)} like your file. Thicker parts would help more.`
+    : "";
   return { ways, limit };
 }
 
@@ -278,7 +380,11 @@ export function notesOf({ onTable, options }, { notes, has_path: path, as_voxels
   const unordered = asVoxels && !options.as_voxels ? notes[0] : "";
   const doubled = path && onTable && options.method === "blocks";
   const repaired = doubled ? "Each cell became 2×2×2 modules." : (options.repair && repair) || "";
-  return { repaired, unordered, others: notes.filter((note) => note !== repair && note !== unordered).map(sentence) };
+  return {
+    repaired,
+    unordered,
+    others: notes.filter((note) => note !== repair && note !== unordered).map(sentence),
+  };
 }
 
 // Return the button of a version of the shape that folds on a table.

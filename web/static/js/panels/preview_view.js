@@ -4,7 +4,17 @@ import { at, button, element, get, sentence, whole } from "../lib/text.js";
 import { PreviewStage } from "../viewer/preview_scene.js";
 import { hasWebGL, load } from "../viewer/scene.js";
 import { showFor } from "./paper_settings.js";
-import { figuresOf, isLossy, nearby, notesOf, oddWords, offerOf, reachOf, troubleOf, verdictOf } from "./preview_state.js";
+import {
+  figuresOf,
+  isLossy,
+  nearby,
+  notesOf,
+  oddWords,
+  offerOf,
+  reachOf,
+  troubleOf,
+  verdictOf,
+} from "./preview_state.js";
 
 const DRAW_MS = 100;
 const NO_WEBGL = "WebGL is missing or switched off";
@@ -12,7 +22,9 @@ const NO_WEBGL = "WebGL is missing or switched off";
 /** @typedef {import("./preview_state.js").Offer} Offer */
 /** @typedef {import("./preview_state.js").ChoiceName} ChoiceName */
 
-export const radios = /** @type {HTMLInputElement[]} */ ([...document.querySelectorAll(".choice input")]);
+export const radios = /** @type {HTMLInputElement[]} */ ([
+  ...document.querySelectorAll(".choice input"),
+]);
 const layers = /** @type {HTMLElement[]} */ ([...get("layers").children]);
 
 // Return the available values of each choice; the first one is the default.
@@ -25,11 +37,15 @@ export function choicesOnPage() {
 
 // Write texts into elements by their ids.
 /** @param {Record<string, string>} texts */
-function write(texts) { for (const [id, text] of Object.entries(texts)) get(id).textContent = text; }
+function write(texts) {
+  for (const [id, text] of Object.entries(texts)) get(id).textContent = text;
+}
 
 // Hide elements, or show them, by their ids.
 /** @param {Record<string, boolean>} parts */
-function hide(parts) { for (const [id, hidden] of Object.entries(parts)) get(id).hidden = hidden; }
+function hide(parts) {
+  for (const [id, hidden] of Object.entries(parts)) get(id).hidden = hidden;
+}
 
 /** @param {string} text */
 export function showProblem(text) {
@@ -41,7 +57,8 @@ export function showProblem(text) {
  * @param {Offer} offer
  * @param {(change: Offer["change"]) => void} onChange
  */
-const buttonOf = ({ text, primary = false, change }, onChange) => button(primary ? "button primary" : "button", text, () => onChange(change));
+const buttonOf = ({ text, primary = false, change }, onChange) =>
+  button(primary ? "button primary" : "button", text, () => onChange(change));
 
 // Show the current options, with hints on the chosen ones.
 /** @param {Preview} preview */
@@ -49,7 +66,9 @@ export function showOptions(preview) {
   const { options, onTable, count, preset, prefer, choosing } = preview;
   for (const input of radios) {
     input.checked = options[/** @type {ChoiceName} */ (input.name)] === input.value;
-    if (input.checked && input.dataset.hint) get(`${/** @type {"method" | "world" | "ends"} */ (input.name)}-hint`).textContent = input.dataset.hint;
+    if (input.checked && input.dataset.hint)
+      get(`${/** @type {"method" | "world" | "ends"} */ (input.name)}-hint`).textContent =
+        input.dataset.hint;
     if (input.value === "tetrahedron") input.disabled = onTable;
   }
   if (count !== null) {
@@ -97,7 +116,9 @@ export function showTrouble({ title, details, ways }, onChange) {
  * @param {(change: Offer["change"]) => void} onChange
  */
 export function showOffers({ offers }, onChange) {
-  get("repairs").prepend(...offers.map((offer, place) => buttonOf(offerOf(offer, place), onChange)));
+  get("repairs").prepend(
+    ...offers.map((offer, place) => buttonOf(offerOf(offer, place), onChange)),
+  );
   get("to-add").hidden = !offers.some(({ added }) => added.length);
   if (!get("to-add").hidden) get("odd").hidden = false;
 }
@@ -119,27 +140,70 @@ export function showReport(preview, report, onChange) {
   document.title = `${name}, preview · foldback`;
   showTrouble(troubleOf(preview, report), onChange);
   write({
-    name, verdict: verdictOf(report), got: text, "reach-limit": reach.limit, iou, likeness, candidates, knot, long: preview.warning, "odd-text": odd, "repaired-text": repaired, unordered,
+    name,
+    verdict: verdictOf(report),
+    got: text,
+    "reach-limit": reach.limit,
+    iou,
+    likeness,
+    candidates,
+    knot,
+    long: preview.warning,
+    "odd-text": odd,
+    "repaired-text": repaired,
+    unordered,
     fold: foldWords(report),
   });
   hide({
-    what: chain, how: chain || kind === "path", "method-part": noCubes, "method-hint": noCubes, "modules-part": kind !== "mesh", "iou-part": !iou, "reach-part": !reach.ways.length, "reach-limit": !reach.limit, "likeness-meaning": !iou,
-    trouble: path, odd: !odd, "odd-cells": !odd, "to-add": true, repaired: !repaired, unordered: !unordered,
-    legend: !path, "were-added": !report.added?.length, layers: false,
+    what: chain,
+    how: chain || kind === "path",
+    "method-part": noCubes,
+    "method-hint": noCubes,
+    "modules-part": kind !== "mesh",
+    "iou-part": !iou,
+    "reach-part": !reach.ways.length,
+    "reach-limit": !reach.limit,
+    "likeness-meaning": !iou,
+    trouble: path,
+    odd: !odd,
+    "odd-cells": !odd,
+    "to-add": true,
+    repaired: !repaired,
+    unordered: !unordered,
+    legend: !path,
+    "were-added": !report.added?.length,
+    layers: false,
   });
-  get("nearest").replaceChildren(...counts.map((modules) => button("", whole(modules), () => onChange({ modules }), { title: "A nearby number of modules that may work" })));
+  get("nearest").replaceChildren(
+    ...counts.map((modules) =>
+      button("", whole(modules), () => onChange({ modules }), {
+        title: "A nearby number of modules that may work",
+      }),
+    ),
+  );
   get("match").dataset.tone = isLossy(report) ? "bad" : "";
-  get("reach").replaceChildren(...reach.ways.map(({ text: words, label, change }) => button("", words, () => onChange(change), { "aria-label": label, title: label })));
+  get("reach").replaceChildren(
+    ...reach.ways.map(({ text: words, label, change }) =>
+      button("", words, () => onChange(change), { "aria-label": label, title: label }),
+    ),
+  );
   get("notes").replaceChildren(...others.map((note) => element("li", {}, note)));
   get("iou-part").style.setProperty("--share", String(report.iou ?? 0));
   get("knot").title = knotHint;
   get("knot").dataset.tone = knotted ? "bad" : "";
-  for (const input of radios) if (input.name === "method") input.disabled = Boolean(report.possible_methods?.length) && !report.possible_methods?.includes(input.value);
-  for (const chip of layers) chip.hidden = (chip.dataset.layer === "solid" && kind !== "mesh") || (chip.dataset.layer === "path" && !path);
+  for (const input of radios)
+    if (input.name === "method")
+      input.disabled =
+        Boolean(report.possible_methods?.length) && !report.possible_methods?.includes(input.value);
+  for (const chip of layers)
+    chip.hidden =
+      (chip.dataset.layer === "solid" && kind !== "mesh") ||
+      (chip.dataset.layer === "path" && !path);
 }
 
 /** @param {Api.Preview} report */
-export const foldWords = ({ modules, has_path: path, final = true }) => (path ? `Fold ${final ? "" : "about "}${whole(modules)} modules` : "Fold");
+export const foldWords = ({ modules, has_path: path, final = true }) =>
+  path ? `Fold ${final ? "" : "about "}${whole(modules)} modules` : "Fold";
 
 /**
  * @param {string} text
@@ -168,13 +232,20 @@ export class Picture {
     /** @type {Api.Preview | null} */
     this.report = null;
     this.stage = new PreviewStage(get("view"), {
-      pick, settled,
+      pick,
+      settled,
       shown: () => {
         this.viewing = true;
         hide({ "missing-layer": !this.stage.nodes.has("/missing") });
-        this.stage.painted(() => { if (this.viewing) get("cover").classList.add("gone"); });
+        this.stage.painted(() => {
+          if (this.viewing) get("cover").classList.add("gone");
+        });
       },
-      failed: () => { this.failed = true; this.viewing = false; this.draw(); },
+      failed: () => {
+        this.failed = true;
+        this.viewing = false;
+        this.draw();
+      },
     });
     for (const chip of layers) {
       chip.onclick = () => {
@@ -185,10 +256,14 @@ export class Picture {
     }
   }
 
-  get waiting() { return this.stage.waiting; }
+  get waiting() {
+    return this.stage.waiting;
+  }
 
   // Address of the files of the preview.
-  get under() { return at(`/previews/${this.report?.id}`); }
+  get under() {
+    return at(`/previews/${this.report?.id}`);
+  }
 
   /** @param {Api.Preview} report */
   show(report) {
@@ -198,7 +273,9 @@ export class Picture {
   }
 
   // True if the cells that an offer adds are displayed.
-  get repaired() { return !get("to-add").hidden; }
+  get repaired() {
+    return !get("to-add").hidden;
+  }
 
   draw() {
     if (!this.report) return;
@@ -212,7 +289,11 @@ export class Picture {
       this.explain();
       setTimeout(() => this.start(), DRAW_MS);
     };
-    drawing.onerror = () => { drawing.hidden = true; this.explain(); this.start(); };
+    drawing.onerror = () => {
+      drawing.hidden = true;
+      this.explain();
+      this.start();
+    };
     drawing.src = `${this.under}/drawing.svg?key=${this.report.key}${this.repaired ? "&repair=true" : ""}`;
   }
 
@@ -220,7 +301,9 @@ export class Picture {
     const why = this.flat ? NO_WEBGL : this.failed ? "The 3D view could not be loaded" : "";
     write({
       "cover-text": why ? `${why}, so you see a drawing.` : "Starting the 3D view…",
-      "cover-more": why ? `The numbers on this page are still correct${this.report?.has_path ? ", and you can fold the shape" : ""}.` : "",
+      "cover-more": why
+        ? `The numbers on this page are still correct${this.report?.has_path ? ", and you can fold the shape" : ""}.`
+        : "",
     });
   }
 
@@ -229,13 +312,23 @@ export class Picture {
     if (this.started || this.held) return;
     this.started = true;
     this.flat = !hasWebGL();
-    if (!this.flat) { load(/** @type {HTMLIFrameElement} */ (get("view")), at("/view")); this.show3d(); return; }
-    if (get("drawing").hidden) cover("This browser cannot show 3D graphics", `${NO_WEBGL}. The numbers on this page are still correct, and you can fold the shape.`);
+    if (!this.flat) {
+      load(/** @type {HTMLIFrameElement} */ (get("view")), at("/view"));
+      this.show3d();
+      return;
+    }
+    if (get("drawing").hidden)
+      cover(
+        "This browser cannot show 3D graphics",
+        `${NO_WEBGL}. The numbers on this page are still correct, and you can fold the shape.`,
+      );
     else this.explain();
   }
 
   // Do not start the 3D view of a page that is about to be left: the next page starts its own.
-  hold() { this.held = true; }
+  hold() {
+    this.held = true;
+  }
 
   // Start the 3D view after all, because the page stays.
   release() {

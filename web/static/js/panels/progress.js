@@ -41,7 +41,9 @@ export class Progress {
     this.events = events;
     events.addEventListener("progress", (event) => this.show(JSON.parse(event.data)));
     events.onopen = () => this.pollNoMore();
-    events.onerror = () => { if (!this.polling) this.poll(); };
+    events.onerror = () => {
+      if (!this.polling) this.poll();
+    };
     events.addEventListener("done", () => this.end());
   }
 
@@ -50,10 +52,15 @@ export class Progress {
   async poll() {
     this.polling = new AbortController();
     const { signal } = this.polling;
-    await askUntil(`/api/folds/${this.facts.id}`, ASK_MS, (/** @type {Api.Fold} */ { progress }) => {
-      this.show(progress);
-      return OVER.includes(progress.status);
-    }, signal).catch(() => {}); // deleted meanwhile
+    await askUntil(
+      `/api/folds/${this.facts.id}`,
+      ASK_MS,
+      (/** @type {Api.Fold} */ { progress }) => {
+        this.show(progress);
+        return OVER.includes(progress.status);
+      },
+      signal,
+    ).catch(() => {}); // deleted meanwhile
     if (!signal.aborted) this.end();
   }
 
@@ -77,13 +84,15 @@ export class Progress {
     let text;
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s, now.busy)}`;
     if (this.cancelling) text = "Cancelling…";
-    else if (preparing) text = `${preparingWords(preparing)}${queue > 1 ? ` · then this fold waits in the queue behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
+    else if (preparing)
+      text = `${preparingWords(preparing)}${queue > 1 ? ` · then this fold waits in the queue behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
     else if (now.status === "queued") {
       if (now.paused) text = now.message ?? "Paused";
       else text = queueWords(queue, now.running_before);
       if (now.wait_s != null) text += left;
       else if (queue > 0) text += " · the server computes no folds right now, so this fold waits";
-    } else if (now.message === READY || (now.stage === "read" && advance.fraction >= 1)) text = `Getting ready${left}`;
+    } else if (now.message === READY || (now.stage === "read" && advance.fraction >= 1))
+      text = `Getting ready${left}`;
     else if (advance.writing) text = advance.label();
     else {
       const parts = [`${advance.label()}${advance.words()}${left}`];
@@ -124,14 +133,20 @@ export class Progress {
     this.say("Cancelling…");
     try {
       await ask(`/api/folds/${this.facts.id}/cancel`, { method: "POST", token: this.token });
-      setTimeout(() => { this.cancelling = false; }, CANCEL_MS);
+      setTimeout(() => {
+        this.cancelling = false;
+      }, CANCEL_MS);
     } catch (error) {
       const shared = error instanceof Refusal && error.status === FORBIDDEN;
       this.cancelling = false;
       if (shared) this.token = null;
       if (this.now) this.show(this.now);
       get("cancel").disabled = false;
-      toast(shared ? "Other people requested this fold too, so it will keep running" : "The fold could not be cancelled");
+      toast(
+        shared
+          ? "Other people requested this fold too, so it will keep running"
+          : "The fold could not be cancelled",
+      );
     }
   }
 }

@@ -15,20 +15,32 @@ export function sharing({ id, embed }, { place, player }) {
     get("share-link").value = location.origin + path;
     if (!embed) return;
     const hash = path.includes("#") ? path.slice(path.indexOf("#")) : "";
-    get("share-embed").value = `<iframe src="${location.origin}${at(embed)}${hash}" title="${get("name").textContent.replaceAll('"', "&quot;")}" width="720" height="480" style="border:0" allow="fullscreen" loading="lazy"></iframe>`;
+    get("share-embed").value =
+      `<iframe src="${location.origin}${at(embed)}${hash}" title="${get("name").textContent.replaceAll('"', "&quot;")}" width="720" height="480" style="border:0" allow="fullscreen" loading="lazy"></iframe>`;
   };
   offerPicture(player);
   get("share-here").onchange = fill;
   for (const name of /** @type {const} */ (["share-link", "share-embed"])) {
     const button = /** @type {HTMLElement | null} */ (dialog.querySelector(`[data-copy=${name}]`));
-    if (button) button.onclick = () => copyText(get(name).value, () => toast("Copied"), () => get(name).select());
+    if (button)
+      button.onclick = () =>
+        copyText(
+          get(name).value,
+          () => toast("Copied"),
+          () => get(name).select(),
+        );
   }
   // The share function of the system, if available.
   get("share-send").hidden = !("share" in navigator);
-  get("share-send").onclick = () => navigator.share({ title: document.title, url: get("share-link").value }).catch(() => {}); // the visitor cancelled
+  get("share-send").onclick = () =>
+    navigator.share({ title: document.title, url: get("share-link").value }).catch(() => {}); // the visitor cancelled
   get("share-mine").hidden = !tokenOf(id);
   const lead = document.getElementById("lead"); // only with a service
-  if (lead) lead.onclick = async () => { dialog.close(); (await import("../tour/leader.js")).lead(id, place); };
+  if (lead)
+    lead.onclick = async () => {
+      dialog.close();
+      (await import("../tour/leader.js")).lead(id, place);
+    };
   return () => {
     fill();
     dialog.showModal();
@@ -40,14 +52,23 @@ export function sharing({ id, embed }, { place, player }) {
 /** @param {import("../player/player.js").Player} player */
 function offerPicture(player) {
   const png = async () => {
-    const { shown, sketch, stage, rig: { eye } } = player;
+    const {
+      shown,
+      sketch,
+      stage,
+      rig: { eye },
+    } = player;
     if (!shown || !sketch || !eye) throw new Error("There is no picture to save yet");
-    const options = { scale: Number(get("picture-scale").value), transparent: get("picture-clear").checked };
+    const options = {
+      scale: Number(get("picture-scale").value),
+      transparent: get("picture-clear").checked,
+    };
     return sketch.picture([shown, player.colours(), eye, stage?.ground ?? null], options);
   };
   get("picture").hidden = !player.sketch?.worker;
   get("picture-copy").hidden = !("ClipboardItem" in window && navigator.clipboard?.write);
-  get("picture-save").onclick = async () => save(await png(), `${get("name").textContent} ${Math.round(player.playhead.frame) + 1}.png`);
+  get("picture-save").onclick = async () =>
+    save(await png(), `${get("name").textContent} ${Math.round(player.playhead.frame) + 1}.png`);
   // Safari requires the promise, not its result.
   get("picture-copy").onclick = async () => {
     try {

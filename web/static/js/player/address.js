@@ -9,7 +9,8 @@ const MAX_NUMBER = 1e6;
 const SPEEDS = [0.05, 20];
 const DEGREES = 180 / Math.PI;
 
-const rounded = (/** @type {number} */ value, /** @type {number} */ digits) => String(Number(value.toFixed(digits)));
+const rounded = (/** @type {number} */ value, /** @type {number} */ digits) =>
+  String(Number(value.toFixed(digits)));
 
 // Return a camera as text: azimuth and elevation in degrees (empty:
 // those of Follow) and the distance as a multiple of that of Follow;
@@ -17,8 +18,12 @@ const rounded = (/** @type {number} */ value, /** @type {number} */ digits) => S
 /** @param {CameraAt} camera */
 export function cameraText({ azimuth, elevation, zoom, aside }) {
   const turn = azimuth === null ? null : ((((azimuth * DEGREES + 180) % 360) + 360) % 360) - 180;
-  const angles = [turn, elevation === null ? null : elevation * DEGREES].map((angle) => (angle === null ? "" : rounded(angle, 2)));
-  return [...angles, rounded(zoom, 4), ...(aside ?? []).map((share) => rounded(share, 4))].join(",");
+  const angles = [turn, elevation === null ? null : elevation * DEGREES].map((angle) =>
+    angle === null ? "" : rounded(angle, 2),
+  );
+  return [...angles, rounded(zoom, 4), ...(aside ?? []).map((share) => rounded(share, 4))].join(
+    ",",
+  );
 }
 
 /**
@@ -27,13 +32,20 @@ export function cameraText({ azimuth, elevation, zoom, aside }) {
  */
 export function cameraIn(text) {
   const parts = text?.split(",") ?? [];
-  if (!(parts.length === 3 || parts.length === 5) || parts.some((part) => part.length > 12)) return null;
+  if (!(parts.length === 3 || parts.length === 5) || parts.some((part) => part.length > 12))
+    return null;
   const numbers = parts.map((part) => (part === "" ? null : Number(part)));
   if (numbers.some((n) => n !== null && !(Math.abs(n) < MAX_NUMBER))) return null;
   const [azimuth, elevation, zoom, right, up] = numbers;
   if (!zoom || zoom < 0) return null;
-  const radians = (/** @type {number | null} */ degrees) => (degrees === null ? null : degrees / DEGREES);
-  return { azimuth: radians(azimuth), elevation: radians(elevation), zoom, aside: parts.length === 5 ? [right ?? 0, up ?? 0] : null };
+  const radians = (/** @type {number | null} */ degrees) =>
+    degrees === null ? null : degrees / DEGREES;
+  return {
+    azimuth: radians(azimuth),
+    elevation: radians(elevation),
+    zoom,
+    aside: parts.length === 5 ? [right ?? 0, up ?? 0] : null,
+  };
 }
 
 /**
@@ -42,17 +54,26 @@ export function cameraIn(text) {
  */
 export function viewIn(hash) {
   const named = new URLSearchParams(hash.replace(/^#/, ""));
-  const number = (/** @type {string} */ name) => (/^\d{1,9}$/.test(named.get(name) ?? "") ? Math.max(0, Number(named.get(name)) - 1) : null);
-  const flag = (/** @type {string} */ name) => ({ 0: false, 1: true })[named.get(name) ?? ""] ?? null;
+  const number = (/** @type {string} */ name) =>
+    /^\d{1,9}$/.test(named.get(name) ?? "") ? Math.max(0, Number(named.get(name)) - 1) : null;
+  const flag = (/** @type {string} */ name) =>
+    ({ 0: false, 1: true })[named.get(name) ?? ""] ?? null;
   const [from, to] = [number("from"), number("to")];
   const crossed = from !== null && to !== null && from >= to;
   const speed = Number(named.get("speed"));
   const colour = named.get("colour") ?? "";
   return {
-    frame: number("frame"), module: number("module"), from: crossed ? null : from, to: crossed ? null : to, loop: flag("loop") ?? false,
-    camera: cameraIn(named.get("camera")), colour: /^[a-z_-]{1,20}$/.test(colour) ? colour : null,
-    path: flag("path") ?? false, follow: flag("follow") ?? true,
-    speed: speed >= SPEEDS[0] && speed <= SPEEDS[1] ? speed : 1, play: flag("play") ?? flag("autoplay"),
+    frame: number("frame"),
+    module: number("module"),
+    from: crossed ? null : from,
+    to: crossed ? null : to,
+    loop: flag("loop") ?? false,
+    camera: cameraIn(named.get("camera")),
+    colour: /^[a-z_-]{1,20}$/.test(colour) ? colour : null,
+    path: flag("path") ?? false,
+    follow: flag("follow") ?? true,
+    speed: speed >= SPEEDS[0] && speed <= SPEEDS[1] ? speed : 1,
+    play: flag("play") ?? flag("autoplay"),
     stop: number("stop") ?? (flag("tour") ? 0 : null),
     named: ["frame", "camera", "colour", "path", "follow"].some((name) => named.has(name)),
   };
@@ -60,14 +81,18 @@ export function viewIn(hash) {
 
 // Return the hash of a view; "" for the default view of a page.
 /** @param {AddressedView} view */
-export function hashOf({ frame, module, from, to, loop, camera, colour, path, follow, speed, play, stop }, theme = "") {
+export function hashOf(
+  { frame, module, from, to, loop, camera, colour, path, follow, speed, play, stop },
+  theme = "",
+) {
   const parts = [];
   if (frame !== null) parts.push(`frame=${Math.round(frame) + 1}`);
   if (module !== null) parts.push(`module=${module + 1}`);
   if (from !== null) parts.push(`from=${Math.round(from) + 1}`);
   if (to !== null) parts.push(`to=${Math.round(to) + 1}`);
   if (loop && from === null && to === null) parts.push("loop=1");
-  if (camera && !(follow && cameraText(camera) === cameraText(USUAL))) parts.push(`camera=${cameraText(camera)}`);
+  if (camera && !(follow && cameraText(camera) === cameraText(USUAL)))
+    parts.push(`camera=${cameraText(camera)}`);
   if (colour && colour !== USUAL_COLOURING) parts.push(`colour=${colour}`);
   if (path) parts.push("path=1");
   if (!follow) parts.push("follow=0");
@@ -80,7 +105,8 @@ export function hashOf({ frame, module, from, to, loop, camera, colour, path, fo
 
 // Return frame and camera as a query value, for link previews: browsers do not send the hash.
 /** @param {AddressedView} view */
-export const shortOf = ({ frame, camera }) => `${Math.round(frame ?? 0) + 1},${cameraText(camera ?? USUAL)}`;
+export const shortOf = ({ frame, camera }) =>
+  `${Math.round(frame ?? 0) + 1},${cameraText(camera ?? USUAL)}`;
 
 // Keeps the view in the address, so that a reload or a link restores it. The address does not
 // change before the visitor's first action.
@@ -99,15 +125,32 @@ export class Place {
     /** @type {number | null} */
     this.stop = null; // of the open tour
     for (const kind of ["pointerdown", "keydown", "input"]) {
-      addEventListener(kind, () => { this.acted = true; }, { capture: true });
+      addEventListener(
+        kind,
+        () => {
+          this.acted = true;
+        },
+        { capture: true },
+      );
     }
-    addEventListener("hashchange", () => { this.acted = true; this.go(); });
+    addEventListener("hashchange", () => {
+      this.acted = true;
+      this.go();
+    });
     addEventListener("themechange", () => this.note());
-    addEventListener("pagehide", () => { if (this.timer !== undefined) this.write(); });
+    addEventListener("pagehide", () => {
+      if (this.timer !== undefined) this.write();
+    });
     const { player } = page;
-    player.on("state", (/** @type {State} */ { playing }) => { this.playing = playing; this.note(); });
+    player.on("state", (/** @type {State} */ { playing }) => {
+      this.playing = playing;
+      this.note();
+    });
     player.on("colouring", () => this.note());
-    player.on("camera", () => { this.acted = true; this.note(); });
+    player.on("camera", () => {
+      this.acted = true;
+      this.note();
+    });
     player.on("module", (/** @type {ModuleTold} */ { index }) => {
       this.acted ||= index !== null;
       this.note();
@@ -122,7 +165,14 @@ export class Place {
     if (view.named || this.acted) this.page.colour(view.colour ?? USUAL_COLOURING);
     this.page.path(view.path);
     player.send({ do: "select", module: view.module });
-    player.send({ do: "set", from: view.from, to: view.to, loop: view.loop || view.from !== null || view.to !== null, speed: view.speed, follow: view.follow });
+    player.send({
+      do: "set",
+      from: view.from,
+      to: view.to,
+      loop: view.loop || view.from !== null || view.to !== null,
+      speed: view.speed,
+      follow: view.follow,
+    });
     const begin = view.frame ?? view.from;
     if (begin !== null) player.send({ do: "seek", frame: begin });
     if (view.camera) player.send({ do: "camera", camera: view.camera });
@@ -143,7 +193,8 @@ export class Place {
     clearTimeout(this.timer);
     this.timer = undefined;
     const link = this.here();
-    if (link !== location.pathname + location.search + location.hash) history.replaceState(null, "", link);
+    if (link !== location.pathname + location.search + location.hash)
+      history.replaceState(null, "", link);
   }
 
   // Return a link to the current view.
@@ -152,7 +203,13 @@ export class Place {
     const query = new URLSearchParams(location.search);
     query.delete("view");
     const asked = query.size ? `?${query}` : "";
-    return location.pathname + asked + (view ? hashOf({ ...view, stop: this.stop }, document.documentElement.dataset.theme) : location.hash);
+    return (
+      location.pathname +
+      asked +
+      (view
+        ? hashOf({ ...view, stop: this.stop }, document.documentElement.dataset.theme)
+        : location.hash)
+    );
   }
 
   // Return the same link with the query value that link previews need.
@@ -160,7 +217,9 @@ export class Place {
     const view = this.page.view();
     const here = this.here();
     const hash = here.indexOf("#");
-    return view?.frame === null || view === null || hash < 0 ? here : `${here.slice(0, hash)}?view=${shortOf(view)}${here.slice(hash)}`;
+    return view?.frame === null || view === null || hash < 0
+      ? here
+      : `${here.slice(0, hash)}?view=${shortOf(view)}${here.slice(hash)}`;
   }
 }
 
@@ -173,7 +232,18 @@ export class Place {
 export function viewOf({ shown, playhead, is, timeline, selected, colouring, rig }, path) {
   if (!shown) return null;
   return {
-    stop: null, named: false, frame: timeline.growing && is.live ? null : playhead.frame, module: selected, from: is.loop ? is.from : null, to: is.loop ? is.to : null,
-    loop: is.loop, camera: rig.at(shown), colour: colouring?.key ?? null, path, follow: rig.follows, speed: is.speed, play: is.playing,
+    stop: null,
+    named: false,
+    frame: timeline.growing && is.live ? null : playhead.frame,
+    module: selected,
+    from: is.loop ? is.from : null,
+    to: is.loop ? is.to : null,
+    loop: is.loop,
+    camera: rig.at(shown),
+    colour: colouring?.key ?? null,
+    path,
+    follow: rig.follows,
+    speed: is.speed,
+    play: is.playing,
   };
 }

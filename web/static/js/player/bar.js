@@ -6,12 +6,30 @@ import { PHASES } from "./timeline.js";
 const REAL = "real"; // real time of the robot
 
 const PRESSED = /** @type {const} */ (["reverse", "loop", "follow", "live"]);
-const USED = /** @type {const} */ (["back", "play", "forward", "reverse", "loop", "follow", "speed", "jump"]);
+const USED = /** @type {const} */ ([
+  "back",
+  "play",
+  "forward",
+  "reverse",
+  "loop",
+  "follow",
+  "speed",
+  "jump",
+]);
 const WIDE = 1000; // width of the plot behind the track; its height is 100
 const HIGHEST = 62;
 const FAR = 10; // frames by which Shift and the page keys move an end of the loop
 /** @type {Record<string, number>} */
-const STEPS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDown: -FAR, PageUp: FAR, Home: -Infinity, End: Infinity };
+const STEPS = {
+  ArrowLeft: -1,
+  ArrowDown: -1,
+  ArrowRight: 1,
+  ArrowUp: 1,
+  PageDown: -FAR,
+  PageUp: FAR,
+  Home: -Infinity,
+  End: Infinity,
+};
 
 // Return one column of the error plot, as a part of an SVG path.
 /**
@@ -20,8 +38,10 @@ const STEPS = { ArrowLeft: -1, ArrowDown: -1, ArrowRight: 1, ArrowUp: 1, PageDow
  * @param {number} left
  * @param {number} right
  */
-const errorColumn = (error, scale, left, right) => (error
-  ? `M${left.toFixed(1)} 100V${(100 - HIGHEST * Math.min(1, error / scale)).toFixed(1)}H${right.toFixed(1)}V100z` : "");
+const errorColumn = (error, scale, left, right) =>
+  error
+    ? `M${left.toFixed(1)} 100V${(100 - HIGHEST * Math.min(1, error / scale)).toFixed(1)}H${right.toFixed(1)}V100z`
+    : "";
 
 export class Bar {
   /**
@@ -48,7 +68,8 @@ export class Bar {
       const { value } = get("speed");
       player.send({ do: "set", ...(value === REAL ? { real: true } : { speed: Number(value) }) });
     };
-    for (const option of get("speed").options) if (option.value === REAL) option.hidden = !("timeline" in player);
+    for (const option of get("speed").options)
+      if (option.value === REAL) option.hidden = !("timeline" in player);
     this.scrub.addEventListener("input", () => this.seek(Number(this.scrub.value)));
     get("folded").addEventListener("input", () => this.fold(Number(get("folded").value)));
     get("jump").onchange = () => {
@@ -56,10 +77,16 @@ export class Bar {
       get("jump").value = "";
       if (where) this.jump(where);
     };
-    get("more").onclick = () => get("more").setAttribute("aria-expanded", String(document.body.classList.toggle("all-controls")));
+    get("more").onclick = () =>
+      get("more").setAttribute(
+        "aria-expanded",
+        String(document.body.classList.toggle("all-controls")),
+      );
     get("full").hidden = !document.fullscreenEnabled;
     get("full").onclick = () => this.fullScreen();
-    document.addEventListener("fullscreenchange", () => get("full").setAttribute("aria-pressed", String(Boolean(document.fullscreenElement))));
+    document.addEventListener("fullscreenchange", () =>
+      get("full").setAttribute("aria-pressed", String(Boolean(document.fullscreenElement))),
+    );
     this.enable(false);
     player.on("waiting", () => this.enable(false));
     player.on("outline", (outline) => this.draw(outline));
@@ -94,7 +121,9 @@ export class Bar {
 
   // Press a toggle button.
   /** @param {typeof PRESSED[number]} name */
-  press(name) { this.player.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" }); }
+  press(name) {
+    this.player.send({ do: "set", [name]: get(name).getAttribute("aria-pressed") !== "true" });
+  }
 
   fullScreen() {
     if (document.fullscreenElement) document.exitFullscreen();
@@ -104,9 +133,12 @@ export class Bar {
   // Choose the next faster speed of the menu; with -1, the next slower one.
   /** @param {number} by */
   hurry(by) {
-    const speeds = [...get("speed").options].map(({ value }) => Number(value)).filter(Number.isFinite);
+    const speeds = [...get("speed").options]
+      .map(({ value }) => Number(value))
+      .filter(Number.isFinite);
     const now = this.state?.speed ?? 1;
-    const next = by > 0 ? speeds.find((speed) => speed > now) : speeds.findLast((speed) => speed < now);
+    const next =
+      by > 0 ? speeds.find((speed) => speed > now) : speeds.findLast((speed) => speed < now);
     if (next) this.player.send({ do: "set", speed: next });
   }
 
@@ -118,15 +150,34 @@ export class Bar {
     this.scrub.disabled = frames < 2;
     get("folded").disabled = !this.folding;
     this.scrub.max = String(Math.max(0, frames - 1));
-    const spans = phases.map(({ name, from, to }) => ({ name, x: (WIDE * from) / frames, width: (WIDE * (to - from)) / frames }));
-    get("plot").replaceChildren(
-      ...spans.map(({ name, x, width }) => svg("rect", { class: `phase-${name}`, x, width, height: 100 })),
-      svg("path", { class: "errors", d: errors.map((error, k) => errorColumn(error, scale, (WIDE * k) / errors.length, (WIDE * (k + 1)) / errors.length)).join("") }));
-    get("phases").replaceChildren(...spans.map(({ name, x, width }) => {
-      const label = element("span", { class: name }, PHASES[name]);
-      Object.assign(label.style, { left: `${(100 * x) / WIDE}%`, maxWidth: `${(100 * width) / WIDE}%` });
-      return label;
+    const spans = phases.map(({ name, from, to }) => ({
+      name,
+      x: (WIDE * from) / frames,
+      width: (WIDE * (to - from)) / frames,
     }));
+    get("plot").replaceChildren(
+      ...spans.map(({ name, x, width }) =>
+        svg("rect", { class: `phase-${name}`, x, width, height: 100 }),
+      ),
+      svg("path", {
+        class: "errors",
+        d: errors
+          .map((error, k) =>
+            errorColumn(error, scale, (WIDE * k) / errors.length, (WIDE * (k + 1)) / errors.length),
+          )
+          .join(""),
+      }),
+    );
+    get("phases").replaceChildren(
+      ...spans.map(({ name, x, width }) => {
+        const label = element("span", { class: name }, PHASES[name]);
+        Object.assign(label.style, {
+          left: `${(100 * x) / WIDE}%`,
+          maxWidth: `${(100 * width) / WIDE}%`,
+        });
+        return label;
+      }),
+    );
     if (this.state) this.show({ ...this.state, frames });
   }
 
@@ -138,7 +189,8 @@ export class Bar {
     get("live").hidden = !state.growing;
     const slider = get("folded");
     if (state.folded !== null) {
-      if (document.activeElement !== slider || !slider.matches(":active")) slider.value = String(100 * state.folded);
+      if (document.activeElement !== slider || !slider.matches(":active"))
+        slider.value = String(100 * state.folded);
       slider.style.setProperty("--share", `${slider.value}%`);
       get("r-folded").textContent = `${Math.round(100 * state.folded)} %`;
     }
@@ -150,23 +202,32 @@ export class Bar {
     this.frame.show(state);
     this.range.show(state);
     get("r-time").textContent = state.time_s === null ? "" : seconds(state.time_s);
-    get("r-pace").textContent = state.pace === null ? "" : `${Number(state.pace.toPrecision(2))}× real time`;
-    get("r-error").textContent = state.error_rad === null ? "" : `Joint error ${radians(state.error_rad)}`;
-    this.scrub.setAttribute("aria-valuetext",
-      `${PHASES[state.phase] ?? ""}, frame ${Math.round(state.frame) + 1} of ${state.frames}`);
+    get("r-pace").textContent =
+      state.pace === null ? "" : `${Number(state.pace.toPrecision(2))}× real time`;
+    get("r-error").textContent =
+      state.error_rad === null ? "" : `Joint error ${radians(state.error_rad)}`;
+    this.scrub.setAttribute(
+      "aria-valuetext",
+      `${PHASES[state.phase] ?? ""}, frame ${Math.round(state.frame) + 1} of ${state.frames}`,
+    );
   }
 
-  get folding() { return this.outline?.phases.findLast(({ name }) => name === "playback"); }
+  get folding() {
+    return this.outline?.phases.findLast(({ name }) => name === "playback");
+  }
 
   // Go to the playback frame that is folded by this percentage.
   /** @param {number} percent */
-  fold(percent) { if (this.folding) this.player.send({ do: "fold", percent }); }
+  fold(percent) {
+    if (this.folding) this.player.send({ do: "fold", percent });
+  }
 
   /** @param {number} frame */
   place(frame) {
     const last = Math.max(1, Number(this.scrub.max));
     get("head").style.left = `${(100 * Math.min(frame, last)) / last}%`;
-    if (Number(this.scrub.value) !== Math.round(frame)) this.scrub.value = String(Math.round(frame));
+    if (Number(this.scrub.value) !== Math.round(frame))
+      this.scrub.value = String(Math.round(frame));
   }
 }
 
@@ -229,7 +290,9 @@ class FrameField {
     this.button.textContent = this.words;
   }
 
-  get words() { return `Frame ${whole(this.frame + 1)} of ${whole(this.frames)}`; }
+  get words() {
+    return `Frame ${whole(this.frame + 1)} of ${whole(this.frames)}`;
+  }
 
   // With `clicked` a pointer opened the field; then the focus does not return to the button.
   open(clicked = false) {
@@ -280,8 +343,15 @@ class LoopRange {
     this.at = { from: 0, to: 0 };
     for (const end of /** @type {const} */ (["from", "to"])) {
       const handle = get(`range-${end}`);
-      handle.addEventListener("pointerdown", (event) => { event.preventDefault(); handle.focus(); handle.setPointerCapture(event.pointerId); });
-      handle.addEventListener("pointermove", (event) => { if (handle.hasPointerCapture(event.pointerId)) this.move(end, Math.round(shareAt(event.clientX, get("track")) * this.last)); });
+      handle.addEventListener("pointerdown", (event) => {
+        event.preventDefault();
+        handle.focus();
+        handle.setPointerCapture(event.pointerId);
+      });
+      handle.addEventListener("pointermove", (event) => {
+        if (handle.hasPointerCapture(event.pointerId))
+          this.move(end, Math.round(shareAt(event.clientX, get("track")) * this.last));
+      });
       handle.addEventListener("keydown", (event) => this.key(end, event));
     }
   }
@@ -306,7 +376,11 @@ class LoopRange {
     }
   }
 
-  get words() { return get("range").hidden ? "No loop" : `Loop from frame ${Math.round(this.at.from) + 1} to ${Math.round(this.at.to) + 1}`; }
+  get words() {
+    return get("range").hidden
+      ? "No loop"
+      : `Loop from frame ${Math.round(this.at.from) + 1} to ${Math.round(this.at.to) + 1}`;
+  }
 
   // Move an end to a frame, at least one frame away from the other end.
   /**

@@ -1,6 +1,18 @@
 // Camera of a player. With Follow on, it keeps the whole chain in view, from a direction and at a
 // distance that the visitor chooses; with Follow off, it stays where the visitor puts it.
-import { across, axesOf, blended, clamp, distanceNeeded, fewPoints, framing, glided, orbited, positionOf, steep } from "../viewer/camera.js";
+import {
+  across,
+  axesOf,
+  blended,
+  clamp,
+  distanceNeeded,
+  fewPoints,
+  framing,
+  glided,
+  orbited,
+  positionOf,
+  steep,
+} from "../viewer/camera.js";
 
 const GOAL_EVERY = 12; // frames between two blended views
 const GOAL_EVERY_S = 0.2; // the same in seconds of playback; the larger of both counts
@@ -53,9 +65,13 @@ export class CameraRig {
     this.approximate = false; // true if the goal depends on frames that are not loaded yet
   }
 
-  get is() { return this.playhead.is; }
+  get is() {
+    return this.playhead.is;
+  }
 
-  get pitch() { return this.timeline.bundle.header.pitch; }
+  get pitch() {
+    return this.timeline.bundle.header.pitch;
+  }
 
   get eye() {
     const { view } = this;
@@ -122,26 +138,43 @@ export class CameraRig {
    * @param {Snapshot | null} shown
    */
   orbit({ turn, zoom, move, gently = false }, shown) {
-    const { view, goal, is: { follow } } = this;
+    const {
+      view,
+      goal,
+      is: { follow },
+    } = this;
     if (!view || !shown) return;
     this.sight = null;
     this.pending = null;
     const from = (gently ? goal : null) ?? view;
-    if (turn && follow) this.choose({ ...this.choice, azimuth: from.azimuth + turn[0], elevation: steep(from.elevation + turn[1]) });
+    if (turn && follow)
+      this.choose({
+        ...this.choice,
+        azimuth: from.azimuth + turn[0],
+        elevation: steep(from.elevation + turn[1]),
+      });
     if (zoom && follow) {
       const least = Math.min(1, this.minZoom);
-      this.choice = { ...this.choice, zoom: clamp(Math.max(this.choice.zoom, least) * zoom, least, MAX_ZOOM) };
+      this.choice = {
+        ...this.choice,
+        zoom: clamp(Math.max(this.choice.zoom, least) * zoom, least, MAX_ZOOM),
+      };
     }
     if (follow && (gently || !turn)) return; // a camera that follows glides there by itself
     const farthest = zoom ? FARTHEST * this.whole(shown, from).distance : Infinity; // only a zoom changes the distance
-    this.goal = orbited(from, follow ? { turn } : { turn, zoom, move }, this.seeing().field, [NEAREST_PITCH * this.pitch, farthest]);
+    this.goal = orbited(from, follow ? { turn } : { turn, zoom, move }, this.seeing().field, [
+      NEAREST_PITCH * this.pitch,
+      farthest,
+    ]);
     if (!gently) this.view = this.goal;
   }
 
   // Camera in an address.
 
   // True if Follow determines the camera, so that an address needs no position.
-  get follows() { return this.is.follow && !this.group; }
+  get follows() {
+    return this.is.follow && !this.group;
+  }
 
   // Return the camera independently of the pitch and of the chain's position: with Follow, the
   // visitor's choice; otherwise the position relative to the camera that shows the whole chain.
@@ -165,10 +198,13 @@ export class CameraRig {
   relative(view, shown) {
     const base = this.whole(shown, view);
     const [right, up, out] = axesOf(view.azimuth, view.elevation);
-    const along = (/** @type {Vector} */ axis) => axis.reduce((sum, v, k) => sum + v * (view.target[k] - base.target[k]), 0) / base.distance;
+    const along = (/** @type {Vector} */ axis) =>
+      axis.reduce((sum, v, k) => sum + v * (view.target[k] - base.target[k]), 0) / base.distance;
     return {
-      azimuth: view.azimuth, elevation: view.elevation,
-      zoom: Math.max(MIN_DEPTH, view.distance / base.distance + along(out)), aside: [along(right), along(up)],
+      azimuth: view.azimuth,
+      elevation: view.elevation,
+      zoom: Math.max(MIN_DEPTH, view.distance / base.distance + along(out)),
+      aside: [along(right), along(up)],
     };
   }
 
@@ -180,7 +216,11 @@ export class CameraRig {
    */
   go(camera, shown, gently = false) {
     this.group = this.sight = null;
-    this.choose({ ...camera, elevation: camera.elevation === null ? null : steep(camera.elevation), aside: null });
+    this.choose({
+      ...camera,
+      elevation: camera.elevation === null ? null : steep(camera.elevation),
+      aside: null,
+    });
     const { view } = this;
     if (!gently) this.view = null;
     if (this.is.follow) return;
@@ -198,7 +238,11 @@ export class CameraRig {
   placed({ azimuth, elevation, zoom, aside }, shown) {
     this.fit();
     const usual = this.framed(shown);
-    const from = { ...usual, azimuth: azimuth ?? usual.azimuth, elevation: steep(elevation ?? usual.elevation) };
+    const from = {
+      ...usual,
+      azimuth: azimuth ?? usual.azimuth,
+      elevation: steep(elevation ?? usual.elevation),
+    };
     const base = this.whole(shown, from);
     return { ...from, target: across(base, ...(aside ?? [0, 0])), distance: zoom * base.distance };
   }
@@ -210,7 +254,9 @@ export class CameraRig {
    * @param {Snapshot} shown
    * @param {View} view
    */
-  whole(shown, { azimuth, elevation }) { return framing(this.points(shown, null), { ...this.seeing(null), azimuth, elevation }); }
+  whole(shown, { azimuth, elevation }) {
+    return framing(this.points(shown, null), { ...this.seeing(null), azimuth, elevation });
+  }
 
   // Return the points to keep in view, in units of the scene.
   // Those of the whole chain are cached in the snapshot.
@@ -219,7 +265,8 @@ export class CameraRig {
    * @returns {Vector[]}
    */
   points(snapshot, group = this.group) {
-    const scaled = (/** @type {number[]} */ point) => /** @type {Vector} */ (point.map((v) => v * this.pitch));
+    const scaled = (/** @type {number[]} */ point) =>
+      /** @type {Vector} */ (point.map((v) => v * this.pitch));
     if (group) return group.map((i) => scaled([...snapshot.positions.subarray(3 * i, 3 * i + 3)]));
     snapshot.points ??= fewPoints(snapshot.positions, snapshot.framed).map(scaled);
     return snapshot.points;
@@ -228,7 +275,12 @@ export class CameraRig {
   seeing(group = this.group) {
     const { camera, chain } = this.timeline.bundle.header;
     const radius = group ? AROUND_PITCH : chain.radius;
-    return { radius: radius * this.pitch, aspect: this.aspect, field: camera.field_of_view_rad, home: camera.azimuth_rad };
+    return {
+      radius: radius * this.pitch,
+      aspect: this.aspect,
+      field: camera.field_of_view_rad,
+      home: camera.azimuth_rad,
+    };
   }
 
   /**
@@ -240,11 +292,16 @@ export class CameraRig {
     const elevation = choice.elevation ?? this.timeline.bundle.header.camera.elevation_rad;
     const seeing = { ...this.seeing(), azimuth: azimuth ?? choice.azimuth, elevation };
     if (!covered) return framing(this.points(snapshot), seeing);
-    const view = framing(this.points(snapshot), { ...seeing, margin: [FREE_WIDTH, FREE_HEIGHT * (1 - covered)] });
+    const view = framing(this.points(snapshot), {
+      ...seeing,
+      margin: [FREE_WIDTH, FREE_HEIGHT * (1 - covered)],
+    });
     return { ...view, target: across(view, 0, -covered * Math.tan(seeing.field / 2)) };
   }
 
-  get goalEvery() { return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.framesPerSecond)); }
+  get goalEvery() {
+    return Math.max(GOAL_EVERY, Math.round(GOAL_EVERY_S * this.playhead.framesPerSecond));
+  }
 
   // Return the cached goal view at an index, where index × goalEvery is the frame.
   /** @param {number} index */
@@ -254,7 +311,10 @@ export class CameraRig {
       const snapshot = this.timeline.peek(index * this.goalEvery);
       if (!snapshot) return null;
       view = this.framed(snapshot);
-      if (!snapshot.exact) { this.approximate = true; return view; }
+      if (!snapshot.exact) {
+        this.approximate = true;
+        return view;
+      }
       if (this.goals.size > MAX_GOALS) this.goals.clear();
       this.goals.set(index, view);
     }
@@ -273,17 +333,24 @@ export class CameraRig {
   /** @param {Snapshot} shown */
   aim(shown) {
     const { is, view, choice } = this;
-    if (this.pending) { this.go(this.pending, shown); return; }
+    if (this.pending) {
+      this.go(this.pending, shown);
+      return;
+    }
     if (!is.follow) return;
     this.fit();
     const still = !(is.playing || is.live || is.turn);
     const nearest = this.framed(shown, is.turn && view ? view.azimuth : null);
     // Only frames around the playhead of a long timeline are loaded;
     // blending them at rest would make the camera move as they arrive.
-    const goal = is.turn || (still && this.timeline.windowed) ? nearest : this.among(shown, nearest);
+    const goal =
+      is.turn || (still && this.timeline.windowed) ? nearest : this.among(shown, nearest);
     const least = ROOM * this.needed(shown, goal);
     this.minZoom = (this.group ? NEAREST_PITCH * this.pitch : least) / goal.distance;
-    const distance = this.group && choice.zoom < 1 ? goal.distance * choice.zoom : Math.max(goal.distance * choice.zoom, least);
+    const distance =
+      this.group && choice.zoom < 1
+        ? goal.distance * choice.zoom
+        : Math.max(goal.distance * choice.zoom, least);
     this.goal = { ...goal, distance };
     if (!view || (this.calm && still)) this.view = this.goal;
   }
@@ -305,7 +372,11 @@ export class CameraRig {
     const views = [nearest];
     const weights = [1];
     const middle = Math.round(here);
-    for (let k = Math.max(middle - GOALS_ASIDE, 0); k <= Math.min(middle + GOALS_ASIDE, Math.floor(end)); k++) {
+    for (
+      let k = Math.max(middle - GOALS_ASIDE, 0);
+      k <= Math.min(middle + GOALS_ASIDE, Math.floor(end));
+      k++
+    ) {
       const view = this.goalAt(k);
       if (!view) continue;
       views.push(view);
@@ -319,7 +390,9 @@ export class CameraRig {
    * @param {Snapshot} snapshot
    * @param {View} view
    */
-  needed(snapshot, view) { return distanceNeeded(this.points(snapshot), view, this.seeing()); }
+  needed(snapshot, view) {
+    return distanceNeeded(this.points(snapshot), view, this.seeing());
+  }
 
   // Advance the glide of the camera. Return true while it moves.
   /**
@@ -328,9 +401,15 @@ export class CameraRig {
    */
   glide(passed, shown) {
     const { is } = this;
-    if (is.follow && this.aspectNow() !== this.aspect) { this.view = null; this.aim(shown); }
+    if (is.follow && this.aspectNow() !== this.aspect) {
+      this.view = null;
+      this.aim(shown);
+    }
     if (is.follow && is.turn && this.view) {
-      this.view = { ...this.view, azimuth: this.view.azimuth + this.timeline.bundle.header.camera.turn_rad_s * passed };
+      this.view = {
+        ...this.view,
+        azimuth: this.view.azimuth + this.timeline.bundle.header.camera.turn_rad_s * passed,
+      };
       this.aim(shown);
     }
     const { view, goal } = this;

@@ -27,7 +27,13 @@ export const USUAL_COLOURING = "chain";
  * Colourings whose values come from figures.js, and the names of these values.
  * @type {Record<string, FigureName>}
  */
-export const MEASURED = { position: "position_error", torque: "torque", joint_torque: "joint_torque", pressed: "pressed", clearance: "clearance" };
+export const MEASURED = {
+  position: "position_error",
+  torque: "torque",
+  joint_torque: "joint_torque",
+  pressed: "pressed",
+  clearance: "clearance",
+};
 const ON_TABLE = new Set(["joint_torque", "pressed"]);
 const OF_HINGES = new Set(["torque", "joint_torque"]);
 const FLOATING = new Set(["torque"]); // only in zero gravity
@@ -35,7 +41,8 @@ const WHOLE_CHAIN = new Set(["torque", "clearance"]); // long folds have only th
 
 // Return the colourings of a fold in zero gravity or on a table.
 /** @param {boolean} table */
-export const colouringsOf = (table) => COLOURINGS.filter(([key]) => !(table ? FLOATING : ON_TABLE).has(key));
+export const colouringsOf = (table) =>
+  COLOURINGS.filter(([key]) => !(table ? FLOATING : ON_TABLE).has(key));
 
 // Return the colours (3n sRGB bytes) of n fractions of a ramp; NaN means no data.
 /**
@@ -48,9 +55,14 @@ export function ramped(shares, ramp, unknown) {
   const colours = new Uint8Array(3 * shares.length);
   for (let i = 0; i < shares.length; i++) {
     const share = shares[i];
-    if (Number.isNaN(share)) { for (let c = 0; c < 3; c++) colours[3 * i + c] = unknown[c]; continue; }
+    if (Number.isNaN(share)) {
+      for (let c = 0; c < 3; c++) colours[3 * i + c] = unknown[c];
+      continue;
+    }
     const k = 3 * Math.round(Math.min(1, Math.max(0, share)) * last);
-    colours[3 * i] = ramp[k]; colours[3 * i + 1] = ramp[k + 1]; colours[3 * i + 2] = ramp[k + 2];
+    colours[3 * i] = ramp[k];
+    colours[3 * i + 1] = ramp[k + 1];
+    colours[3 * i + 2] = ramp[k + 2];
   }
   return colours;
 }
@@ -63,7 +75,8 @@ export function roundUp(value) {
   return ([1, 2, 5].find((factor) => value <= factor * power * (1 + 1e-9)) ?? 10) * power;
 }
 
-const largest = (/** @type {Floats} */ values) => Array.from(values).reduce((most, v) => (v > most ? v : most), 0);
+const largest = (/** @type {Floats} */ values) =>
+  Array.from(values).reduce((most, v) => (v > most ? v : most), 0);
 
 /**
  * Definition of a colouring.
@@ -85,7 +98,9 @@ const largest = (/** @type {Floats} */ values) => Array.from(values).reduce((mos
  * @param {Pick<import("./timeline.js").Timeline, "windowed">} timeline
  * @param {Pick<import("./figures.js").Figures, "offers">} figures
  */
-export const isOffered = (key, timeline, figures) => !(key in MEASURED) || (figures.offers(MEASURED[key]) && !(timeline.windowed && WHOLE_CHAIN.has(key)));
+export const isOffered = (key, timeline, figures) =>
+  !(key in MEASURED) ||
+  (figures.offers(MEASURED[key]) && !(timeline.windowed && WHOLE_CHAIN.has(key)));
 
 export class Colouring {
   // `scale.values` returns one value of each module at
@@ -101,7 +116,13 @@ export class Colouring {
     /** @type {Measured | null} */
     this.figures = null;
     /** @type {Required<Scale>} */
-    this.scale = { low: 0, ramp: "ramp_even", none: "no data for this frame", bad: () => false, ...scale };
+    this.scale = {
+      low: 0,
+      ramp: "ramp_even",
+      none: "no data for this frame",
+      bad: () => false,
+      ...scale,
+    };
   }
 
   get high() {
@@ -112,10 +133,19 @@ export class Colouring {
   /** @param {Snapshot} shown */
   of(shown) {
     const { header, arrays } = this.timeline.bundle;
-    const { high, scale: { low, ramp, bad } } = this;
+    const {
+      high,
+      scale: { low, ramp, bad },
+    } = this;
     const values = this.scale.values(shown);
-    const colours = ramped(values.map((v) => (v - low) / (high - low || 1)), arrays[ramp], header.colours.unknown);
-    values.forEach((v, i) => { if (bad(v)) colours.set(header.colours.error, 3 * i); });
+    const colours = ramped(
+      values.map((v) => (v - low) / (high - low || 1)),
+      arrays[ramp],
+      header.colours.unknown,
+    );
+    values.forEach((v, i) => {
+      if (bad(v)) colours.set(header.colours.error, 3 * i);
+    });
     return colours;
   }
 
@@ -123,9 +153,13 @@ export class Colouring {
     const { low, text, none } = this.scale;
     const ramp = this.timeline.bundle.arrays[this.scale.ramp];
     const last = ramp.length / 3 - 1;
-    const stops = Array.from({ length: 9 }, (_, k) => Array.from(ramp.subarray(3 * Math.round((k / 8) * last)).slice(0, 3)).join(" "));
+    const stops = Array.from({ length: 9 }, (_, k) =>
+      Array.from(ramp.subarray(3 * Math.round((k / 8) * last)).slice(0, 3)).join(" "),
+    );
     return {
-      low: text(low), high: text(this.high), none,
+      low: text(low),
+      high: text(this.high),
+      none,
       ramp: `linear-gradient(to right, ${stops.map((stop) => `rgb(${stop})`).join(", ")})`,
     };
   }
@@ -158,11 +192,13 @@ export function colouring(key, timeline, figures) {
    * @param {Scale["text"]} text
    * @param {Partial<Scale>} more
    */
-  const per = (values, text, more = {}) => new Colouring(key, timeline, { values, text, high: () => scale(), ...more });
+  const per = (values, text, more = {}) =>
+    new Colouring(key, timeline, { values, text, high: () => scale(), ...more });
   // Computed on first use, and again after new frames.
   let [known, version] = [0, -1];
   const scale = () => {
-    if (version !== timeline.version) [known, version] = [scaled(timeline, made.scale.values), timeline.version];
+    if (version !== timeline.version)
+      [known, version] = [scaled(timeline, made.scale.values), timeline.version];
     return known;
   };
   const errors = (/** @type {Snapshot} */ shown) => timeline.perModule(shown.errors);
@@ -171,22 +207,48 @@ export function colouring(key, timeline, figures) {
    * @param {Scale["text"]} said
    * @param {Partial<Scale>} more
    */
-  const measured = (name, said, more = {}) => per((shown) => {
-    const values = figures?.row(shown.low)?.[name];
-    if (!values) return new Float32Array(chain.modules).fill(NaN);
-    return OF_HINGES.has(name) ? timeline.perModule(values) : values;
-  }, said, { high: () => figures?.largest(name) || 1, ...more });
+  const measured = (name, said, more = {}) =>
+    per(
+      (shown) => {
+        const values = figures?.row(shown.low)?.[name];
+        if (!values) return new Float32Array(chain.modules).fill(NaN);
+        return OF_HINGES.has(name) ? timeline.perModule(values) : values;
+      },
+      said,
+      { high: () => figures?.largest(name) || 1, ...more },
+    );
   /** @type {Record<string, () => Colouring>} */
   const makers = {
-    error: () => per(errors, radians, { high: () => timeline.errorScale, ramp: "ramp_error", none: WHILE_FOLDING }),
-    "error-even": () => per(errors, radians, { high: () => timeline.errorScale, none: WHILE_FOLDING }),
+    error: () =>
+      per(errors, radians, {
+        high: () => timeline.errorScale,
+        ramp: "ramp_error",
+        none: WHILE_FOLDING,
+      }),
+    "error-even": () =>
+      per(errors, radians, { high: () => timeline.errorScale, none: WHILE_FOLDING }),
     position: () => measured("position_error", pitches, { none: WHILE_FOLDING }),
-    speed: () => per((shown) => timeline.perModule(timeline.speeds(shown.frame)), (v) => si(v, "rad/s")),
+    speed: () =>
+      per(
+        (shown) => timeline.perModule(timeline.speeds(shown.frame)),
+        (v) => si(v, "rad/s"),
+      ),
     torque: () => measured("torque", newtonMetres),
-    joint_torque: () => measured("joint_torque", (v) => withUnit(v, figures?.plots?.table?.unit_nm ?? 0), { none: "not computed for this frame" }),
-    pressed: () => measured("pressed", (v) => (v ? `${number(v)} × the module’s weight` : "0"), { none: "not computed for this frame" }),
+    joint_torque: () =>
+      measured("joint_torque", (v) => withUnit(v, figures?.plots?.table?.unit_nm ?? 0), {
+        none: "not computed for this frame",
+      }),
+    pressed: () =>
+      measured("pressed", (v) => (v ? `${number(v)} × the module’s weight` : "0"), {
+        none: "not computed for this frame",
+      }),
     clearance: () => measured("clearance", pitches, { high: NEAR, bad: (v) => v < 0 }),
-    chain: () => per(() => Float32Array.from({ length: chain.modules }, (_, i) => i), (v) => `Module ${Math.round(v) + 1}`, { high: chain.modules - 1, none: null }),
+    chain: () =>
+      per(
+        () => Float32Array.from({ length: chain.modules }, (_, i) => i),
+        (v) => `Module ${Math.round(v) + 1}`,
+        { high: chain.modules - 1, none: null },
+      ),
   };
   const made = (makers[key] ?? makers[USUAL_COLOURING])();
   made.figures = figures ?? null;
@@ -198,4 +260,5 @@ export function colouring(key, timeline, figures) {
  * @param {number} torque
  * @param {number} unit_nm
  */
-export const withUnit = (torque, unit_nm) => (torque ? `${number(torque)} w·p, ${newtonMetres(torque * unit_nm)}` : "0");
+export const withUnit = (torque, unit_nm) =>
+  torque ? `${number(torque)} w·p, ${newtonMetres(torque * unit_nm)}` : "0";

@@ -24,23 +24,32 @@ export class Figures extends Emitter {
    * @param {string} query
    * @returns {Promise<Told | null>}
    */
-  get(query) { return this.source.get(`figures${query}`); }
+  get(query) {
+    return this.source.get(`figures${query}`);
+  }
 
   // Fetch the curves of the plots; report "missing" if there are no figures.
   async begin() {
     if (this.plots) return;
     const found = await this.get("").catch(() => null);
-    if (!found) { this.tell("missing"); return; }
+    if (!found) {
+      this.tell("missing");
+      return;
+    }
     this.plots = { ...found.header, ...found.arrays };
     this.tell("begun");
   }
 
   // True if there are values of single modules.
   /** @param {FigureName} name */
-  offers(name) { return Boolean(this.plots && name); }
+  offers(name) {
+    return Boolean(this.plots && name);
+  }
 
   /** @param {FigureName} name */
-  largest(name) { return this.plots?.largest[name] ?? 0; }
+  largest(name) {
+    return this.plots?.largest[name] ?? 0;
+  }
 
   // Return the figures of one frame; null until they are loaded, which the event `loaded` reports.
   /**
@@ -52,10 +61,18 @@ export class Figures extends Emitter {
     const { rows } = this.plots;
     const index = Math.floor(frame / rows);
     const part = this.parts.get(index);
-    if (!part) { this.load(index); return null; }
+    if (!part) {
+      this.load(index);
+      return null;
+    }
     const k = frame - index * rows;
     const widths = /** @type {[FigureName, number][]} */ (Object.entries(part.header.widths));
-    return Object.fromEntries(widths.map(([name, width]) => [name, part.arrays[name]?.subarray(k * width, (k + 1) * width)]));
+    return Object.fromEntries(
+      widths.map(([name, width]) => [
+        name,
+        part.arrays[name]?.subarray(k * width, (k + 1) * width),
+      ]),
+    );
   }
 
   /** @param {number} index */
@@ -65,7 +82,10 @@ export class Figures extends Emitter {
     /** @type {Promise<FigurePart | null>} */
     const asked = this.get(`?part=${index}`);
     const found = await asked.catch(() => null);
-    if (!found) { setTimeout(() => this.loading.delete(index), RETRY_MS); return; }
+    if (!found) {
+      setTimeout(() => this.loading.delete(index), RETRY_MS);
+      return;
+    }
     this.loading.delete(index);
     this.parts.set(index, found);
     if (this.parts.size > KEPT) this.parts.delete([...this.parts.keys()][0]);

@@ -18,7 +18,8 @@ const mix = (a, b, share) => Float64Array.from(a, (v, k) => v + (b[k] - v) * sha
  * @param {Pick<Row, "first" | "last" | "angles" | "foldedRad">} row
  * @param {number} hinge
  */
-export const angleIn = ({ first, last, angles, foldedRad }, hinge) => (hinge < first ? foldedRad[hinge] : hinge < last ? angles[hinge - first] : 0);
+export const angleIn = ({ first, last, angles, foldedRad }, hinge) =>
+  hinge < first ? foldedRad[hinge] : hinge < last ? angles[hinge - first] : 0;
 
 // Return the half-open range of hinges in which two rows may differ.
 /**
@@ -46,7 +47,8 @@ export function between(a, b, share) {
 }
 
 /** @param {object} arrays */
-const bytesOf = (arrays) => Object.values(arrays).reduce((/** @type {number} */ sum, { byteLength }) => sum + byteLength, 0);
+const bytesOf = (arrays) =>
+  Object.values(arrays).reduce((/** @type {number} */ sum, { byteLength }) => sum + byteLength, 0);
 
 /**
  * @param {Floats} values
@@ -61,11 +63,21 @@ const part = (values, k, width) => values.subarray(k * width, (k + 1) * width);
  * @param {number} joints
  * @returns {WindowArrays}
  */
-function asWindows({ root_position, root_wxyz, joint_angles_rad, joint_error_rad, ...kept }, joints) {
+function asWindows(
+  { root_position, root_wxyz, joint_angles_rad, joint_error_rad, ...kept },
+  joints,
+) {
   const rows = kept.time_s.length;
   return {
-    ...kept, base_position: root_position, base_wxyz: root_wxyz, angles: joint_angles_rad, errors_rad: joint_error_rad, steps: new Int32Array(),
-    first: new Uint8Array(rows), counts: new Int32Array(rows).fill(joints), recorded: new Uint8Array(rows).fill(1),
+    ...kept,
+    base_position: root_position,
+    base_wxyz: root_wxyz,
+    angles: joint_angles_rad,
+    errors_rad: joint_error_rad,
+    steps: new Int32Array(),
+    first: new Uint8Array(rows),
+    counts: new Int32Array(rows).fill(joints),
+    recorded: new Uint8Array(rows).fill(1),
   };
 }
 
@@ -79,7 +91,8 @@ export class Rows {
    * @param {Floats} foldedRad
    */
   constructor({ arrays }, foldedRad) {
-    const { counts, steps, ...kept } = "first" in arrays ? arrays : asWindows(arrays, foldedRad.length);
+    const { counts, steps, ...kept } =
+      "first" in arrays ? arrays : asWindows(arrays, foldedRad.length);
     this.rows = arrays.time_s.length;
     this.foldedRad = foldedRad;
     this.noErrors = new Float32Array(foldedRad.length).fill(NaN);
@@ -97,7 +110,8 @@ export class Rows {
    */
   unpack(first, counts, steps) {
     const angles = new Float32Array(steps.length);
-    const folded = (/** @type {number} */ j) => Math.floor(Math.fround(this.foldedRad[j]) / STEP + 0.5);
+    const folded = (/** @type {number} */ j) =>
+      Math.floor(Math.fround(this.foldedRad[j]) / STEP + 0.5);
     let at = 0;
     for (let k = 0; k < this.rows; k++) {
       const before = k ? at - counts[k - 1] - first[k - 1] : 0; // offset of hinge 0 in the previous row
@@ -119,8 +133,15 @@ export class Rows {
     const { angles, ends, first } = arrays;
     const begin = k ? ends[k - 1] : 0;
     return {
-      time_s: arrays.time_s[k], phase: arrays.phase[k], position: part(arrays.base_position, k, 3), wxyz: part(arrays.base_wxyz, k, 4),
-      first: first[k], last: first[k] + ends[k] - begin, angles: angles.subarray(begin, ends[k]), errors: this.errors(k, begin), foldedRad,
+      time_s: arrays.time_s[k],
+      phase: arrays.phase[k],
+      position: part(arrays.base_position, k, 3),
+      wxyz: part(arrays.base_wxyz, k, 4),
+      first: first[k],
+      last: first[k] + ends[k] - begin,
+      angles: angles.subarray(begin, ends[k]),
+      errors: this.errors(k, begin),
+      foldedRad,
     };
   }
 
@@ -144,14 +165,21 @@ export class Rows {
  * @returns {Pick<WindowArrays, "first" | "counts" | "steps" | "angles">}
  */
 export function thereAndBack({ frames, first, last, offsets, values }) {
-  const order = Array.from({ length: 2 * frames }, (_, k) => (k < frames ? frames - 1 - k : k - frames));
+  const order = Array.from({ length: 2 * frames }, (_, k) =>
+    k < frames ? frames - 1 - k : k - frames,
+  );
   const angles = new Float32Array(2 * values.length);
   let at = 0;
   for (const k of order) {
     angles.set(values.subarray(offsets[k], offsets[k + 1]), at);
     at += offsets[k + 1] - offsets[k];
   }
-  return { first: Int32Array.from(order, (k) => first[k]), counts: Int32Array.from(order, (k) => last[k] - first[k]), steps: new Int32Array(), angles };
+  return {
+    first: Int32Array.from(order, (k) => first[k]),
+    counts: Int32Array.from(order, (k) => last[k] - first[k]),
+    steps: new Int32Array(),
+    angles,
+  };
 }
 
 // Storage of frames.
@@ -180,19 +208,29 @@ export class FrameStore {
   constructor(joints = 0, windowed = false) {
     this.windowed = windowed;
     this.rowBytes = 8 * joints + 40;
-    this.rows = windowed ? WINDOW_FRAMES : Math.max(1, Math.min(MAX_BATCH_FRAMES, Math.floor(BATCH_BYTES / this.rowBytes))); // of a chunk
+    this.rows = windowed
+      ? WINDOW_FRAMES
+      : Math.max(1, Math.min(MAX_BATCH_FRAMES, Math.floor(BATCH_BYTES / this.rowBytes))); // of a chunk
   }
 
-  get last() { return Math.max(0, this.total - 1); }
+  get last() {
+    return Math.max(0, this.total - 1);
+  }
 
   // Number of chunks of the timeline.
-  get count() { return Math.ceil(this.total / this.rows); }
+  get count() {
+    return Math.ceil(this.total / this.rows);
+  }
 
   // Index of the chunk at the focus.
-  get here() { return this.indexOf(this.focus); }
+  get here() {
+    return this.indexOf(this.focus);
+  }
 
   /** @param {number} frame */
-  indexOf(frame) { return Math.floor(frame / this.rows); }
+  indexOf(frame) {
+    return Math.floor(frame / this.rows);
+  }
 
   // Store the rows of a batch.
   /**
@@ -244,7 +282,8 @@ export class FrameStore {
   // Return the next chunk to fetch, nearest to the focus; null if all required chunks are loaded.
   /** @param {boolean} end true if the last frame of a long timeline is required, too */
   next(end) {
-    for (const index of this.windowed ? this.near(end) : this.onward()) if (!this.full(index) && !this.loading.has(index)) return index;
+    for (const index of this.windowed ? this.near(end) : this.onward())
+      if (!this.full(index) && !this.loading.has(index)) return index;
     return null;
   }
 
@@ -260,18 +299,21 @@ export class FrameStore {
 
   *onward() {
     const most = Math.max(FEWEST_CHUNKS, Math.floor(MAX_BYTES / (this.rows * this.rowBytes)));
-    for (let away = 0; away < Math.min(this.count, most); away++) yield (this.here + away) % this.count;
+    for (let away = 0; away < Math.min(this.count, most); away++)
+      yield (this.here + away) % this.count;
   }
 
   // Drop the chunks that are farthest from the focus while memory use exceeds the limit.
   spare() {
     const { here, count, windowed } = this;
-    const away = (/** @type {number} */ index) => (windowed ? Math.abs(index - here) : (index - here + count) % count);
+    const away = (/** @type {number} */ index) =>
+      windowed ? Math.abs(index - here) : (index - here + count) % count;
     while (this.bytes > (windowed ? MAX_WINDOW_BYTES : MAX_BYTES)) {
       const chunks = new Set([...this.frames.keys()].map((frame) => this.indexOf(frame)));
       if (chunks.size <= FEWEST_CHUNKS) return;
       const farthest = [...chunks].reduce((a, b) => (away(a) > away(b) ? a : b));
-      for (const frame of this.frames.keys()) if (this.indexOf(frame) === farthest) this.frames.delete(frame);
+      for (const frame of this.frames.keys())
+        if (this.indexOf(frame) === farthest) this.frames.delete(frame);
     }
   }
 

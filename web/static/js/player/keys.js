@@ -15,43 +15,175 @@ const KEPT = "foldback:single-keys";
  * @property {(it: Keys) => unknown} [there] true if the page has this shortcut
  */
 
-const send = (/** @type {Command} */ command) => (/** @type {Keys} */ { player }) => { player.send(command); };
-const orbits = (/** @type {string[]} */ ...keys) => Object.fromEntries(keys.map((key) => [key, send({ do: "orbit", ...KEY_ORBITS[key], gently: true })]));
+const send =
+  (/** @type {Command} */ command) =>
+  (/** @type {Keys} */ { player }) => {
+    player.send(command);
+  };
+const orbits = (/** @type {string[]} */ ...keys) =>
+  Object.fromEntries(
+    keys.map((key) => [key, send({ do: "orbit", ...KEY_ORBITS[key], gently: true })]),
+  );
 const alone = (/** @type {Keys} */ { options }) => options.alone;
 
 const frame = (/** @type {import("./bar.js").Bar} */ bar) => bar.frame.words;
 const looped = (/** @type {import("./bar.js").Bar} */ bar) => bar.range.words;
-const switched = (/** @type {"reverse" | "loop"} */ name, /** @type {string} */ words) => (/** @type {import("./bar.js").Bar} */ { state }) => `${words} ${state?.[name] ? "on" : "off"}`;
+const switched =
+  (/** @type {"reverse" | "loop"} */ name, /** @type {string} */ words) =>
+  (/** @type {import("./bar.js").Bar} */ { state }) =>
+    `${words} ${state?.[name] ? "on" : "off"}`;
 
 /** @type {Row[]} */
 const TABLE = [
   { shown: ["Space"], text: "Play or pause", does: { " ": send({ do: "toggle" }) } },
-  { shown: ["←", "→"], text: "One frame back, forward", held: true, says: frame, does: { ArrowLeft: send({ do: "step", by: -1 }), ArrowRight: send({ do: "step", by: 1 }) } },
-  { shown: ["Shift ←", "Shift →"], text: "0.1 s back, forward", held: true, says: frame, there: alone, does: { "Shift+ArrowLeft": send({ do: "pass", seconds: -0.1 }), "Shift+ArrowRight": send({ do: "pass", seconds: 0.1 }) } },
-  { shown: ["Shift ←", "Shift →"], text: "Ten frames back, forward", held: true, says: frame, there: (it) => !alone(it), does: { "Shift+ArrowLeft": send({ do: "step", by: -10 }), "Shift+ArrowRight": send({ do: "step", by: 10 }) } },
-  { shown: [",", "."], text: "1 s back, forward", held: true, says: frame, there: alone, does: { ",": send({ do: "pass", seconds: -1 }), ".": send({ do: "pass", seconds: 1 }) } },
-  { shown: ["P", "N"], text: "Previous, next visible change", held: true, says: frame, there: alone, does: { p: send({ do: "change", way: -1 }), n: send({ do: "change", way: 1 }) } },
-  { shown: ["Home", "End"], text: "First frame, last frame", says: frame, does: { Home: send({ do: "seek", percent: 0 }), End: send({ do: "seek", percent: 100 }) } },
+  {
+    shown: ["←", "→"],
+    text: "One frame back, forward",
+    held: true,
+    says: frame,
+    does: { ArrowLeft: send({ do: "step", by: -1 }), ArrowRight: send({ do: "step", by: 1 }) },
+  },
+  {
+    shown: ["Shift ←", "Shift →"],
+    text: "0.1 s back, forward",
+    held: true,
+    says: frame,
+    there: alone,
+    does: {
+      "Shift+ArrowLeft": send({ do: "pass", seconds: -0.1 }),
+      "Shift+ArrowRight": send({ do: "pass", seconds: 0.1 }),
+    },
+  },
+  {
+    shown: ["Shift ←", "Shift →"],
+    text: "Ten frames back, forward",
+    held: true,
+    says: frame,
+    there: (it) => !alone(it),
+    does: {
+      "Shift+ArrowLeft": send({ do: "step", by: -10 }),
+      "Shift+ArrowRight": send({ do: "step", by: 10 }),
+    },
+  },
+  {
+    shown: [",", "."],
+    text: "1 s back, forward",
+    held: true,
+    says: frame,
+    there: alone,
+    does: { ",": send({ do: "pass", seconds: -1 }), ".": send({ do: "pass", seconds: 1 }) },
+  },
+  {
+    shown: ["P", "N"],
+    text: "Previous, next visible change",
+    held: true,
+    says: frame,
+    there: alone,
+    does: { p: send({ do: "change", way: -1 }), n: send({ do: "change", way: 1 }) },
+  },
+  {
+    shown: ["Home", "End"],
+    text: "First frame, last frame",
+    says: frame,
+    does: { Home: send({ do: "seek", percent: 0 }), End: send({ do: "seek", percent: 100 }) },
+  },
   { shown: ["G"], text: "Go to a frame", does: { g: ({ bar }) => bar.frame.open() } },
-  { shown: ["<", ">"], text: "Slower, faster (also [ and ])", says: ({ state }) => `Speed ${state?.speed ?? 1}`, does: Object.fromEntries([["<", -1], [">", 1], ["[", -1], ["]", 1]].map(([key, by]) => [key, ({ bar }) => bar.hurry(Number(by))])) },
-  { shown: ["R"], text: "Play in reverse", says: switched("reverse", "Reverse"), does: { r: ({ bar }) => bar.press("reverse") } },
-  { shown: ["L"], text: "Loop", says: switched("loop", "Loop"), does: { l: ({ bar }) => bar.press("loop") } },
-  { shown: ["I", "O"], text: "Start, end of the loop", says: looped, does: { i: ({ player, bar }) => { player.send({ do: "set", from: bar.frame.frame }); }, o: ({ player, bar }) => { player.send({ do: "set", to: bar.frame.frame }); } } },
-  { shown: ["X"], text: "Loop over the whole timeline", says: looped, does: { x: send({ do: "set", from: null, to: null }) } },
-  { shown: ["W", "A", "S", "D"], text: "Turn the view", held: true, does: orbits("w", "a", "s", "d") },
+  {
+    shown: ["<", ">"],
+    text: "Slower, faster (also [ and ])",
+    says: ({ state }) => `Speed ${state?.speed ?? 1}`,
+    does: Object.fromEntries(
+      [
+        ["<", -1],
+        [">", 1],
+        ["[", -1],
+        ["]", 1],
+      ].map(([key, by]) => [key, ({ bar }) => bar.hurry(Number(by))]),
+    ),
+  },
+  {
+    shown: ["R"],
+    text: "Play in reverse",
+    says: switched("reverse", "Reverse"),
+    does: { r: ({ bar }) => bar.press("reverse") },
+  },
+  {
+    shown: ["L"],
+    text: "Loop",
+    says: switched("loop", "Loop"),
+    does: { l: ({ bar }) => bar.press("loop") },
+  },
+  {
+    shown: ["I", "O"],
+    text: "Start, end of the loop",
+    says: looped,
+    does: {
+      i: ({ player, bar }) => {
+        player.send({ do: "set", from: bar.frame.frame });
+      },
+      o: ({ player, bar }) => {
+        player.send({ do: "set", to: bar.frame.frame });
+      },
+    },
+  },
+  {
+    shown: ["X"],
+    text: "Loop over the whole timeline",
+    says: looped,
+    does: { x: send({ do: "set", from: null, to: null }) },
+  },
+  {
+    shown: ["W", "A", "S", "D"],
+    text: "Turn the view",
+    held: true,
+    does: orbits("w", "a", "s", "d"),
+  },
   { shown: ["+", "−"], text: "Nearer, farther", held: true, does: orbits("+", "=", "-") },
-  { shown: ["0"], text: "Reset the view", does: { 0: send({ do: "camera", camera: null, gently: true }) } },
-  { shown: ["M"], text: "Select a module by number", there: ({ options }) => options.module, does: { m: ({ options }) => options.module?.() } },
-  { shown: ["↑", "↓"], text: "In the module panel: next, previous module", there: ({ options }) => options.module, does: {} },
-  { shown: ["PgUp", "PgDn"], text: "In a plot: 10 frames forward, back", there: ({ options }) => options.module, does: {} },
-  { shown: ["F"], text: "Full screen", there: () => document.fullscreenEnabled, does: { f: ({ bar }) => bar.fullScreen() } },
-  { shown: ["T"], text: "Theme: light, dark or system", does: { t: () => { /** @type {HTMLElement | null} */ (document.querySelector("[data-theme-switch]"))?.click(); } } },
+  {
+    shown: ["0"],
+    text: "Reset the view",
+    does: { 0: send({ do: "camera", camera: null, gently: true }) },
+  },
+  {
+    shown: ["M"],
+    text: "Select a module by number",
+    there: ({ options }) => options.module,
+    does: { m: ({ options }) => options.module?.() },
+  },
+  {
+    shown: ["↑", "↓"],
+    text: "In the module panel: next, previous module",
+    there: ({ options }) => options.module,
+    does: {},
+  },
+  {
+    shown: ["PgUp", "PgDn"],
+    text: "In a plot: 10 frames forward, back",
+    there: ({ options }) => options.module,
+    does: {},
+  },
+  {
+    shown: ["F"],
+    text: "Full screen",
+    there: () => document.fullscreenEnabled,
+    does: { f: ({ bar }) => bar.fullScreen() },
+  },
+  {
+    shown: ["T"],
+    text: "Theme: light, dark or system",
+    does: {
+      t: () => {
+        /** @type {HTMLElement | null} */ (document.querySelector("[data-theme-switch]"))?.click();
+      },
+    },
+  },
   { shown: ["?"], text: "Show keyboard shortcuts", does: { "?": (it) => it.open() } },
 ];
 
 // Return the name of a key in the table; characters already include Shift.
 /** @param {Pick<KeyboardEvent, "key" | "shiftKey">} event */
-export const nameOf = ({ key, shiftKey }) => (key.length === 1 ? key.toLowerCase() : shiftKey ? `Shift+${key}` : key);
+export const nameOf = ({ key, shiftKey }) =>
+  key.length === 1 ? key.toLowerCase() : shiftKey ? `Shift+${key}` : key;
 
 export class Keys {
   // `alone`: the page plays a single fold, so that steps in seconds
@@ -71,16 +203,33 @@ export class Keys {
     this.off.checked = stored(KEPT) === "off";
     this.off.onchange = () => store(KEPT, this.off.checked ? "off" : null);
     get("keys").onclick = () => this.open();
-    get("keys-table").replaceChildren(...this.rows.map(({ shown, text }) => element("div", {},
-      element("dt", {}, ...shown.map((key) => element("kbd", {}, key))), element("dd", {}, text))));
+    get("keys-table").replaceChildren(
+      ...this.rows.map(({ shown, text }) =>
+        element(
+          "div",
+          {},
+          element("dt", {}, ...shown.map((key) => element("kbd", {}, key))),
+          element("dd", {}, text),
+        ),
+      ),
+    );
     addEventListener("keydown", (event) => this.press(event));
   }
 
-  open() { this.dialog.showModal(); }
+  open() {
+    this.dialog.showModal();
+  }
 
   /** @param {KeyboardEvent} event */
   press(event) {
-    if (event.ctrlKey || event.metaKey || event.altKey || event.isComposing || document.querySelector("dialog[open]")) return;
+    if (
+      event.ctrlKey ||
+      event.metaKey ||
+      event.altKey ||
+      event.isComposing ||
+      document.querySelector("dialog[open]")
+    )
+      return;
     const target = event.target instanceof Element ? event.target : null;
     if (target?.closest("select, textarea, input:not([type=range])")) return;
     if (target?.closest("[role=tablist]") && event.key.startsWith("Arrow")) return;

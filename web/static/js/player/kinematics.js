@@ -4,7 +4,8 @@
 import { angleIn } from "./frames.js";
 import { quaternionOf, times, turned } from "../viewer/camera.js";
 
-const vectorOf = (/** @type {Numbers} */ p, i = 0) => /** @type {Vector} */ ([p[3 * i], p[3 * i + 1], p[3 * i + 2]]);
+const vectorOf = (/** @type {Numbers} */ p, i = 0) =>
+  /** @type {Vector} */ ([p[3 * i], p[3 * i + 1], p[3 * i + 2]]);
 /**
  * @param {Quaternion} turn
  * @returns {Quaternion}
@@ -47,7 +48,8 @@ export class Kinematics {
     const { rigid_links: rigid, hinges, axes, turn } = this.chain;
     /** @type {Quaternion} */
     let q = [1, 0, 0, 0];
-    for (let k = 0, j = (link - rigid) * hinges; j >= 0 && k < hinges; k++, j++) q = times(q, rotation(axes[k], angle(j)));
+    for (let k = 0, j = (link - rigid) * hinges; j >= 0 && k < hinges; k++, j++)
+      q = times(q, rotation(axes[k], angle(j)));
     return times(q, turn);
   }
 
@@ -60,7 +62,14 @@ export class Kinematics {
    */
   poses(angles, position, wxyz) {
     const found = this.room(Float32Array);
-    moved(this.table((j) => angles[j]), this.chain.root, [0, this.chain.modules], vectorOf(position), quaternionOf(wxyz), found);
+    moved(
+      this.table((j) => angles[j]),
+      this.chain.root,
+      [0, this.chain.modules],
+      vectorOf(position),
+      quaternionOf(wxyz),
+      found,
+    );
     return found;
   }
 
@@ -77,7 +86,14 @@ export class Kinematics {
     const folded = this.rested(row.position, row.wxyz);
     found.positions.set(folded.positions.subarray(0, 3 * core));
     found.wxyzs.set(folded.wxyzs.subarray(0, 4 * core));
-    const [p, q] = this.ahead((j) => angleIn(row, j), core - 1, rod + 1, vectorOf(folded.positions, core - 1), quaternionOf(folded.wxyzs, core - 1), found);
+    const [p, q] = this.ahead(
+      (j) => angleIn(row, j),
+      core - 1,
+      rod + 1,
+      vectorOf(folded.positions, core - 1),
+      quaternionOf(folded.wxyzs, core - 1),
+      found,
+    );
     moved(this.straight, rod, [rod, n], p, q, found);
     return { ...found, core, rod };
   }
@@ -118,7 +134,14 @@ export class Kinematics {
     if (this.resting?.key !== key) {
       const length = Math.hypot(...Array.from(wxyz));
       this.resting = { key, ...this.room(Float64Array) };
-      moved(this.folded, 0, [0, this.chain.modules], vectorOf(position), quaternionOf(Array.from(wxyz, (v) => v / length)), this.resting);
+      moved(
+        this.folded,
+        0,
+        [0, this.chain.modules],
+        vectorOf(position),
+        quaternionOf(Array.from(wxyz, (v) => v / length)),
+        this.resting,
+      );
     }
     return this.resting;
   }
@@ -129,7 +152,9 @@ export class Kinematics {
     return (this.foldedTable ??= this.table((j) => foldedRad[j]));
   }
 
-  get straight() { return (this.straightTable ??= this.table(() => 0)); }
+  get straight() {
+    return (this.straightTable ??= this.table(() => 0));
+  }
 
   /** @param {(hinge: number) => number} angle */
   table(angle) {
@@ -142,7 +167,9 @@ export class Kinematics {
    * @param {Float32ArrayConstructor | Float64ArrayConstructor} Type
    * @returns {Poses}
    */
-  room(Type) { return { positions: new Type(3 * this.chain.modules), wxyzs: new Type(4 * this.chain.modules) }; }
+  room(Type) {
+    return { positions: new Type(3 * this.chain.modules), wxyzs: new Type(4 * this.chain.modules) };
+  }
 }
 
 // Store one pose, with its quaternion normalised.
@@ -173,7 +200,12 @@ function moved({ positions: from, wxyzs: turns }, known, [begin, end], p, q, fou
   const [u, v, o] = vectorOf(from, known);
   for (let i = begin; i < end; i++) {
     const off = turned(turn, [from[3 * i] - u, from[3 * i + 1] - v, from[3 * i + 2] - o]);
-    put(i, [p[0] + off[0], p[1] + off[1], p[2] + off[2]], times(turn, quaternionOf(turns, i)), found);
+    put(
+      i,
+      [p[0] + off[0], p[1] + off[1], p[2] + off[2]],
+      times(turn, quaternionOf(turns, i)),
+      found,
+    );
   }
 }
 
@@ -206,15 +238,24 @@ const MAX_CELL = 2 ** 16; // from the origin, in both directions
  */
 export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
   const { modules: n, corners, faces } = sketch;
-  const middles = faces.map((face) => [0, 1, 2].map((c) => face.reduce((sum, v) => sum + corners[v][c], 0) / face.length / size));
+  const middles = faces.map((face) =>
+    [0, 1, 2].map((c) => face.reduce((sum, v) => sum + corners[v][c], 0) / face.length / size),
+  );
   const found = new Int32Array(n * faces.length).fill(n);
   const seen = new Map();
   for (let i = 0; i < n; i++) {
     const turn = quaternionOf(wxyzs, i);
     middles.forEach((middle, f) => {
-      const key = turned(turn, vectorOf(middle)).reduce((sum, v, c) => sum * 2 * MAX_CELL + Math.round(CELLS_PER_PITCH * (positions[3 * i + c] + v)) + MAX_CELL, 0);
+      const key = turned(turn, vectorOf(middle)).reduce(
+        (sum, v, c) =>
+          sum * 2 * MAX_CELL + Math.round(CELLS_PER_PITCH * (positions[3 * i + c] + v)) + MAX_CELL,
+        0,
+      );
       const other = seen.get(key);
-      if (other === undefined) { seen.set(key, i * faces.length + f); return; }
+      if (other === undefined) {
+        seen.set(key, i * faces.length + f);
+        return;
+      }
       found[i * faces.length + f] = Math.floor(other / faces.length);
       found[other] = i;
     });
@@ -229,7 +270,10 @@ export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
  */
 export function buriedBy(neighbours, modules) {
   const faces = neighbours.length / modules;
-  return Int32Array.from({ length: modules }, (_, i) => Math.max(i, ...neighbours.subarray(i * faces, (i + 1) * faces)) + 1);
+  return Int32Array.from(
+    { length: modules },
+    (_, i) => Math.max(i, ...neighbours.subarray(i * faces, (i + 1) * faces)) + 1,
+  );
 }
 
 // Return the progress of folding: 0 for the straight chain, 1 if all hinges
@@ -306,7 +350,15 @@ export class Standing {
     const length = Math.hypot(...Array.from(end)) * Math.hypot(...Array.from(drawn));
     const [w, x, y, z] = times(quaternionOf(drawn), back(quaternionOf(end))).map((v) => v / length);
     const sine = Math.hypot(x, y, z) * (w < 0 ? -1 : 1); // the short way
-    this.correction = Math.abs(sine) < MIN_SINE ? null : { angle: 2 * Math.atan2(Math.abs(sine), Math.abs(w)), axis: [x / sine, y / sine, z / sine], from, to };
+    this.correction =
+      Math.abs(sine) < MIN_SINE
+        ? null
+        : {
+            angle: 2 * Math.atan2(Math.abs(sine), Math.abs(w)),
+            axis: [x / sine, y / sine, z / sine],
+            from,
+            to,
+          };
     if (!fade) this.amount = 1;
   }
 
@@ -315,7 +367,9 @@ export class Standing {
     this.amount = 0;
   }
 
-  get fading() { return this.correction !== null && this.amount < 1; }
+  get fading() {
+    return this.correction !== null && this.amount < 1;
+  }
 
   // Advance the fade-in by some seconds. Return true while it lasts.
   /** @param {number} passed */
@@ -335,6 +389,8 @@ export class Standing {
     if (!correction || !amount || frame <= correction.from) return wxyz;
     const { angle, axis, from, to } = correction;
     const share = Math.min(1, (frame - from) / Math.max(1, to - 1 - from));
-    return Float64Array.from(times(rotation(axis, angle * amount * share * share * (3 - 2 * share)), quaternionOf(wxyz)));
+    return Float64Array.from(
+      times(rotation(axis, angle * amount * share * share * (3 - 2 * share)), quaternionOf(wxyz)),
+    );
   }
 }

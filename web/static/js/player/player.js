@@ -44,7 +44,8 @@ export class Ticker {
     this.pause = undefined;
     this.due = true;
     const left = soon ? 0 : this.pauseMs() - (performance.now() - this.tickedMs);
-    if (left > 0) this.pause = setTimeout(() => this.paint(), left); else this.paint();
+    if (left > 0) this.pause = setTimeout(() => this.paint(), left);
+    else this.paint();
   }
 
   paint() {
@@ -60,7 +61,9 @@ export class Ticker {
   }
 
   // Stop the clock while nothing moves: the time until the next tick does not count.
-  rest() { this.clock = null; }
+  rest() {
+    this.clock = null;
+  }
 }
 
 export class Player extends PlayerState {
@@ -71,7 +74,18 @@ export class Player extends PlayerState {
    * @param {{ usual?: string, stage?: Stage | null, standIn?: import("../viewer/stage.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean, pauseMs?: () => number }} shownOn
    *   `usual` is the first colouring; `pauseMs` returns the minimum time between two pictures of an automatic motion
    */
-  constructor(timeline, { usual = USUAL_COLOURING, stage = null, standIn = null, sketch = null, aspect = () => USUAL_ASPECT, calm = false, pauseMs }) {
+  constructor(
+    timeline,
+    {
+      usual = USUAL_COLOURING,
+      stage = null,
+      standIn = null,
+      sketch = null,
+      aspect = () => USUAL_ASPECT,
+      calm = false,
+      pauseMs,
+    },
+  ) {
     super(timeline, calm);
     this.usual = usual;
     this.stage = stage;
@@ -88,10 +102,16 @@ export class Player extends PlayerState {
     this.changed = false;
     /** @type {Command[]} */
     this.unheard = []; // messages that wait until a restarted timeline is loaded
-    timeline.on("waiting", () => { this.shown = null; this.tell("waiting"); });
+    timeline.on("waiting", () => {
+      this.shown = null;
+      this.tell("waiting");
+    });
     timeline.on("begun", () => this.begin());
     timeline.on("grew", () => this.grew());
-    timeline.on("settled", () => { this.story.settled(); this.show(); });
+    timeline.on("settled", () => {
+      this.story.settled();
+      this.show();
+    });
     timeline.on("loaded", () => {
       if (this.searchOn()) this.show();
       if (this.shown && (!this.shown.exact || this.rig.approximate)) this.show(true);
@@ -99,7 +119,9 @@ export class Player extends PlayerState {
     if (timeline.chain) queueMicrotask(() => this.begin());
   }
 
-  get is() { return this.playhead.is; }
+  get is() {
+    return this.playhead.is;
+  }
 
   // Messages.
 
@@ -111,7 +133,10 @@ export class Player extends PlayerState {
     if (!this.colouring) return false;
     this.story.heard(asked);
     this.tell("asked", asked);
-    if (!this.timeline.chain) { this.unheard.push(asked); return true; }
+    if (!this.timeline.chain) {
+      this.unheard.push(asked);
+      return true;
+    }
     const message = this.sought(asked);
     const { follow, turn } = this.is;
     if (message.do === "orbit" || message.do === "camera") return this.look(message);
@@ -159,7 +184,10 @@ export class Player extends PlayerState {
       if (!message.camera) this.playhead.do({ do: "set", follow: true });
       rig.go(message.camera ?? USUAL, shown, message.gently);
     } else {
-      if (message.move && is.follow) { this.playhead.do({ do: "set", follow: false }); rig.follow(false); }
+      if (message.move && is.follow) {
+        this.playhead.do({ do: "set", follow: false });
+        rig.follow(false);
+      }
       rig.orbit(message, shown);
     }
     this.show(true);
@@ -182,7 +210,9 @@ export class Player extends PlayerState {
   }
 
   /** @param {number} covered fraction of the picture's height that a panel covers, from below */
-  cover(covered) { if (this.rig.cover(covered)) this.show(true); }
+  cover(covered) {
+    if (this.rig.cover(covered)) this.show(true);
+  }
 
   /**
    * @param {Vector} origin
@@ -228,7 +258,14 @@ export class Player extends PlayerState {
 
   get busy() {
     const { is } = this;
-    return this.changed || this.gliding || this.timeline.standing.fading || is.playing || is.live || is.turn;
+    return (
+      this.changed ||
+      this.gliding ||
+      this.timeline.standing.fading ||
+      is.playing ||
+      is.live ||
+      is.turn
+    );
   }
 
   /**
@@ -236,8 +273,14 @@ export class Player extends PlayerState {
    * @param {number} now
    */
   tick(passed, now) {
-    if (!this.timeline.chain || !this.shown) { this.ticker.rest(); return; }
-    if (this.timeline.standing.advance(passed)) { this.rig.goals.clear(); this.show(true); }
+    if (!this.timeline.chain || !this.shown) {
+      this.ticker.rest();
+      return;
+    }
+    if (this.timeline.standing.advance(passed)) {
+      this.rig.goals.clear();
+      this.show(true);
+    }
     this.story.advance(passed);
     if (this.playhead.advance(passed, now)) this.show();
     const drawn = this.changed;
@@ -245,7 +288,8 @@ export class Player extends PlayerState {
     const sank = this.stage?.bundle ? this.stage.moveGround(passed, this.shown) : false;
     this.gliding = this.rig.glide(passed, this.shown) || sank;
     if (drawn || this.gliding) this.draw();
-    if (this.busy) this.ticker.wake(); else this.ticker.rest();
+    if (this.busy) this.ticker.wake();
+    else this.ticker.rest();
   }
 
   // Show the snapshot at the playhead.
@@ -257,7 +301,7 @@ export class Player extends PlayerState {
     if (moved || again) {
       const snapshot = timeline.snapshot(frame);
       if (!snapshot) return;
-      const shown = this.shown = heldStill(snapshot, this.turning?.held);
+      const shown = (this.shown = heldStill(snapshot, this.turning?.held));
       this.rig.turnToGroup(shown);
       this.aim();
       this.changed = true;
@@ -271,9 +315,22 @@ export class Player extends PlayerState {
   // change of text makes the page paint again.
   /** @param {Snapshot} shown */
   tellState(shown) {
-    const { told, playhead: { frame, is: { playing } } } = this;
+    const {
+      told,
+      playhead: {
+        frame,
+        is: { playing },
+      },
+    } = this;
     const now = performance.now();
-    if (this.standIn?.latest && playing && told.playing && now - told.atMs < TELL_MS && frame < this.timeline.last) return;
+    if (
+      this.standIn?.latest &&
+      playing &&
+      told.playing &&
+      now - told.atMs < TELL_MS &&
+      frame < this.timeline.last
+    )
+      return;
     const state = this.report(shown);
     const text = JSON.stringify(state);
     this.told = { text, atMs: now, playing };
@@ -281,7 +338,10 @@ export class Player extends PlayerState {
   }
 
   draw() {
-    const { shown, rig: { eye } } = this;
+    const {
+      shown,
+      rig: { eye },
+    } = this;
     if (!shown || !eye) return;
     const colours = this.colours();
     if (this.standIn) this.standIn.draw(shown, colours, eye);
@@ -306,7 +366,8 @@ export class Player extends PlayerState {
 export function playerIn(part, canvas) {
   const player = new Player(new Timeline(new Recording(part.dataset.timeline ?? "")), {
     usual: "error", // as in the picture that it replaces
-    sketch: new Sketch(canvas, () => part.classList.add("moving")), aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
+    sketch: new Sketch(canvas, () => part.classList.add("moving")),
+    aspect: () => canvas.clientWidth / Math.max(1, canvas.clientHeight),
   });
   new ResizeObserver(() => player.show(true)).observe(canvas);
   return player;

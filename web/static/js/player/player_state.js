@@ -34,7 +34,8 @@ export function largestError({ errors }) {
  */
 export function partColours(modules, { joints, moving }, { calm, moving: turned, joint }) {
   const colours = new Uint8Array(3 * modules);
-  for (let i = 0; i < modules; i++) colours.set(moving.some(([first, last]) => first <= i && i <= last) ? turned : calm, 3 * i);
+  for (let i = 0; i < modules; i++)
+    colours.set(moving.some(([first, last]) => first <= i && i <= last) ? turned : calm, 3 * i);
   for (const module of joints) colours.set(joint, 3 * module);
   return colours;
 }
@@ -81,12 +82,21 @@ export class PlayerState extends Emitter {
    * @returns {Command}
    */
   sought(message) {
-    const { timeline, search, playhead: { frame } } = this;
+    const {
+      timeline,
+      search,
+      playhead: { frame },
+    } = this;
     this.search = null;
-    if (message.do === "pass") return { do: "seek", frame: after(timeline, frame, message.seconds) };
-    if (message.do === "fold") return { do: "seek", frame: frameFolded(timeline, message.percent / 100) ?? frame };
+    if (message.do === "pass")
+      return { do: "seek", frame: after(timeline, frame, message.seconds) };
+    if (message.do === "fold")
+      return { do: "seek", frame: frameFolded(timeline, message.percent / 100) ?? frame };
     if (message.do !== "change") return message;
-    if (search?.way === message.way && !timeline.row(frame)) { this.search = search; return { do: "seek", frame }; }
+    if (search?.way === message.way && !timeline.row(frame)) {
+      this.search = search;
+      return { do: "seek", frame };
+    }
     return { do: "seek", frame: this.changeFrom(frame, message.way) };
   }
 
@@ -103,7 +113,11 @@ export class PlayerState extends Emitter {
 
   // Continue a search whose frame is now loaded. Return true if there was one.
   searchOn() {
-    const { search, timeline, playhead: { frame } } = this;
+    const {
+      search,
+      timeline,
+      playhead: { frame },
+    } = this;
     if (!search || !timeline.row(frame)) return false;
     return this.playhead.do({ do: "seek", frame: this.changeFrom(frame, search.way, search.from) });
   }
@@ -123,8 +137,15 @@ export class PlayerState extends Emitter {
   report(shown) {
     const { timeline, playhead } = this;
     return {
-      ...playhead.is, frame: playhead.frame, frames: timeline.total, growing: timeline.growing, time_s: shown.time_s, phase: shown.phase, error_rad: largestError(shown),
-      folded: Math.round(1000 * timeline.folded(shown)) / 1000, pace: this.paceAt(shown),
+      ...playhead.is,
+      frame: playhead.frame,
+      frames: timeline.total,
+      growing: timeline.growing,
+      time_s: shown.time_s,
+      phase: shown.phase,
+      error_rad: largestError(shown),
+      folded: Math.round(1000 * timeline.folded(shown)) / 1000,
+      pace: this.paceAt(shown),
     };
   }
 
@@ -137,12 +158,19 @@ export class PlayerState extends Emitter {
     if (real) return 1;
     const first = Math.min(low, Math.max(0, timeline.last - 1));
     const [a, b] = [timeline.row(first), timeline.row(first + 1)];
-    return a && b && a.phase === b.phase && b.time_s > a.time_s ? (b.time_s - a.time_s) * playhead.framesPerSecond * speed : null;
+    return a && b && a.phase === b.phase && b.time_s > a.time_s
+      ? (b.time_s - a.time_s) * playhead.framesPerSecond * speed
+      : null;
   }
 
   get outline() {
     const { timeline } = this;
-    return { ...timeline.outline, frames: timeline.total, growing: timeline.growing, modules: timeline.chain.modules };
+    return {
+      ...timeline.outline,
+      frames: timeline.total,
+      growing: timeline.growing,
+      modules: timeline.chain.modules,
+    };
   }
 
   // The selected module and its joint at the displayed moment.
@@ -152,13 +180,21 @@ export class PlayerState extends Emitter {
     if (index === null || !shown) return { index: null };
     const { chain } = timeline;
     const first = (index - chain.rigid_links) * chain.hinges;
-    const columns = first >= 0 && first < timeline.joints ? Array.from({ length: chain.hinges }, (_, k) => first + k) : [];
+    const columns =
+      first >= 0 && first < timeline.joints
+        ? Array.from({ length: chain.hinges }, (_, k) => first + k)
+        : [];
     const at = timeline.bundle.arrays.folded_positions;
     return {
-      index, modules: chain.modules, shown,
+      index,
+      modules: chain.modules,
+      shown,
       cell: chain.cells ? [0, 1, 2].map((k) => Math.round(at[3 * index + k])) : null,
       joints: columns.map((j) => ({
-        name: nameOf(chain, j), column: j, angle_rad: shown.angle(j), target_rad: timeline.foldedRad[j],
+        name: nameOf(chain, j),
+        column: j,
+        angle_rad: shown.angle(j),
+        target_rad: timeline.foldedRad[j],
         error_rad: Number.isNaN(shown.errors[j]) ? null : Math.abs(shown.errors[j]),
       })),
     };
@@ -170,12 +206,20 @@ export class PlayerState extends Emitter {
     if (!this.colouring || !this.shown) return new Uint8Array(0);
     const { selected, turning } = this;
     const { selected: blue, stuck, unknown } = this.timeline.bundle.header.colours;
-    const colours = turning ? partColours(this.timeline.chain.modules, turning, { calm: unknown, moving: blue, joint: stuck }) : this.colouring.of(this.shown);
-    for (const module of this.marked) colours.set(this.markedAs === "selected" ? blue : stuck, 3 * module);
+    const colours = turning
+      ? partColours(this.timeline.chain.modules, turning, {
+          calm: unknown,
+          moving: blue,
+          joint: stuck,
+        })
+      : this.colouring.of(this.shown);
+    for (const module of this.marked)
+      colours.set(this.markedAs === "selected" ? blue : stuck, 3 * module);
     if (selected === null) return colours;
     for (const beside of [selected - 1, selected + 1]) {
       if (beside < 0 || beside >= this.timeline.chain.modules) continue;
-      for (let c = 0; c < 3; c++) colours[3 * beside + c] += (blue[c] - colours[3 * beside + c]) * BESIDE;
+      for (let c = 0; c < 3; c++)
+        colours[3 * beside + c] += (blue[c] - colours[3 * beside + c]) * BESIDE;
     }
     colours.set(blue, 3 * selected);
     return colours;

@@ -27,7 +27,18 @@ export class Playhead {
     /** @type {{ framesPerSecond: number | null } | null} determines the pace unless that is null */
     this.story = null;
     /** @type {Switches} */
-    this.is = { playing: false, speed: 1, loop: false, reverse: false, follow: true, turn: false, live: false, real: false, from: null, to: null };
+    this.is = {
+      playing: false,
+      speed: 1,
+      loop: false,
+      reverse: false,
+      follow: true,
+      turn: false,
+      live: false,
+      real: false,
+      from: null,
+      to: null,
+    };
   }
 
   // Execute a message. Return true if its verb is known.
@@ -35,22 +46,32 @@ export class Playhead {
   do(message) {
     const { is, timeline } = this;
     switch (message.do) {
-      case "play": case "pause": case "toggle":
+      case "play":
+      case "pause":
+      case "toggle":
         this.run(message.do === "toggle" ? !is.playing : message.do === "play");
         return true;
       case "seek":
         this.go("percent" in message ? (message.percent / 100) * timeline.last : message.frame);
         return true;
       case "step":
-        this.go((message.by > 0 ? Math.floor(this.frame + 1e-9) : Math.ceil(this.frame - 1e-9)) + message.by);
+        this.go(
+          (message.by > 0 ? Math.floor(this.frame + 1e-9) : Math.ceil(this.frame - 1e-9)) +
+            message.by,
+        );
         return true;
       case "set":
-        if (message.speed !== undefined) Object.assign(is, { speed: Math.min(Math.max(message.speed, SPEEDS[0]), SPEEDS[1]), real: false });
+        if (message.speed !== undefined)
+          Object.assign(is, {
+            speed: Math.min(Math.max(message.speed, SPEEDS[0]), SPEEDS[1]),
+            real: false,
+          });
         if (message.live && !is.live) is.playing = false;
         for (const name of SWITCHES) is[name] = message[name] ?? is[name];
         this.loopOver(message);
         return true;
-      default: return false;
+      default:
+        return false;
     }
   }
 
@@ -64,16 +85,25 @@ export class Playhead {
   // becomes null; if both ends cross, the older one becomes null.
   /** @param {Partial<Pick<Switches, "from" | "to">>} message */
   loopOver({ from, to }) {
-    const { is, timeline: { last, growing } } = this;
-    if (from !== undefined) is.from = from !== null && from > 0 && (from < last || growing) ? from : null;
+    const {
+      is,
+      timeline: { last, growing },
+    } = this;
+    if (from !== undefined)
+      is.from = from !== null && from > 0 && (from < last || growing) ? from : null;
     if (to !== undefined) is.to = to !== null && to > 0 && (to < last || growing) ? to : null;
-    if (is.from !== null && is.to !== null && is.from >= is.to) is[from === undefined || from === null ? "from" : "to"] = null;
-    if ((from !== undefined || to !== undefined) && (is.from !== null || is.to !== null)) is.loop = true;
+    if (is.from !== null && is.to !== null && is.from >= is.to)
+      is[from === undefined || from === null ? "from" : "to"] = null;
+    if ((from !== undefined || to !== undefined) && (is.from !== null || is.to !== null))
+      is.loop = true;
   }
 
   // First and last frame of the range that is played.
   get range() {
-    const { is: { loop, from, to }, timeline: { last } } = this;
+    const {
+      is: { loop, from, to },
+      timeline: { last },
+    } = this;
     return loop && (from ?? 0) < last ? [from ?? 0, Math.min(to ?? last, last)] : [0, last];
   }
 
@@ -83,7 +113,8 @@ export class Playhead {
     const [first, last] = this.range;
     const over = this.frame >= last - 1e-6 && !(timeline.growing && last === timeline.last);
     if (playing && !is.reverse && (over || this.frame < first)) this.frame = first;
-    if (playing && is.reverse && (this.frame <= first + 1e-6 || this.frame > last)) this.frame = last;
+    if (playing && is.reverse && (this.frame <= first + 1e-6 || this.frame > last))
+      this.frame = last;
     this.hold = 0;
     Object.assign(is, { playing, live: false });
   }
@@ -97,20 +128,29 @@ export class Playhead {
     const { is, timeline } = this;
     if (is.live) {
       const gap = timeline.last - this.frame;
-      this.frame = gap < 0.6 ? timeline.last : this.frame + gap * (1 - Math.exp(-passed / CATCH_UP_S));
+      this.frame =
+        gap < 0.6 ? timeline.last : this.frame + gap * (1 - Math.exp(-passed / CATCH_UP_S));
       if (!timeline.growing && this.frame >= timeline.last) is.live = false;
       return true;
     }
     if (!is.playing || now < this.hold) return false;
     // In real time: the number of frames that the robot needs so many seconds for; 0 at the end.
-    const robot = is.real && timeline.row && !this.story?.framesPerSecond ? /** @type {Timeline} */ (timeline) : null;
-    const real = robot ? Math.abs(after(robot, this.frame, is.reverse ? -passed : passed) - this.frame) : 0;
+    const robot =
+      is.real && timeline.row && !this.story?.framesPerSecond
+        ? /** @type {Timeline} */ (timeline)
+        : null;
+    const real = robot
+      ? Math.abs(after(robot, this.frame, is.reverse ? -passed : passed) - this.frame)
+      : 0;
     this.runOn(real || passed * this.framesPerSecond * is.speed, now);
     return true;
   }
 
   get framesPerSecond() {
-    return this.story?.framesPerSecond ?? Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.timeline.last + 1) / WHOLE_PLAYBACK_S));
+    return (
+      this.story?.framesPerSecond ??
+      Math.min(FASTEST_FPS, Math.max(SLOWEST_FPS, (this.timeline.last + 1) / WHOLE_PLAYBACK_S))
+    );
   }
 
   /**
@@ -187,7 +227,8 @@ export function nextChange(timeline, frame, way, from = null) {
     if (row.phase !== start.phase) break;
     const [first, end] = differing(start, row);
     let turned = 0;
-    for (let j = first; j < end && turned <= SEEN_RAD; j++) turned = Math.abs(angleIn(row, j) - angleIn(start, j));
+    for (let j = first; j < end && turned <= SEEN_RAD; j++)
+      turned = Math.abs(angleIn(row, j) - angleIn(start, j));
     if (turned > SEEN_RAD) break;
   }
   return { frame: Math.min(Math.max(k, 0), last), from: null };

@@ -54,7 +54,9 @@ export class Story {
   }
 
   // True while the story controls the playhead.
-  get telling() { return this.part === "telling" || this.part === "finale"; }
+  get telling() {
+    return this.part === "telling" || this.part === "finale";
+  }
 
   // Start when a timeline begins, or restarts.
   begun() {
@@ -65,8 +67,14 @@ export class Story {
   /** @param {Command} message */
   heard(message) {
     // An address without a loop sets its ends to null; that is no action of the visitor.
-    if (ENDING.has(message.do) || (message.do === "set" && (message.live || message.reverse || message.from != null || message.to != null))) this.end();
-    else if (message.do === "orbit" || (message.do === "select" && message.module !== null)) this.looking = true;
+    if (
+      ENDING.has(message.do) ||
+      (message.do === "set" &&
+        (message.live || message.reverse || message.from != null || message.to != null))
+    )
+      this.end();
+    else if (message.do === "orbit" || (message.do === "select" && message.module !== null))
+      this.looking = true;
   }
 
   // Play the finale once the timeline is complete.
@@ -80,7 +88,10 @@ export class Story {
     }
     const shown = this.waited || playhead.frame >= timeline.last - END;
     if (shown && this.looking) playhead.is.playing = playhead.frame < timeline.last - END;
-    else if (shown && folding) { this.play("finale", folding.from); return; }
+    else if (shown && folding) {
+      this.play("finale", folding.from);
+      return;
+    }
     this.part = "finale";
   }
 
@@ -94,19 +105,31 @@ export class Story {
     this.playhead.is.playing = !this.calm;
   }
 
-  end() { this.part = "over"; }
+  end() {
+    this.part = "over";
+  }
 
-  get folding() { return this.timeline.outline.phases.findLast(({ name }) => name === "playback"); }
+  get folding() {
+    return this.timeline.outline.phases.findLast(({ name }) => name === "playback");
+  }
 
   // Advance by some seconds, before the playhead, which reads `framesPerSecond`.
   /** @param {number} passed */
   advance(passed) {
     if (!this.telling) return;
-    const { playhead: { frame }, timeline } = this;
-    const phase = timeline.outline.phases.find(({ to }) => frame < to - 1 + END) ?? timeline.outline.phases.at(-1);
+    const {
+      playhead: { frame },
+      timeline,
+    } = this;
+    const phase =
+      timeline.outline.phases.find(({ to }) => frame < to - 1 + END) ??
+      timeline.outline.phases.at(-1);
     if (!phase) return;
     if (phase.name !== this.phase) {
-      if (phase.name === "playback") { this.rest = REST_S; this.pace = 0; }
+      if (phase.name === "playback") {
+        this.rest = REST_S;
+        this.pace = 0;
+      }
       this.phase = phase.name;
     }
     this.rest -= passed;
@@ -130,5 +153,7 @@ export class Story {
   }
 
   // Pace of the playhead; null while the story does not control it.
-  get framesPerSecond() { return this.telling ? (this.rest > 0 ? 0 : this.pace) : null; }
+  get framesPerSecond() {
+    return this.telling ? (this.rest > 0 ? 0 : this.pace) : null;
+  }
 }

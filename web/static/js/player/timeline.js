@@ -33,14 +33,18 @@ export class Emitter extends EventTarget {
    * @param {string} name
    * @param {unknown} [detail]
    */
-  tell(name, detail = null) { this.dispatchEvent(new CustomEvent(name, { detail })); }
+  tell(name, detail = null) {
+    this.dispatchEvent(new CustomEvent(name, { detail }));
+  }
 
   /**
    * @template Told
    * @param {string} name
    * @param {(detail: Told) => void} heard
    */
-  on(name, heard) { this.addEventListener(name, (event) => heard(/** @type {CustomEvent<Told>} */ (event).detail)); }
+  on(name, heard) {
+    this.addEventListener(name, (event) => heard(/** @type {CustomEvent<Told>} */ (event).detail));
+  }
 }
 
 class DamagedError extends Error {}
@@ -61,17 +65,25 @@ export class Source {
   static fetch = (address) => fetch(address);
 
   /** @param {string} under */
-  constructor(under) { this.under = under; }
+  constructor(under) {
+    this.under = under;
+  }
 
   /** @returns {Promise<Bundle | null>} */
-  bundle() { return this.get("bundle"); }
+  bundle() {
+    return this.get("bundle");
+  }
 
   /**
    * @param {BatchAsked} asked
    * @returns {Promise<Batch | null>}
    */
   batch({ from = 0, to = null, stride = 1, wait = 0 } = {}) {
-    const asked = new URLSearchParams({ from: String(from), stride: String(stride), wait: String(wait) });
+    const asked = new URLSearchParams({
+      from: String(from),
+      stride: String(stride),
+      wait: String(wait),
+    });
     if (to !== null) asked.set("to", String(to));
     return this.get(`batch?${asked}`);
   }
@@ -87,7 +99,9 @@ export class Source {
     if (answer.status === 204) return null;
     if (answer.status === DAMAGED) throw new DamagedError((await answer.json()).detail);
     if (!answer.ok) throw new RefusedError(answer);
-    return /** @type {Promise<Told>} */ (/** @type {unknown} */ (decode(await answer.arrayBuffer())));
+    return /** @type {Promise<Told>} */ (
+      /** @type {unknown} */ (decode(await answer.arrayBuffer()))
+    );
   }
 }
 
@@ -96,7 +110,9 @@ export class Recording extends Source {
   /** @type {Promise<Batch | null> | undefined} */
   once;
 
-  batch() { return this.once ??= this.get("batch"); }
+  batch() {
+    return (this.once ??= this.get("batch"));
+  }
 }
 
 export class Timeline extends Emitter {
@@ -156,20 +172,34 @@ export class Timeline extends Emitter {
     this.standing.clear();
   }
 
-  get growing() { return this.status === "growing" && !this.over; }
+  get growing() {
+    return this.status === "growing" && !this.over;
+  }
 
   // The joint error at which a module is fully red; timelines side by side share it.
-  get errorScale() { return Math.max(this.outline.error_scale_rad, this.sharedScale ?? 0); }
+  get errorScale() {
+    return Math.max(this.outline.error_scale_rad, this.sharedScale ?? 0);
+  }
 
-  get foldedRad() { return this.bundle.arrays.folded_rad; }
+  get foldedRad() {
+    return this.bundle.arrays.folded_rad;
+  }
 
-  get joints() { return this.foldedRad.length; }
+  get joints() {
+    return this.foldedRad.length;
+  }
 
-  get total() { return this.store.total; }
+  get total() {
+    return this.store.total;
+  }
 
-  get last() { return this.store.last; }
+  get last() {
+    return this.store.last;
+  }
 
-  stop() { this.ended = true; }
+  stop() {
+    this.ended = true;
+  }
 
   // Mark the fold as over and check for final frames.
   finish() {
@@ -202,7 +232,10 @@ export class Timeline extends Emitter {
     const { id } = this;
     const batch = await this.source.batch({ from: this.total, wait });
     if (id !== this.id) return false;
-    if (batch?.header.id !== id) { this.begunAnew(); return false; }
+    if (batch?.header.id !== id) {
+      this.begunAnew();
+      return false;
+    }
     const before = [this.total, this.status];
     this.take(batch);
     if (this.total !== before[0] || this.status !== before[1]) this.tell("grew");
@@ -215,7 +248,7 @@ export class Timeline extends Emitter {
     if (!this.over) await pause(LOOK_MS);
     this.looks++;
     const { over } = this;
-    if (await this.fetchNext() && over) this.unsure = false;
+    if ((await this.fetchNext()) && over) this.unsure = false;
   }
 
   // Stop and drop the motion; the page shows the reason.
@@ -240,7 +273,9 @@ export class Timeline extends Emitter {
       this.early = { id: waited.header.id, bundle: this.source.bundle().catch(() => null) };
     }
     const early = this.early?.id === waited?.header.id ? await this.early?.bundle : null;
-    const [bundle, first] = none ? [null, null] : await Promise.all([early ?? this.source.bundle(), waited ?? this.source.batch({ to: 1 })]);
+    const [bundle, first] = none
+      ? [null, null]
+      : await Promise.all([early ?? this.source.bundle(), waited ?? this.source.batch({ to: 1 })]);
     if (!bundle || !first || !first.header.total) {
       this.tell("waiting");
       await pause(this.tries++ < MAX_QUICK_TRIES ? QUICK_RETRY_MS : RETRY_MS);
@@ -251,7 +286,10 @@ export class Timeline extends Emitter {
     const stride = Math.ceil(first.header.total / COARSE);
     const from = (first.header.total - 1) % stride;
     this.windowed = "first" in first.arrays;
-    const spread = stride > 1 && (this.windowed || first.header.status !== "growing") ? await this.source.batch({ from, stride }) : null;
+    const spread =
+      stride > 1 && (this.windowed || first.header.status !== "growing")
+        ? await this.source.batch({ from, stride })
+        : null;
     const { header } = bundle;
     this.bundle = bundle;
     this.chain = header.chain;
@@ -261,7 +299,8 @@ export class Timeline extends Emitter {
     this.id = first.header.id;
     this.take(first);
     const start = this.row(0);
-    if (start) this.startRad = Float32Array.from({ length: this.joints }, (_, j) => angleIn(start, j));
+    if (start)
+      this.startRad = Float32Array.from({ length: this.joints }, (_, j) => angleIn(start, j));
     if (spread?.header.id === this.id) this.take(spread);
     this.tell("begun");
     this.load();
@@ -274,7 +313,10 @@ export class Timeline extends Emitter {
     const { store } = this;
     store.put(new Rows(batch, this.foldedRad), header);
     // A growing timeline may have more frames than this batch; they are requested next.
-    store.total = this.growing && header.status === "growing" && !this.windowed ? Math.max(store.total, header.stop) : header.total;
+    store.total =
+      this.growing && header.status === "growing" && !this.windowed
+        ? Math.max(store.total, header.stop)
+        : header.total;
     this.status = header.status;
     this.outline = header.outline;
     this.version++;
@@ -284,19 +326,36 @@ export class Timeline extends Emitter {
 
   // Rotate the fold so that its last frame, once loaded, has the orientation of the drawing.
   stand() {
-    const { standing, outline, bundle: { header }, windowed } = this;
-    if (this.growing) { standing.clear(); return; }
+    const {
+      standing,
+      outline,
+      bundle: { header },
+      windowed,
+    } = this;
+    if (this.growing) {
+      standing.clear();
+      return;
+    }
     const folding = outline.phases?.findLast(({ name }) => name === "playback");
     const end = folding && !header.table && !standing.correction ? this.row(this.last) : null;
     if (!end || !folding || !header.chain.folded_wxyz) return;
-    standing.set(end.wxyz, windowed ? header.chain.folded_wxyz : header.chain.folded_root_wxyz, folding, this.grown);
+    standing.set(
+      end.wxyz,
+      windowed ? header.chain.folded_wxyz : header.chain.folded_root_wxyz,
+      folding,
+      this.grown,
+    );
   }
 
   // True if all required frames are loaded.
-  get complete() { return this.chain !== null && !this.growing && !this.store.loading.size && this.next === null; }
+  get complete() {
+    return this.chain !== null && !this.growing && !this.store.loading.size && this.next === null;
+  }
 
   // The chunk to fetch next; the correction of the orientation needs the last frame.
-  get next() { return this.store.next(!this.growing && !this.standing.correction); }
+  get next() {
+    return this.store.next(!this.growing && !this.standing.correction);
+  }
 
   // Fetch chunks until all required frames are loaded.
   load() {
@@ -316,11 +375,17 @@ export class Timeline extends Emitter {
     try {
       const batch = await this.source.batch(store.missing(index));
       if (store !== this.store) return;
-      if (batch?.header.id !== this.id) { this.begunAnew(); return; }
+      if (batch?.header.id !== this.id) {
+        this.begunAnew();
+        return;
+      }
       this.take(batch);
       this.tell("loaded", index);
     } catch (error) {
-      if (error instanceof DamagedError) { this.damaged(error.message); return; }
+      if (error instanceof DamagedError) {
+        this.damaged(error.message);
+        return;
+      }
       await pauseAfter(error);
     }
     store.loading.delete(index);
@@ -329,10 +394,14 @@ export class Timeline extends Emitter {
 
   // Return the nearest loaded frame.
   /** @param {number} frame */
-  nearest(frame) { return this.store.nearest(frame); }
+  nearest(frame) {
+    return this.store.nearest(frame);
+  }
 
   /** @param {number} frame */
-  row(frame) { return this.store.row(frame); }
+  row(frame) {
+    return this.store.row(frame);
+  }
 
   // Return the moment at a fractional frame, or at the nearest loaded frame until that one is
   // loaded; centres in pitches. Frames around it are fetched first from now on.
@@ -363,22 +432,38 @@ export class Timeline extends Emitter {
     const time = row.time_s + (after ? (after.time_s - row.time_s) * share : 0);
     if (after) row = between(row, after, share);
     row = { ...row, wxyz: this.standing.turned(row.wxyz, at) };
-    const poses = this.windowed ? this.kinematics.windowPoses(row) : this.kinematics.poses(row.angles, row.position, row.wxyz);
+    const poses = this.windowed
+      ? this.kinematics.windowPoses(row)
+      : this.kinematics.poses(row.angles, row.position, row.wxyz);
     const told = row;
     return {
-      frame: at, exact, low, time_s: time, phase: this.outline.names[told.phase],
-      angle: (j) => angleIn(told, j), errors: told.errors, framed: this.framed(poses), ...poses,
+      frame: at,
+      exact,
+      low,
+      time_s: time,
+      phase: this.outline.names[told.phase],
+      angle: (j) => angleIn(told, j),
+      errors: told.errors,
+      framed: this.framed(poses),
+      ...poses,
     };
   }
 
   // Return the number of modules, from the first on, to keep in view, as in web/pictures/camera.py.
   /** @param {WindowPoses} poses */
-  framed({ rod = Infinity }) { return Math.min(this.chain.modules, rod + 1 + (this.bundle.header.camera?.stretch ?? Infinity)); }
+  framed({ rod = Infinity }) {
+    return Math.min(this.chain.modules, rod + 1 + (this.bundle.header.camera?.stretch ?? Infinity));
+  }
 
   // Return the progress of folding at a moment, 0 to 1: towards the
   // shape or, during the explosion, relative to the first frame.
   /** @param {Snapshot} snapshot */
-  folded({ phase, angle }) { return foldedness(angle, phase === "playback" ? this.foldedRad : this.startRad ?? this.foldedRad); }
+  folded({ phase, angle }) {
+    return foldedness(
+      angle,
+      phase === "playback" ? this.foldedRad : (this.startRad ?? this.foldedRad),
+    );
+  }
 
   // Return the speed of each hinge at a frame, in rad/s; NaN if the adjacent frames are not loaded.
   /** @param {number} frame */
@@ -388,7 +473,8 @@ export class Timeline extends Emitter {
     const found = new Float32Array(this.joints);
     if (!a || !b || a.phase !== b.phase || !(b.time_s > a.time_s)) return found.fill(NaN);
     const [begin, end] = differing(a, b);
-    for (let j = begin; j < end; j++) found[j] = (angleIn(b, j) - angleIn(a, j)) / (b.time_s - a.time_s);
+    for (let j = begin; j < end; j++)
+      found[j] = (angleIn(b, j) - angleIn(a, j)) / (b.time_s - a.time_s);
     return found;
   }
 
@@ -401,7 +487,8 @@ export class Timeline extends Emitter {
     const found = new Float32Array(modules);
     for (let i = 0; i < modules; i++) {
       const first = Math.min(Math.max(i - rigid, 0), joints - 1) * hinges;
-      for (let j = first; j < first + hinges; j++) found[i] = Math.max(found[i], Math.abs(values[j]));
+      for (let j = first; j < first + hinges; j++)
+        found[i] = Math.max(found[i], Math.abs(values[j]));
     }
     return found;
   }
@@ -411,4 +498,7 @@ export class Timeline extends Emitter {
 /** @param {unknown} error */
 const pauseAfter = (error) => pause(error instanceof RefusedError ? error.pauseMs : 4 * RETRY_MS);
 
-const pause = (/** @type {number} */ ms) => new Promise((done) => { setTimeout(done, ms); });
+const pause = (/** @type {number} */ ms) =>
+  new Promise((done) => {
+    setTimeout(done, ms);
+  });

@@ -39,17 +39,40 @@ export class Flight {
     this.end();
     this.stop = stop;
     this.playing = playing;
-    player.mark((stop.modules ?? []).map((module) => module - 1), "selected");
+    player.mark(
+      (stop.modules ?? []).map((module) => module - 1),
+      "selected",
+    );
     if (!view) return;
     this.page.colour(stop.colour ?? USUAL_COLOURING);
     this.page.path(stop.path ?? false);
-    player.send({ do: "set", from: null, to: null, loop: false, reverse: false, follow: stop.follow ?? true });
+    player.send({
+      do: "set",
+      from: null,
+      to: null,
+      loop: false,
+      reverse: false,
+      follow: stop.follow ?? true,
+    });
     const camera = cameraIn(stop.camera ?? null);
-    if (!camera && stop.modules) player.lookAt(stop.modules.map((module) => module - 1), clearestSight);
+    if (!camera && stop.modules)
+      player.lookAt(
+        stop.modules.map((module) => module - 1),
+        clearestSight,
+      );
     else player.send({ do: "camera", camera, gently: !calm });
     const [from, to] = [player.playhead.frame, stop.frame - 1];
-    if (calm || Math.abs(to - from) < STILL) { this.arrive(); return; }
-    this.way = { from, to, begun: performance.now(), seconds: movingSeconds(to - from), frame: from };
+    if (calm || Math.abs(to - from) < STILL) {
+      this.arrive();
+      return;
+    }
+    this.way = {
+      from,
+      to,
+      begun: performance.now(),
+      seconds: movingSeconds(to - from),
+      frame: from,
+    };
     player.send({ do: "seek", frame: from });
     this.step();
   }
@@ -57,13 +80,21 @@ export class Flight {
   step() {
     const { way, player } = this;
     if (!way) return;
-    if (player.is.playing || Math.abs(player.playhead.frame - way.frame) > SLACK) { this.taken(); return; }
+    if (player.is.playing || Math.abs(player.playhead.frame - way.frame) > SLACK) {
+      this.taken();
+      return;
+    }
     const share = (performance.now() - way.begun) / 1000 / way.seconds;
-    if (share >= 1) { this.arrive(); return; }
+    if (share >= 1) {
+      this.arrive();
+      return;
+    }
     way.frame = frameBetween(way.from, way.to, share);
     player.send({ do: "seek", frame: way.frame });
     way.frame = player.playhead.frame;
-    requestAnimationFrame(() => { if (this.way === way) this.step(); });
+    requestAnimationFrame(() => {
+      if (this.way === way) this.step();
+    });
   }
 
   arrive() {
@@ -75,7 +106,8 @@ export class Flight {
       player.send({ do: "set", from: stop.from - 1, to: stop.to - 1, loop: true });
       player.send({ do: "play" });
     }
-    if (this.playing) this.reading = setTimeout(() => this.over(), 1000 * readingSeconds(stop.caption));
+    if (this.playing)
+      this.reading = setTimeout(() => this.over(), 1000 * readingSeconds(stop.caption));
   }
 
   // Stop at the current frame.

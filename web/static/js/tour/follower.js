@@ -32,16 +32,27 @@ export class Follower {
     this.words.textContent = "Connecting to the class";
     this.back = get("class-back");
     this.back.onclick = () => this.return();
-    player.on("asked", () => { if (this.ready && !this.own && this.follows) this.leave(); });
-    const begin = () => { this.ready = true; this.show(); };
-    if (player.shown) begin(); else player.on("begun", () => queueMicrotask(begin));
+    player.on("asked", () => {
+      if (this.ready && !this.own && this.follows) this.leave();
+    });
+    const begin = () => {
+      this.ready = true;
+      this.show();
+    };
+    if (player.shown) begin();
+    else player.on("begun", () => queueMicrotask(begin));
     this.connect();
   }
 
   connect() {
-    const socket = new WebSocket(socketAt(`/api/class/follow?code=${encodeURIComponent(this.code)}`));
+    const socket = new WebSocket(
+      socketAt(`/api/class/follow?code=${encodeURIComponent(this.code)}`),
+    );
     socket.onmessage = ({ data }) => {
-      if (this.latest === null || this.tries) this.words.textContent = this.follows ? "You are following the leader" : "You are not following the leader";
+      if (this.latest === null || this.tries)
+        this.words.textContent = this.follows
+          ? "You are following the leader"
+          : "You are not following the leader";
       this.tries = 0;
       this.latest = String(data);
       this.show();

@@ -28,7 +28,9 @@ export function exhibit({ player, calm, touring }) {
   let timer; // until the restart
 
   // Report to the page around it; the messages are not confidential.
-  const tell = (/** @type {"ready" | "touched" | "over"} */ word) => { if (parent !== window) parent.postMessage({ kiosk: word }, "*"); };
+  const tell = (/** @type {"ready" | "touched" | "over"} */ word) => {
+    if (parent !== window) parent.postMessage({ kiosk: word }, "*");
+  };
 
   async function begin() {
     clearTimeout(timer);
@@ -44,7 +46,10 @@ export function exhibit({ player, calm, touring }) {
     tell("ready");
     if (shown || held) return;
     player.send({ do: "seek", frame: calm ? player.timeline.last : 0 });
-    if (calm) { timer = setTimeout(over, STILL_MS); return; }
+    if (calm) {
+      timer = setTimeout(over, STILL_MS);
+      return;
+    }
     player.send({ do: "play" });
     telling = true;
   }
@@ -60,15 +65,24 @@ export function exhibit({ player, calm, touring }) {
   const touch = (/** @type {EventTarget | null} */ target) => {
     held = true;
     telling = false;
-    if (!box.hidden && !(target instanceof Node && box.contains(target))) touring((panel) => panel.pause());
+    if (!box.hidden && !(target instanceof Node && box.contains(target)))
+      touring((panel) => panel.pause());
     tell("touched");
     clearTimeout(timer);
-    timer = setTimeout(() => { held = false; over(); }, idleMs);
+    timer = setTimeout(() => {
+      held = false;
+      over();
+    }, idleMs);
   };
 
-  for (const kind of INPUTS) addEventListener(kind, (event) => touch(event.target), { capture: true, passive: true });
-  player.on("camera", (/** @type {Command} */ { do: what }) => { if (what === "orbit") touch(null); });
-  player.on("state", (/** @type {State} */ { playing }) => { if (telling && !playing && player.playhead.frame >= player.timeline.last) over(); });
+  for (const kind of INPUTS)
+    addEventListener(kind, (event) => touch(event.target), { capture: true, passive: true });
+  player.on("camera", (/** @type {Command} */ { do: what }) => {
+    if (what === "orbit") touch(null);
+  });
+  player.on("state", (/** @type {State} */ { playing }) => {
+    if (telling && !playing && player.playhead.frame >= player.timeline.last) over();
+  });
   const drag = document.querySelector("label.folded");
   if (drag) box.prepend(drag); // the slider from straight to folded
   begin();

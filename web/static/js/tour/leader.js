@@ -12,7 +12,8 @@ const STYLE = "/static/css/live_class.css";
 
 // Return a view as the text that is sent to followers.
 /** @param {AddressedView} view */
-export const wordsOfView = (view) => hashOf({ ...view, from: null, to: null, loop: false, speed: 1, play: null, stop: null }).slice(1);
+export const wordsOfView = (view) =>
+  hashOf({ ...view, from: null, to: null, loop: false, speed: 1, play: null, stop: null }).slice(1);
 
 // Return the address of a websocket of the service.
 /** @param {string} path */
@@ -61,11 +62,16 @@ export function lead(id, place) {
         if (!looks) show(link, picture);
         looks ??= setInterval(send, SEND_MS);
       }
-      get("class-said").textContent = followers ? `${followers} ${followers === 1 ? "person is following" : "people are following"}` : "Nobody is following yet";
+      get("class-said").textContent = followers
+        ? `${followers} ${followers === 1 ? "person is following" : "people are following"}`
+        : "Nobody is following yet";
     };
     socket.onclose = ({ code }) => {
       if (ended) return;
-      if (!looks || ENDED.includes(code) || tries === MAX_TRIES) { end(); return; }
+      if (!looks || ENDED.includes(code) || tries === MAX_TRIES) {
+        end();
+        return;
+      }
       get("class-said").textContent = "The connection is lost. Trying again";
       setTimeout(connect, RETRY_MS * 2 ** tries++);
     };
@@ -90,7 +96,12 @@ function show(link, picture) {
   const field = get("class-link");
   field.value = link;
   get("class-picture").src = picture;
-  get("class-copy").onclick = () => copyText(link, () => toast("Copied"), () => field.select());
+  get("class-copy").onclick = () =>
+    copyText(
+      link,
+      () => toast("Copied"),
+      () => field.select(),
+    );
   get("class-code").hidden = get("class-end").hidden = false;
   openPanel();
 }

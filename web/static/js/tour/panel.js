@@ -28,18 +28,36 @@ export class TourPanel {
     this.place = place;
     this.id = id;
     this.state = new TourState(tour);
-    this.flight = new Flight(player, { calm, page: place.page, over: () => this.next(), taken: () => this.pause() });
+    this.flight = new Flight(player, {
+      calm,
+      page: place.page,
+      over: () => this.next(),
+      taken: () => this.pause(),
+    });
     this.playing = false;
     this.onEnd = () => {}; // called after the last caption
     /** @type {{ view: AddressedView, reverse: boolean } | null} */
     this.before = null; // the view before the tour; null once the visitor has moved the camera
-    player.on("camera", (/** @type {Command} */ { do: what }) => { if (what === "orbit") this.before = null; });
+    player.on("camera", (/** @type {Command} */ { do: what }) => {
+      if (what === "orbit") this.before = null;
+    });
     this.box = get("tour-panel");
     get("tour-edit").hidden = !id;
     /** @type {Record<string, () => void>} */
     const ways = {
-      before: () => this.step(-1), after: () => this.step(1), run: () => this.toggle(), close: () => this.close(), edit: () => this.fold(Boolean(get("tour-editor").hidden)),
-      add: () => this.add(), undo: () => { this.state.undo(); this.show(); }, draft: () => this.draft(), save: () => this.keep(), download: () => this.download(),
+      before: () => this.step(-1),
+      after: () => this.step(1),
+      run: () => this.toggle(),
+      close: () => this.close(),
+      edit: () => this.fold(Boolean(get("tour-editor").hidden)),
+      add: () => this.add(),
+      undo: () => {
+        this.state.undo();
+        this.show();
+      },
+      draft: () => this.draft(),
+      save: () => this.keep(),
+      download: () => this.download(),
     };
     for (const [name, press] of Object.entries(ways)) get(`tour-${name}`).onclick = press;
     addStyle(STYLE);
@@ -88,7 +106,10 @@ export class TourPanel {
   // Restore what the stops of the tour have changed, except the frame.
   restore() {
     if (!this.before) return;
-    const { reverse, view: { colour, path, from, to, loop, follow, camera } } = this.before;
+    const {
+      reverse,
+      view: { colour, path, from, to, loop, follow, camera },
+    } = this.before;
     this.place.page.colour(colour ?? USUAL_COLOURING);
     this.place.page.path(path);
     this.player.send({ do: "set", from, to, loop, reverse, follow });
@@ -96,7 +117,10 @@ export class TourPanel {
   }
 
   toggle() {
-    if (this.playing) { this.pause(); return; }
+    if (this.playing) {
+      this.pause();
+      return;
+    }
     this.playing = true;
     if (this.state.at === this.state.stops.length - 1) this.state.go(0);
     this.go();
@@ -117,7 +141,10 @@ export class TourPanel {
 
   // Go to the next stop; after the last one, stop playing.
   next() {
-    if (this.state.go(this.state.at + 1)) { this.go(); return; }
+    if (this.state.go(this.state.at + 1)) {
+      this.go();
+      return;
+    }
     this.playing = false;
     this.say();
     this.onEnd();
@@ -132,7 +159,8 @@ export class TourPanel {
   say() {
     const { state } = this;
     const { stops, stop } = state;
-    if (get("tour-caption").textContent !== stop.caption) get("tour-caption").textContent = stop.caption;
+    if (get("tour-caption").textContent !== stop.caption)
+      get("tour-caption").textContent = stop.caption;
     get("tour-count").textContent = `${state.at + 1} of ${stops.length}`;
     get("tour-before").disabled = state.at === 0;
     get("tour-after").disabled = state.at === stops.length - 1;
@@ -162,16 +190,46 @@ export class TourPanel {
    */
   row(stop, k) {
     const { state } = this;
-    const field = element("textarea", { rows: 3, maxlength: MAX_CAPTION, "aria-label": `Caption of stop ${k + 1}` });
+    const field = element("textarea", {
+      rows: 3,
+      maxlength: MAX_CAPTION,
+      "aria-label": `Caption of stop ${k + 1}`,
+    });
     field.value = stop.caption;
     // Keep the list: the click that ended the edit may be on one of its buttons.
-    field.onchange = () => { state.edit(k, field.value); this.offer(); };
-    const act = (/** @type {string} */ sign, /** @type {string} */ words, /** @type {() => void} */ press, off = false) =>
-      button("icon-button", sign, () => { press(); this.show(); get("tour-list").children[state.at]?.querySelector("textarea")?.focus(); }, { "aria-label": `${words}: stop ${k + 1}`, title: words, disabled: off });
-    return element("li", { "aria-current": k === state.at ? "step" : null },
-      button("button quiet", `Frame ${stop.frame}`, () => { state.go(k); this.playing = false; this.go(); }), field,
-      act("↑", "Move up", () => state.move(k, -1), k === 0), act("↓", "Move down", () => state.move(k, 1), k === state.stops.length - 1),
-      act("×", "Delete", () => state.remove(k), state.stops.length === 1));
+    field.onchange = () => {
+      state.edit(k, field.value);
+      this.offer();
+    };
+    const act = (
+      /** @type {string} */ sign,
+      /** @type {string} */ words,
+      /** @type {() => void} */ press,
+      off = false,
+    ) =>
+      button(
+        "icon-button",
+        sign,
+        () => {
+          press();
+          this.show();
+          get("tour-list").children[state.at]?.querySelector("textarea")?.focus();
+        },
+        { "aria-label": `${words}: stop ${k + 1}`, title: words, disabled: off },
+      );
+    return element(
+      "li",
+      { "aria-current": k === state.at ? "step" : null },
+      button("button quiet", `Frame ${stop.frame}`, () => {
+        state.go(k);
+        this.playing = false;
+        this.go();
+      }),
+      field,
+      act("↑", "Move up", () => state.move(k, -1), k === 0),
+      act("↓", "Move down", () => state.move(k, 1), k === state.stops.length - 1),
+      act("×", "Delete", () => state.remove(k), state.stops.length === 1),
+    );
   }
 
   /** @param {boolean} open */
@@ -189,12 +247,16 @@ export class TourPanel {
     /** @type {TourStop} */
     const stop = { caption: "Describe what is visible here.", frame: Math.round(frame ?? 0) + 1 };
     if (module !== null) stop.modules = [module + 1];
-    if (from !== null && to !== null) Object.assign(stop, { from: Math.round(from) + 1, to: Math.round(to) + 1 });
+    if (from !== null && to !== null)
+      Object.assign(stop, { from: Math.round(from) + 1, to: Math.round(to) + 1 });
     if (camera) stop.camera = cameraText(camera);
     if (!follow) stop.follow = false;
     if (colour && colour !== USUAL_COLOURING) stop.colour = colour;
     if (path) stop.path = true;
-    if (!this.state.add(stop)) { toast("A tour has at most 50 stops."); return; }
+    if (!this.state.add(stop)) {
+      toast("A tour has at most 50 stops.");
+      return;
+    }
     this.show();
     const field = get("tour-list").children[this.state.at]?.querySelector("textarea");
     field?.focus();
@@ -205,13 +267,18 @@ export class TourPanel {
     try {
       this.state.replace(await ask(`/api/folds/${this.id}/tour?draft=true`));
       this.go();
-    } catch (error) { toast(wordsOf(error)); }
+    } catch (error) {
+      toast(wordsOf(error));
+    }
   }
 
   async keep() {
     const { state } = this;
     const token = this.id && tokenOf(this.id);
-    if (!token) { toast(NOBODYS); return; }
+    if (!token) {
+      toast(NOBODYS);
+      return;
+    }
     try {
       await ask(`/api/folds/${this.id}/tour`, { method: "PUT", token, body: state.tour });
       state.keep();
@@ -223,13 +290,28 @@ export class TourPanel {
   }
 
   download() {
-    save(new Blob([JSON.stringify(this.state.tour, null, 2)], { type: "application/json" }), "tour.json");
+    save(
+      new Blob([JSON.stringify(this.state.tour, null, 2)], { type: "application/json" }),
+      "tour.json",
+    );
   }
 
   /** @param {KeyboardEvent} event */
   key(event) {
-    if (this.box.hidden || event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
-    if (event.target instanceof Element && event.target.closest("textarea, input, select, [role=slider], #panel-plots")) return;
+    if (
+      this.box.hidden ||
+      event.defaultPrevented ||
+      event.ctrlKey ||
+      event.metaKey ||
+      event.altKey ||
+      document.querySelector("dialog[open]")
+    )
+      return;
+    if (
+      event.target instanceof Element &&
+      event.target.closest("textarea, input, select, [role=slider], #panel-plots")
+    )
+      return;
     const by = { PageUp: -1, PageDown: 1 }[event.key];
     if (!by) return;
     event.preventDefault();

@@ -17,7 +17,8 @@ const MOVING_FPS = 90;
 export const readingSeconds = (caption) => READING_S + READING_CHARACTER_S * caption.length;
 
 /** @param {number} frames */
-export const movingSeconds = (frames) => Math.min(MOVING_S[1], Math.max(MOVING_S[0], Math.abs(frames) / MOVING_FPS));
+export const movingSeconds = (frames) =>
+  Math.min(MOVING_S[1], Math.max(MOVING_S[0], Math.abs(frames) / MOVING_FPS));
 
 // Interpolate between two frames, with ease-in and ease-out, at a fraction of the time.
 /**
@@ -40,13 +41,21 @@ export class TourState {
     this.undone = []; // states for undo, the latest first
   }
 
-  get stops() { return this.tour.stops; }
+  get stops() {
+    return this.tour.stops;
+  }
 
-  get stop() { return this.stops[this.at]; }
+  get stop() {
+    return this.stops[this.at];
+  }
 
-  get changed() { return JSON.stringify(this.tour) !== this.saved; }
+  get changed() {
+    return JSON.stringify(this.tour) !== this.saved;
+  }
 
-  get full() { return this.stops.length >= MAX_STOPS; }
+  get full() {
+    return this.stops.length >= MAX_STOPS;
+  }
 
   // Go to a stop, or to the nearest existing one. Return true if the stop changes.
   /** @param {number} at */
@@ -108,15 +117,23 @@ export class TourState {
 
   // Replace the stops, for example by a draft.
   /** @param {Tour} tour */
-  replace(tour) { this.change(tour.stops, 0); }
+  replace(tour) {
+    this.change(tour.stops, 0);
+  }
 
   undo() {
     const [last, ...rest] = this.undone;
     if (!last) return false;
-    Object.assign(this, { tour: last.tour, at: Math.min(last.at, last.tour.stops.length - 1), undone: rest });
+    Object.assign(this, {
+      tour: last.tour,
+      at: Math.min(last.at, last.tour.stops.length - 1),
+      undone: rest,
+    });
     return true;
   }
 
   // Mark the current tour as saved.
-  keep() { this.saved = JSON.stringify(this.tour); }
+  keep() {
+    this.saved = JSON.stringify(this.tour);
+  }
 }

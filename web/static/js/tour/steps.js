@@ -27,9 +27,10 @@ export const stepsDone = (steps, frame) => steps.filter(({ end }) => end <= fram
  * @param {PlanStep[]} steps
  * @param {number} done
  */
-export const stepWords = (steps, done) => (done < steps.length
-  ? { count: `Step ${done + 1} of ${steps.length}`, text: steps[done].text }
-  : { count: `All ${steps.length} steps`, text: "The chain is folded." });
+export const stepWords = (steps, done) =>
+  done < steps.length
+    ? { count: `Step ${done + 1} of ${steps.length}`, text: steps[done].text }
+    : { count: `All ${steps.length} steps`, text: "The chain is folded." };
 
 // Return the modules to look at in a step: the bent part of the chain and the joints that turn. Of long
 // straight ends, only the beginning: the joints would be too small to be seen beside the whole chain.
@@ -41,11 +42,17 @@ export function modulesInView(positions, joints) {
   const count = positions.length / 3;
   let [first, last] = joints.length ? [Math.min(...joints), Math.max(...joints)] : [0, count - 1];
   for (let i = 1; i < count - 1; i++) {
-    const isBent = [0, 1, 2].some((k) => Math.abs(positions[3 * i + 3 + k] - 2 * positions[3 * i + k] + positions[3 * i - 3 + k]) > 0.1);
+    const isBent = [0, 1, 2].some(
+      (k) =>
+        Math.abs(positions[3 * i + 3 + k] - 2 * positions[3 * i + k] + positions[3 * i - 3 + k]) >
+        0.1,
+    );
     if (isBent) [first, last] = [Math.min(first, i), Math.max(last, i)];
   }
-  if (first < 2 * KEPT_ENDS) first = 0; else first -= KEPT_ENDS;
-  if (count - last <= 2 * KEPT_ENDS) last = count - 1; else last += KEPT_ENDS;
+  if (first < 2 * KEPT_ENDS) first = 0;
+  else first -= KEPT_ENDS;
+  if (count - last <= 2 * KEPT_ENDS) last = count - 1;
+  else last += KEPT_ENDS;
   return Array.from({ length: last - first + 1 }, (_, k) => first + k);
 }
 
@@ -56,7 +63,11 @@ export function modulesInView(positions, joints) {
  * @param {View} view
  * @param {{ field: number, aspect: number, covered: number }} picture
  */
-export function extent(points, { target, azimuth, elevation, distance }, { field, aspect, covered }) {
+export function extent(
+  points,
+  { target, azimuth, elevation, distance },
+  { field, aspect, covered },
+) {
   const [right, up, out] = axesOf(azimuth, elevation);
   const tall = Math.tan(field / 2);
   let most = 0;
@@ -92,7 +103,9 @@ export class StepsPanel {
     player.on("state", (/** @type {State} */ { frame }) => this.moved(frame));
   }
 
-  get open() { return !this.box.hidden; }
+  get open() {
+    return !this.box.hidden;
+  }
 
   // Show the step at the playhead; at the end of the fold, begin with the first one.
   begin() {
@@ -124,12 +137,22 @@ export class StepsPanel {
     if (way) this.show(way.done); // the visitor does not wait for the end of a motion
     const done = this.done + by;
     if (done < 0 || done > steps.length) return;
-    if (this.calm) { this.show(done); return; }
+    if (this.calm) {
+      this.show(done);
+      return;
+    }
     const { start, end } = steps[Math.min(done, this.done)];
     const [from, to] = by > 0 ? [start, end] : [end, start];
     this.done = Math.min(done, this.done);
     this.say();
-    this.way = { from, to, begun: performance.now(), seconds: movingSeconds(to - from), frame: from, done };
+    this.way = {
+      from,
+      to,
+      begun: performance.now(),
+      seconds: movingSeconds(to - from),
+      frame: from,
+      done,
+    };
     player.send({ do: "seek", frame: from });
     this.move();
   }
@@ -138,10 +161,15 @@ export class StepsPanel {
     const { way, player } = this;
     if (!way) return;
     const share = (performance.now() - way.begun) / 1000 / way.seconds;
-    if (share >= 1) { this.show(way.done); return; }
+    if (share >= 1) {
+      this.show(way.done);
+      return;
+    }
     way.frame = frameBetween(way.from, way.to, share);
     player.send({ do: "seek", frame: way.frame });
-    requestAnimationFrame(() => { if (this.way === way) this.move(); });
+    requestAnimationFrame(() => {
+      if (this.way === way) this.move();
+    });
   }
 
   // Show the chain at rest after some steps.
@@ -153,7 +181,10 @@ export class StepsPanel {
     const { player, steps } = this;
     this.way = null;
     this.done = done;
-    player.send({ do: "seek", frame: done < steps.length ? steps[done].start : steps[done - 1].end });
+    player.send({
+      do: "seek",
+      frame: done < steps.length ? steps[done].start : steps[done - 1].end,
+    });
     this.say();
     this.look(first);
   }
@@ -170,19 +201,33 @@ export class StepsPanel {
     const { joints, end, held } = steps[Math.min(done, steps.length - 1)];
     const after = timeline.peek(end);
     const modules = modulesInView(shown.positions, isFolded ? [] : joints);
-    const points = [shown, after ? heldStill(after, held) : shown].flatMap((snapshot) => rig.points(snapshot, modules));
+    const points = [shown, after ? heldStill(after, held) : shown].flatMap((snapshot) =>
+      rig.points(snapshot, modules),
+    );
     const seeing = rig.seeing(null);
     const { field, aspect } = seeing;
-    const covered = Math.min(this.box.offsetHeight / Math.max(1, get("main").clientHeight), MAX_COVERED);
+    const covered = Math.min(
+      this.box.offsetHeight / Math.max(1, get("main").clientHeight),
+      MAX_COVERED,
+    );
     const size = (/** @type {View} */ from) => extent(points, from, { field, aspect, covered });
-    const hidden = !isFolded && joints.every((module) => isHidden(shown.positions, module, [view.azimuth, view.elevation]));
+    const hidden =
+      !isFolded &&
+      joints.every((module) => isHidden(shown.positions, module, [view.azimuth, view.elevation]));
     if (!first && !isFolded && !hidden && size(view) <= 1 && size(view) >= MIN_EXTENT) return;
-    const [azimuth, elevation] = hidden ? clearestSight(shown.positions, joints, [view.azimuth, view.elevation]) : [view.azimuth, view.elevation];
+    const [azimuth, elevation] = hidden
+      ? clearestSight(shown.positions, joints, [view.azimuth, view.elevation])
+      : [view.azimuth, view.elevation];
     const middle = framing(points, { ...seeing, radius: rig.pitch, azimuth, elevation });
     const down = -covered * Math.tan(field / 2); // the panel covers the lower part of the picture
-    const placed = (/** @type {number} */ distance) => ({ ...middle, distance, target: across({ ...middle, distance }, 0, down) });
+    const placed = (/** @type {number} */ distance) => ({
+      ...middle,
+      distance,
+      target: across({ ...middle, distance }, 0, down),
+    });
     let wanted = placed(middle.distance);
-    for (let round = 0; round < 4; round++) wanted = placed(wanted.distance * size(wanted) / EXTENT);
+    for (let round = 0; round < 4; round++)
+      wanted = placed((wanted.distance * size(wanted)) / EXTENT);
     player.send({ do: "set", follow: false });
     player.send({ do: "camera", camera: rig.relative(wanted, shown), gently: !this.calm });
   }
@@ -212,8 +257,20 @@ export class StepsPanel {
 
   /** @param {KeyboardEvent} event */
   key(event) {
-    if (!this.open || event.defaultPrevented || event.ctrlKey || event.metaKey || event.altKey || document.querySelector("dialog[open]")) return;
-    if (event.target instanceof Element && event.target.closest("textarea, input, select, [role=slider], #panel-plots")) return;
+    if (
+      !this.open ||
+      event.defaultPrevented ||
+      event.ctrlKey ||
+      event.metaKey ||
+      event.altKey ||
+      document.querySelector("dialog[open]")
+    )
+      return;
+    if (
+      event.target instanceof Element &&
+      event.target.closest("textarea, input, select, [role=slider], #panel-plots")
+    )
+      return;
     const by = { PageUp: -1, PageDown: 1 }[event.key];
     if (!by) return;
     event.preventDefault();

@@ -9,16 +9,30 @@
   window.fetch = () => new Promise(() => {});
   try {
     if (location.search || location.hash) history.replaceState(null, "", location.pathname);
-  } catch { } // some browsers refuse to change the address
+  } catch {} // some browsers refuse to change the address
   history.replaceState = () => {}; // the client would write the name of its server there
 
   const PICTURES = 2; // a message is processed in the first picture and visible in the second
   const SHOWN = new Set([
-    "BackgroundImageMessage", "BatchedMeshesMessage", "DirectionalLightMessage", "EnableLightsMessage", "EnvironmentMapMessage",
-    "FrameMessage", "GridMessage", "HemisphereLightMessage", "LineSegmentsMessage", "MeshMessage",
-    "RemoveSceneNodeMessage", "SceneNodeUpdateMessage", "SetCameraFovMessage",
-    "SetCameraLookAtMessage", "SetCameraPositionMessage", "SetOrientationMessage", "SetPositionMessage",
-    "SetSceneNodeVisibilityMessage", "ThemeConfigurationMessage",
+    "BackgroundImageMessage",
+    "BatchedMeshesMessage",
+    "DirectionalLightMessage",
+    "EnableLightsMessage",
+    "EnvironmentMapMessage",
+    "FrameMessage",
+    "GridMessage",
+    "HemisphereLightMessage",
+    "LineSegmentsMessage",
+    "MeshMessage",
+    "RemoveSceneNodeMessage",
+    "SceneNodeUpdateMessage",
+    "SetCameraFovMessage",
+    "SetCameraLookAtMessage",
+    "SetCameraPositionMessage",
+    "SetOrientationMessage",
+    "SetPositionMessage",
+    "SetSceneNodeVisibilityMessage",
+    "ThemeConfigurationMessage",
   ]);
   /** @type {MessagePort | null} */
   let port = null; // to the page
@@ -33,7 +47,10 @@
   let latest = null;
   const { clear, drawElementsInstanced } = WebGL2RenderingContext.prototype;
   WebGL2RenderingContext.prototype.clear = function (...given) {
-    if (document.timeline.currentTime !== latest) { latest = document.timeline.currentTime; pictures++; }
+    if (document.timeline.currentTime !== latest) {
+      latest = document.timeline.currentTime;
+      pictures++;
+    }
     return clear.apply(this, given);
   };
   WebGL2RenderingContext.prototype.drawElementsInstanced = function (...given) {
@@ -91,13 +108,16 @@
   addEventListener("webglcontextlost", () => say({ is: "lost" }), { capture: true });
 
   const say = (/** @type {Record<string, unknown>} */ message) => port?.postMessage(message);
-  const opened = () => { if (port && wire) say({ is: "open" }); };
+  const opened = () => {
+    if (port && wire) say({ is: "open" });
+  };
 
   /** @param {MessageEvent<{ do?: string, id?: number, messages?: SceneMessage[], scheme?: string } | null>} event */
   function take({ data }) {
     if (data?.do === "show" && Array.isArray(data.messages)) {
       const messages = data.messages.filter((message) => SHOWN.has(message?.type));
-      for (const message of messages) if ("titlebar_content" in message) message.titlebar_content = null; // links
+      for (const message of messages)
+        if ("titlebar_content" in message) message.titlebar_content = null; // links
       if (messages.some(({ type }) => type === "BatchedMeshesMessage")) missing = true;
       show(messages);
     } else if (data?.do === "pass") {
@@ -110,7 +130,8 @@
     }
   }
 
-  const twice = (/** @type {() => void} */ then) => requestAnimationFrame(() => requestAnimationFrame(then));
+  const twice = (/** @type {() => void} */ then) =>
+    requestAnimationFrame(() => requestAnimationFrame(then));
 
   /**
    * @param {number | undefined} id
@@ -124,7 +145,8 @@
   // Apply the theme of the page, which may differ from that of the system.
   /** @param {unknown} scheme */
   function dress(scheme) {
-    if (scheme === "light" || scheme === "dark" || scheme === "light dark") document.documentElement.style.setProperty("color-scheme", scheme, "important");
+    if (scheme === "light" || scheme === "dark" || scheme === "light dark")
+      document.documentElement.style.setProperty("color-scheme", scheme, "important");
   }
 
   // Accept a single port, from the page around the frame only.
@@ -145,11 +167,18 @@
 
     /** @param {{ type: string }} asked */
     postMessage({ type }) {
-      if (type === "set_server") setTimeout(() => { wire = this; this.tell({ type: "connected" }); opened(); });
+      if (type === "set_server")
+        setTimeout(() => {
+          wire = this;
+          this.tell({ type: "connected" });
+          opened();
+        });
     }
 
     /** @param {unknown} data */
-    tell(data) { this.onmessage?.(new MessageEvent("message", { data })); }
+    tell(data) {
+      this.onmessage?.(new MessageEvent("message", { data }));
+    }
 
     terminate() {}
   }

@@ -3,8 +3,19 @@
 const MOST_POINTS = 600;
 /** @type {Vector[]} */
 const WAYS = [
-  [1, 0, 0], [0, 1, 0], [0, 0, 1], [0, 1, 1], [0, 1, -1], [1, 0, 1], [1, 0, -1], [1, 1, 0], [1, -1, 0],
-  [1, 1, 1], [1, 1, -1], [1, -1, 1], [1, -1, -1],
+  [1, 0, 0],
+  [0, 1, 0],
+  [0, 0, 1],
+  [0, 1, 1],
+  [0, 1, -1],
+  [1, 0, 1],
+  [1, 0, -1],
+  [1, 1, 0],
+  [1, -1, 0],
+  [1, 1, 1],
+  [1, 1, -1],
+  [1, -1, 1],
+  [1, -1, -1],
 ];
 const SETTLE_S = 0.14;
 const SETTLED = 2e-4;
@@ -21,8 +32,13 @@ export const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
  * @param {Vector} b
  * @returns {Vector}
  */
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
-const between = (/** @type {number} */ angle) => ((((angle + Math.PI) % WHOLE_TURN) + WHOLE_TURN) % WHOLE_TURN) - Math.PI;
+const cross = (a, b) => [
+  a[1] * b[2] - a[2] * b[1],
+  a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0],
+];
+const between = (/** @type {number} */ angle) =>
+  ((((angle + Math.PI) % WHOLE_TURN) + WHOLE_TURN) % WHOLE_TURN) - Math.PI;
 
 /**
  * @param {number} azimuth
@@ -85,8 +101,14 @@ export function fewPoints(points, n = points.length / 3) {
       let [least, most] = [Infinity, -Infinity];
       for (let i = 0; i < n; i++) {
         const along = x * points[3 * i] + y * points[3 * i + 1] + z * points[3 * i + 2];
-        if (along < least) { least = along; low = i; }
-        if (along > most) { most = along; high = i; }
+        if (along < least) {
+          least = along;
+          low = i;
+        }
+        if (along > most) {
+          most = along;
+          high = i;
+        }
       }
       numbers.push(low, high);
     }
@@ -108,7 +130,10 @@ const midway = (values) => (Math.min(...values) + Math.max(...values)) / 2;
  * @param {Seeing & { elevation: number, azimuth?: number | null, margin?: [number, number] }} seeing
  * @returns {View}
  */
-export function framing(points, { radius, aspect, field, home, azimuth = null, elevation, margin = [0.9, 0.72] }) {
+export function framing(
+  points,
+  { radius, aspect, field, home, azimuth = null, elevation, margin = [0.9, 0.72] },
+) {
   azimuth ??= sideOf(points, aspect, home ?? 0);
   const axes = axesOf(azimuth, elevation);
   const local = points.map((p) => vector((k) => dot(p, axes[k])));
@@ -116,12 +141,19 @@ export function framing(points, { radius, aspect, field, home, azimuth = null, e
   const tall = Math.tan(field / 2);
   const wide = tall * aspect;
   let distance = radius;
-  for (let round = 0; round < 3; round++) { // perspective shifts the middle; a few rounds centre the picture
+  for (let round = 0; round < 3; round++) {
+    // perspective shifts the middle; a few rounds centre the picture
     const away = local.reduce((far, p) => {
       const [x, y, z] = vector((k) => p[k] - middle[k]);
-      return Math.max(far, (Math.abs(x) + radius) / (wide * margin[0]) + z, (Math.abs(y) + radius) / (tall * margin[1]) + z);
+      return Math.max(
+        far,
+        (Math.abs(x) + radius) / (wide * margin[0]) + z,
+        (Math.abs(y) + radius) / (tall * margin[1]) + z,
+      );
     }, 4 * radius);
-    for (const k of [0, 1]) middle[k] += midway(local.map((p) => (p[k] - middle[k]) / (away - (p[2] - middle[2])))) * away;
+    for (const k of [0, 1])
+      middle[k] +=
+        midway(local.map((p) => (p[k] - middle[k]) / (away - (p[2] - middle[2])))) * away;
     distance = away;
   }
   const target = vector((c) => axes.reduce((sum, axis, k) => sum + middle[k] * axis[c], 0));
@@ -141,7 +173,11 @@ export function distanceNeeded(points, view, { radius, aspect, field }) {
   for (const p of points) {
     const off = vector((k) => p[k] - view.target[k]);
     const depth = dot(off, out);
-    needed = Math.max(needed, (Math.abs(dot(off, right)) + radius) / (tall * aspect) + depth, (Math.abs(dot(off, up)) + radius) / tall + depth);
+    needed = Math.max(
+      needed,
+      (Math.abs(dot(off, right)) + radius) / (tall * aspect) + depth,
+      (Math.abs(dot(off, up)) + radius) / tall + depth,
+    );
   }
   return needed;
 }
@@ -158,8 +194,13 @@ export function across({ target, azimuth, elevation, distance }, x, y) {
   return vector((k) => target[k] + distance * (x * right[k] + y * up[k]));
 }
 
-export const clamp = (/** @type {number} */ value, /** @type {number} */ low, /** @type {number} */ high) => Math.min(high, Math.max(low, value));
-export const steep = (/** @type {number} */ elevation) => clamp(elevation, -MAX_ELEVATION, MAX_ELEVATION);
+export const clamp = (
+  /** @type {number} */ value,
+  /** @type {number} */ low,
+  /** @type {number} */ high,
+) => Math.min(high, Math.max(low, value));
+export const steep = (/** @type {number} */ elevation) =>
+  clamp(elevation, -MAX_ELEVATION, MAX_ELEVATION);
 
 // Return a view that a pointer or key has turned, zoomed and moved.
 /**
@@ -169,8 +210,18 @@ export const steep = (/** @type {number} */ elevation) => clamp(elevation, -MAX_
  * @param {[nearest: number, farthest: number]} distances
  * @returns {View}
  */
-export function orbited({ azimuth, elevation, distance, target }, { turn = [0, 0], zoom = 1, move = [0, 0] }, field, [nearest, farthest]) {
-  const view = { azimuth: azimuth + turn[0], elevation: steep(elevation + turn[1]), distance: zoom === 1 ? distance : clamp(distance * zoom, nearest, farthest), target };
+export function orbited(
+  { azimuth, elevation, distance, target },
+  { turn = [0, 0], zoom = 1, move = [0, 0] },
+  field,
+  [nearest, farthest],
+) {
+  const view = {
+    azimuth: azimuth + turn[0],
+    elevation: steep(elevation + turn[1]),
+    distance: zoom === 1 ? distance : clamp(distance * zoom, nearest, farthest),
+    target,
+  };
   const height = 2 * Math.tan(field / 2); // of the picture, as a fraction of the distance
   return { ...view, target: across(view, -height * move[0], -height * move[1]) };
 }
@@ -187,7 +238,9 @@ export function orbited({ azimuth, elevation, distance, target }, { turn = [0, 0
 export function rayThrough({ position, target }, [x, y], aspect, field) {
   const [right, up, out] = axesOf(...anglesOf(position, target));
   const tall = Math.tan(field / 2);
-  const way = vector((k) => (2 * x - 1) * tall * aspect * right[k] + (1 - 2 * y) * tall * up[k] - out[k]);
+  const way = vector(
+    (k) => (2 * x - 1) * tall * aspect * right[k] + (1 - 2 * y) * tall * up[k] - out[k],
+  );
   const length = Math.hypot(...way);
   return [position, vector((k) => way[k] / length)];
 }
@@ -202,7 +255,8 @@ export function rayThrough({ position, target }, [x, y], aspect, field) {
 export function blended(views, weights, nearest) {
   const total = weights.reduce((a, b) => a + b, 0);
   const share = weights.map((w) => w / total);
-  const mean = (/** @type {(view: View) => number} */ value) => views.reduce((sum, view, k) => sum + share[k] * value(view), 0);
+  const mean = (/** @type {(view: View) => number} */ value) =>
+    views.reduce((sum, view, k) => sum + share[k] * value(view), 0);
   const target = vector((c) => mean((v) => v.target[c]));
   const aside = Math.hypot(...target.map((v, k) => v - nearest.target[k]));
   return {
@@ -225,7 +279,11 @@ export function glided(view, goal, seconds) {
   const turn = between(goal.azimuth - view.azimuth);
   const rise = goal.elevation - view.elevation;
   const off = Math.hypot(...goal.target.map((v, k) => v - view.target[k])) / goal.distance;
-  if (Math.max(off, Math.abs(turn), Math.abs(rise), Math.abs(goal.distance / view.distance - 1)) < SETTLED) return goal;
+  if (
+    Math.max(off, Math.abs(turn), Math.abs(rise), Math.abs(goal.distance / view.distance - 1)) <
+    SETTLED
+  )
+    return goal;
   return {
     target: vector((k) => view.target[k] + (goal.target[k] - view.target[k]) * share),
     azimuth: view.azimuth + turn * share,
@@ -243,14 +301,22 @@ export function glided(view, goal, seconds) {
  */
 function sideOf(points, aspect, home) {
   const mean = [0, 1, 2].map((k) => points.reduce((sum, p) => sum + p[k], 0) / points.length);
-  const spread = [[0, 0, 0], [0, 0, 0], [0, 0, 0]];
-  for (const p of points) for (let a = 0; a < 3; a++) for (let b = 0; b < 3; b++) spread[a][b] += (p[a] - mean[a]) * (p[b] - mean[b]);
+  const spread = [
+    [0, 0, 0],
+    [0, 0, 0],
+    [0, 0, 0],
+  ];
+  for (const p of points)
+    for (let a = 0; a < 3; a++)
+      for (let b = 0; b < 3; b++) spread[a][b] += (p[a] - mean[a]) * (p[b] - mean[b]);
   const { axis, longest, second } = principal(spread);
   const slim = 1 - Math.sqrt(Math.max(second, 0) / Math.max(longest, 1e-12));
   const weight = Math.min(1, Math.max(0, (slim - 0.4) / 0.4)) * Math.hypot(axis[0], axis[1]);
   const along = Math.atan2(axis[1], axis[0]);
   const aside = ((aspect >= 1 ? 68 : 30) * Math.PI) / 180;
-  const turns = [-aside, aside, Math.PI - aside, Math.PI + aside].map((side) => between(along + side - home));
+  const turns = [-aside, aside, Math.PI - aside, Math.PI + aside].map((side) =>
+    between(along + side - home),
+  );
   return home + weight * turns.reduce((a, b) => (Math.abs(b) < Math.abs(a) ? b : a));
 }
 
@@ -260,7 +326,8 @@ function sideOf(points, aspect, home) {
 /** @param {number[][]} matrix */
 function principal(matrix) {
   const trace = (/** @type {number[][]} */ m) => m[0][0] + m[1][1] + m[2][2];
-  const square = (/** @type {number[][]} */ m) => m.map((row) => row.map((_, k) => row.reduce((sum, v, j) => sum + v * m[j][k], 0)));
+  const square = (/** @type {number[][]} */ m) =>
+    m.map((row) => row.map((_, k) => row.reduce((sum, v, j) => sum + v * m[j][k], 0)));
   let power = matrix;
   for (let k = 0; k < 9; k++) {
     const size = trace(power) || 1;
@@ -268,7 +335,10 @@ function principal(matrix) {
   }
   const column = power.reduce((a, b) => (Math.hypot(...b) > Math.hypot(...a) ? b : a));
   const axis = column.map((v) => v / (Math.hypot(...column) || 1));
-  const longest = axis.reduce((sum, v, j) => sum + v * matrix[j].reduce((all, w, k) => all + w * axis[k], 0), 0);
+  const longest = axis.reduce(
+    (sum, v, j) => sum + v * matrix[j].reduce((all, w, k) => all + w * axis[k], 0),
+    0,
+  );
   // The sum and the sum of squares of the other two eigenvalues are known.
   const [sum, squares] = [trace(matrix) - longest, trace(square(matrix)) - longest ** 2];
   return { axis, longest, second: sum / 2 + Math.sqrt(Math.max(0, squares / 2 - sum ** 2 / 4)) };
@@ -283,7 +353,9 @@ function principal(matrix) {
  */
 export function picked(hull, { positions, wxyzs }, origin, direction) {
   const spans = hull.face_normals.map((normal) => {
-    const heights = hull.vertices.map((v) => v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2]);
+    const heights = hull.vertices.map(
+      (v) => v[0] * normal[0] + v[1] * normal[1] + v[2] * normal[2],
+    );
     return /** @type {const} */ ([normal, Math.min(...heights), Math.max(...heights)]);
   });
   let best = null;
@@ -291,7 +363,11 @@ export function picked(hull, { positions, wxyzs }, origin, direction) {
   for (let i = 0; i < hull.modules; i++) {
     /** @type {Quaternion} */
     const back = [wxyzs[4 * i], -wxyzs[4 * i + 1], -wxyzs[4 * i + 2], -wxyzs[4 * i + 3]];
-    const start = turned(back, [origin[0] - positions[3 * i], origin[1] - positions[3 * i + 1], origin[2] - positions[3 * i + 2]]);
+    const start = turned(back, [
+      origin[0] - positions[3 * i],
+      origin[1] - positions[3 * i + 1],
+      origin[2] - positions[3 * i + 2],
+    ]);
     const way = turned(back, direction);
     let enter = -Infinity;
     let leave = Infinity;
@@ -303,7 +379,10 @@ export function picked(hull, { positions, wxyzs }, origin, direction) {
       enter = Math.max(enter, Math.min(one, two));
       leave = Math.min(leave, Math.max(one, two));
     }
-    if (enter <= leave && leave > 0 && enter < nearest) { nearest = enter; best = i; }
+    if (enter <= leave && leave > 0 && enter < nearest) {
+      nearest = enter;
+      best = i;
+    }
   }
   return best;
 }
@@ -317,7 +396,10 @@ export function picked(hull, { positions, wxyzs }, origin, direction) {
  * @returns {Quaternion}
  */
 export const times = ([w, x, y, z], [p, q, r, s]) => [
-  w * p - x * q - y * r - z * s, w * q + x * p + y * s - z * r, w * r - x * s + y * p + z * q, w * s + x * r - y * q + z * p,
+  w * p - x * q - y * r - z * s,
+  w * q + x * p + y * s - z * r,
+  w * r - x * s + y * p + z * q,
+  w * s + x * r - y * q + z * p,
 ];
 
 // Return the vector (x, y, z) rotated by the quaternion q.
@@ -335,4 +417,5 @@ export function turned(q, [x, y, z]) {
 }
 
 // Return the orientation of module i from those of all modules.
-export const quaternionOf = (/** @type {Numbers} */ q, i = 0) => /** @type {Quaternion} */ ([q[4 * i], q[4 * i + 1], q[4 * i + 2], q[4 * i + 3]]);
+export const quaternionOf = (/** @type {Numbers} */ q, i = 0) =>
+  /** @type {Quaternion} */ ([q[4 * i], q[4 * i + 1], q[4 * i + 2], q[4 * i + 3]]);

@@ -7,7 +7,14 @@ import { Stage, StandIn } from "./stage.js";
 
 const QUARTER = Math.PI / 2;
 /** @type {Record<string, [azimuth: number, elevation: number]>} */
-const SIDES = { front: [-QUARTER, 0], right: [0, 0], back: [QUARTER, 0], left: [Math.PI, 0], top: [-QUARTER, QUARTER], below: [-QUARTER, -QUARTER] };
+const SIDES = {
+  front: [-QUARTER, 0],
+  right: [0, 0],
+  back: [QUARTER, 0],
+  left: [Math.PI, 0],
+  top: [-QUARTER, QUARTER],
+  below: [-QUARTER, -QUARTER],
+};
 
 // Create a player of a timeline on a 3D view with pointer controls, and on the fallback drawing.
 /**
@@ -20,13 +27,28 @@ const SIDES = { front: [-QUARTER, 0], right: [0, 0], back: [QUARTER, 0], left: [
 export function playerOn(timeline, frame, canvas, { calm, onFirst, onScroll, pauseMs }) {
   const sketch = new Sketch(canvas, onFirst);
   const stage = new Stage(frame, {
-    open: () => standIn.takeOver(), pick: (origin, direction) => player.pick(origin, direction), lost: () => { standIn.fallBack(); player.show(true); },
+    open: () => standIn.takeOver(),
+    pick: (origin, direction) => player.pick(origin, direction),
+    lost: () => {
+      standIn.fallBack();
+      player.show(true);
+    },
   });
   const standIn = new StandIn(canvas, stage, sketch);
   /** @type {Player} */
-  const player = new Player(timeline, { stage, standIn, sketch, aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight), calm, pauseMs });
+  const player = new Player(timeline, {
+    stage,
+    standIn,
+    sketch,
+    aspect: () => frame.clientWidth / Math.max(1, frame.clientHeight),
+    calm,
+    pauseMs,
+  });
   const hand = new Hand((orbit) => player.send({ do: "orbit", ...orbit }), {
-    height: () => Math.max(1, frame.clientHeight), follows: () => player.is.follow, tap: (x, y) => stage.tap(x, y), scroll: onScroll,
+    height: () => Math.max(1, frame.clientHeight),
+    follows: () => player.is.follow,
+    tap: (x, y) => stage.tap(x, y),
+    scroll: onScroll,
   });
   hand.cover(canvas);
   new ResizeObserver(() => player.show(true)).observe(frame);
@@ -72,7 +94,10 @@ export function pathButton(stages) {
 export function showScale(chosen, timeline) {
   const { low, high, ramp, none } = chosen.legend();
   get("legend").hidden = false;
-  get("legend").style.setProperty("--unknown", `rgb(${timeline.bundle.header.colours.unknown.join(" ")})`);
+  get("legend").style.setProperty(
+    "--unknown",
+    `rgb(${timeline.bundle.header.colours.unknown.join(" ")})`,
+  );
   get("legend-low").textContent = low;
   get("legend-high").textContent = high;
   get("legend-ramp").style.background = ramp;

@@ -8,8 +8,10 @@
  */
 export function answer({ player, timeline, open }) {
   const host = window.parent;
-  const tell = (/** @type {string} */ foldback, told = {}) => host.postMessage({ foldback, ...told }, "*");
-  const number = (/** @type {unknown} */ value) => (typeof value === "number" && value >= 1 && value <= timeline.total ? Math.round(value) : null);
+  const tell = (/** @type {string} */ foldback, told = {}) =>
+    host.postMessage({ foldback, ...told }, "*");
+  const number = (/** @type {unknown} */ value) =>
+    typeof value === "number" && value >= 1 && value <= timeline.total ? Math.round(value) : null;
   /** @type {Record<string, (value: unknown) => void>} */
   const does = {
     play: () => player.send({ do: "play" }),
@@ -20,28 +22,48 @@ export function answer({ player, timeline, open }) {
     },
     theme(value) {
       const { dataset } = document.documentElement;
-      if (value === "light" || value === "dark") dataset.theme = value; else delete dataset.theme;
+      if (value === "light" || value === "dark") dataset.theme = value;
+      else delete dataset.theme;
       dispatchEvent(new Event("themechange"));
     },
     controls: (value) => document.body.classList.toggle("bare", value === false),
     tour(value) {
       const stop = number(value);
       if (stop !== null) open(stop);
-      else if (document.getElementById("tour")?.getAttribute("aria-expanded") === "true") document.getElementById("tour")?.click();
+      else if (document.getElementById("tour")?.getAttribute("aria-expanded") === "true")
+        document.getElementById("tour")?.click();
     },
   };
   addEventListener("message", ({ source, data }) => {
-    if (source === host && data !== null && typeof data === "object" && Object.hasOwn(does, data.foldback)) does[data.foldback](data.value);
+    if (
+      source === host &&
+      data !== null &&
+      typeof data === "object" &&
+      Object.hasOwn(does, data.foldback)
+    )
+      does[data.foldback](data.value);
   });
-  const state = () => tell("state", { frame: Math.round(player.playhead.frame) + 1, frames: timeline.total, playing: player.is.playing });
+  const state = () =>
+    tell("state", {
+      frame: Math.round(player.playhead.frame) + 1,
+      frames: timeline.total,
+      playing: player.is.playing,
+    });
   let begun = false;
   const begin = () => {
-    if (!begun) tell("ready", { name: document.title.replace(/ · foldback$/, ""), frames: timeline.total, modules: timeline.chain.modules });
+    if (!begun)
+      tell("ready", {
+        name: document.title.replace(/ · foldback$/, ""),
+        frames: timeline.total,
+        modules: timeline.chain.modules,
+      });
     begun = true;
     state();
   };
   tell("hello");
-  player.on("state", () => { if (begun) state(); });
+  player.on("state", () => {
+    if (begun) state();
+  });
   player.on("begun", begin);
   timeline.on("damaged", (/** @type {string} */ message) => tell("error", { message }));
   if (player.shown) begin();

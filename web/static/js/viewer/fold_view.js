@@ -56,19 +56,34 @@ export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 // Set up the view. `load` starts loading viser's client
 // into the frame; selecting a module opens the drawer.
 /** @param {Viewed} viewed */
-export function view({ source, figures, load, tightest, over = true, details = null, play = !calm, kept, onScroll }) {
+export function view({
+  source,
+  figures,
+  load,
+  tightest,
+  over = true,
+  details = null,
+  play = !calm,
+  kept,
+  onScroll,
+}) {
   // Embeds can hide the controls.
   const kiosk = /[?&]kiosk=/.test(location.search);
-  if (kiosk || /[?#&]controls=0\b/.test(location.search + location.hash)) document.body.classList.add("bare");
+  if (kiosk || /[?#&]controls=0\b/.test(location.search + location.hash))
+    document.body.classList.add("bare");
   document.body.classList.toggle("kiosk", kiosk);
   const timeline = new Timeline(source, { over });
   const frame = get("view");
   const shares = navigator.hardwareConcurrency <= MAX_SHARED_CORES;
-  const pauseMs = () => (shares && !timeline.over && (player.shown?.frame ?? 0) > 0 ? COMPUTING_PICTURE_MS : 0);
+  const pauseMs = () =>
+    shares && !timeline.over && (player.shown?.frame ?? 0) > 0 ? COMPUTING_PICTURE_MS : 0;
   // The page draws the fold itself until the 3D view, which takes longer to start, takes over.
   /** @type {ReturnType<typeof playerOn>} */
   const { player, stage, sketch, standIn, hand } = playerOn(timeline, frame, get("sketch"), {
-    calm, pauseMs, onScroll, onFirst: () => {
+    calm,
+    pauseMs,
+    onScroll,
+    onFirst: () => {
       get("cover").classList.add("gone");
       setTimeout(start3d, DRAW_MS);
       drawn();
@@ -77,22 +92,46 @@ export function view({ source, figures, load, tightest, over = true, details = n
   /** @type {() => void} */
   let drawn = () => {};
   /** @type {Promise<void>} */
-  const visible = new Promise((/** @type {(nothing: void) => void} */ resolve) => { drawn = () => resolve(); }).then(shownPage);
-  standIn.onOpen = () => { get("cover").classList.add("gone"); drawn(); };
+  const visible = new Promise((/** @type {(nothing: void) => void} */ resolve) => {
+    drawn = () => resolve();
+  }).then(shownPage);
+  standIn.onOpen = () => {
+    get("cover").classList.add("gone");
+    drawn();
+  };
   const plots = details && new details.Plots(get("panel-plots"), player, figures);
-  const bar = new Bar(player, (name) => (name === "min_clearance" ? tightest() : null) ?? plots?.worst(name) ?? null);
+  const bar = new Bar(
+    player,
+    (name) => (name === "min_clearance" ? tightest() : null) ?? plots?.worst(name) ?? null,
+  );
   const own = later(async () => {
-    const [{ OwnPanel }, values] = await Promise.all([import("../module_values/panel.js"), kept.values()]);
+    const [{ OwnPanel }, values] = await Promise.all([
+      import("../module_values/panel.js"),
+      kept.values(),
+    ]);
     return new OwnPanel({ player, legend, values, id: kept.id });
   }, toast);
   const legend = new Legend(player, figures, (how) => own((panel) => panel[how]()));
   takeFiles((file) => own((panel) => panel.take(file)));
-  const panel = details && new details.ModulePanel(get("panel-module"), player, figures, () => details.drawer.openAt("module"));
+  const panel =
+    details &&
+    new details.ModulePanel(get("panel-module"), player, figures, () =>
+      details.drawer.openAt("module"),
+    );
   const through = pathButton([stage]);
-  const place = new Place({
-    player, view: () => viewOf(player, through.on), colour: (key) => legend.ask(key), path: (on) => through.set(on),
-  }, calm);
-  through.changed = () => { place.note(); start3d(); };
+  const place = new Place(
+    {
+      player,
+      view: () => viewOf(player, through.on),
+      colour: (key) => legend.ask(key),
+      path: (on) => through.set(on),
+    },
+    calm,
+  );
+  through.changed = () => {
+    place.note();
+    start3d();
+  };
   offerSides(player);
   new Keys(player, bar, { alone: true, module: panel && (() => panel.begin()) });
 
@@ -103,7 +142,8 @@ export function view({ source, figures, load, tightest, over = true, details = n
     if (computing && shares && !through.on) return;
     started = true;
     // The check starts the browser's 3D graphics, which takes a second with software rendering.
-    if (hasWebGL()) load(frame); else sayFlat();
+    if (hasWebGL()) load(frame);
+    else sayFlat();
   }
   setTimeout(start3d, START_DELAY_MS);
   setTimeout(start3d, MAX_WAIT_3D_MS);
@@ -114,18 +154,27 @@ export function view({ source, figures, load, tightest, over = true, details = n
     get("cover-text").textContent = detail;
   });
 
-  const touring = later(async () => {
-    const [{ TourPanel }, tour] = await Promise.all([import("../tour/panel.js"), kept.tour()]);
-    if (!tour?.stops) throw new Error("This fold has no tour yet.");
-    return new TourPanel({ player, place, calm, tour, id: kiosk ? null : kept.id });
-  }, (text) => { if (!kiosk) toast(text); });
+  const touring = later(
+    async () => {
+      const [{ TourPanel }, tour] = await Promise.all([import("../tour/panel.js"), kept.tour()]);
+      if (!tour?.stops) throw new Error("This fold has no tour yet.");
+      return new TourPanel({ player, place, calm, tour, id: kiosk ? null : kept.id });
+    },
+    (text) => {
+      if (!kiosk) toast(text);
+    },
+  );
   const open = offerTour(touring);
   const stepping = later(async () => {
     const [{ StepsPanel }, steps] = await Promise.all([import("../tour/steps.js"), kept.steps()]);
     if (!steps) throw new Error("This fold has no steps.");
     return new StepsPanel(player, steps, calm);
   }, toast);
-  get("steps").onclick = () => stepping((steps) => { if (steps.open) steps.close(); else steps.begin(); });
+  get("steps").onclick = () =>
+    stepping((steps) => {
+      if (steps.open) steps.close();
+      else steps.begin();
+    });
   let begun = false;
   player.on("begun", () => {
     if (begun) return;
@@ -136,37 +185,53 @@ export function view({ source, figures, load, tightest, over = true, details = n
     }
     const shown = place.go();
     if (open() || shown || player.story.telling || !play) return;
-    visible.then(() => { if (!place.acted) player.send({ do: "play" }); }); // from the first frame that can be seen
+    visible.then(() => {
+      if (!place.acted) player.send({ do: "play" });
+    }); // from the first frame that can be seen
   });
   window.foldback = { timeline, player }; // for the console
-  if (window.name === "foldback-fold" && window.parent !== window) import("./embed_messages.js").then(({ answer }) => answer({ player, timeline, open }));
+  if (window.name === "foldback-fold" && window.parent !== window)
+    import("./embed_messages.js").then(({ answer }) => answer({ player, timeline, open }));
   return { timeline, player, stage, sketch, hand, bar, place, plots };
 }
 
 // Wait until the tab of the page is in front.
 async function shownPage() {
-  while (document.hidden) await new Promise((resolve) => { document.addEventListener("visibilitychange", resolve, { once: true }); });
+  while (document.hidden)
+    await new Promise((resolve) => {
+      document.addEventListener("visibilitychange", resolve, { once: true });
+    });
 }
 
 // Say once that the browser shows a drawing, in which the chain's path is not visible.
 function sayFlat() {
   get("through").disabled = true;
   get("flat").hidden = stored(FLAT) !== null;
-  get("flat-close").onclick = () => { get("flat").hidden = true; store(FLAT, "read"); };
+  get("flat-close").onclick = () => {
+    get("flat").hidden = true;
+    store(FLAT, "read");
+  };
 }
 
 // Offer the tour of the fold. Return a function that opens it at a stop, or at the stop in the
 // address, and returns whether there is one.
 /** @param {import("../tour/panel.js").Touring} touring */
 function offerTour(touring) {
-  get("tour").onclick = () => touring((panel) => { if (panel.box.hidden) panel.open({ playing: !calm }); else panel.close(); });
+  get("tour").onclick = () =>
+    touring((panel) => {
+      if (panel.box.hidden) panel.open({ playing: !calm });
+      else panel.close();
+    });
   const open = (/** @type {number | null} */ asked = null) => {
     get("tour").hidden = false; // frames are loaded
     const { stop, named, frame } = viewIn(asked === null ? location.hash : `#stop=${asked}`);
-    if (stop !== null) touring((panel) => panel.open({ stop: stop + 1, view: !named && frame === null }));
+    if (stop !== null)
+      touring((panel) => panel.open({ stop: stop + 1, view: !named && frame === null }));
     return stop !== null;
   };
-  addEventListener("hashchange", () => { if (!get("tour").hidden) open(); });
+  addEventListener("hashchange", () => {
+    if (!get("tour").hidden) open();
+  });
   return open;
 }
 

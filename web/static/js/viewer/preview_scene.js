@@ -29,7 +29,11 @@ export class PreviewStage extends Scene {
    */
   constructor(frame, heard) {
     super(frame);
-    const hand = new Hand((orbit) => this.orbit(orbit), { height: () => Math.max(1, frame.clientHeight), follows: () => false, tap: (x, y) => this.tap(x, y) });
+    const hand = new Hand((orbit) => this.orbit(orbit), {
+      height: () => Math.max(1, frame.clientHeight),
+      follows: () => false,
+      tap: (x, y) => this.tap(x, y),
+    });
     hand.cover(frame).onkeydown = (event) => {
       const orbit = KEY_ORBITS[ARROWS[event.key] ?? event.key.toLowerCase()];
       if (!orbit || event.ctrlKey || event.metaKey || event.altKey) return;
@@ -56,14 +60,20 @@ export class PreviewStage extends Scene {
   // Load and show the scene at an address, unless another one is requested meanwhile.
   /** @param {string} address */
   async show(address) {
-    if (address === this.address) { this.select(null); return; }
+    if (address === this.address) {
+      this.select(null);
+      return;
+    }
     this.address = address;
     this.waiting = true;
     const bundle = await this.fetched(address);
     if (address !== this.address) return;
     this.waiting = false;
     if (bundle) this.set(bundle);
-    else { this.address = null; this.listener.failed(); }
+    else {
+      this.address = null;
+      this.listener.failed();
+    }
     this.listener.settled();
   }
 
@@ -74,10 +84,16 @@ export class PreviewStage extends Scene {
   async fetched(address) {
     for (let tries = 0; tries < MOST_TRIES && address === this.address; tries++) {
       const answer = await fetch(address).catch(() => null);
-      if (answer?.ok) return answer.arrayBuffer().then((bytes) => /** @type {Promise<PreviewBundle>} */ (decode(bytes))).catch(() => null);
+      if (answer?.ok)
+        return answer
+          .arrayBuffer()
+          .then((bytes) => /** @type {Promise<PreviewBundle>} */ (decode(bytes)))
+          .catch(() => null);
       if (answer && answer.status !== 503) return null;
       const wait = Number(answer?.headers.get("Retry-After")) || RETRY_S;
-      await new Promise((done) => { setTimeout(done, 1000 * wait); });
+      await new Promise((done) => {
+        setTimeout(done, 1000 * wait);
+      });
     }
     return null;
   }
@@ -108,7 +124,9 @@ export class PreviewStage extends Scene {
   }
 
   /** @param {string} name */
-  layered(name) { return this.nodes.has(`/${name}`) ? [visibility(`/${name}`, this.layers[name])] : []; }
+  layered(name) {
+    return this.nodes.has(`/${name}`) ? [visibility(`/${name}`, this.layers[name])] : [];
+  }
 
   /** @param {number | null} module */
   select(module) {
@@ -124,9 +142,14 @@ export class PreviewStage extends Scene {
   pick(origin, direction) {
     const { bundle } = this;
     if (!bundle) return;
-    const module = this.nodes.has("/cells") ? picked(bundle.header.hull, this.modules(), origin, direction) : null;
+    const module = this.nodes.has("/cells")
+      ? picked(bundle.header.hull, this.modules(), origin, direction)
+      : null;
     this.select(module);
-    this.listener.pick(module, module === null ? null : [...bundle.arrays.cells.subarray(3 * module, 3 * module + 3)]);
+    this.listener.pick(
+      module,
+      module === null ? null : [...bundle.arrays.cells.subarray(3 * module, 3 * module + 3)],
+    );
   }
 
   // Return the poses of the modules in the scene.
@@ -134,7 +157,10 @@ export class PreviewStage extends Scene {
     const { header, arrays } = /** @type {PreviewBundle} */ (this.bundle);
     const cells = header.messages.find((message) => message.props && message.name === "/cells");
     const columns = /** @type {Record<string, { column: string }>} */ (cells?.props);
-    return { positions: arrays[columns.batched_positions.column], wxyzs: arrays[columns.batched_wxyzs.column] };
+    return {
+      positions: arrays[columns.batched_positions.column],
+      wxyzs: arrays[columns.batched_wxyzs.column],
+    };
   }
 
   // Colour the modules: transparent if the path is visible, except for the selected one.
@@ -148,15 +174,20 @@ export class PreviewStage extends Scene {
     if (through) for (let i = 0; i < colours.length; i++) colours[i] = ghost[i % 3];
     if (selected !== null) colours.set(blue, 3 * selected);
     const messages = [
-      update("/cells", { opacity: through ? opacity : null, batched_colors: colours.map((byte) => linear[byte]) }),
+      update("/cells", {
+        opacity: through ? opacity : null,
+        batched_colors: colours.map((byte) => linear[byte]),
+      }),
       visibility("/selected", selected !== null),
     ];
     if (selected !== null) {
       const { positions, wxyzs } = this.modules();
-      messages.push(update("/selected", {
-        batched_positions: positions.slice(3 * selected, 3 * selected + 3),
-        batched_wxyzs: wxyzs.slice(4 * selected, 4 * selected + 4),
-      }));
+      messages.push(
+        update("/selected", {
+          batched_positions: positions.slice(3 * selected, 3 * selected + 3),
+          batched_wxyzs: wxyzs.slice(4 * selected, 4 * selected + 4),
+        }),
+      );
     }
     this.apply(messages);
   }
@@ -167,15 +198,24 @@ export class PreviewStage extends Scene {
     if (!this.open || !this.bundle || !wide || !high) return;
     const { corners, radius, camera } = this.bundle.header;
     const view = framing(corners, {
-      radius, aspect: wide / high, field: camera.field_of_view_rad,
-      azimuth: camera.azimuth_rad, elevation: camera.elevation_rad, margin: camera.margin,
+      radius,
+      aspect: wide / high,
+      field: camera.field_of_view_rad,
+      azimuth: camera.azimuth_rad,
+      elevation: camera.elevation_rad,
+      margin: camera.margin,
     });
     const { usual, usualTarget } = this;
     Object.assign(this, { usual: view.distance, usualTarget: view.target });
-    if (!this.touched || !this.view) { this.aim(view); return; }
+    if (!this.touched || !this.view) {
+      this.aim(view);
+      return;
+    }
     const { view: turned } = this;
     const size = view.distance / usual;
-    const target = /** @type {Vector} */ (turned.target.map((v, k) => view.target[k] + size * (v - usualTarget[k])));
+    const target = /** @type {Vector} */ (
+      turned.target.map((v, k) => view.target[k] + size * (v - usualTarget[k]))
+    );
     this.aim({ ...turned, target, distance: size * turned.distance });
   }
 
@@ -184,7 +224,12 @@ export class PreviewStage extends Scene {
     const { view, bundle, usual } = this;
     if (!view || !bundle) return;
     this.touched = true;
-    this.aim(orbited(view, orbit, bundle.header.camera.field_of_view_rad, [DISTANCES[0] * usual, DISTANCES[1] * usual]));
+    this.aim(
+      orbited(view, orbit, bundle.header.camera.field_of_view_rad, [
+        DISTANCES[0] * usual,
+        DISTANCES[1] * usual,
+      ]),
+    );
   }
 
   /** @param {View} view */

@@ -13,8 +13,13 @@ const KEY_TURN_RAD = Math.PI / 18; // per key press
 const KEY_ZOOM = 1.15; // per key press
 /** @type {Record<string, Orbit>} */
 export const KEY_ORBITS = {
-  w: { turn: [0, KEY_TURN_RAD] }, a: { turn: [-KEY_TURN_RAD, 0] }, s: { turn: [0, -KEY_TURN_RAD] }, d: { turn: [KEY_TURN_RAD, 0] },
-  "+": { zoom: 1 / KEY_ZOOM }, "=": { zoom: 1 / KEY_ZOOM }, "-": { zoom: KEY_ZOOM },
+  w: { turn: [0, KEY_TURN_RAD] },
+  a: { turn: [-KEY_TURN_RAD, 0] },
+  s: { turn: [0, -KEY_TURN_RAD] },
+  d: { turn: [KEY_TURN_RAD, 0] },
+  "+": { zoom: 1 / KEY_ZOOM },
+  "=": { zoom: 1 / KEY_ZOOM },
+  "-": { zoom: KEY_ZOOM },
 };
 const SOFTWARE = /swiftshader|llvmpipe|softpipe|software|basic render/i;
 
@@ -28,14 +33,28 @@ export const linear = Uint8Array.from({ length: 256 }, (_, byte) => {
  * @param {Record<string, unknown>} updates
  * @returns {SceneMessage}
  */
-export const update = (name, updates) => ({ type: "SceneNodeUpdateMessage", owner: "", name, updates });
+export const update = (name, updates) => ({
+  type: "SceneNodeUpdateMessage",
+  owner: "",
+  name,
+  updates,
+});
 /**
  * @param {string} name
  * @param {boolean} visible
  * @returns {SceneMessage}
  */
-export const visibility = (name, visible) => ({ type: "SetSceneNodeVisibilityMessage", owner: "", name, visible });
-const removal = (/** @type {string} */ name) => ({ type: "RemoveSceneNodeMessage", owner: "", name });
+export const visibility = (name, visible) => ({
+  type: "SetSceneNodeVisibilityMessage",
+  owner: "",
+  name,
+  visible,
+});
+const removal = (/** @type {string} */ name) => ({
+  type: "RemoveSceneNodeMessage",
+  owner: "",
+  name,
+});
 
 /**
  * @param {Eye} eye
@@ -93,7 +112,9 @@ export class Scene {
     /** @type {Map<unknown, { what: "pass" | "paint", then: () => void }>} */
     this.asked = new Map();
     frame.addEventListener("load", () => this.connect());
-    addEventListener("themechange", () => this.port?.postMessage({ do: "dress", scheme: scheme() }));
+    addEventListener("themechange", () =>
+      this.port?.postMessage({ do: "dress", scheme: scheme() }),
+    );
   }
 
   // Replace the scene bundle.
@@ -113,11 +134,15 @@ export class Scene {
   }
 
   /** @param {SceneMessage[]} messages */
-  apply(messages) { this.port?.postMessage({ do: "show", messages }); }
+  apply(messages) {
+    this.port?.postMessage({ do: "show", messages });
+  }
 
   // Call back when the last messages to the client are visible.
   /** @param {() => void} then */
-  painted(then) { this.ask("paint", then); }
+  painted(then) {
+    this.ask("paint", then);
+  }
 
   // Call back after two animation frames ("pass") or when the scene is painted ("paint").
   /**
@@ -146,7 +171,10 @@ export class Scene {
   reload() {
     this.open = false;
     this.heard.lost?.();
-    setTimeout(() => this.frame.parentNode?.insertBefore(this.frame, this.frame.nextSibling), RELOAD_MS * 2 ** this.losses++);
+    setTimeout(
+      () => this.frame.parentNode?.insertBefore(this.frame, this.frame.nextSibling),
+      RELOAD_MS * 2 ** this.losses++,
+    );
   }
 
   // Pick at a point of the picture, in pixels from the top left.
@@ -155,8 +183,20 @@ export class Scene {
    * @param {number} y
    */
   tap(x, y) {
-    const { bundle, eye, frame: { clientWidth: wide, clientHeight: high } } = this;
-    if (bundle && eye && wide && high) this.pick(...rayThrough(eye, [x / wide, y / high], wide / high, bundle.header.camera.field_of_view_rad));
+    const {
+      bundle,
+      eye,
+      frame: { clientWidth: wide, clientHeight: high },
+    } = this;
+    if (bundle && eye && wide && high)
+      this.pick(
+        ...rayThrough(
+          eye,
+          [x / wide, y / high],
+          wide / high,
+          bundle.header.camera.field_of_view_rad,
+        ),
+      );
   }
 
   // Report a click as a ray in the scene.
@@ -164,7 +204,9 @@ export class Scene {
    * @param {Vector} origin
    * @param {Vector} direction
    */
-  pick(origin, direction) { this.heard.pick?.(origin, direction); }
+  pick(origin, direction) {
+    this.heard.pick?.(origin, direction);
+  }
 
   /** @param {ViewTold | null | undefined} told */
   hear(told) {
@@ -175,7 +217,9 @@ export class Scene {
         if (this.bundle) this.build();
         this.heard.open?.();
         return;
-      case "lost": this.reload(); return;
+      case "lost":
+        this.reload();
+        return;
       case "done": {
         const asked = this.asked.get(told.id);
         this.asked.delete(told.id);
@@ -211,10 +255,21 @@ export class Hand {
   /** @param {PointerEvent} event */
   hear({ type, pointerId: id, pointerType, offsetX: x, offsetY: y, button }) {
     const { fingers } = this;
-    if (type === "pointermove") { this.drag(id, x, y); return; }
+    if (type === "pointermove") {
+      this.drag(id, x, y);
+      return;
+    }
     if (type === "pointerdown") {
       for (const other of fingers.values()) other.drags = true;
-      fingers.set(id, { x, y, fromX: x, fromY: y, button, still: pointerType === "touch" ? STILL_PX.touch : STILL_PX.mouse, drags: fingers.size > 0 });
+      fingers.set(id, {
+        x,
+        y,
+        fromX: x,
+        fromY: y,
+        button,
+        still: pointerType === "touch" ? STILL_PX.touch : STILL_PX.mouse,
+        drags: fingers.size > 0,
+      });
       return;
     }
     const finger = fingers.get(id);
@@ -241,7 +296,10 @@ export class Hand {
       const orbit = before > 0 && after > 0 ? { zoom: before / after } : {};
       if (!this.follows()) orbit.move = [dx / this.fingers.size, -dy / this.fingers.size];
       this.does(orbit);
-    } else this.does(finger.button > 0 ? { move: [dx, -dy] } : { turn: [-TURN_RAD * dx, TURN_RAD * dy] });
+    } else
+      this.does(
+        finger.button > 0 ? { move: [dx, -dy] } : { turn: [-TURN_RAD * dx, TURN_RAD * dy] },
+      );
   }
 
   // Return the distance between two pointers.
@@ -253,14 +311,33 @@ export class Hand {
   // Cover a view with the element that receives its input.
   /** @param {HTMLElement} view */
   cover(view) {
-    const surface = element("div", { class: "surface", tabindex: 0, role: "application", "aria-label": "3D view" });
+    const surface = element("div", {
+      class: "surface",
+      tabindex: 0,
+      role: "application",
+      "aria-label": "3D view",
+    });
     this.surface = surface;
-    for (const type of /** @type {const} */ (["pointerdown", "pointermove", "pointerup", "pointercancel"])) surface.addEventListener(type, (event) => this.hear(event));
-    surface.addEventListener("pointerdown", ({ pointerId }) => { this.clicked = true; surface.setPointerCapture(pointerId); });
+    for (const type of /** @type {const} */ ([
+      "pointerdown",
+      "pointermove",
+      "pointerup",
+      "pointercancel",
+    ]))
+      surface.addEventListener(type, (event) => this.hear(event));
+    surface.addEventListener("pointerdown", ({ pointerId }) => {
+      this.clicked = true;
+      surface.setPointerCapture(pointerId);
+    });
     surface.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     // A ring shows that the keyboard has moved the focus here; keys after a click show none.
-    surface.addEventListener("focus", () => surface.classList.toggle("focused", surface.matches(":focus-visible")));
-    surface.addEventListener("blur", () => { this.clicked = false; surface.classList.remove("focused"); });
+    surface.addEventListener("focus", () =>
+      surface.classList.toggle("focused", surface.matches(":focus-visible")),
+    );
+    surface.addEventListener("blur", () => {
+      this.clicked = false;
+      surface.classList.remove("focused");
+    });
     surface.addEventListener("contextmenu", (event) => event.preventDefault()); // the right button moves the view
     view.after(surface);
     return surface;
@@ -275,10 +352,15 @@ export class Hand {
   // After a click, until the focus leaves, or with Ctrl or ⌘, the wheel zooms a view in an embed, too.
   /** @param {WheelEvent} event */
   wheel(event) {
-    if (this.yields && !this.clicked && !event.ctrlKey && !event.metaKey) { this.scroll(); return; }
+    if (this.yields && !this.clicked && !event.ctrlKey && !event.metaKey) {
+      this.scroll();
+      return;
+    }
     event.preventDefault();
     const by = event.deltaMode ? LINE_PX * event.deltaY : event.deltaY;
-    this.does({ zoom: Math.exp(ZOOM_PER_PX * Math.min(MAX_WHEEL_PX, Math.max(-MAX_WHEEL_PX, by))) });
+    this.does({
+      zoom: Math.exp(ZOOM_PER_PX * Math.min(MAX_WHEEL_PX, Math.max(-MAX_WHEEL_PX, by))),
+    });
   }
 }
 

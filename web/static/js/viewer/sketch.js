@@ -12,7 +12,13 @@ const COLOURS = {
 // Return the colours of the table in the current theme.
 export function tableColours() {
   const { theme } = document.documentElement.dataset;
-  return COLOURS[theme === "light" || theme === "dark" ? theme : matchMedia("(prefers-color-scheme: light)").matches ? "light" : "dark"];
+  return COLOURS[
+    theme === "light" || theme === "dark"
+      ? theme
+      : matchMedia("(prefers-color-scheme: light)").matches
+        ? "light"
+        : "dark"
+  ];
 }
 
 // Return the radial gradient in the background of an element: its size and centre as fractions, and
@@ -23,8 +29,13 @@ export function tableColours() {
  */
 function gradientOf(element) {
   const text = getComputedStyle(element).backgroundImage;
-  const place = /^radial-gradient\(([\d.]+)% ([\d.]+)% at ([\d.]+)% ([\d.]+)%/.exec(text)?.slice(1).map((v) => Number(v) / 100);
-  const stops = [...text.matchAll(/(rgba?\([^)]*\)) ([\d.]+)%/g)].map(([, colour, at]) => /** @type {[number, string]} */ ([Number(at) / 100, colour]));
+  const place = /^radial-gradient\(([\d.]+)% ([\d.]+)% at ([\d.]+)% ([\d.]+)%/
+    .exec(text)
+    ?.slice(1)
+    .map((v) => Number(v) / 100);
+  const stops = [...text.matchAll(/(rgba?\([^)]*\)) ([\d.]+)%/g)].map(
+    ([, colour, at]) => /** @type {[number, string]} */ ([Number(at) / 100, colour]),
+  );
   return place && stops.length ? { place, stops } : null;
 }
 
@@ -63,11 +74,21 @@ export class Sketch {
     this.worker = new Worker(Sketch.script);
     let first = true;
     this.worker.onmessage = ({ data }) => {
-      if (data instanceof Blob) { this.pictures.shift()?.(data); return; }
-      if (first) { first = false; onFirst(); }
+      if (data instanceof Blob) {
+        this.pictures.shift()?.(data);
+        return;
+      }
+      if (first) {
+        first = false;
+        onFirst();
+      }
       this.onDrawn();
       this.waiting = false;
-      if (this.next) { const next = this.next; this.next = null; this.post(next); }
+      if (this.next) {
+        const next = this.next;
+        this.next = null;
+        this.post(next);
+      }
     };
     this.tell({ is: "begin", paper, size: this.size(), ...this.colours() }, [paper]);
     addEventListener("themechange", () => this.tell({ is: "dress", ...this.colours() }));
@@ -78,7 +99,9 @@ export class Sketch {
    * @param {SketchTold} message
    * @param {Transferable[]} given
    */
-  tell(message, given = []) { this.worker.postMessage(message, given); }
+  tell(message, given = []) {
+    this.worker.postMessage(message, given);
+  }
 
   // Move the background of the canvas into the drawing. An opaque canvas saves the browser the
   // compositing, which would take longer than all the rest with software rendering.
@@ -93,13 +116,22 @@ export class Sketch {
   /** @param {Bundle} bundle */
   set({ header, neighbours }) {
     this.pitch = header.pitch;
-    this.tell({ is: "outline", outline: {
-      ...header.sketch, neighbours: neighbours ?? null, rods: header.chain.cells, full: 1 / header.shown_size, table: header.table,
-    } });
+    this.tell({
+      is: "outline",
+      outline: {
+        ...header.sketch,
+        neighbours: neighbours ?? null,
+        rods: header.chain.cells,
+        full: 1 / header.shown_size,
+        table: header.table,
+      },
+    });
   }
 
   // Return the colours of background and table in the current theme.
-  colours() { return { ground: this.ground(), wood: tableColours() }; }
+  colours() {
+    return { ground: this.ground(), wood: tableColours() };
+  }
 
   /**
    * @param {Snapshot} shown
@@ -110,7 +142,8 @@ export class Sketch {
   draw(shown, colours, view, ground) {
     const frame = this.frame(shown, colours, view, ground);
     // A newer frame replaces a waiting one.
-    if (this.waiting) this.next = frame; else this.post(frame);
+    if (this.waiting) this.next = frame;
+    else this.post(frame);
   }
 
   /**
@@ -123,7 +156,16 @@ export class Sketch {
   frame(shown, colours, { position, target }, ground) {
     const { positions, wxyzs, core = 0, rod = Infinity } = shown;
     const [eye, at] = [position, target].map((place) => place.map((v) => v / this.pitch));
-    return { positions, wxyzs, colours, eye, target: at, floor: ground === null ? floorUnder(shown) : ground / this.pitch, core, rod };
+    return {
+      positions,
+      wxyzs,
+      colours,
+      eye,
+      target: at,
+      floor: ground === null ? floorUnder(shown) : ground / this.pitch,
+      core,
+      rod,
+    };
   }
 
   // Return the view as a PNG, `scale` times as large as on the page.

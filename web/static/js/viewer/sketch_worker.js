@@ -46,8 +46,14 @@ let latest = null;
 let due = false;
 
 onmessage = (/** @type {MessageEvent<SketchTold>} */ { data }) => {
-  if (data.is === "picture") { picture(data); return; }
-  if (data.is === "outline") { [outline, latest] = [data.outline, null]; return; }
+  if (data.is === "picture") {
+    picture(data);
+    return;
+  }
+  if (data.is === "outline") {
+    [outline, latest] = [data.outline, null];
+    return;
+  }
   if (data.is === "begin") {
     ({ paper, size, ground, wood } = data);
     pen = penOf(paper, !ground);
@@ -80,7 +86,10 @@ async function picture(asked) {
  * @param {OffscreenCanvas} canvas
  * @param {boolean} alpha
  */
-const penOf = (canvas, alpha) => /** @type {OffscreenCanvasRenderingContext2D} */ (canvas.getContext("2d", { willReadFrequently: true, alpha }));
+const penOf = (canvas, alpha) =>
+  /** @type {OffscreenCanvasRenderingContext2D} */ (
+    canvas.getContext("2d", { willReadFrequently: true, alpha })
+  );
 
 let owed = false;
 /** @param {boolean} told */
@@ -94,7 +103,10 @@ function ask(told) {
       clear();
       if (outline && latest) draw(outline, latest);
     }
-    if (owed) { owed = false; postMessage("drawn"); }
+    if (owed) {
+      owed = false;
+      postMessage("drawn");
+    }
   });
 }
 
@@ -102,8 +114,14 @@ function ask(told) {
 function clear() {
   const width = Math.round(size.width * size.scale);
   const height = Math.round(size.height * size.scale);
-  if (paper.width !== width || paper.height !== height) { paper.width = width; paper.height = height; }
-  if (!ground) { pen.clearRect(0, 0, width, height); return; }
+  if (paper.width !== width || paper.height !== height) {
+    paper.width = width;
+    paper.height = height;
+  }
+  if (!ground) {
+    pen.clearRect(0, 0, width, height);
+    return;
+  }
   if (back?.width !== width || back.height !== height) back = painted(ground, width, height);
   pen.drawImage(back, 0, 0);
 }
@@ -136,12 +154,19 @@ const dot = (a, b) => a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
  * @param {Vector} b
  * @returns {Vector}
  */
-const cross = (a, b) => [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]];
+const cross = (a, b) => [
+  a[1] * b[2] - a[2] * b[1],
+  a[2] * b[0] - a[0] * b[2],
+  a[0] * b[1] - a[1] * b[0],
+];
 /**
  * @param {Vector} a
  * @returns {Vector}
  */
-const unit = (a) => { const l = Math.hypot(...a) || 1; return [a[0] / l, a[1] / l, a[2] / l]; };
+const unit = (a) => {
+  const l = Math.hypot(...a) || 1;
+  return [a[0] / l, a[1] / l, a[2] / l];
+};
 const SIDE = unit([-0.3, -1.0, 0.5]);
 
 // Return the brightness of a face with this outward normal:
@@ -163,7 +188,10 @@ const ALIKE = 48; // maximum difference between the colours of such modules
  * @param {Drawn} drawn
  * @param {SketchFrame} frame
  */
-function draw({ modules, corners, faces, normals, neighbours, rods, full, table, field_of_view_rad: angle }, frame) {
+function draw(
+  { modules, corners, faces, normals, neighbours, rods, full, table, field_of_view_rad: angle },
+  frame,
+) {
   const { positions, wxyzs, colours, eye, target } = frame;
   const { width, height } = paper;
   pen.lineJoin = "round";
@@ -184,14 +212,30 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, table,
   };
   if (table && eye[2] > table.height) slab(table, see, [eye, out]);
   const radius = Math.max(...corners.map((corner) => Math.hypot(...corner)));
-  const drawn = piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, width, height });
+  const drawn = piecesOf({
+    modules,
+    faces,
+    neighbours,
+    rods,
+    frame,
+    see,
+    zoom,
+    radius,
+    width,
+    height,
+  });
   shadow(drawn, frame, see, width, height);
   drawn.sort((a, b) => b.far - a.far);
 
   const reach = normals.map((normal, f) => dot(normal, corners[faces[f][0]]));
   const points = corners.map(() => /** @type {[number, number]} */ ([0, 0]));
   const around = corners.map(() => /** @type {[number, number]} */ ([0, 0]));
-  const fill = (/** @type {number[]} */ face, /** @type {[number, number][]} */ at, /** @type {string} */ colour, line = colour) => {
+  const fill = (
+    /** @type {number[]} */ face,
+    /** @type {[number, number][]} */ at,
+    /** @type {string} */ colour,
+    line = colour,
+  ) => {
     pen.beginPath();
     face.forEach((v, n) => (n ? pen.lineTo(...at[v]) : pen.moveTo(...at[v])));
     pen.closePath();
@@ -212,18 +256,37 @@ function draw({ modules, corners, faces, normals, neighbours, rods, full, table,
     // Through a gap, a hidden face is visible in the dark; without gaps there must be no holes.
     const gapped = hidden && large > GAPPED_PX;
     const local = [0, 1, 2].map((c) => r[c] * e[0] + r[3 + c] * e[1] + r[6 + c] * e[2]);
-    const place = (/** @type {number} */ grown, /** @type {number[][]} */ into) => corners.forEach(([front, left, top], v) => {
-      const [a, b, c] = [front > 0 ? front * grown + many - 1 : front * grown, left * grown, top * grown];
-      see(x + r[0] * a + r[1] * b + r[2] * c, y + r[3] * a + r[4] * b + r[5] * c, z + r[6] * a + r[7] * b + r[8] * c, into[v]);
-    });
+    const place = (/** @type {number} */ grown, /** @type {number[][]} */ into) =>
+      corners.forEach(([front, left, top], v) => {
+        const [a, b, c] = [
+          front > 0 ? front * grown + many - 1 : front * grown,
+          left * grown,
+          top * grown,
+        ];
+        see(
+          x + r[0] * a + r[1] * b + r[2] * c,
+          y + r[3] * a + r[4] * b + r[5] * c,
+          z + r[6] * a + r[7] * b + r[8] * c,
+          into[v],
+        );
+      });
     place(hidden && !gapped ? full : 1, points);
     if (gapped) place(full, around);
     for (let f = 0; f < faces.length; f++) {
       const normal = normals[f];
-      if ((hidden >> f) & 1 || dot(normal, local) <= reach[f] + (normal[0] > 0 ? normal[0] * (many - 1) : 0)) continue;
+      if (
+        (hidden >> f) & 1 ||
+        dot(normal, local) <= reach[f] + (normal[0] > 0 ? normal[0] * (many - 1) : 0)
+      )
+        continue;
       const [a, b, c] = normal;
-      const bright = light(r[0] * a + r[1] * b + r[2] * c, r[3] * a + r[4] * b + r[5] * c, r[6] * a + r[7] * b + r[8] * c);
-      const shade = (/** @type {number} */ share) => `rgb(${[0, 1, 2].map((v) => Math.min(255, Math.round(colours[3 * i + v] * bright * share))).join(" ")})`;
+      const bright = light(
+        r[0] * a + r[1] * b + r[2] * c,
+        r[3] * a + r[4] * b + r[5] * c,
+        r[6] * a + r[7] * b + r[8] * c,
+      );
+      const shade = (/** @type {number} */ share) =>
+        `rgb(${[0, 1, 2].map((v) => Math.min(255, Math.round(colours[3 * i + v] * bright * share))).join(" ")})`;
       if (gapped) fill(faces[f], around, shade(GAP));
       fill(faces[f], points, shade(1), edged ? EDGE : undefined);
     }
@@ -241,7 +304,10 @@ function slab({ height, thickness, outline: ring }, see, [eye, out]) {
     const seen = inFront(points, eye, out);
     const at = [0, 0];
     pen.beginPath();
-    for (const [x, y, z] of seen) { see(x, y, z, at); pen.lineTo(at[0], at[1]); }
+    for (const [x, y, z] of seen) {
+      see(x, y, z, at);
+      pen.lineTo(at[0], at[1]);
+    }
     pen.closePath();
     if (seen.length > 2) pen.fill();
     return seen.length > 2;
@@ -252,7 +318,15 @@ function slab({ height, thickness, outline: ring }, see, [eye, out]) {
   if (fill(ring.map(([x, y]) => [x, y, low]))) {
     ring.forEach(([x, y], k) => {
       const [u, v] = ring[(k + 1) % ring.length];
-      if (fill([[x, y, height], [u, v, height], [u, v, low], [x, y, low]])) pen.stroke();
+      if (
+        fill([
+          [x, y, height],
+          [u, v, height],
+          [u, v, low],
+          [x, y, low],
+        ])
+      )
+        pen.stroke();
     });
   }
   pen.fillStyle = `rgb(${wood.top.join(" ")})`;
@@ -266,7 +340,8 @@ function slab({ height, thickness, outline: ring }, see, [eye, out]) {
  * @param {Vector} out
  */
 function inFront(points, eye, out) {
-  const depth = (/** @type {Vector} */ p) => -dot([p[0] - eye[0], p[1] - eye[1], p[2] - eye[2]], out) - NEAREST;
+  const depth = (/** @type {Vector} */ p) =>
+    -dot([p[0] - eye[0], p[1] - eye[1], p[2] - eye[2]], out) - NEAREST;
   /** @type {Vector[]} */
   const found = [];
   points.forEach((p, k) => {
@@ -275,7 +350,11 @@ function inFront(points, eye, out) {
     if (a >= 0) found.push(p);
     if (a < 0 !== b < 0) {
       const share = a / (a - b);
-      found.push([p[0] + share * (q[0] - p[0]), p[1] + share * (q[1] - p[1]), p[2] + share * (q[2] - p[2])]);
+      found.push([
+        p[0] + share * (q[0] - p[0]),
+        p[1] + share * (q[1] - p[1]),
+        p[2] + share * (q[2] - p[2]),
+      ]);
     }
   });
   return found;
@@ -293,19 +372,34 @@ function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, 
   const at = [0, 0];
   const inside = (/** @type {number} */ depth) => {
     const around = (zoom * radius) / Math.max(NEAREST, depth);
-    return depth > -radius && at[0] > -around && at[0] < width + around && at[1] > -around && at[1] < height + around;
+    return (
+      depth > -radius &&
+      at[0] > -around &&
+      at[0] < width + around &&
+      at[1] > -around &&
+      at[1] < height + around
+    );
   };
-  const seen = (/** @type {number} */ i) => see(positions[3 * i], positions[3 * i + 1], positions[3 * i + 2], at);
+  const seen = (/** @type {number} */ i) =>
+    see(positions[3 * i], positions[3 * i + 1], positions[3 * i + 2], at);
   for (let i = 0, next; i < modules; i = next) {
     next = i + 1;
     let hidden = 0;
-    if (neighbours && i < core) for (let f = 0; f < faces.length; f++) if (neighbours[i * faces.length + f] < core) hidden |= 1 << f;
+    if (neighbours && i < core)
+      for (let f = 0; f < faces.length; f++)
+        if (neighbours[i * faces.length + f] < core) hidden |= 1 << f;
     if (hidden === all) continue;
     const depth = seen(i);
     if (!inside(depth)) continue;
     const [left, top] = at;
     if (i >= rod && depth > NEAREST) {
-      while (next < modules && alike(colours, i, next) && inside(seen(next)) && Math.hypot(at[0] - left, at[1] - top) < GROUPED_PX * size.scale) next++;
+      while (
+        next < modules &&
+        alike(colours, i, next) &&
+        inside(seen(next)) &&
+        Math.hypot(at[0] - left, at[1] - top) < GROUPED_PX * size.scale
+      )
+        next++;
     }
     found.push({ i, many: next - i, hidden, far: farOf(frame, (i + next - 1) >> 1) });
   }
@@ -316,7 +410,8 @@ function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, 
  * @param {SketchFrame} frame
  * @param {number} i
  */
-const farOf = ({ positions, eye }, i) => Math.hypot(...[0, 1, 2].map((c) => positions[3 * i + c] - eye[c]));
+const farOf = ({ positions, eye }, i) =>
+  Math.hypot(...[0, 1, 2].map((c) => positions[3 * i + c] - eye[c]));
 
 /**
  * @param {Uint8Array} colours
@@ -342,7 +437,10 @@ let small = null;
 function shadow(drawn, { positions, floor }, see, width, height) {
   let [w, h] = [Math.ceil(width * SHADOW_SCALE), Math.ceil(height * SHADOW_SCALE)];
   small ??= new OffscreenCanvas(w, h);
-  if (small.width !== w || small.height !== h) { small.width = w; small.height = h; }
+  if (small.width !== w || small.height !== h) {
+    small.width = w;
+    small.height = h;
+  }
   const brush = penOf(small, true);
   brush.clearRect(0, 0, w, h);
   brush.fillStyle = "#000";
@@ -351,13 +449,29 @@ function shadow(drawn, { positions, floor }, see, width, height) {
   for (const { i, many } of drawn) {
     const k = 3 * i;
     const e = 3 * (i + many - 1);
-    const [x, y] = [Math.min(positions[k], positions[e]), Math.min(positions[k + 1], positions[e + 1])];
-    const [u, v] = [Math.max(positions[k], positions[e]), Math.max(positions[k + 1], positions[e + 1])];
+    const [x, y] = [
+      Math.min(positions[k], positions[e]),
+      Math.min(positions[k + 1], positions[e + 1]),
+    ];
+    const [u, v] = [
+      Math.max(positions[k], positions[e]),
+      Math.max(positions[k + 1], positions[e + 1]),
+    ];
     brush.beginPath();
-    for (const [px, py] of [[x - 0.6, y - 0.6], [u + 0.6, y - 0.6], [u + 0.6, v + 0.6], [x - 0.6, v + 0.6]]) {
+    for (const [px, py] of [
+      [x - 0.6, y - 0.6],
+      [u + 0.6, y - 0.6],
+      [u + 0.6, v + 0.6],
+      [x - 0.6, v + 0.6],
+    ]) {
       see(px, py, floor, at);
       const [a, b] = [at[0] * SHADOW_SCALE, at[1] * SHADOW_SCALE];
-      [left, top, beyond, below] = [Math.min(left, a), Math.min(top, b), Math.max(beyond, a), Math.max(below, b)];
+      [left, top, beyond, below] = [
+        Math.min(left, a),
+        Math.min(top, b),
+        Math.max(beyond, a),
+        Math.max(below, b),
+      ];
       brush.lineTo(a, b);
     }
     brush.fill();
@@ -369,7 +483,17 @@ function shadow(drawn, { positions, floor }, see, width, height) {
   pen.globalAlpha = SHADOW;
   pen.imageSmoothingEnabled = true;
   pen.imageSmoothingQuality = "medium"; // "high" takes more than twice as long and looks the same
-  pen.drawImage(small, left, top, w, h, left / SHADOW_SCALE, top / SHADOW_SCALE, w / SHADOW_SCALE, h / SHADOW_SCALE);
+  pen.drawImage(
+    small,
+    left,
+    top,
+    w,
+    h,
+    left / SHADOW_SCALE,
+    top / SHADOW_SCALE,
+    w / SHADOW_SCALE,
+    h / SHADOW_SCALE,
+  );
   pen.globalAlpha = 1;
 }
 
@@ -381,7 +505,13 @@ function shadow(drawn, { positions, floor }, see, width, height) {
  */
 function turn(wxyzs, i, r) {
   const [w, x, y, z] = wxyzs.subarray(4 * i, 4 * i + 4);
-  r[0] = 1 - 2 * (y * y + z * z); r[1] = 2 * (x * y - w * z); r[2] = 2 * (x * z + w * y);
-  r[3] = 2 * (x * y + w * z); r[4] = 1 - 2 * (x * x + z * z); r[5] = 2 * (y * z - w * x);
-  r[6] = 2 * (x * z - w * y); r[7] = 2 * (y * z + w * x); r[8] = 1 - 2 * (x * x + y * y);
+  r[0] = 1 - 2 * (y * y + z * z);
+  r[1] = 2 * (x * y - w * z);
+  r[2] = 2 * (x * z + w * y);
+  r[3] = 2 * (x * y + w * z);
+  r[4] = 1 - 2 * (x * x + z * z);
+  r[5] = 2 * (y * z - w * x);
+  r[6] = 2 * (x * z - w * y);
+  r[7] = 2 * (y * z + w * x);
+  r[8] = 1 - 2 * (x * x + y * y);
 }

@@ -48,10 +48,14 @@ export class Stage extends Scene {
   }
 
   /** @returns {TableTold | null} */
-  get table() { return this.bundle?.header.table ?? null; }
+  get table() {
+    return this.bundle?.header.table ?? null;
+  }
 
   // Apply the theme of the page to the table.
-  dress() { if (this.open && this.table) this.apply([update("/table", { color: tableColours().lit })]); }
+  dress() {
+    if (this.open && this.table) this.apply([update("/table", { color: tableColours().lit })]);
+  }
 
   // Set the scene of another chain.
   /** @param {Bundle} bundle */
@@ -61,7 +65,9 @@ export class Stage extends Scene {
     this.ground = table ? table.height * this.pitch : null;
     this.latest = null;
     this.sent = null;
-    this.buried = bundle.neighbours ? buriedBy(bundle.neighbours, bundle.header.chain.modules) : null;
+    this.buried = bundle.neighbours
+      ? buriedBy(bundle.neighbours, bundle.header.chain.modules)
+      : null;
     super.set(bundle);
   }
 
@@ -78,7 +84,12 @@ export class Stage extends Scene {
    * @param {Vector} origin
    * @param {Vector} direction
    */
-  pick(origin, direction) { this.heard.pick?.([origin[0] / this.pitch, origin[1] / this.pitch, origin[2] / this.pitch], direction); }
+  pick(origin, direction) {
+    this.heard.pick?.(
+      [origin[0] / this.pitch, origin[1] / this.pitch, origin[2] / this.pitch],
+      direction,
+    );
+  }
 
   // Draw poses with colours (3n sRGB bytes) from a camera.
   /**
@@ -89,14 +100,22 @@ export class Stage extends Scene {
   draw(snapshot, colours, eye) {
     this.latest = [snapshot, colours, eye];
     if (!this.open) return;
-    const messages = [update("/modules", this.modules(snapshot, colours)), update("/ends", this.ends(snapshot))];
+    const messages = [
+      update("/modules", this.modules(snapshot, colours)),
+      update("/ends", this.ends(snapshot)),
+    ];
     if (this.away) messages.push(...this.seen.map((name) => visibility(name, true)));
     this.away = false;
     if (this.through) messages.push(update("/path", { points: this.path(snapshot) }));
     if (this.table) messages.push(...this.pressing(snapshot, colours));
     else if (this.ground !== null) {
       const [x, y] = this.middle(snapshot);
-      messages.push({ type: "SetPositionMessage", owner: "", name: "/ground", position: [x * this.pitch, y * this.pitch, this.ground] });
+      messages.push({
+        type: "SetPositionMessage",
+        owner: "",
+        name: "/ground",
+        position: [x * this.pitch, y * this.pitch, this.ground],
+      });
     }
     messages.push(...cameraTo(eye));
     this.apply(messages);
@@ -111,7 +130,9 @@ export class Stage extends Scene {
   }
 
   // Nodes that are expensive to draw.
-  get seen() { return this.table ? ["/modules", "/table"] : ["/modules", "/ground"]; }
+  get seen() {
+    return this.table ? ["/modules", "/table"] : ["/modules", "/ground"];
+  }
 
   // Return messages for the discs under the modules on the table, in the colours of the modules.
   /**
@@ -123,7 +144,11 @@ export class Stage extends Scene {
     if (!forces || !this.table) return [visibility("/pressed", false)];
     const { places, scales } = discs(forces, snapshot.positions, this.table.height, this.pitch);
     return [
-      update("/pressed", { batched_positions: places, batched_scales: scales, batched_colors: colours.map((byte) => linear[byte]) }),
+      update("/pressed", {
+        batched_positions: places,
+        batched_scales: scales,
+        batched_colors: colours.map((byte) => linear[byte]),
+      }),
       visibility("/pressed", true),
     ];
   }
@@ -160,7 +185,11 @@ export class Stage extends Scene {
     this.through = on;
     if (!this.open || !this.bundle) return;
     this.apply([
-      update("/modules", { opacity: on ? SEEN_THROUGH : null, cast_shadow: !on, receive_shadow: !on }),
+      update("/modules", {
+        opacity: on ? SEEN_THROUGH : null,
+        cast_shadow: !on,
+        receive_shadow: !on,
+      }),
       visibility("/path", on),
     ]);
     if (this.latest) this.draw(...this.latest);
@@ -170,14 +199,18 @@ export class Stage extends Scene {
   path({ positions }) {
     const n = positions.length / 3;
     const points = new Float32Array(6 * (n - 1));
-    for (let i = 0; i < n - 1; i++) for (let k = 0; k < 6; k++) points[6 * i + k] = positions[3 * i + k] * this.pitch;
+    for (let i = 0; i < n - 1; i++)
+      for (let k = 0; k < 6; k++) points[6 * i + k] = positions[3 * i + k] * this.pitch;
     return points;
   }
 
   /** @param {Snapshot} snapshot */
   middle({ positions, framed }) {
     const sum = [0, 0];
-    for (let i = 0; i < framed; i++) { sum[0] += positions[3 * i]; sum[1] += positions[3 * i + 1]; }
+    for (let i = 0; i < framed; i++) {
+      sum[0] += positions[3 * i];
+      sum[1] += positions[3 * i + 1];
+    }
     return [sum[0] / framed, sum[1] / framed];
   }
 
@@ -188,10 +221,14 @@ export class Stage extends Scene {
     const n = positions.length / 3;
     const at = new Float32Array(6);
     const turn = new Float32Array(8);
-    [[0, -1], [n - 1, 1]].forEach(([i, side], k) => {
+    [
+      [0, -1],
+      [n - 1, 1],
+    ].forEach(([i, side], k) => {
       const [w, x, y, z] = wxyzs.subarray(4 * i, 4 * i + 4);
       const ahead = [1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)];
-      for (let c = 0; c < 3; c++) at[3 * k + c] = (positions[3 * i + c] + side * size * reach * ahead[c]) * this.pitch;
+      for (let c = 0; c < 3; c++)
+        at[3 * k + c] = (positions[3 * i + c] + side * size * reach * ahead[c]) * this.pitch;
       // A half turn about z points the first stud backwards.
       turn.set(side < 0 ? [-z, y, -x, w] : [w, x, y, z], 4 * k);
     });
@@ -209,7 +246,10 @@ export class Stage extends Scene {
     const low = floorUnder(snapshot) * this.pitch;
     if (this.ground === low) return false;
     const before = this.ground ?? low;
-    this.ground = Math.abs(before - low) < LEVEL * this.pitch ? low : low + (before - low) * Math.exp(-seconds / (low < before ? SINK_S : RISE_S));
+    this.ground =
+      Math.abs(before - low) < LEVEL * this.pitch
+        ? low
+        : low + (before - low) * Math.exp(-seconds / (low < before ? SINK_S : RISE_S));
     return true;
   }
 }
@@ -228,7 +268,10 @@ export function discs(pressed, positions, height, pitch) {
   const scales = new Float32Array(n);
   let standing = 0;
   for (let i = 0; i < n; i++) {
-    if (!(pressed[i] > LEAST)) { places[3 * i + 2] = NOWHERE; continue; }
+    if (!(pressed[i] > LEAST)) {
+      places[3 * i + 2] = NOWHERE;
+      continue;
+    }
     places[3 * i] = positions[3 * i] * pitch;
     places[3 * i + 1] = positions[3 * i + 1] * pitch;
     places[3 * i + 2] = (height + ABOVE + APART * standing++) * pitch;
@@ -265,7 +308,10 @@ export class StandIn {
     this.painted = () => {};
     this.busy = () => false; // true during automatic motion
     sketch.onDrawn = () => {
-      if (this.latest) { canvas.classList.remove("gone"); stage.frame.classList.add("behind"); }
+      if (this.latest) {
+        canvas.classList.remove("gone");
+        stage.frame.classList.add("behind");
+      }
       this.painted();
     };
   }
@@ -273,7 +319,8 @@ export class StandIn {
   get slow() {
     const { times, stage } = this;
     const sum = times.reduce((a, b) => a + b, 0);
-    if (times.length < MEASURED) return stage.bundle !== null && stage.bundle.header.chain.modules >= MANY && isSoftware();
+    if (times.length < MEASURED)
+      return stage.bundle !== null && stage.bundle.header.chain.modules >= MANY && isSoftware();
     return (sum - Math.max(...times)) / (MEASURED - 1) > SLOW_MS;
   }
 
@@ -294,7 +341,10 @@ export class StandIn {
   open() {
     this.opened = true;
     this.onOpen();
-    if (!this.slow || !this.given) { this.leave(); return; }
+    if (!this.slow || !this.given) {
+      this.leave();
+      return;
+    }
     this.latest = this.given;
     this.canvas.classList.add("standing-in");
     this.rest();
@@ -311,7 +361,10 @@ export class StandIn {
     if (!this.opened) {
       this.given = [shown, colours, eye];
       // The view needs a first picture; a slow view gets no more of them.
-      if (!this.slow || !this.begun) { stage.draw(shown, colours, eye); this.begun = stage.open; }
+      if (!this.slow || !this.begun) {
+        stage.draw(shown, colours, eye);
+        this.begun = stage.open;
+      }
       sketch.draw(shown, colours, eye, stage.ground);
       this.takeOver();
       return;
@@ -340,7 +393,10 @@ export class StandIn {
 
   // Hand over to the view after some time without motion.
   rest() {
-    if (this.busy()) { this.timer = setTimeout(() => this.rest(), REST_MS); return; }
+    if (this.busy()) {
+      this.timer = setTimeout(() => this.rest(), REST_MS);
+      return;
+    }
     if (this.latest) this.stage.draw(...this.latest);
     this.measure();
     this.yield();
@@ -369,7 +425,8 @@ export class StandIn {
     this.stage.ask("pass", () => {
       if (told) {
         this.measuring = false;
-        if (!document.hidden) this.times = [...this.times, performance.now() - begun].slice(-MEASURED);
+        if (!document.hidden)
+          this.times = [...this.times, performance.now() - begun].slice(-MEASURED);
       }
       this.painted();
     });

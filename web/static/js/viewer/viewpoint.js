@@ -12,7 +12,8 @@ const WIDE = 0.8; // pitches; modules nearer to the line of sight hide those beh
  * @param {number} module
  * @param {[azimuth: number, elevation: number]} from
  */
-export const isHidden = (positions, module, [azimuth, elevation]) => before(positions, module, outward(azimuth, elevation), new Set([module])) > 0;
+export const isHidden = (positions, module, [azimuth, elevation]) =>
+  before(positions, module, outward(azimuth, elevation), new Set([module])) > 0;
 
 /** @param {number[]} modules */
 const spread = (modules) => modules.filter((_, k) => k % Math.ceil(modules.length / MOST) === 0);
@@ -37,7 +38,10 @@ export function clearestSight(positions, modules, [azimuth, elevation]) {
       const way = outward(turn, rise);
       const hidden = few.reduce((sum, module) => sum + before(positions, module, way, own), 0);
       const cost = hidden + 0.02 * k + 0.1 * Math.abs(rise - elevation);
-      if (cost < least) { least = cost; best = [turn, rise]; }
+      if (cost < least) {
+        least = cost;
+        best = [turn, rise];
+      }
     }
   }
   return best;
