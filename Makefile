@@ -77,6 +77,7 @@ lint: $(STAMP) $(NODE_MODULES) ## Check style and types
 	@$(BIN)/pyright
 	@$(BIN)/node node_modules/typescript/bin/tsc --project jsconfig.json
 	@$(BIN)/node node_modules/eslint/bin/eslint.js web/static tests/web/js
+	@$(PRETTIER) --check $(SCRIPTS)
 
 format: $(STAMP) $(NODE_MODULES) ## Format the code with ruff, and the pages' scripts with prettier
 	@$(BIN)/ruff check --fix --quiet .
