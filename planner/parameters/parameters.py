@@ -6,8 +6,9 @@ the target without a record.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field, replace
-from typing import Any, Final, Literal
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.explosion import (
@@ -18,6 +19,9 @@ from foldback.planner.parameters.explosion import (
 from foldback.planner.parameters.option import Choice, Choices
 from foldback.planner.parameters.playback import PlaybackParameters
 from foldback.planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
 
 World = Literal["floating", "table"]
 PRESET_CHOICES: Final[Choices] = {
@@ -104,6 +108,22 @@ class Parameters:
         if self.at_once is None:
             del values["at_once"]
         return values
+
+
+def with_defaults(values: Mapping[str, Any], parameters: DataclassInstance) -> dict[str, Any]:
+    """Return plain values of parameters in which those that are absent have their defaults.
+
+    Args:
+        values: Values as ``Parameters.as_dict`` gives them, perhaps without parameters that a later
+            version added.
+        parameters: Parameters of the same classes; only the defaults of their fields count.
+    """
+    complete = {**asdict(type(parameters)()), **values}
+    for each in fields(parameters):
+        part, value = getattr(parameters, each.name), complete[each.name]
+        if isinstance(value, Mapping) and is_dataclass(part) and not isinstance(part, type):
+            complete[each.name] = with_defaults(cast("Mapping[str, Any]", value), part)
+    return complete
 
 
 def unknown_strategy(name: str) -> InputError:

@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-import json
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path as FilePath
 from typing import Any, get_args
 
 from foldback.planner.errors import UNREADABLE, InputError, PlannerError, named
 from foldback.planner.file_names import PLAN, REQUEST
 from foldback.planner.parameters.explosion import Base
-from foldback.planner.parameters.parameters import FLOATING, WORLD_CHOICES, Parameters, preset
+from foldback.planner.parameters.parameters import (
+    FLOATING,
+    WORLD_CHOICES,
+    Parameters,
+    preset,
+    with_defaults,
+)
 from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan, versions
@@ -112,7 +117,10 @@ def _checked_number(value: Any, name: str) -> float:
 
 
 def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
-    """Yield the differences of the plan's parameters from those of the request."""
+    """Yield the differences of the plan's parameters from those of the request.
+
+    A plan without a parameter, which a later version added, means its default.
+    """
     if not (directory / REQUEST).exists():
         notes.append(
             "There is no request.json, so the plan's parameters were not compared with it."
@@ -133,9 +141,10 @@ def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differ
     yield from value_differences(
         {n: getattr(request, n) for n in told}, told, versus_plan(REQUEST, "request")
     )
-    wanted = json.loads(json.dumps(parameters.as_dict()))
     here, made = versions().get("foldback"), plan.versions.get("foldback")
-    different = value_differences(plan.parameters, wanted, "plan.npz parameters")
+    different = value_differences(
+        with_defaults(plan.parameters, parameters), asdict(parameters), "plan.npz parameters"
+    )
     if here == made:
         yield from different
     else:

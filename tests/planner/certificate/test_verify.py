@@ -19,6 +19,7 @@ from foldback.planner.files import write_json
 from foldback.planner.motion.inverse_dynamics import inverse_dynamics
 from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.parameters.playback import PlaybackParameters
+from foldback.planner.pipeline import request
 from foldback.planner.pipeline.manifest import write_manifest
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan, read_values
@@ -29,6 +30,7 @@ from foldback.planner.verification.verify import verify
 from tests.golden.cases import HOOK
 from tests.planner.chains import line
 from tests.planner.folds import run_fold
+from tests.planner.later_parameters import later
 from tests.planner.plans import LATER_FIGURES, with_values
 from tests.planner.tampering import edit_npz, reseal
 
@@ -91,6 +93,15 @@ def test_untouched_fold_is_verified_again(
     assert note in larger.checked
     assert any("folded the chain once more" in line for line in found.checked)
     assert any("curves in figures.zarr were computed again" in line for line in found.checked)
+
+
+def test_parameter_of_a_later_version_leaves_the_plan_verified(
+    directory: FilePath, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(request, "preset", later)
+    found = verify(directory)
+    assert found.verified
+    assert found.problems == ()
 
 
 def test_forged_verdict_is_refuted(directory: FilePath) -> None:

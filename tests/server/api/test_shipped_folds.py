@@ -1,20 +1,24 @@
 """Finished folds that ship with the package."""
 
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 
 import pytest
 import sqlalchemy as sa
 
-from foldback.planner.pipeline import manifest
+from foldback.planner.pipeline import manifest, request
 from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.plan.plan import Plan
 from foldback.planner.readers.gallery import Gallery
+from foldback.planner.verification.plan_parameters import request_differs
 from foldback.planner.verification.verify import verify
 from foldback.server.api.shipped_folds import SHIPPED_FOLDS_DIR, import_shipped_folds
 from foldback.server.pages.cards import included_folds
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
 from foldback.server.store.tables import CounterRow
+from tests.planner.later_parameters import later
 
 NAMES = sorted(path.stem for path in SHIPPED_FOLDS_DIR.glob("*.fold"))
 SMALL, REFOLD = "tetra-cube-2", "wrench-80-to-mallet-80"
@@ -50,6 +54,23 @@ def test_finished_folds_are_imported_once_and_unchanged(
         assert len(included_folds(store)) == 1
         names = {path.name for path in settings.folds_dir.iterdir()}
         assert names == {row.id for row in rows.values()}  # the sweep has removed the deleted fold
+
+
+def test_parameter_of_a_later_version_makes_no_difference(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in NAMES:
+        (tmp_path / name).mkdir()
+        unpack((SHIPPED_FOLDS_DIR / f"{name}.fold").read_bytes(), tmp_path / name)
+    monkeypatch.setattr(request, "preset", later)
+    plans = {name: Plan.load(tmp_path / name / "plan.npz") for name in NAMES}
+    for name, plan in plans.items():
+        assert list(request_differs(tmp_path / name, plan, [])) == [], name
+    # A value that the plan does not have changes what is computed.
+    monkeypatch.setattr(request, "preset", partial(later, backlash_rad=0.01))
+    for name, plan in plans.items():
+        (problem,) = request_differs(tmp_path / name, plan, [])
+        assert problem.endswith("robot.backlash_rad: got 0.0, expected 0.01"), name
 
 
 @pytest.mark.long
