@@ -99,7 +99,7 @@ def module_errors(joint_error_rad: Array, module: Module, modules: int) -> Array
     """
     hinges = (*joint_error_rad.shape[:-1], -1, module.hinges_per_joint)
     by_joint = np.abs(joint_error_rad).reshape(hinges).max(axis=-1)
-    carried = np.clip(np.arange(modules) - module.rigid_links, 0, by_joint.shape[-1] - 1)
+    carried = np.clip(module.joint_after(np.arange(modules)), 0, by_joint.shape[-1] - 1)
     return by_joint[..., carried]
 
 

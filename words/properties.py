@@ -247,7 +247,7 @@ def used_parameters(
 
 
 def _joints(row: ShownFold) -> int | None:
-    return int(row.modules) - 1 - MODULES.get(row.module, CUBE).rigid_links if row.modules else None
+    return MODULES.get(row.module, CUBE).joint_after(int(row.modules) - 1) if row.modules else None
 
 
 def _shown(rows: Rows) -> list[Property]:

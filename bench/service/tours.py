@@ -133,8 +133,7 @@ class _Fold:
         return (
             even
             and float(np.abs(frame.joint_angles_rad).max()) < STRAIGHT_TOLERANCE
-            and (cubes, joints)
-            == (len(self.chain), len(self.chain) - 1 - self.chain.module.rigid_links)
+            and (cubes, joints) == (len(self.chain), self.chain.joint_count)
         )
 
     def _contact(self, stop: Stop) -> bool:

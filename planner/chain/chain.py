@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from foldback.planner.arrays import Array
+from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.close_points import first_close_pair
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
-from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
+from foldback.planner.chain.module import CUBE, TETRAHEDRON, IndexT, Module
 from foldback.planner.chain.path import (
     DEFAULT_PITCH_M,
     MIN_CELLS,
@@ -199,7 +199,7 @@ class Chain:
 
     def __len__(self) -> int:
         """Return the number of modules."""
-        return len(self.folded_rad) // self.module.hinges_per_joint + 1 + self.module.rigid_links
+        return self.module.module_count(len(self.folded_rad))
 
     def from_other_end(self) -> Chain:
         """Return the chain of cubes through the same cells from the last one on."""
@@ -211,6 +211,18 @@ class Chain:
     def joint_count(self) -> int:
         """Number of joints; a joint has one hinge or two."""
         return len(self.folded_rad) // self.module.hinges_per_joint
+
+    def hinges_of(self, joint: int | Ints) -> Ints:
+        """Return the (…, K) hinges of a joint, or of each of an array of joints."""
+        return self.module.hinges_of(joint)
+
+    def module_before(self, hinge: IndexT) -> IndexT:
+        """Return the module on the near side of a hinge, of one or of each of an array."""
+        return self.module.module_before(hinge)
+
+    def module_after(self, hinge: IndexT) -> IndexT:
+        """Return the module on the far side of a hinge, of one or of each of an array."""
+        return self.module.module_after(hinge)
 
     @property
     def joint_names(self) -> tuple[str, ...]:

@@ -53,7 +53,7 @@ def forward_kinematics(
     """
     lead = angles_rad.shape[:-1]
     hinges = angles_rad.shape[-1]
-    n = hinges // module.hinges_per_joint + 1 + module.rigid_links
+    n = module.module_count(hinges)
     # A copy: a read-only array is another type, for which all would be compiled once more.
     angles = np.array(angles_rad, dtype=np.float64, order="C").reshape(-1, hinges)
     frames = len(angles)

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Final, Literal
+from typing import Final, Literal, TypeVar
 
 import numpy as np
 
-from foldback.planner.arrays import Array
+from foldback.planner.arrays import Array, Ints
 from foldback.planner.errors import InputError
 from foldback.planner.kernels.module import Hull, Joint
 
@@ -25,6 +25,7 @@ RELIEF_SAMPLES: Final = 64
 """Number of points along each side of a module at which its relief is sampled (material that must
 be removed so that linked modules can turn), to compute its volume. Larger values are more exact and
 slower. Chosen."""
+IndexT = TypeVar("IndexT", int, Ints)
 
 
 def _frozen(values: object) -> Array:
@@ -107,6 +108,26 @@ class Module:
     def hinges_per_joint(self) -> int:
         """K, the number of hinges of one joint."""
         return len(self.hinge_names)
+
+    def module_count(self, hinges: int) -> int:
+        """Return the number of modules of a chain with so many hinges."""
+        return hinges // self.hinges_per_joint + 1 + self.rigid_links
+
+    def module_before(self, hinge: IndexT) -> IndexT:
+        """Return the module on the near side of a hinge, of one or of each of an array."""
+        return hinge // self.hinges_per_joint + self.rigid_links
+
+    def module_after(self, hinge: IndexT) -> IndexT:
+        """Return the module on the far side of a hinge, of one or of each of an array."""
+        return self.module_before(hinge) + 1
+
+    def hinges_of(self, joint: int | Ints) -> Ints:
+        """Return the (…, K) hinges of a joint, or of each of an array of joints."""
+        return np.expand_dims(joint, -1) * self.hinges_per_joint + np.arange(self.hinges_per_joint)
+
+    def joint_after(self, module: IndexT) -> IndexT:
+        """Return the joint between a module and the next; negative if that link is rigid."""
+        return module - self.rigid_links
 
     @cached_property
     def radius(self) -> float:

@@ -340,10 +340,10 @@ class _AtRest:
 
     def frames(self, chain: Chain, first: Ints, widths: Ints) -> tuple[Array, Ints]:
         """Return (F,) clearance of the core and the tail of each frame, and (F, 2) the modules."""
-        hinges, links = chain.module.hinges_per_joint, chain.module.rigid_links
-        core = first // hinges + links
+        hinges = chain.module.hinges_per_joint
+        core = chain.module_before(first)
         last = np.maximum(first + widths, np.where(first % hinges, first + 1, 0))
-        tail = np.where(last > first, (last - 1) // hinges + links + 1, core)
+        tail = np.where(last > first, chain.module_after(last - 1), core)
         below, above = self.folded[0][core], self.straight[0][len(chain) - 1 - tail]
         pairs = self.straight[1][len(chain) - 1 - tail]
         pairs = np.where(pairs >= 0, pairs + tail[:, None], -1)

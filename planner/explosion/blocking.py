@@ -121,7 +121,7 @@ def _turn(
     before: set[tuple[int, int]],
 ) -> Turn | None:
     """Find the first overlap when one hinge is turned by some angles; None if it is free."""
-    module = hinge // chain.module.hinges_per_joint + chain.module.rigid_links
+    module = chain.module_before(hinge)
     for change in changes.tolist():
         now = angles.copy()
         now[hinge] += change
@@ -170,7 +170,7 @@ def _moves(chain: Chain, unit: tuple[int, int], size: float) -> tuple[Move, ...]
 
 def _hinges_to(chain: Chain, module: int) -> int:
     """Return the number of hinges of the joints before a module."""
-    return (module - chain.module.rigid_links) * chain.module.hinges_per_joint
+    return chain.module.joint_after(module) * chain.module.hinges_per_joint
 
 
 def _deepest(

@@ -327,9 +327,8 @@ class Simultaneous(Explosion[WholeChain, Step]):
 
     def _stalled(self) -> End:
         """Return the end of a stuck run, with the joint that stays bent."""
-        module, pulses = self.world.chain.module, self.pulses
-        angles = np.abs(self.world.state.angles).reshape(-1, module.hinges_per_joint)
-        worst = int(np.argmax(angles.max(axis=1))) + module.rigid_links
+        angles, pulses = np.abs(self.world.state.angles), self.pulses
+        worst = self.world.chain.module_before(int(np.argmax(angles)))
         return End(
             "stalled",
             f"the chain is stuck: {pulses.count} random pushes in a row made no progress. The "

@@ -140,5 +140,5 @@ def tree_order(chain: Chain, angles_rad: Array) -> Array:
     """(J,) angles in the order of a single tree: from the root up, then from the root down."""
     hinges = chain.module.hinges_per_joint
     joints = angles_rad.reshape(-1, hinges)
-    middle = chain.root - chain.module.rigid_links
+    middle = chain.module.joint_after(chain.root)
     return np.concatenate([joints[middle:].ravel(), joints[:middle][::-1, ::-1].ravel()])

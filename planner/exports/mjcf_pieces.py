@@ -50,11 +50,14 @@ def coordinates(chain: Chain, angles_rad: Array, position: Array, wxyz: Array) -
     poses = chain.poses(angles_rad, position, wxyz)
     starts = starts_of(chain)
     turns = wxyz_from_matrix(poses.rotations[starts])
-    hinges, first = chain.module.hinges_per_joint, chain.module.rigid_links
+    module = chain.module
     parts: list[Array] = []
     for k, start in enumerate(starts):
         stop = starts[k + 1] if k + 1 < len(starts) else len(chain) - 1
-        of_piece = slice(hinges * max(0, start - first), hinges * (stop - first))
+        of_piece = slice(
+            module.hinges_per_joint * max(0, module.joint_after(start)),
+            module.hinges_per_joint * module.joint_after(stop),
+        )
         parts.extend([poses.positions[start], turns[k], angles_rad[of_piece]])
     return np.concatenate(parts)
 

@@ -291,9 +291,7 @@ def _at_hinge(chain: Chain, start: int, torques: NDArray[np.float32]) -> Meeting
 
 def _joined(chain: Chain, hinge: int) -> tuple[int, int]:
     """Return the two modules that a hinge joins."""
-    module = chain.module
-    first = module.rigid_links + hinge // module.hinges_per_joint
-    return first, first + 1
+    return chain.module_before(hinge), chain.module_after(hinge)
 
 
 def _upright(count: int) -> Array:

@@ -88,8 +88,8 @@ def steps_between(module: Module, rests_rad: Array) -> tuple[Step, ...]:
 
 
 def _step(number: int, module: Module, hinges: Sequence[int], before: Array, after: Array) -> Step:
-    count = len(before) // module.hinges_per_joint + 1 + module.rigid_links
-    fronts = [module.rigid_links + hinge // module.hinges_per_joint for hinge in hinges]
+    count = module.module_count(len(before))
+    fronts = [module.module_before(hinge) for hinge in hinges]
     ends = [*sorted(set(fronts)), count - 1]
     parts = tuple(zip([0, *(end + 1 for end in ends[:-1])], ends, strict=True))
     held = max(parts, key=lambda part: part[1] - part[0])

@@ -59,8 +59,7 @@ class TableCurve(WindowCurve):
         self._every = slice(0, len(chain.folded_rad))
         drawn = super()._point
         self._points = np.stack([drawn(k, self._every) for k in range(len(self._after))])
-        hinges = chain.module.hinges_per_joint
-        self._before = np.repeat(np.arange(chain.joint_count) + chain.module.rigid_links, hinges)
+        self._before = chain.module_before(np.arange(len(chain.folded_rad)))
         self._recorded = self._recorded_heights()
         wrong = np.arange(2, len(self._points) - 2)
         for _ in range(CURVE_CORRECTIONS):

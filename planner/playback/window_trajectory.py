@@ -333,7 +333,7 @@ def _stretches(chain: Chain, curve: WindowCurve, u: Array) -> Iterator[Stretch]:
     """Yield the stretches of the S steps between (S + 1,) parameters."""
     steps = len(u) - 1
     k = chain.module.hinges_per_joint
-    most = len(chain.folded_rad) // k
+    most = chain.joint_count
     piece = curve.piece(u)
     low = sliding_window_view(curve.first, SUPPORT_POINTS).min(axis=1)[piece] // k
     high = -(-sliding_window_view(curve.last, SUPPORT_POINTS).max(axis=1)[piece] // k)

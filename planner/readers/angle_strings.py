@@ -116,7 +116,7 @@ def read_angle_string(
                 where=f"character {index + 1}",
             )
         angles.append(QUARTER_TURNS_DEG[character])
-    modules = len(angles) + 1 + TETRAHEDRON.rigid_links
+    modules = TETRAHEDRON.module_count(len(angles))
     if modules > most_modules:
         raise too_many(modules, most_modules, "modules")
     return Chain.from_angles(TETRAHEDRON, np.deg2rad(angles), name=name)

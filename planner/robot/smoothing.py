@@ -343,7 +343,7 @@ class _Smoothing:
                 if found.modules is None or self._clear(found):
                     continue
                 frame = start + min(int(found.frame), stop - start - 1)
-                first, second = (max(0, m - module.rigid_links) for m in found.modules)
+                first, second = (max(0, module.joint_after(m)) for m in found.modules)
                 hinges = module.hinges_per_joint
                 blamed[frame : frame + 2, first * hinges : second * hinges] = True
                 left.append(np.arange(start, stop))

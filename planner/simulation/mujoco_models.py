@@ -198,7 +198,7 @@ def _add_linked(
 def hinge_names(chain: Chain, index: int) -> tuple[str, ...]:
     """Return the names of the hinges between modules ``index`` and ``index + 1``."""
     module = chain.module
-    if index < module.rigid_links:
+    if module.joint_after(index) < 0:
         return ()
     return tuple(f"joint_{index}_{h}" if h else f"joint_{index}" for h in module.hinge_names)
 

@@ -90,10 +90,8 @@ class Blocks:
         self.model: Any = compiled(spec)
         self._set_options()
         self.data: Any = mujoco.MjData(self.model)
-        rigid, each = chain.module.rigid_links, chain.module.hinges_per_joint
-        links = self.starts[1:] - 1 - rigid
-        links = links[links >= 0]
-        self.free = (links[:, None] * each + np.arange(each)).ravel()
+        links = chain.module.joint_after(self.starts[1:] - 1)
+        self.free = chain.hinges_of(links[links >= 0]).ravel()
         joints = [self.model.joint(chain.joint_names[h]) for h in self.free.tolist()]
         self._qpos = np.array([j.qposadr[0] for j in joints], dtype=np.int64)
         self._dofs = np.array([j.dofadr[0] for j in joints], dtype=np.int64)

@@ -100,8 +100,7 @@ class Balance:
         self.floor_gap = floor_gap
         self.module_gap = module_gap
         self._program = Program()
-        hinges = chain.module.hinges_per_joint
-        self._before = np.repeat(np.arange(chain.joint_count) + chain.module.rigid_links, hinges)
+        self._before = chain.module_before(np.arange(len(chain.folded_rad)))
         down = np.zeros((len(chain), 3))
         down[:, 2] = -1.0
         self._down = down

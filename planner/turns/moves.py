@@ -73,7 +73,7 @@ class RoomProof:
             sample_gap: Distance that modules must keep beyond the room, pitches.
         """
         module = self._chain.module
-        joints = np.flatnonzero(before != after) // module.hinges_per_joint + module.rigid_links
+        joints = module.module_before(np.flatnonzero(before != after))
         segments = np.searchsorted(joints, np.arange(len(self._chain)))
         reach = 2.0 * module.radius * self._size + sample_gap
         for places in (SAMPLES[:1], SAMPLES[1:]):  # the first one settles most motions

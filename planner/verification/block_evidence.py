@@ -127,7 +127,7 @@ def _turn_differs(
     """Yield the reasons why the modules of a turn are no obstacle to it as reported."""
     hinge, (i, j) = turn["hinge"], sorted(turn["modules"])
     name = f"hinge {hinge}"
-    module = hinge // chain.module.hinges_per_joint + chain.module.rigid_links
+    module = chain.module_before(hinge)
     if turn["module"] != module or not i <= module < j:
         yield f"{name}: got modules {i} and {j}, expected one on each side of module {module}"
     now = angles_rad.copy()
@@ -144,9 +144,8 @@ def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
     directions = [move["direction"] for move in told["moves"]]
     if sorted(directions) != sorted(axes):
         yield f"moves: got the directions {directions}, expected each of the six directions once"
-    joint = told["first_hinge"] // chain.module.hinges_per_joint
-    if told["unit"] is None or told["unit"][1] != joint + chain.module.rigid_links:
-        last = joint + chain.module.rigid_links
+    last = chain.module_before(told["first_hinge"])
+    if told["unit"] is None or told["unit"][1] != last:
         yield f"unit: got {told['unit']}, expected a range whose last module is {last}"
         return
     low, high = told["unit"]

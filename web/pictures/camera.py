@@ -100,7 +100,7 @@ def modules_framed(chain: Chain, last: int, stretch: int) -> int:
         stretch: Result of ``straight_stretch`` for the chain.
     """
     module = chain.module
-    bent = module.rigid_links + -(-last // module.hinges_per_joint) + 1
+    bent = module.module_after(last - 1) + 1
     return min(len(chain), bent + stretch)
 
 

@@ -359,12 +359,11 @@ def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
 
 def _told_of(chain: Chain, module: int, snapshot: Snapshot) -> str:
     """Return the figures of a module, as Markdown."""
-    hinges = chain.module.hinges_per_joint
-    joint = module - chain.module.rigid_links
+    joint = chain.module.joint_after(module)
     told = f"**Module {module + 1}** of {len(chain)}"
     if not 0 <= joint < chain.joint_count:
         return f"{told}, without a joint of its own"
-    for hinge in range(joint * hinges, (joint + 1) * hinges):
+    for hinge in chain.hinges_of(joint).tolist():
         angle, error = snapshot.joint_angles_rad[hinge], snapshot.joint_error_rad[hinge]
         told += f"\n\n{chain.joint_names[hinge]}: {np.rad2deg(angle):.1f}°"
         told += f", error {abs(error):.2g} rad" if np.isfinite(error) else ""

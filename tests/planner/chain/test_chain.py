@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.close_points import first_close_pair
 from foldback.planner.chain.kinematics import forward_kinematics
-from foldback.planner.chain.module import CUBE
+from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
 from foldback.planner.chain.path import MAX_COORDINATE, Path
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.planner.errors import InputError
@@ -119,3 +119,19 @@ def test_invalid_paths_are_refused_with_their_place() -> None:
 def test_pitch_out_of_range_is_refused(pitch_m: float) -> None:
     with refused("bad-pitch"):
         Path.from_cells([(0, 0, 0), (1, 0, 0), (2, 0, 0)], pitch_m=pitch_m)
+
+
+@pytest.mark.parametrize("module", [CUBE, TETRAHEDRON])
+def test_hinges_and_modules_name_each_other(module: Module) -> None:
+    chain = Chain.from_angles(module, np.zeros(6 * module.hinges_per_joint))
+    hinges = np.arange(len(chain.folded_rad))
+    before, after = chain.module_before(hinges), chain.module_after(hinges)
+    assert before[0] == module.rigid_links and after[-1] == len(chain) - 1
+    for name, module_of in zip(chain.joint_names, before.tolist(), strict=True):
+        assert name.split("_")[1] == str(module_of)
+    joints = np.arange(chain.joint_count)
+    np.testing.assert_array_equal(chain.hinges_of(joints).ravel(), hinges)
+    np.testing.assert_array_equal(chain.hinges_of(2), np.flatnonzero(before == before[0] + 2))
+    np.testing.assert_array_equal(module.joint_after(before[:: module.hinges_per_joint]), joints)
+    assert chain.module_after(0) == 1 + chain.module_before(0) == after[0]
+    assert module.module_count(len(hinges)) == len(chain)
