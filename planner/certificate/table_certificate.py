@@ -23,6 +23,7 @@ from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses
+from foldback.planner.chain.module import DEFAULT_DENSITY_KG_M3
 from foldback.planner.cpu_cores import cores
 from foldback.planner.errors import InputError
 from foldback.planner.motion.motion import Motion
@@ -57,7 +58,7 @@ def table_certificate(
     base: Base = "clamped",
     module_kg: float | None = None,
     pitch_m: float | None = None,
-    density_kg_m3: float = 2700.0,
+    density_kg_m3: float = DEFAULT_DENSITY_KG_M3,
     module_size: float = 1.0,
     bound: float | None = None,
     on_table: bool | None = None,

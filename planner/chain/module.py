@@ -12,6 +12,12 @@ from foldback.planner.arrays import Array, Ints
 from foldback.planner.errors import InputError
 from foldback.planner.kernels.module import Hull, Joint
 
+DEFAULT_MODULE_SIZE: Final = 0.95
+"""Default size at which the clearance of modules is checked, as a fraction of the pitch."""
+ALUMINIUM_KG_M3: Final = 2700.0
+"""Density of aluminium, in kg/m³."""
+DEFAULT_DENSITY_KG_M3: Final = ALUMINIUM_KG_M3
+"""Default density of a module, which is solid, in kg/m³: that of the paper."""
 LONG_CHAIN: Final = 600
 """Minimum number of modules for which a chain gets a path whose cells can be removed one after the
 other from one end. Such a chain can be unfolded by peeling: released from its end, group by group.

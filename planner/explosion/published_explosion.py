@@ -15,7 +15,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import Module
+from foldback.planner.chain.module import DEFAULT_MODULE_SIZE, Module
 from foldback.planner.explosion.checkpoint import Checkpoint, Pulses
 from foldback.planner.explosion.explosion_loop import (
     STRAIGHT,
@@ -73,10 +73,6 @@ FRAME_SPACING_PITCH: Final = 1.0
 """Displacement of a module since the last displayed frame, pitches, at which a recorded
 configuration becomes the next displayed frame, in an unfolding by the published method. Larger
 values display a coarser motion. Chosen."""
-BETWEEN_FRAMES_SIZE: Final = 0.95
-"""Size of the modules, as a fraction of the pitch, with which the clearance between two displayed
-frames of an unfolding by the published method is checked; where modules come closer than in both
-frames, a frame is added. Larger values add more frames. Chosen."""
 
 
 def explode_as_published(
@@ -99,7 +95,7 @@ def explode_as_published(
         chain=chain,
         snapshot_rad=FRAME_SPACING_RAD,
         snapshot_distance=FRAME_SPACING_PITCH,
-        size=BETWEEN_FRAMES_SIZE,
+        size=DEFAULT_MODULE_SIZE,
     )
     explosion = Published(
         world=world,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal, get_args
 
+from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
 from foldback.planner.parameters.setting import setting
 
 Base = Literal["clamped", "free"]
@@ -66,7 +67,7 @@ class ExplosionParameters:
     snapshot_rad: float = 0.015
     snapshot_distance: float = 0.7
     finish_rad: float = 0.6
-    verify_size: float = 0.95
+    verify_size: float = DEFAULT_MODULE_SIZE
     max_steps: int = 60_000
 
 
@@ -199,7 +200,7 @@ class TableParameters(PeelingParameters):
     window: int = 200
     retire_height: float = 2.5
     snapshot_rad: float = 0.05
-    verify_size: float = 0.95
+    verify_size: float = DEFAULT_MODULE_SIZE
     patience: int = 400
     max_steps_per_module: int = 1500
     weight: float = 25.0

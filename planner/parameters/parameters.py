@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields, is_dataclass, replace
 from typing import TYPE_CHECKING, Any, Final, Literal, cast
 
+from foldback.planner.chain.module import DEFAULT_DENSITY_KG_M3, DEFAULT_MODULE_SIZE
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.explosion import (
     ExplosionParameters,
@@ -98,8 +99,8 @@ class Parameters:
     world: World = "floating"
     strategy: str = "auto"
     at_once: int | None = None
-    module_size: float = 0.95
-    density_kg_m3: float = 2700.0
+    module_size: float = DEFAULT_MODULE_SIZE
+    density_kg_m3: float = DEFAULT_DENSITY_KG_M3
     joint_speed_limit_rad_s: float = 1.0
 
     def as_dict(self) -> dict[str, Any]:

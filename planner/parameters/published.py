@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
-from foldback.planner.chain.module import Module
+from foldback.planner.chain.module import DEFAULT_DENSITY_KG_M3, Module
 from foldback.planner.parameters.playback import PlaybackParameters
 from foldback.planner.parameters.setting import setting
 
@@ -87,7 +87,7 @@ class PaperExplosionParameters:
         range=(0.1, 100.0),
     )
     density_kg_m3: float = setting(
-        2700.0,
+        DEFAULT_DENSITY_KG_M3,
         label="Density",
         help="Density of a module. Density and diameter determine the mass of a module.",
         unit="kg/m³",

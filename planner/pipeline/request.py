@@ -9,6 +9,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING, Final
 
+from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.option import key_of_options, option
 from foldback.planner.parameters.parameters import (
@@ -126,8 +127,8 @@ class FoldRequest(PathOptions):
         title="Module size in the clearance check, as a fraction of the pitch",
         noun="module size",
         help="Edge length of a module in the clearance check, in pitches. One pitch is the "
-        "distance between the centres of two neighbouring modules. Default: 0.95; when a "
-        "plan is smoothed, the module size of that plan.",
+        "distance between the centres of two neighbouring modules. Default: "
+        f"{DEFAULT_MODULE_SIZE}; when a plan is smoothed, the module size of that plan.",
         range=MODULE_SIZE_RANGE,
         unit="times the pitch",
     )

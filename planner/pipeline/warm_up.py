@@ -15,7 +15,7 @@ from foldback.planner.certificate.frame_metrics import clearances_of
 from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.floating_torques import floating_torques
-from foldback.planner.chain.module import CUBE, TETRAHEDRON
+from foldback.planner.chain.module import CUBE, DEFAULT_MODULE_SIZE, TETRAHEDRON
 from foldback.planner.chain.path import Path
 from foldback.planner.clearance.exempt_pairs import exempt_pairs
 from foldback.planner.clearance.sweep import sweep
@@ -132,9 +132,9 @@ def warm_up_folding(
 def warm_up_clearance(chain: Chain) -> None:
     """Look at a motion between two frames, which shares few kernels with what makes motions."""
     still = np.tile(chain.folded_rad, (2, 1))
-    sweep(chain, still, size=0.95)
-    exempt_pairs(chain, (still,), size=0.95)
-    clearances_of(chain, still, size=0.95)
+    sweep(chain, still, size=DEFAULT_MODULE_SIZE)
+    exempt_pairs(chain, (still,), size=DEFAULT_MODULE_SIZE)
+    clearances_of(chain, still, size=DEFAULT_MODULE_SIZE)
 
 
 def warm_up_torques(chain: Chain) -> None:
@@ -149,7 +149,7 @@ def warm_up_motions(chain: Chain) -> None:
     The explosion comes last: it uses kernels of the clearance, which another process has compiled
     by then.
     """
-    contacts = robot_contacts(chain, geom_size=0.95, step_s=0.01)
+    contacts = robot_contacts(chain, geom_size=DEFAULT_MODULE_SIZE, step_s=0.01)
     contacts.prepare(len(chain))
     robot = Robot(chain, contacts, RobotParameters(), peak_torque=1.0, seed=[0], step_s=0.01)
     robot.place(chain.folded_rad, chain.folded_position, chain.folded_wxyz)
@@ -203,7 +203,10 @@ def _peel() -> None:
 def _turn() -> None:
     """Compile the kernels of turns, with chains whose turns all fit into one step."""
     bent = Chain.from_angles(TETRAHEDRON, np.full(2, np.pi / 2))
-    for turning in (cube_turning(warm_up_chains(), 0.95), tetrahedron_turning(bent, 0.95)):
+    for turning in (
+        cube_turning(warm_up_chains(), DEFAULT_MODULE_SIZE),
+        tetrahedron_turning(bent, DEFAULT_MODULE_SIZE),
+    ):
         unfolded = unfold(turning, turning.folded, room=0.0, width=1, seed=0)
         turning.pairs(turning.folded)
         hinges = np.zeros(0, np.int64)

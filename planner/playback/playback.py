@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
 from foldback.planner.errors import InputError
 from foldback.planner.motion.angle_encoding import packed_frames, unpacked_frames
 from foldback.planner.motion.inverse_dynamics import inverse_dynamics
@@ -168,7 +169,7 @@ def play_back(
     record: Record | None,
     parameters: PlaybackParameters,
     *,
-    module_size: float = 0.95,
+    module_size: float = DEFAULT_MODULE_SIZE,
     sink: Callable[[Motion], None] | None = None,
     progress: Report = silent,
     cancelled: Cancelled = never,

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Final
 
+from foldback.planner.chain.module import ALUMINIUM_KG_M3
 from foldback.planner.errors import InputError
 
 DENSITY_RANGE_KG_M3: Final = (1.0, 30_000.0)
@@ -68,7 +69,7 @@ CASINGS: Final = {
     for casing in (
         Casing(
             name="aluminium",
-            density_kg_m3=2700.0,
+            density_kg_m3=ALUMINIUM_KG_M3,
             fill=1.0,
             wall_m=WALL_M,
             about="solid aluminium",

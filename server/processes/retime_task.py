@@ -9,6 +9,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
 from foldback.planner.exports.trajectory import MAX_TOUCH_DEPTH_PITCH, sufficient_rate
 from foldback.planner.exports.trajectory import clearance as clearance_of_rows
 from foldback.planner.file_names import PLAN
@@ -34,7 +35,7 @@ def warm_up() -> None:
     chain = warm_up_chains()
     frames = np.linspace(0.0, 1.0, 3)[:, None] * chain.folded_rad
     trajectory = retimed(frames, chain.joint_names, 1.0, 1.0)
-    clearance_of_rows(trajectory, chain, size=0.95)
+    clearance_of_rows(trajectory, chain, size=DEFAULT_MODULE_SIZE)
     for held in (True, False):
         gravity_m_s2 = 9.81 if held else 0.0
         build = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=gravity_m_s2, held=held)

@@ -1,8 +1,13 @@
+import re
 from dataclasses import asdict, fields, replace
+from pathlib import Path as FilePath
+from typing import Final
 
 import pytest
 
+from foldback.planner.chain.module import DEFAULT_DENSITY_KG_M3, DEFAULT_MODULE_SIZE
 from foldback.planner.errors import InputError
+from foldback.planner.parameters.option import options_of
 from foldback.planner.parameters.parameters import preset
 from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.parameters.settings_text import (
@@ -16,6 +21,7 @@ from foldback.planner.pipeline.request import FoldRequest
 from tests.case import case
 from tests.refusal import refused
 
+ROOT: Final = FilePath(__file__).parents[3]
 PAPER = preset("paper")
 
 
@@ -29,6 +35,24 @@ def test_each_setting_changes_its_parameter_alone() -> None:
             assert value_of(setting, changed) == value != value_of(setting, PAPER)
             ours, theirs = (asdict(parameters.explosion) for parameters in (PAPER, changed))
             assert {name for name in names if ours[name] != theirs[name]} == {setting.name} & names
+
+
+def test_default_module_size_and_density_stand_once() -> None:
+    """Searches code and texts of options for the numbers, next to a name of their quantity."""
+    written = re.compile(
+        rf"size\w*(: float)? ?= ?{DEFAULT_MODULE_SIZE}\b|Default: {DEFAULT_MODULE_SIZE}\b"
+        rf"|(density|kg_m3)\w*(: \w+)? ?= ?{DEFAULT_DENSITY_KG_M3}\b",
+        re.IGNORECASE,
+    )
+    found = [
+        path.name
+        for folder in ("planner", "server", "web", "words", "cli", "client", "foldback")
+        for path in (ROOT / folder).rglob("*.py")
+        for _ in written.finditer(path.read_text(encoding="utf-8"))
+    ]
+    assert found == ["module.py", "module.py"]
+    assert FoldRequest().parameters().module_size == DEFAULT_MODULE_SIZE
+    assert f"Default: {DEFAULT_MODULE_SIZE};" in options_of(FoldRequest)["module_size"].meaning
 
 
 def test_settings_text_is_canonical() -> None:
