@@ -40,7 +40,7 @@ def test_each_setting_changes_its_parameter_alone() -> None:
 def test_default_module_size_and_density_stand_once() -> None:
     """Searches code and texts of options for the numbers, next to a name of their quantity."""
     written = re.compile(
-        rf"size\w*(: float)? ?= ?{DEFAULT_MODULE_SIZE}\b|Default: {DEFAULT_MODULE_SIZE}\b"
+        rf"size\w*(: \w+)? ?= ?{DEFAULT_MODULE_SIZE}\b|Default: {DEFAULT_MODULE_SIZE}\b"
         rf"|(density|kg_m3)\w*(: \w+)? ?= ?{DEFAULT_DENSITY_KG_M3}\b",
         re.IGNORECASE,
     )
