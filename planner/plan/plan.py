@@ -42,9 +42,6 @@ from foldback.planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfold
 from foldback.planner.shapes.likeness import Likeness
 
 PLAN_FORMAT: Final = "foldback-plan/3"
-EARLIER_FORMATS: Final = {"foldback-plan/1": "frames", "foldback-plan/2": "windows"}
-"""Format names of plans of earlier versions that are still read, with the kind of motion that each
-holds: all frames, or frames of windows (sections of the chain that move at a time)."""
 MAX_DENSE_ANGLES: Final = 2**25
 """Maximum number of joint angles (frames × hinges) of a plan that are held in one array (256 MiB);
 a longer plan of windows (moving sections of the chain) is refused where all angles are needed.
@@ -375,11 +372,12 @@ class Plan:
             InputError: ``not-a-plan``, ``wrong-format``.
         """
         try:
-            if values["format"] != PLAN_FORMAT and values["format"] not in EARLIER_FORMATS:
+            if values["format"] != PLAN_FORMAT:
                 raise InputError(
                     "wrong-format",
-                    f"got the format {values['format']!r} in {name}, expected one of "
-                    f"{', '.join((PLAN_FORMAT, *EARLIER_FORMATS))}.",
+                    f"got the format {values['format']!r} in {name}, expected {PLAN_FORMAT!r}; "
+                    "fold the shape again, or read the plan with the version of foldback that "
+                    "wrote it.",
                 )
             chain = chain_from_attributes(values["chain"])
             motion, errors = _read_motion(values, chain)
@@ -453,7 +451,7 @@ def _unpacked(values: dict[str, Any], layout: str, chain: Chain) -> dict[str, An
 
 def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
     """Return the motion and the largest errors among a plan's values."""
-    layout = EARLIER_FORMATS.get(values["format"]) or values["motion"]
+    layout = values["motion"]
     if layout not in ("frames", "windows"):
         raise ValueError(f"got the motion layout {layout!r}, expected frames or windows")
     values = _unpacked(values, layout, chain)

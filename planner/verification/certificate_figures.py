@@ -45,14 +45,12 @@ class ReportedFigures:
         plan: The plan.
         certificate: Plain values of its certificate, as they were written.
         record, playback: Motions that were certified.
-        earlier: True if the plan is of an earlier format.
     """
 
     plan: Plan
     certificate: dict[str, Any]
     record: Record | None
     playback: Playback | None
-    earlier: bool
 
     def differences(self, again: Certificate, notes: list[str]) -> Differences:
         """Yield the differences from a certificate computed again, except wall time."""
@@ -75,16 +73,6 @@ class ReportedFigures:
             notes.append(
                 "Only the figures of the robot with the largest joint error were compared, because "
                 "the playbacks of the other simulated robots are missing."
-            )
-        if self.earlier and "simulated" not in self.certificate:
-            # Earlier versions told the bound of the plan alone, told less of the rest,
-            # and looked at other places in between.
-            loose = [n for n in loose if n not in ("clearance_bound", "in_betweens")]
-            loose = [name for name in loose if name in self.certificate]
-            aside |= {f.name for f in fields(Certificate)} - set(self.certificate)
-            notes.append(
-                "The certificate is from an earlier version. Its figures clearance_bound and "
-                "in_betweens were not compared."
             )
         # Certificates of earlier versions lack the figures of the hinges' motion.
         aside |= {f.name for f in fields(MotionFigures)} - set(self.certificate)

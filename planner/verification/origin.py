@@ -136,15 +136,13 @@ def _rows(positions: Any) -> Any:
     return whole.view([("x", np.int64), ("y", np.int64), ("z", np.int64)]).reshape(-1)
 
 
-def attempts_differ(
-    directory: FilePath, plan: Plan, notes: list[str], *, earlier: bool
-) -> Differences:
+def attempts_differ(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
     """Yield the differences of the plan's attempts from those that a fold with its request makes.
 
     What an attempt has come to (status, steps, verdict, figures) is taken from the file, except for
     the one whose plan this is; which attempt follows it is computed again.
     """
-    if earlier or not all((directory / name).exists() for name in (REQUEST, CANDIDATES)):
+    if not all((directory / name).exists() for name in (REQUEST, CANDIDATES)):
         notes.append("The attempts of the plan are reported only.")
         return
     try:

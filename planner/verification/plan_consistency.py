@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import json
-from typing import Any, Final, cast
+from typing import Any, cast
 
 import numpy as np
 
 from foldback.planner.file_names import PLAN, PLAN_TEXT
 from foldback.planner.motion.record import Record
-from foldback.planner.plan.plan import EARLIER_FORMATS, Plan
+from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.value_differences import (
     Differences,
     array_difference,
@@ -18,16 +18,10 @@ from foldback.planner.plan.value_differences import (
 )
 from foldback.planner.playback.playback import Playback
 
-JSON_ROUNDING: Final = 1e-9
-"""Maximum difference between numbers in ``plan.json`` and ``plan.npz`` with which verification
-accepts plans in earlier formats, whose JSON is rounded to twelve decimals. Larger values would
-accept altered plans."""
-
 
 def formats_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:
     """Yield the differences of the two forms of a plan, and contradictions in one of them."""
     other = Plan.of_values(text, PLAN_TEXT)
-    earlier = npz["format"] in EARLIER_FORMATS
     arrays = {**plan.motion.columns(), "max_error_rad": plan.max_error_rad}
     theirs = {**other.motion.columns(), "max_error_rad": other.max_error_rad}
     if plan.motion.layout != other.motion.layout:
@@ -36,7 +30,7 @@ def formats_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Dif
     for name, mine in arrays.items():
         if name != "joint_error_rad":  # which a plan has not
             both = f"plan.json and plan.npz differ in {name}"
-            yield from array_difference(theirs[name], mine, both, atol=JSON_ROUNDING * earlier)
+            yield from array_difference(theirs[name], mine, both)
     columns = {*arrays, "plan", "angle_planes", "joint_error_rad"}
     mine, said = (
         {k: _plain(v) for k, v in values.items() if k not in columns} for values in (npz, text)
@@ -53,10 +47,7 @@ def formats_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Dif
 def lacking(
     plan: Plan, npz: dict[str, Any], record: Record | None, playback: Playback | None
 ) -> Differences:
-    """Yield the fields that a plan of this version lacks, and those that it should not have.
-
-    A missing field would be read as in an earlier version, and would not be checked.
-    """
+    """Yield the fields that a plan lacks, and those that it should not have."""
     expected = {**plan.rest(), "joint_names": list(plan.chain.joint_names)}
     # Plans that were written before there were claims, likenesses, or margins.
     for name in ("claim", "likeness"):

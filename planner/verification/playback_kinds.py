@@ -34,7 +34,7 @@ STEP_COUNT_TOLERANCE_STEPS: Final = 1e-3
 and its reported number of steps: rounding. Larger values would accept altered figures."""
 
 
-def kind_differs(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
+def kind_differs(plan: Plan, playback: Playback) -> Differences:
     """Yield the differences of a playback from the expected kind, and from the figures of it.
 
     The expected kind follows from the chain, its record, and the parameters.
@@ -45,19 +45,16 @@ def kind_differs(plan: Plan, playback: Playback, *, earlier: bool) -> Difference
         yield f"plan.npz explosion: got {need}, because the preset is {plan.preset}"
     direct = plan.explosion is None and not plan.motion.is_windowed
     limit = int(playback_number(plan, "dynamic_up_to"))
-    short = len(plan.chain) <= limit
-    # Earlier versions simulated no windows.
-    able = not plan.motion.is_windowed or playback.simulated
-    simulated = direct or (short and able)
+    simulated = direct or len(plan.chain) <= limit
     kind = "dynamic" if simulated else "kinematic"
     yield from value_differences(playback.kind, kind, "plan.npz playback.kind")
     if simulated:
-        yield from _simulated_figures(plan, playback, earlier=earlier)
+        yield from _simulated_figures(plan, playback)
     else:
-        yield from _kinematic_figures(plan, playback, earlier=earlier)
+        yield from _kinematic_figures(plan, playback)
 
 
-def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
+def _simulated_figures(plan: Plan, playback: Playback) -> Differences:
     """Yield the figures of a simulation that its frames contradict."""
     yield from value_differences(playback.torque_frames, None, "plan.npz playback.torque_frames")
     if playback.status not in ("folded", "missed"):  # it broke off between two frames
@@ -77,10 +74,9 @@ def _simulated_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Diff
                 f"plan.npz playback.{name}: got null, expected a number, because the playback was "
                 "simulated"
             )
-    if not earlier:
-        steps = float(np.diff(plan.time_s).sum()) / _step_s(plan)
-        if not abs(playback.steps - steps) <= STEP_COUNT_TOLERANCE_STEPS:
-            yield f"plan.npz playback.steps: got {playback.steps}, expected {steps:.9g}"
+    steps = float(np.diff(plan.time_s).sum()) / _step_s(plan)
+    if not abs(playback.steps - steps) <= STEP_COUNT_TOLERANCE_STEPS:
+        yield f"plan.npz playback.steps: got {playback.steps}, expected {steps:.9g}"
     played, reference = playback.frames, playback.reference
     moves = reference.steps(plan.chain)[0].any()
     if not np.isfinite(played.errors).all():
@@ -103,21 +99,19 @@ def _step_s(plan: Plan) -> float:
     return playback_number(plan, "step_s")
 
 
-def _kinematic_figures(plan: Plan, playback: Playback, *, earlier: bool) -> Differences:
+def _kinematic_figures(plan: Plan, playback: Playback) -> Differences:
     """Yield the differences of the figures of a kinematic playback from its frames."""
     torques = inverse_dynamics(plan.chain, playback.frames)
     looked = len(torques.frames)
     again: dict[str, Any] = {
         "peak_torque": torques.peak if looked else None,
         "rms_torque": torques.rms if looked else None,
+        "torque_frames": looked,
+        **{"status": "folded", "reason": "", "steps": 0},
+        **{"rms_position_error": None, "max_angle_error_rad": None},
     }
-    if playback.torque_frames is not None or not earlier:
-        again["torque_frames"] = looked
-    if not earlier:  # earlier versions told errors of 0
-        again |= {"status": "folded", "reason": "", "steps": 0}
-        again |= {"rms_position_error": None, "max_angle_error_rad": None}
-        none = np.full(len(plan.max_error_rad), np.nan)
-        yield from array_difference(plan.max_error_rad, none, "plan.npz max_error_rad")
+    none = np.full(len(plan.max_error_rad), np.nan)
+    yield from array_difference(plan.max_error_rad, none, "plan.npz max_error_rad")
     told = playback.summary()
     yield from figure_differences(
         {name: told[name] for name in again},

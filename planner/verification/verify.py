@@ -6,7 +6,6 @@ and the rest with the digests in the manifest. Differences are reported by file 
 
 from __future__ import annotations
 
-import re
 from dataclasses import asdict, dataclass
 from pathlib import Path as FilePath
 from typing import Any, Final
@@ -27,7 +26,7 @@ from foldback.planner.motion.record import Record
 from foldback.planner.output_directory import finish_replacement
 from foldback.planner.pipeline import manifest
 from foldback.planner.plan.model_differences import model_differences
-from foldback.planner.plan.plan import EARLIER_FORMATS, Plan, read_values
+from foldback.planner.plan.plan import Plan, read_values
 from foldback.planner.plan.value_differences import (
     Differences,
     figure_differences,
@@ -75,9 +74,6 @@ REPORTED_ONLY: Final = (
     "table.npz, and files besides those of the plan (plans, pictures, tours, own values)."
 )
 """Note that names the values which no check covers."""
-EXEMPT_PAIR_LINE: Final = re.compile(r'<exclude body1="module_(\d+)" body2="module_(\d+)"/>')
-"""Matches the line of an MJCF model that exempts a pair of modules from collision; its groups are
-the two modules' numbers."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -181,17 +177,15 @@ def _verified(
     text = read_values(directory / PLAN_TEXT)
     plan = Plan.of_values(npz, PLAN)
     found.look("plan.json and plan.npz hold the same data", formats_differ(plan, npz, text))
-    earlier = npz["format"] in EARLIER_FORMATS
     timeline, frames = opened(directory / TIMELINE)
     found.look("timeline.zarr belongs to this chain", chain_differs(timeline, plan))
     record, playback = _results(directory, plan, frames, found.notes)
-    if not earlier:
-        found.look("plan.npz is complete", lacking(plan, npz, record, playback))
+    found.look("plan.npz is complete", lacking(plan, npz, record, playback))
     if playback is not None:
         found.look("timeline.zarr shows the plan's playback", playback_differs(plan, playback))
         found.look(
             "the plan states correctly whether the playback was simulated",
-            kind_differs(plan, playback, earlier=earlier),
+            kind_differs(plan, playback),
         )
     found.look(
         "the files of the stages match the plan",
@@ -208,7 +202,7 @@ def _verified(
     )
     found.look(
         "the attempts are those that follow from the request",
-        attempts_differ(directory, plan, found.notes, earlier=earlier),
+        attempts_differ(directory, plan, found.notes),
     )
     repeated = _check_robots(directory, plan, playback, found)
     clearances: list[Array] = []
@@ -227,7 +221,7 @@ def _verified(
     if not certificate.verified:
         found.problems.append(certificate.verdict)
     if module_size is None:
-        told = ReportedFigures(plan, npz["certificate"], record, playback, earlier=earlier)
+        told = ReportedFigures(plan, npz["certificate"], record, playback)
         _check_figures(directory, told, certificate, found, repeated=repeated)
         if forces and (directory / FORCES).exists():
             found.look(
@@ -246,9 +240,9 @@ def _verified(
     opinion = _opinion(directory, npz, certificate, found) if third_opinion else None
     reason = _reason(directory, plan, found)
     model = _text(directory / MODEL)
-    found.look("model.xml is the plan's model", _model(model, plan, found.notes, earlier=earlier))
+    found.look("model.xml is the plan's model", _model(model, plan))
     replayed = _replayed(plan, model, found)
-    _check_manifest(directory, found, earlier=earlier)
+    _check_manifest(directory, found)
     found.notes.append(REPORTED_ONLY)
     return Verification(
         certificate=certificate,
@@ -435,18 +429,12 @@ def _replayed(plan: Plan, model: str, found: _Findings) -> Replay | None:
     return replayed
 
 
-def _check_manifest(directory: FilePath, found: _Findings, *, earlier: bool) -> None:
+def _check_manifest(directory: FilePath, found: _Findings) -> None:
     changed = manifest.changed_fields(directory)
-    if changed is None and not earlier:
+    if changed is None:
         found.problems.append(
             f"failed: {manifest.FILE}, the file with the digests of all fields, is missing; copy "
             "it with the fold's other files."
-        )
-    elif changed is None:
-        found.notes.append(
-            f"There is no {manifest.FILE}, because an earlier version wrote the plan. Values that "
-            "cannot be computed again (seed, versions, wall times, figures.zarr, input) were not "
-            "checked."
         )
     else:
         found.look(
@@ -477,20 +465,8 @@ class _Findings:
             )
 
 
-def _model(text: str, plan: Plan, notes: list[str], *, earlier: bool) -> Differences:
-    """Yield the differences of the model; those of earlier versions excluded all neighbours."""
-    exempt = set(plan.chain.module.exempt_pairs(len(plan.chain)))
-
-    def needed(pair: re.Match[str]) -> str:
-        i, j = sorted((int(pair[1]), int(pair[2])))
-        return "" if j == i + 1 and (i, j) not in exempt else pair[0]
-
-    if earlier and (fewer := EXEMPT_PAIR_LINE.sub(needed, text)) != text:
-        text = fewer
-        notes.append(
-            "model.xml was written by an earlier version of foldback and exempts neighbouring "
-            "modules from collision checks, but the replay checked these modules, too."
-        )
+def _model(text: str, plan: Plan) -> Differences:
+    """Yield the differences of the model from the plan's."""
     try:
         size = plan_parameters(plan, None).module_size
         again = mjcf.mjcf(plan.chain, module_size=size, keys=mjcf.keys_of(plan))

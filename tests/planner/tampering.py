@@ -281,7 +281,7 @@ def change_all_copies(place: FilePath, random: Random) -> Change | None:
 
 
 def remove_field(place: FilePath, random: Random) -> Change | None:
-    """Remove a field from all files, as if an earlier version of the format had lacked it."""
+    """Remove a field from all files that hold it."""
     text = json.loads((place / "plan.json").read_bytes())
     within = ("", "certificate", "playback", "explosion")[random.integers(4)]
     held = text[within] if within else text

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.pathfinding.snake import snake_path
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.plan.shape_writers import write_chain
 from tests.planner.chains import chain_of
 from tests.tools import OPENGL
 
@@ -65,9 +67,29 @@ def timeline_path(chain: Chain, tmp_path_factory: pytest.TempPathFactory) -> Pat
 @pytest.fixture(scope="session")
 def peeled(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Directory of a box that was peeled and that two robots with model errors folded again."""
-    directory = tmp_path_factory.mktemp("peeled")
-    request = FoldRequest(strategy="peel", settings="robots=2")
-    Workspace(directory).write_request(request, json.dumps(snake_path((3, 3, 4)).tolist()).encode())
+    box = json.dumps(snake_path((3, 3, 4)).tolist()).encode()
+    return _fold(tmp_path_factory.mktemp("peeled"), box, strategy="peel", settings="robots=2")
+
+
+@pytest.fixture(scope="session")
+def ring(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory of a ring of 12 tetrahedra that simulated robots folded."""
+    angles = np.full(11, -np.pi / 2)
+    angles[3::4] *= -1.0
+    chain = Chain.from_angles(TETRAHEDRON, angles)
+    return _fold(tmp_path_factory.mktemp("ring"), write_chain(chain), strategy="simultaneous")
+
+
+@pytest.fixture(scope="session")
+def kinematic(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory of a box of 8 cubes that was peeled and not simulated."""
+    box = json.dumps(snake_path((2, 2, 2)).tolist()).encode()
+    directory = tmp_path_factory.mktemp("kinematic")
+    return _fold(directory, box, strategy="peel", settings="simulated_modules=2")
+
+
+def _fold(directory: Path, data: bytes, **options: str) -> Path:
+    Workspace(directory).write_request(FoldRequest(**options), data)
     run_stages(directory)
     return directory
 

@@ -28,8 +28,6 @@ from tests.planner.verification.forged_plans import (
 )
 from tests.web.node import JavaScriptChecker
 
-STORED = Path(__file__).parents[1] / "planner" / "certificate" / "earlier_plans"
-PLANS = {name: STORED / f"{name}.npz" for name in ("ring-12-frames", "box-8-windows")}
 SEED = 20
 BETWEEN = np.linspace(0.0, 1.0, 6)
 
@@ -49,8 +47,8 @@ def by_python(path: Path) -> dict[str, Any]:
 
 
 @pytest.fixture(scope="module")
-def plans(peeled: Path) -> list[Path]:
-    return [*PLANS.values(), peeled / "plan.npz"]
+def plans(ring: Path, kinematic: Path, peeled: Path) -> list[Path]:
+    return [fold / "plan.npz" for fold in (ring, kinematic, peeled)]
 
 
 def test_both_checkers_prove_the_same(plans: list[Path], checker: JavaScriptChecker) -> None:
@@ -166,7 +164,7 @@ def test_pairs_at_rest_are_checked_at_first(checker: JavaScriptChecker, tmp_path
 
 @pytest.mark.parametrize("change", [{"apart": 9}, {"apart": 0}, {"rigid_links": -1}])
 def test_custom_module_exempts_no_more_pairs(
-    change: dict[str, Any], checker: JavaScriptChecker, tmp_path: Path
+    change: dict[str, Any], kinematic: Path, checker: JavaScriptChecker, tmp_path: Path
 ) -> None:
     def own(_: Arrays, meta: Meta) -> None:
         geometry = meta["claim"]["module"] | change
@@ -175,10 +173,12 @@ def test_custom_module_exempts_no_more_pairs(
         apart = geometry["apart"]
         meta["certificate"]["exempt_pairs"] = {"apart": apart, "count": (apart - 1) * 7}
 
-    assert not checker(rewrite(PLANS["box-8-windows"], tmp_path / "own.npz", own))["proved"]
+    assert not checker(rewrite(kinematic / "plan.npz", tmp_path / "own.npz", own))["proved"]
 
 
-def test_no_bound_exceeds_the_sampled_clearance(checker: JavaScriptChecker, tmp_path: Path) -> None:
+def test_no_bound_exceeds_the_sampled_clearance(
+    ring: Path, checker: JavaScriptChecker, tmp_path: Path
+) -> None:
     """With few frames, hinges rotate far between frames, and interpolation weakens the bounds."""
     for stride in (2, 3, 5, 8, 12):
 
@@ -187,7 +187,7 @@ def test_no_bound_exceeds_the_sampled_clearance(checker: JavaScriptChecker, tmp_
             select(arrays, np.array([*range(0, last, stride), last]))
             meta["certificate"] |= {"clearance_bound": 1e-3, "max_joint_step_rad": None}
 
-        path = rewrite(PLANS["ring-12-frames"], tmp_path / "few.npz", thin_out)
+        path = rewrite(ring / "plan.npz", tmp_path / "few.npz", thin_out)
         found = checker(path)
         assert found["proved"] == (by_python(path)["verdict"] == "proved")
         if found["proved"]:

@@ -17,8 +17,6 @@ from foldback.web.viser import standalone
 from foldback.web.viser.standalone import WINDOW_ANGLES, standalone_html
 from tests.web.timeline.decoding import decode
 
-WINDOWS = Path(__file__).parents[1] / "planner/certificate/earlier_plans/box-8-windows.npz"
-
 
 def parts_of(timeline: Path, plan: Path) -> dict[str, Any]:
     """Return the data of the page besides its scripts."""
@@ -39,9 +37,9 @@ def round_trip(path: Path, plan: Plan) -> Path:
 
 @pytest.mark.parametrize("simulated", [False, True])
 def test_plan_is_in_the_page_and_proved_from_there(
-    simulated: bool, peeled: Path, tmp_path: Path
+    simulated: bool, peeled: Path, kinematic: Path, tmp_path: Path
 ) -> None:
-    plan = peeled / "plan.npz" if simulated else WINDOWS
+    plan = (peeled if simulated else kinematic) / "plan.npz"
     timeline = peeled / "timeline.zarr"
     if not simulated:
         timeline = round_trip(tmp_path / "timeline.zarr", Plan.load(plan))
@@ -60,10 +58,11 @@ def test_plan_is_in_the_page_and_proved_from_there(
 
 
 def test_motion_that_is_thinned_comes_without_the_plan(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+    monkeypatch: pytest.MonkeyPatch, kinematic: Path, tmp_path: Path
 ) -> None:
     monkeypatch.setattr(standalone, "MAX_STANDALONE_BYTES", 1000)
-    parts = parts_of(round_trip(tmp_path / "timeline.zarr", Plan.load(WINDOWS)), WINDOWS)
+    plan = kinematic / "plan.npz"
+    parts = parts_of(round_trip(tmp_path / "timeline.zarr", Plan.load(plan)), plan)
     _, columns = decode(base64.b64decode(parts["batch"]))
     assert parts["plan"] is None
     assert columns.keys() >= WINDOW_ANGLES

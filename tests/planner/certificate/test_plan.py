@@ -14,8 +14,6 @@ from foldback.planner.plan.plan import PLAN_FORMAT, Plan
 from tests.case import case
 from tests.planner.plans import with_values
 
-EARLIER = FilePath(__file__).parent / "earlier_plans"
-"""Plans in ``foldback-plan/1`` and ``/2``, as earlier versions wrote them."""
 ARRAYS = ("time_s", "joint_angles_rad", "root_position", "root_wxyz", "max_error_rad")
 
 
@@ -95,12 +93,3 @@ def test_damaged_files_are_refused(plan: Plan, suffix: str, tmp_path: FilePath) 
             Plan.load(path)
     with pytest.raises(InputError, match="not-there"):
         Plan.load(tmp_path / f"not-there.{suffix}")
-
-
-@pytest.mark.parametrize("name", ["ring-12-frames", "box-8-windows"])
-def test_plans_of_earlier_formats_are_read(name: str) -> None:
-    plans = [Plan.load(EARLIER / f"{name}.{suffix}") for suffix in ("json", "npz")]
-    for plan in plans:
-        assert plan.verified
-        last = plan.part(len(plan.motion) - 1, len(plan.motion))
-        np.testing.assert_allclose(last.joint_angles_rad[0], plan.chain.folded_rad, atol=1e-7)

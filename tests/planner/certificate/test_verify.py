@@ -31,7 +31,7 @@ from tests.golden.cases import HOOK
 from tests.planner.chains import line
 from tests.planner.folds import run_fold
 from tests.planner.later_parameters import later
-from tests.planner.plans import LATER_FIGURES, with_values
+from tests.planner.plans import with_values
 from tests.planner.tampering import edit_npz, reseal
 
 KINEMATIC = "simulated_modules=2"
@@ -137,27 +137,7 @@ def test_copies_that_differ_are_found(directory: FilePath) -> None:
     assert "certificate.min_clearance: got 0.5, expected" in found
 
 
-def test_fold_of_an_earlier_version_is_verified(directory: FilePath) -> None:
-    def remove_new_fields(values: dict[str, Any]) -> None:
-        values["format"] = "foldback-plan/1"
-        for name in ("motion", "angles"):
-            del values[name]
-        values["certificate"]["verdict"] = "verified"
-        for name in LATER_FIGURES:
-            del values["certificate"][name]
-
-    edit_plan(directory, remove_new_fields)
-    for name in ("manifest.json", "playback.npz"):
-        (directory / name).unlink()
-    found = verify(directory)
-    assert found.problems == ()
-    assert any("only the playback of the robot" in note for note in found.notes)
-    assert any("no manifest.json" in note for note in found.notes)
-    assert any("The certificate is from an earlier version" in note for note in found.notes)
-
-
 def test_fields_missing_in_all_files_are_named(directory: FilePath) -> None:
-    """Only plans of earlier versions may lack these fields."""
     gone = {"certificate": ("simulated", "torque_frames"), "playback": ("kind",)}
     gone["explosion"] = ("strategy",)
 
@@ -369,6 +349,11 @@ def test_missing_files_and_frames_are_named(directory: FilePath) -> None:
         (directory / name).rename(directory / "away")
         assert name in findings(directory, sealed=False)
         (directory / "away").rename(directory / name)
+    (directory / "playback.npz").unlink()
+    assert findings(directory) == ""
+    assert any("only the playback of the robot" in note for note in verify(directory).notes)
+    (directory / "manifest.json").unlink()
+    assert "manifest.json, the file with the digests" in findings(directory, sealed=False)
     plan = Plan.load(directory / "plan.npz")
     rewrite(directory, motion=plan.motion[:-5], max_error_rad=plan.max_error_rad[:-5])
     assert "timeline" in findings(directory, sealed=False)

@@ -5,7 +5,6 @@ clearance; only an exact distance shows whether the result is false, as
 ``bench.clearance.forgeries`` computes. This file needs only NumPy and ``foldback_check.py``.
 """
 
-import copy
 import json
 from collections.abc import Callable, Mapping
 from pathlib import Path as FilePath
@@ -78,13 +77,10 @@ def write(path: FilePath, arrays: Mapping[str, Any], meta: Meta) -> FilePath:
 
 
 def rewrite(source: FilePath, path: FilePath, change: Callable[[Arrays, Meta], object]) -> FilePath:
-    """Write a plan again after a change; an older plan also gets the claim that it implies."""
+    """Write a plan again after a change."""
     with np.load(source) as file:
         arrays = dict(file)
     meta = json.loads(str(arrays.pop("plan")))
-    geometry = foldback_check.MODULES.get(meta["chain"]["module"])
-    implied = {"format": foldback_check.FORMAT, "module": copy.deepcopy(geometry)}
-    meta.setdefault("claim", implied)
     change(arrays, meta)
     return write(path, arrays, meta)
 

@@ -30,6 +30,7 @@ from foldback.planner.verification.failure_evidence import check_reason
 from foldback.planner.verification.knot_invariants import invariants_of
 from foldback.planner.verification.plan_failure import reason_of
 from tests.planner.chains import anchored, coil, knotted, shuffled
+from tests.planner.conftest import Folded
 from tests.planner.folds import write_request
 from tests.planner.verification.forged_plans import rewrite
 
@@ -42,7 +43,6 @@ TIGHT: Final = replace(
     Parameters(), peeling=PeelingParameters(unit=8, most_modules=16, window=10, patience=20)
 )
 """Parameters of a window in which modules jam."""
-VERIFIED: Final = FilePath(__file__).parents[1] / "certificate/earlier_plans/ring-12-frames.npz"
 TREFOIL: Final = [
     [np.sin(t) + 2 * np.sin(2 * t), np.cos(t) - 2 * np.cos(2 * t), -np.sin(3 * t)]
     for t in np.arange(12) * np.pi / 6
@@ -103,7 +103,9 @@ def check(directory: FilePath, change: Change | None = None) -> Values:
         return {"verdict": "no plan", "reason": str(error)}
 
 
-def test_knot_of_failed_fold_is_confirmed_from_two_files(knot: FilePath, capsys: Any) -> None:
+def test_knot_of_failed_fold_is_confirmed_from_two_files(
+    knot: FilePath, folded: Folded, capsys: Any
+) -> None:
     found = check(knot)
     assert found["verdict"] == "refusal confirmed", found
     assert "determinant 3" in found["because"]
@@ -112,7 +114,7 @@ def test_knot_of_failed_fold_is_confirmed_from_two_files(knot: FilePath, capsys:
     assert "not claimed" in capsys.readouterr().out
     assert foldback_check.main([plan]) == 1
     assert "foldback_check_refusals.py can check" in capsys.readouterr().out
-    found = foldback_check_refusals.check(VERIFIED, knot / "record.npz")
+    found = foldback_check_refusals.check(folded.directory / "plan.npz", knot / "record.npz")
     assert (found["verdict"], found["reason"]) == ("not proved", "the plan does not fail")
 
 
