@@ -59,7 +59,7 @@ def test_both_checkers_prove_the_same(plans: list[Path], checker: JavaScriptChec
         assert found["claim"] == other["clearance"] <= found["least"]
         assert found["tightest"]["gap"] == pytest.approx(other["tightest"]["gap"], rel=0.1)
         assert found["frames"] >= other["frames"] - 1
-        assert found["pairs"] == pytest.approx(other["looks"], rel=0.01)
+        assert found["pairs"] == pytest.approx(other["looks"], rel=0.05)
 
 
 def test_modules_are_made_larger_until_two_touch(plans: list[Path]) -> None:
