@@ -20,8 +20,6 @@ from sqlalchemy.pool import NullPool
 from foldback.server.admin.errors import AdminError
 from foldback.server.store.tables import MIGRATION_LOCK, Base, engine_for, reading_connection
 
-EARLIER_TABLES: Final = frozenset({"owners"})
-"""Names of tables that only databases of earlier versions have."""
 LOCK_WAIT_MS: Final = 5000
 """Time that a restore waits for a table that another program uses, in ms."""
 DAMAGE_CODES: Final = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
@@ -81,14 +79,14 @@ def has_tables(connection: sa.Connection) -> bool:
 
 
 def drop_tables(connection: sa.Connection) -> None:
-    """Drop all tables of a service, of earlier versions too, and no others."""
+    """Drop all tables of a service, and no others."""
     found = sa.MetaData()
     found.reflect(connection, only=_own_tables(connection))
     found.drop_all(connection)
 
 
 def _own_tables(connection: sa.Connection) -> list[str]:
-    own = {*Base.metadata.tables, *EARLIER_TABLES, "alembic_version"}
+    own = {*Base.metadata.tables, "alembic_version"}
     return sorted(own.intersection(sa.inspect(connection).get_table_names()))
 
 

@@ -68,9 +68,8 @@ class AdminTasks:
         if status is not None:
             query = query.where(FoldRow.status == status)
         if older_days is not None:
-            used = sa.func.coalesce(FoldRow.seen_at, FoldRow.created_at)
             before = time.time() - older_days * DAY_S
-            query = query.where(used < before, FoldRow.created_at < before)
+            query = query.where(FoldRow.seen_at < before, FoldRow.created_at < before)
         return self._store.scalars(query)
 
     def damaged(self) -> Generator[tuple[FoldRow, list[str]]]:

@@ -226,7 +226,7 @@ class Store:
         """Return when a fold expires without further access; None if it does not expire."""
         if self._keep_days is None or row.pinned or row.public or not row.over:
             return None
-        return (row.seen_at or row.ended_at or row.created_at) + self._keep_days * DAY_S
+        return row.seen_at + self._keep_days * DAY_S
 
     def owns(self, fold_id: str, owner: Owner) -> bool:
         """Return True if a fold belongs to an owner; gallery folds belong to none."""
@@ -326,7 +326,6 @@ class Store:
         """
         row.owner = row.maker = owner.digest
         row.cost_s = cost_of(row).expected_s
-        row.seen_at = row.seen_at or row.ended_at or row.created_at
         try:
             with self.changing() as session:
                 row.turn = self._turn(session, row)
@@ -384,7 +383,7 @@ class Store:
     def looked(self, row: FoldRow) -> None:
         """Record an access to a fold, at a coarse resolution; errors are ignored."""
         now = time.time()
-        if abs(now - (row.seen_at or 0.0)) > ACCESS_RESOLUTION_S:
+        if abs(now - row.seen_at) > ACCESS_RESOLUTION_S:
             with suppress(SQLAlchemyError):
                 self._change(row.id, seen_at=now)
 

@@ -6,11 +6,16 @@ from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
 from importlib.resources import files
+from pathlib import Path
+from typing import Final
 
 import sqlalchemy as sa
 from alembic.config import Config
 from alembic.migration import MigrationContext
 from alembic.script import ScriptDirectory
+
+MIGRATIONS: Final = Path(str(files("foldback.server") / "migrations"))
+"""Directory of the migrations, one file for each version of the tables."""
 
 
 class NewerSchemaError(Exception):
@@ -86,6 +91,6 @@ def known_versions() -> tuple[str, ...]:
 def config() -> Config:
     """Return alembic's configuration, with the directory of the migrations."""
     made = Config()
-    made.set_main_option("script_location", str(files("foldback.server") / "migrations"))
+    made.set_main_option("script_location", str(MIGRATIONS))
     made.set_main_option("path_separator", "os")
     return made

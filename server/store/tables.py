@@ -48,8 +48,7 @@ class FoldRow(Base):
     Readers see the files of epoch ``kept``.
     ``bytes`` is the size of its own files, from its acceptance on; ``derived_bytes`` is the size of
     its exports and pictures, which can be computed again. ``seen_at`` is the time of the last
-    access, or of its request or end if that was later; it is missing only in rows of an earlier
-    version that is still running. A ``pinned`` fold never expires.
+    access, or of its request or end if that was later. A ``pinned`` fold never expires.
 
     ``owner`` is the hash of its owner's token, None for a ``public`` fold that several clients have
     requested. ``maker`` is the hash of the token of the first request, in whose owner's list the
@@ -94,7 +93,7 @@ class FoldRow(Base):
     epoch: Mapped[int] = mapped_column(default=0)
     kept: Mapped[int] = mapped_column(default=0)
     bytes: Mapped[int] = mapped_column(sa.BigInteger, default=0)
-    seen_at: Mapped[float | None] = mapped_column(default=time.time)
+    seen_at: Mapped[float] = mapped_column(default=time.time)
     pinned: Mapped[bool] = mapped_column(default=False)
     strategy: Mapped[str] = mapped_column(sa.String(16), default="auto")
     smooths: Mapped[str | None] = mapped_column(sa.String(32), default=None)

@@ -1,16 +1,19 @@
 """Rows for tests without a service."""
 
+import shutil
 import threading
 import time
-from collections.abc import Generator
+from collections.abc import Generator, Iterator
 from contextlib import closing, contextmanager
+from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import sqlalchemy as sa
 from sqlalchemy import event
 
 from foldback.server.settings import Settings
-from foldback.server.store import tables
+from foldback.server.store import schema_version
 from foldback.server.store.folds import Store, new_id
 from foldback.server.store.owner import Claim, Owner
 from foldback.server.store.previews import SWEEPING_THREAD
@@ -38,7 +41,8 @@ def a_fold(fold_id: str | None = None, **values: Any) -> FoldRow:
         "summary": {},
         "error": None,
     }
-    return FoldRow(**usual | values)
+    values = usual | values
+    return FoldRow(**{"seen_at": values.get("ended_at") or values["created_at"]} | values)
 
 
 def add_fold(store: Store, **values: Any) -> FoldRow:
@@ -91,10 +95,31 @@ def scans(store: Store, queries: list[tuple[str, Any]]) -> list[str]:
     return found
 
 
-def upgrade(engine: sa.Engine, version: str) -> None:
-    """Migrate a database to a version of its tables."""
-    with engine.begin() as connection:
-        tables.upgrade(connection, version)
+SECOND_MIGRATION = """
+import sqlalchemy as sa
+from alembic import op
+
+revision = "0002"
+down_revision = "0001"
+
+
+def upgrade():
+    op.add_column("folds", sa.Column("colour", sa.String(16), server_default="grey"))
+    op.execute("UPDATE folds SET colour = status")
+"""
+
+
+@contextmanager
+def second_migration(place: Path) -> Iterator[None]:
+    """Add a second version of the tables to those that foldback knows, as a later release does."""
+    migrations = shutil.copytree(schema_version.MIGRATIONS, place / "migrations")
+    (migrations / "versions" / "0002_colours.py").write_text(SECOND_MIGRATION)
+    with patch.object(schema_version, "MIGRATIONS", migrations):
+        schema_version.known_versions.cache_clear()
+        try:
+            yield
+        finally:
+            schema_version.known_versions.cache_clear()
 
 
 def store_of(service: Service) -> closing[Store]:

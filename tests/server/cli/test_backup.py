@@ -22,11 +22,11 @@ from foldback.server.doctor.data import database
 from foldback.server.jobs.housekeeping import Housekeeping
 from foldback.server.store.folds import NoSuchFoldError, Store
 from foldback.server.store.staged_files import StagedFolders
-from foldback.server.store.tables import Base, engine_for
+from foldback.server.store.tables import Base, engine_for, migrate
 from tests.case import case
 from tests.server.backups import Site
 from tests.server.postgres import Postgres
-from tests.server.rows import SOMEBODY, a_fold, upgrade
+from tests.server.rows import SOMEBODY, a_fold, second_migration
 
 
 @pytest.fixture
@@ -382,16 +382,18 @@ def test_migration_is_announced_before_it_is_done(tmp_path: Path) -> None:
     assert "expected tables to back up" in site.run("backup", tmp_path / "copy").stderr
     site.settings.make_directories()
     engine = engine_for(site.settings.store_url)
-    upgrade(engine, "0015")
-    result = site.run("migrate", "--check")
-    assert result.exit_code == 3
-    assert result.stdout == "would migrate the tables of folds to version 0016\n"
-    assert site.run("backup", tmp_path / "copy").exit_code == 0  # before the upgrade
-    assert "foldback admin migrate" in site.run("list").stderr
-    assert site.run("migrate").stdout == "migrated the tables of folds to version 0016\n"
-    assert site.run("migrate", "--check").stdout == "All database tables are up to date.\n"
-    with engine.begin() as connection:
-        connection.exec_driver_sql("UPDATE alembic_version SET version_num = '9999'")
+    migrate(engine)
     engine.dispose()
+    current = "All database tables are up to date.\n"
+    with second_migration(tmp_path):
+        result = site.run("migrate", "--check")
+        assert result.exit_code == 3
+        assert result.stdout == "would migrate the tables of folds to version 0002\n"
+        assert site.run("backup", tmp_path / "copy").exit_code == 0  # before the upgrade
+        assert "foldback admin migrate" in site.run("list").stderr
+        assert site.run("migrate").stdout == "migrated the tables of folds to version 0002\n"
+        assert site.run("migrate", "--check").stdout == current
+        assert site.run("restore", "--replace", tmp_path / "copy").exit_code == 0
+        assert site.run("migrate", "--check").stdout == current
     newer = site.run("migrate", "--check")
     assert newer.exit_code == 1 and "newer foldback" in newer.stderr
