@@ -20,13 +20,12 @@ from typing import Any, Final
 import psutil
 
 MEMORY_POLL_S: Final = 0.02
-"""Time between two readings of the memory of a measured command, in s. A larger value can miss
-short peaks of child processes; a smaller one takes more processor time from the command. Chosen."""
+"""Time between two readings of the memory of a measured command, in s."""
 PEAK_MEMORY_LINE: Final = re.compile(r"VmHWM:\s*(\d+) kB")
 """Matches the line of ``/proc/PID/status`` with the peak resident memory, kB."""
 POLLS_PER_TREE_READING: Final = 10
 """Number of memory readings of the measured process for each one that also adds up its child
-processes, which is slower. A larger value misses more peaks of child processes. Chosen."""
+processes, which is slower."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

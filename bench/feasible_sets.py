@@ -17,7 +17,7 @@ Cell = tuple[int, int, int]
 FEASIBLE_SETS_SEED = 94
 """Random seed of all one hundred sets of cells through which the benchmark searches paths. Another
 value draws other sets, for which the stored results do not hold, so the benchmark ends with an
-error. Chosen."""
+error."""
 MIN_SET_CELLS, MAX_SET_CELLS = 94, 300
 """Smallest and largest number of cells of a set."""
 FEASIBLE_SETS_PER_KIND = 25
@@ -26,7 +26,7 @@ loose, dense and packed random walks, and solids. The stored results are for thi
 one takes longer."""
 NEIGHBOUR_WEIGHTS = {"loose": 1.0, "dense": 4.0, "packed": 20.0}
 """Weight of a step of a random walk, by kind of set: the base whose exponent is the number of the
-new cell's neighbours on the walk. Larger values make denser sets."""
+new cell's neighbours on the walk."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

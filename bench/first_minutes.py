@@ -26,17 +26,16 @@ ROOT: Final = Path(__file__).parents[1]
 OWN_SHAPE: Final = ROOT / "examples" / "shapes" / "wrench-24.json"
 """Chain of 24 cubes that is uploaded under another name, so that no finished fold is reused."""
 PORT: Final = "18099"
-"""TCP port of the service. Chosen, to be free on most machines."""
+"""TCP port of the service. To be free on most machines."""
 FIRST_MINUTES_TIMEOUT_S: Final = 900.0
 """Maximum time that the benchmark of a fresh installation waits for each of its events, such as the
-first motion on the landing page, in s; beyond it the benchmark ends with an error. A smaller value
-fails on slow machines. Chosen."""
+first motion on the landing page, in s; beyond it the benchmark ends with an error."""
 MAX_INSTALL_CPU_S: Final = 45.0
 """Target of the benchmark: the installation into a new environment takes less processor time than
-this, in s. At or above it the target is reported as not met. Chosen."""
+this, in s. At or above it the target is reported as not met."""
 STATUS_POLL_S: Final = 0.2
 """Time between two requests for the state of the service or of a fold, in s. The measured times are
-too long by up to this value; a smaller one takes more processor time from the service. Chosen."""
+too long by up to this value."""
 
 
 class _Watch:

@@ -33,8 +33,7 @@ of the paper that docs/reproduction.md names). It is only printed for comparison
 steps here."""
 MIN_VERIFIED_AT_FIRST_SEED = 0.98
 """Target of the benchmark: at least this fraction of the gallery's shapes gets a verified fold with
-the first random seed, without further attempts. Below it the target is reported as not met.
-Chosen."""
+the first random seed, without further attempts. Below it the target is reported as not met."""
 
 
 def folds(reference_seconds: float) -> Section:

@@ -16,7 +16,7 @@ from foldback.planner.pathfinding.lattice import STEPS, colours
 
 HARD_SETS_SEED = 300
 """Random seed of all 48 sets of cells that may or may not have a path. Another value draws other
-sets, for which the stored results do not hold, so the benchmark ends with an error. Chosen."""
+sets, for which the stored results do not hold, so the benchmark ends with an error."""
 HARD_SETS_PER_KIND = 12
 """Number of sets of cells of each of the four kinds (random growths, sponges, thin walls, sheets
 with holes) that may or may not have a path. The stored results are for this

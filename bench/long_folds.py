@@ -19,19 +19,16 @@ SIDES = (20, 20, 25)
 """Sides of the box, in cells."""
 WINDOW_HINGES = 140
 """Number of consecutive hinges of the chain of 10 000 modules that move at the same time in the
-motion that the page plays. A larger value sends more data per frame. Chosen: the mean of peeled
-boxes of a thousand modules."""
+motion that the page plays. The mean of peeled boxes of a thousand modules."""
 HINGES_PER_FRAME = 2.36
-"""Number of hinges by which the moving section of the chain advances from one frame to the next. A
-smaller value makes more frames, which are slower to open."""
+"""Number of hinges by which the moving section of the chain advances from one frame to the next."""
 WINDOWS = ((1280, 720), (390, 844))
 """Widths and heights of the browser windows, in CSS pixels."""
 PLAYED_S = 8.0
-"""Time for which the page plays the fold while the drawn pictures per second are counted, in s. A
-larger value averages over more pictures. Chosen."""
+"""Time for which the page plays the fold while the drawn pictures per second are counted, in s."""
 COMPUTED_FRAMES = 400
 """Number of frames whose poses, colours and camera the page computes without drawing them, to
-measure this rate alone. A larger value takes longer and gives a more exact rate. Chosen."""
+measure this rate alone."""
 REACHED = "() => window.foldback?.player.shown?.exact && window.foldback.timeline.complete"
 """Condition that is true once the frame is shown exactly and all frames are fetched."""
 COMPUTE = """(count) => {

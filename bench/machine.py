@@ -15,12 +15,10 @@ from foldback.planner.simulation.mujoco_models import Material, compiled, tree_s
 
 REFERENCE_STEPS = 1000
 """Number of MuJoCo time steps of the reference simulation, whose duration on a machine is the unit
-(r) in which the benchmarks state times, to compare machines. With a larger value all times in r
-become smaller."""
+(r) in which the benchmarks state times, to compare machines."""
 REFERENCE_MODULES = 160
 """Number of cubes of the chain in the reference simulation, whose duration on a machine is the unit
-(r) in which the benchmarks state times, to compare machines. With a larger value all times in r
-become smaller."""
+(r) in which the benchmarks state times, to compare machines."""
 
 
 def machine() -> dict[str, Any]:

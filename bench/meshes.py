@@ -22,18 +22,18 @@ from foldback.planner.shapes.voxelise import voxelise
 
 MESH_CELLS = 1000
 """Number of cells that is requested when the benchmark turns each triangle mesh into cells and
-measures their overlap with the solid. A larger value gives more overlap and takes longer."""
+measures their overlap with the solid."""
 MIN_MEAN_IOU = 0.85
 """Target of the benchmark: mean intersection over union (IoU) of the cells and the solid that they
 approximate, over the ten meshes of a set; 1 is a perfect match. Below it the target is reported as
-not met. Chosen."""
+not met."""
 MAX_LARGE_MESH_S = 3.0
 """Target of the benchmark: the command that turns a mesh of 100 000 triangles into a path takes
 less wall time than this, in s, with the start of the process. At or above it the target is reported
-as not met. Chosen."""
+as not met."""
 MAX_LARGE_MESH_MIB = 500.0
 """Target of the benchmark: the command that turns a mesh of 100 000 triangles into a path takes
-less memory than this, in MiB. At or above it the target is reported as not met. Chosen."""
+less memory than this, in MiB. At or above it the target is reported as not met."""
 
 Mesh = trimesh.Trimesh
 

@@ -31,21 +31,20 @@ LARGE = (10, 10, 10)
 """Sides of the box whose fold is played to measure frame rates, in cells."""
 LARGE_FRAMES = 600
 """Number of frames of the motion of 1000 modules that the page plays while its frame rate is
-measured. A larger value takes longer to fetch before."""
+measured."""
 WINDOWS = ((1280, 720), (640, 400))
 """Widths and heights of the browser windows, in CSS pixels. The first one is used for scrubbing."""
 SCRUBS = 120
 """Number of random frames to which the page's slider jumps while the time until the new picture is
-measured. A larger value gives steadier percentiles. Chosen."""
+measured."""
 FAR_ROUND_TRIP_MS = 150
 """Round-trip time that Chromium adds to each request, in ms, to measure the page with a distant
-service. A larger value imitates a more distant one. Chosen."""
+service."""
 RUNS_PER_MEASUREMENT = 3
-"""Number of times that the landing page and a dropped file are measured; the median counts. A
-larger value takes longer and gives steadier results."""
+"""Number of times that the landing page and a dropped file are measured; the median counts."""
 PLAYED_S = 8.0
 """Time for which the page plays the fold of 1000 modules while the drawn pictures per second are
-counted, in s. A larger value averages over more pictures. Chosen."""
+counted, in s."""
 DROP = """([text, name]) => {
   const files = new DataTransfer();
   files.items.add(new File([text], name, { type: "application/json" }));

@@ -27,19 +27,19 @@ DATA = Path(__file__).parent / "data"
 RESULTS = DATA / "exact_cells.json"
 HARD_RESULTS = DATA / "hard_cells.json"
 MAX_BLOCKS_S = {10_000: 2.0, 100_000: 20.0}
-"""Maximum time of a path by blocks, s, by number of modules. Chosen."""
+"""Maximum time of a path by blocks, s, by number of modules."""
 SIZES = (1_000, 10_000, 100_000, 1_000_000)
 """Numbers of modules of the paths by blocks."""
 EXACT_LIMIT_S = 30.0
 """Maximum wall time of the exact search for a path through one set of cells, in s; beyond it the
-search gives up and the set counts as unsolved. A larger value solves more sets. Chosen."""
+search gives up and the set counts as unsolved."""
 MIN_SOLVED_SHARE = 0.95
 """Target of the benchmark: the exact search finds a path through at least this fraction of the one
 hundred sets of cells that certainly have one, each within 30 s. Below it the target is reported as
-not met. Chosen."""
+not met."""
 RUNS_PER_SIZE = 3
 """Number of times that a path is built from 2×2×2 blocks for each number of modules; the fastest
-run counts, as other processes only slow runs down. A larger value gives steadier results."""
+run counts, as other processes only slow runs down."""
 
 
 def paths(reference_seconds: float) -> Section:

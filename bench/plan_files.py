@@ -21,15 +21,13 @@ PLAN_MODULES, PLAN_FRAMES = 1000, 3000
 """Number of modules, and of frames, of the plan."""
 FRAMES_PER_KNOT = 10
 """Number of frames between two control points of the spline that gives the artificial motion of the
-measured plan, so that all hinges move smoothly as in a simulation. A larger value makes smoother
-motions, whose files are smaller."""
+measured plan, so that all hinges move smoothly as in a simulation."""
 KNOT_STEP_RAD = 0.03
 """Standard deviation of the random change of a hinge's angle between two control points of the
-artificial motion of the measured plan, in rad. A larger value makes faster motions, whose files are
-larger. Chosen."""
+artificial motion of the measured plan, in rad."""
 MAX_PLAN_FILE_BYTES = 10e6
 """Target of the benchmark: a plan of 1000 modules and 3000 frames is stored in at most this many
-bytes, as JSON and as npz. Above it the target is reported as not met. Chosen."""
+bytes, as JSON and as npz. Above it the target is reported as not met."""
 
 
 def plan_files(reference_seconds: float) -> Section:

@@ -26,14 +26,13 @@ from foldback.planner.plan.shape_writers import write_path
 
 SCALING_MODULE_SIZE: Final = 0.98
 """Size of the modules for which all folds of this benchmark must be free of collisions, as a
-fraction of the pitch. A larger value leaves smaller gaps between neighbouring modules, so that
-fewer folds are verified. Chosen."""
+fraction of the pitch."""
 MAX_MEMORY_MIB: Final = 1000.0
 """Target of the benchmark: a command that folds about 10 000 modules takes less memory than this,
-in MiB. At or above it the target is reported as not met. Chosen."""
+in MiB. At or above it the target is reported as not met."""
 MAX_TIME_EXPONENT: Final = 1.15
 """Target of the benchmark: the wall time of folding boxes grows at most as the number of modules to
-this power; 1 would be linear. A larger fitted exponent is reported as not met. Chosen."""
+this power; 1 would be linear. A larger fitted exponent is reported as not met."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

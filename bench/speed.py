@@ -40,8 +40,7 @@ from foldback.planner.progress import STAGES
 from foldback.planner.readers.gallery import Gallery
 
 RUNS_PER_COMMAND: Final = 3
-"""Number of times that each command is run; the median of its times counts. A larger value takes
-longer and gives steadier results."""
+"""Number of times that each command is run; the median of its times counts."""
 ODE_R: Final = 267.0
 """Time that the published algorithm, in C++ with the physics engine ODE, takes for the wrench of
 160 modules, as a multiple of the reference run r: 1000 steps of a chain in MuJoCo

@@ -29,7 +29,7 @@ LARGE = (5, 5, 4)
 """Sides of a block of cells whose chain is folded once, by one command."""
 LONG_TRAIL_TETRAHEDRA = 100_000
 """Minimum number of tetrahedra of a very long chain whose path is computed to measure the time,
-without folding it. The time grows with it. Chosen."""
+without folding it. The time grows with it."""
 SIZED = ("tetra-wrench", "tetra-cube-2", "tetra-letter-f")
 """Shapes whose largest module size without contact is measured."""
 

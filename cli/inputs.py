@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 TYPED_REMEDY = "if the order of the cells has no meaning, use --as-voxels"
 MAX_INPUT_BYTES = 64 * 2**20
 """Maximum size of an input file of the command line, in bytes; a larger one is refused before it is
-read. A larger value lets a wrong file take more memory. Chosen."""
+read."""
 
 
 def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str]:

@@ -39,7 +39,7 @@ from foldback.words.quantities import spacings
 
 MAX_LISTED_JOINTS = 10
 """Maximum number of joints in the printed table of motor torques: those with the largest peak
-torques. A larger value makes the table longer. Chosen."""
+torques."""
 
 
 def retime(

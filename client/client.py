@@ -24,7 +24,7 @@ from foldback.client.upload import FoldOptions, ShapeOptions, Source, file_of, f
 T = TypeVar("T")
 CONNECT_TIMEOUT_S: Final = 10.0
 """Maximum time to open a connection to the service, in s; then the request fails. With a larger
-value the client notices later that the service cannot be reached. Chosen."""
+value the client notices later that the service cannot be reached."""
 
 
 class Client:
@@ -54,7 +54,7 @@ class Client:
         verify: ssl.SSLContext | bool = True,
     ) -> None:
         self.base_url = base_url.rstrip("/")
-        # Chosen by the client, so that it owns an upload even if the response is lost.
+        # The client draws it, so that it owns an upload even if the response is lost.
         self.token = token or secrets.token_urlsafe(32)
         self.retries = retries or Retries()
         try:

@@ -22,8 +22,7 @@ if TYPE_CHECKING:
 
 EVENT_TIMEOUT_S: Final = 45.0
 """Time without an event on a fold's event stream, in s, after which the client reconnects; the
-service sends one at least every 15 s. A smaller value breaks off slow connections; a larger one
-notices broken ones later. Chosen."""
+service sends one at least every 15 s."""
 DIRECT_FILES: Final = frozenset({"plan.json", "plan.npz", "model.xml", "certificate.json"})
 """Files of a fold that the client downloads from ``/api/folds/{id}/{name}``; all others are
 exports, which have another address."""

@@ -30,16 +30,14 @@ OUT = ROOT / "docs" / "pictures" / "wrench.gif"
 SIZE = (640, 360)
 """Width and height of the picture, px."""
 PICTURES_PER_PHASE = (26, 54)
-"""Number of frames of the explosion and of the playback. More make a larger file."""
+"""Number of frames of the explosion and of the playback."""
 FRAME_MS = 90
-"""Duration of each frame of the animated GIF in the documentation, in ms. A larger value plays more
-slowly. Chosen."""
+"""Duration of each frame of the animated GIF in the documentation, in ms."""
 PAUSE_MS = 900
 """Duration of the frames with the straight and the folded chain in the animated GIF of the
-documentation, in ms. A larger value shows them longer. Chosen."""
+documentation, in ms."""
 PALETTE_COLOURS = 48
-"""Number of colours of the animated GIF in the documentation. A larger value shows shades more
-exactly and makes a larger file. Chosen."""
+"""Number of colours of the animated GIF in the documentation."""
 SEEK = """(frame) => {
   const scrub = document.getElementById("scrub");
   scrub.value = frame;

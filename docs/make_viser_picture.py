@@ -26,7 +26,7 @@ SIZE: Final = (1100, 620)
 """Width and height of the picture, px."""
 SHOWN_AT: Final = 0.86
 """Position of the frame that the documentation's picture of the viser window shows, as a fraction
-of the motion, 0 being the straight chain. A larger value shows the chain more folded. Chosen."""
+of the motion, 0 being the straight chain."""
 
 
 def main() -> None:

@@ -6,15 +6,13 @@ import unicodedata
 from typing import Final
 
 MAX_NAME_LENGTH: Final = 80
-"""Maximum length, in characters, of the displayed name of a shape or fold; the rest is cut off.
-Larger values need more space on pages. Chosen."""
+"""Maximum length, in characters, of the displayed name of a shape or fold; the rest is cut off."""
 MAX_INPUT_FACTOR: Final = 20
 """Maximum number of characters of a name that are read, as a multiple of the length to which it is
-cut. Larger values take more time for hostile names; smaller ones cut names with many invisible
-characters. Chosen."""
+cut."""
 MAX_COMBINING_MARKS: Final = 4
 """Maximum number of combining marks on one character of a name; further ones are dropped. Scripts
-need three at most; larger values let stacks of marks cover other lines. Chosen."""
+need three at most."""
 _BLANKS: Final = frozenset("\u2800\u3164\uffa0\u115f\u1160\u17b4\u17b5\U0001d159\U00016fe4")
 """Characters without a visible form that are removed from names, although their Unicode categories
 are those of letters, marks and symbols (Braille blank, fillers of Hangul, Khmer and Khitan, the

@@ -28,8 +28,7 @@ SEAL_BYTES: Final = 72
 """Size of the line before sealed JSON, in bytes: the name of the digest, its 64 digits, and the
 separators."""
 MAX_FILE_BYTES: Final = 64 << 20
-"""Maximum size of an input file, in bytes. Larger values admit larger meshes and take more memory.
-Chosen."""
+"""Maximum size of an input file, in bytes."""
 TEMPORARY_SUFFIX: Final = ".partial"
 """Suffix of the name of a file or directory while it is written; it is renamed when complete. The
 zarr library uses the same suffix."""

@@ -14,8 +14,7 @@ COMPILING: Final = "compiling"
 """Message of a progress report while kernels (numba functions) are compiled, which happens once on
 a machine."""
 PROGRESS_PERIOD_S: Final = 0.1
-"""Minimum wall time between two progress reports of one run, in s. Smaller values report more
-often, and cost more. Chosen."""
+"""Minimum wall time between two progress reports of one run, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -71,8 +71,7 @@ from foldback.server.store.stats import Stats
 
 WARM_UP_DELAY_S: Final = 1.5
 """Time between the start of the web process and the preparation of its landing page, in s, so that
-the first requests do not compete with the preparation. A larger value makes the first view of the
-landing page slow for longer. Chosen."""
+the first requests do not compete with the preparation."""
 log = logging.getLogger("foldback.web")
 
 ROUTERS: Final = (

@@ -17,7 +17,7 @@ MOTION_FILES: Final = (TIMELINE, CHAIN, PLAN, PLAN_TEXT)
 damaged."""
 FULL_DISK_RETRY_S: Final = 60
 """Value of the ``Retry-After`` header, in s, if a request is refused because the disk is full or
-cannot be written. A smaller value brings more requests that fail again. Chosen."""
+cannot be written."""
 UNEXPECTED_WORDS: Final = "an unexpected error occurred inside the service; its log has the reason."
 """What visitors learn about an exception that no code expects; its text may name files and code."""
 READ_ONLY_WORDS: Final = "New folds cannot be accepted: the disk is read-only."

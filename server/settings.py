@@ -32,7 +32,7 @@ LOOPBACK: Final = ("localhost", "127.0.0.1", "::1")
 """Names of this machine for itself, besides the other addresses 127.…."""
 MIN_TOKEN_LENGTH: Final = 16
 """Minimum length of an operator's access token, in characters; the service does not start with a
-shorter one. With a smaller value tokens could be guessed. Chosen."""
+shorter one."""
 Count = Annotated[int, Field(ge=1)]
 """Whole number, at least 1."""
 Names = Annotated[tuple[str, ...], NoDecode]

@@ -54,6 +54,15 @@ def test_page_and_picture_are_current() -> None:
     )
 
 
+def test_constants_say_what_they_are() -> None:
+    folders = (made.ROOT / name for name in ("bench", "docs", "examples", "tests"))
+    sources = (path for folder in folders for path in folder.rglob("*.py"))
+    scripts = (made.ROOT / "web" / "static").rglob("*.js")
+    for path in (*made.modules().values(), *sources, *scripts):
+        with case(str(path)):
+            assert re.search(r"\bChosen\b[.:;]", path.read_text(encoding="utf-8")) is None
+
+
 def test_paths_on_the_page_exist() -> None:
     page, _, _ = made.PAGE.read_text(encoding="utf-8").partition("<!-- components -->")
     named = [name for name in re.findall(r"`([\w./]+)`", page) if "/" in name]

@@ -17,15 +17,14 @@ Array = NDArray[np.float64]
 Rgb = tuple[int, int, int]
 
 NO_ERROR_RGB: Final[Rgb] = (206, 208, 212)
-"""Colour of a module whose joint angle has no error, sRGB. Chosen."""
+"""Colour of a module whose joint angle has no error, sRGB."""
 UNKNOWN_ERROR_RGB: Final[Rgb] = (168, 172, 179)
-"""Colour of a module whose joint error was not recorded, sRGB. Chosen."""
+"""Colour of a module whose joint error was not recorded, sRGB."""
 MAX_ERROR_RGB: Final[Rgb] = (208, 10, 18)
-"""Colour of a module whose joint error is at the upper end of the colour scale or above, sRGB.
-Chosen."""
+"""Colour of a module whose joint error is at the upper end of the colour scale or above, sRGB."""
 SELECTED_RGB: Final[Rgb] = (10, 84, 240)
 STALLED_RGB: Final[Rgb] = (255, 140, 0)
-"""Colour that marks the modules at which a failed fold stalled, sRGB. Chosen."""
+"""Colour that marks the modules at which a failed fold stalled, sRGB."""
 FIRST_MODULE_RGB: Final[Rgb] = (255, 255, 255)
 LAST_MODULE_RGB: Final[Rgb] = (38, 42, 50)
 
@@ -39,9 +38,9 @@ chain."""
 
 MIN_ERROR_SCALE_RAD: Final = 1e-5
 """Smallest upper end of the colour scale of joint errors, in rad. With a smaller value the rounding
-errors of a perfect simulation would be drawn in red. Chosen."""
+errors of a perfect simulation would be drawn in red."""
 RAMP_COLOURS: Final = 256
-"""Number of colours of the scale that shows joint errors. More are finer steps. Chosen."""
+"""Number of colours of the scale that shows joint errors."""
 
 
 def linear_from_srgb(srgb: Array) -> Array:

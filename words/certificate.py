@@ -27,25 +27,23 @@ from foldback.words.quantities import (
 )
 
 CERTIFICATE_DIGITS: Final = 2
-"""Number of significant digits to which pages round a certificate's figures, such as joint errors.
-A larger value makes the texts longer and more exact. Chosen."""
+"""Number of significant digits to which pages round a certificate's figures, such as joint
+errors."""
 NOT_SIMULATED: Final = "not simulated"
 NOT_KNOWN: Final = "unknown, because an earlier version of foldback computed this fold"
 MAX_NAMED_SERVOS: Final = 8
-"""Maximum number of servos with sufficient torque that a fold's page lists, lightest first. A
-larger value makes the list longer. Chosen."""
+"""Maximum number of servos with sufficient torque that a fold's page lists, lightest first."""
 NEAR_PITCH_FACTOR: Final = 1.1
 """Ratio between the smallest module pitch, above the requested one, for which a servo is suitable
 and the largest pitch whose servos a fold's page lists too, if none suits the requested pitch; also
-between the largest suitable pitch and smaller ones if all are below the requested one. A larger
-value lists more servos. Chosen."""
+between the largest suitable pitch and smaller ones if all are below the requested one."""
 ON_TABLE_PITCH: Final = 1e-3
 """Distance of a module's corner from the table top, above or below, within which a page says that
-it lies on the table, in pitches. A smaller value displays rounding errors as gaps. Chosen."""
+it lies on the table, in pitches. A smaller value displays rounding errors as gaps."""
 ROUNDING_PITCH: Final = 1e-9
 """Overlap of two modules, in pitches, up to which a page does not report it, as it is only the
 rounding error of a contact; torques, in w·p (module weight × pitch), are rounded up with the same
-tolerance. A larger value hides real overlaps. Chosen."""
+tolerance."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,7 +59,7 @@ STAGES_WITH_MOTION: Final = ("explode", "play_back")
 """Stages in which the displayed chain moves, so that the reason of a failure names the frame."""
 MAX_BLOCKING_LINES: Final = 24
 """Maximum number of blocked hinge rotations and part movements that the page of a failed fold lists
-one by one; further ones are only counted. A larger value makes the page longer. Chosen."""
+one by one; further ones are only counted."""
 WRONG_END_VERDICT: Final = re.compile(r"ends .* from the folded shape|does not end folded")
 """Matches verdicts which say that a simulated chain does not end in its target shape."""
 EXPLOSION_ENDS: Final = {

@@ -40,7 +40,7 @@ METHOD_LABELS: Final = {"direct": "joints turned directly", "paper": "method fro
 """Labels on a fold's card for presets of planner settings other than the default preset."""
 MAX_ZERO_TORQUE_WP: Final = 0.05
 """Joint torque of a fold on a table below which its gallery card says that it needs no motor
-torque, in w·p (module weight × pitch). A larger value hides small torques. Chosen."""
+torque, in w·p (module weight × pitch)."""
 
 
 def module_count(modules: int, module: str) -> str:

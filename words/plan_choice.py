@@ -49,7 +49,7 @@ MILLI_PER_UNIT: Final = 1e3
 """Number of thousandths in a unit, to convert N·m to mN·m."""
 CLEARANCE_DECIMALS: Final = 4
 """Number of decimal places of the clearances between modules, in pitches, in the comparison of
-plans. With fewer, different clearances would look equal. Chosen."""
+plans."""
 
 TRAVEL_DECIMALS: Final = 2
 """Number of decimal places of the travel of hinges, relative to the least, in that comparison."""

@@ -47,8 +47,7 @@ PLAN_MEMBER: Final = "plan.npy"
 """Member of the archive plan.npz that holds everything of a plan but its frames, as JSON text."""
 MAX_PLAN_JSON_BYTES: Final = 16 * 2**20
 """Maximum size of the JSON text in a plan.npz of which a page shows the properties, in bytes; of a
-larger one none are shown, as reading it takes memory. A chain of 12 000 modules has 3 MB.
-Chosen."""
+larger one none are shown, as reading it takes memory. A chain of 12 000 modules has 3 MB."""
 SUMMARY_HEADING: Final = "In short"
 """Heading of the first group of a fold's properties; only its group is open when the page loads."""
 TRACKING_PARAMETERS: Final = (

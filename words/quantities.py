@@ -11,11 +11,10 @@ from typing import Final, cast
 from foldback.planner.parameters.parameters import PRESET_CHOICES, STRATEGY_CHOICES
 
 SIGNIFICANT_DIGITS: Final = 3
-"""Default number of significant digits to which displayed numbers are rounded. A larger value makes
-texts longer and more exact. Chosen."""
+"""Default number of significant digits to which displayed numbers are rounded."""
 MAX_WHOLE_VALUE: Final = 1e6
 """Value below which a displayed number of at least 1 is written as a whole number, without a power
-of ten. A larger value writes longer numbers. Chosen."""
+of ten."""
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SI_PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 """SI prefixes of displayed quantities by power of ten; ``SI_PREFIXES`` in ``lib/text.js`` must be

@@ -20,8 +20,7 @@ from foldback.planner.parameters.settings_text import (
 from foldback.words.quantities import quantity
 
 SETTING_DIGITS: Final = 6
-"""Maximum number of significant digits of a displayed setting's value. With fewer, some default
-values could be displayed rounded. Chosen."""
+"""Maximum number of significant digits of a displayed setting's value."""
 PAPER_PRESET: Final = preset("paper")
 SOURCE_LABELS: Final[dict[Source, str]] = {
     "published": "The paper gives this value.",

@@ -36,8 +36,7 @@ MAX_CHECK_S: Final = {
     "ball-1000": 30.0,
     "ball-10000": 600.0,
 }
-"""Maximum seconds for the checker, start of Python included, to prove the plan of each case.
-Chosen."""
+"""Maximum seconds for the checker, start of Python included, to prove the plan of each case."""
 
 
 def checking(reference_seconds: float) -> Section:

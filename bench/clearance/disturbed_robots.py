@@ -48,8 +48,7 @@ MARGIN_MULTIPLES: Final = (3.0, 10.0)
 """Multiples of the margin of all hinges that are sampled in addition."""
 SAMPLES_PER_LARGE_ERROR: Final = 10
 """Divisor of the number of disturbed motions whose joint errors exceed the permitted ones (3 and 10
-times as large). They are sampled less often, as they are only reported. A larger value takes less
-time and gives less exact percentages of collisions. Chosen."""
+times as large). They are sampled less often, as they are only reported."""
 
 
 def disturbed(section: Section, count: int) -> None:

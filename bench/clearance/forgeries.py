@@ -47,11 +47,10 @@ SOURCES: Final = {
 MIN_VIOLATION_PITCH: Final = 1e-6
 """Minimum difference between the clearance that a forged plan claims and the true distance of its
 modules, in pitches, from which on its claim counts as certainly false, so that a checker must
-reject it. A smaller value could count rounding errors as violations. Chosen."""
+reject it. A smaller value could count rounding errors as violations."""
 FORGERIES_PER_TASK: Final = 100
-"""Number of forged plans that one task of the process pool makes from one genuine plan and checks.
-With a larger value the work is distributed less evenly over the processes; a smaller one loads the
-genuine plans more often."""
+"""Number of forged plans that one task of the process pool makes from one genuine plan and
+checks."""
 
 
 def certainly_false(path: FilePath) -> bool:

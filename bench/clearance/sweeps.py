@@ -30,7 +30,7 @@ SIZES = (0.95, 0.98)
 """Module sizes, as fractions of the pitch; the slower one counts."""
 RUNS_PER_SWEEP = 3
 """Number of times that the clearance of each motion is computed; the fastest run counts, as other
-processes only slow runs down. A larger value takes longer and gives steadier results."""
+processes only slow runs down."""
 SNAKES = ((10, 10, 10), (16, 16, 16), (20, 20, 24))
 """Sides of the boxes that are peeled, in cells."""
 WINDOW_HINGES, HINGES_PER_FRAME = 200, 1.13

@@ -18,20 +18,20 @@ FOLLOWERS = 100
 frame to all of them. A larger value loads the service more; it permits 100."""
 LED_S = 60.0
 """Time for which the class's leader sends changes of camera and frame, in s, while the delays are
-measured. A larger value gives steadier percentiles. Chosen."""
+measured."""
 VIEWS_PER_SECOND = 10
 """Number of changes of camera and frame that the class's leader sends per second, as many as the
 page while the picture is dragged. A larger value loads the service more; more than 30 end the
 class."""
 PAGES_PER_SECOND = 4
 """Number of pages that another visitor loads per second while the class runs, to measure how much
-it delays others. A larger value gives a steadier percentile and loads the service more."""
+it delays others."""
 MAX_VIEW_DELAY_MS = 300
 """Maximum 95th percentile of the time from the leader's change of camera or frame to its arrival at
-a follower, in ms; above it the load test fails. Chosen."""
+a follower, in ms; above it the load test fails."""
 MAX_PAGE_DURING_CLASS_MS = 100
 """Maximum 95th percentile of the time to load a fold's page for another visitor while the class
-runs, in ms; above it the load test fails. Chosen."""
+runs, in ms; above it the load test fails."""
 
 
 def classes(short: bool = False) -> Section:

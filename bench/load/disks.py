@@ -14,10 +14,10 @@ from foldback.server.settings import MIB_BYTES
 
 DISK_MIB: Final = 512
 """Size of the disk that the fault test mounts for the service under test, in MiB. It is larger than
-the data of a whole run; with a larger value it takes longer to fill the disk on purpose. Chosen."""
+the data of a whole run."""
 RELEASE_TIMEOUT_S: Final = 10.0
 """Maximum time until killed processes have released the disk that the fault test mounted for them,
-in s; beyond it the test ends with an error. A smaller value fails on busy machines. Chosen."""
+in s; beyond it the test ends with an error."""
 INSIDE: Final = "FOLDBACK_LOAD_INSIDE"
 """Environment variable that marks a process as able to mount disks."""
 

@@ -34,14 +34,13 @@ OUT: Final = Path("out/load")
 """Directory of the data and logs of a run; a run without errors deletes its own."""
 FOLDS_TIMEOUT_S: Final = 240.0
 """Maximum time in which all folds must end after a fault, such as a killed process or a full disk,
-in s; beyond it the fault test fails. A smaller value fails on slow machines. Chosen."""
+in s; beyond it the fault test fails."""
 SHAPES: Final = ("wrench-24", "wrench-24", "wrench-80", "tetra-ring", None)
 """Shapes of the requested folds, drawn with equal weight; None is an uploaded path of 16
 modules."""
 FAULTS_SEED: Final = 7
 """Default random seed of the order of the faults, of their moments and of the requested folds.
-Another value tests another sequence; it is printed, so that a failed run can be repeated.
-Chosen."""
+Another value tests another sequence; it is printed, so that a failed run can be repeated."""
 
 Fault = Callable[["Driver"], None]
 

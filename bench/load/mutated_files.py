@@ -22,15 +22,13 @@ from tests.server.service_process import Service
 OUT: Final = Path("out/load/mutated")
 """Directory of the files that caused an error, and of the log."""
 CONCURRENT_UPLOADS: Final = 4
-"""Number of damaged files that are uploaded at the same time. A larger value loads the processes
-that read uploads more."""
+"""Number of damaged files that are uploaded at the same time."""
 UPLOAD_TIMEOUT_S: Final = 60.0
 """Maximum time that the service may take to answer the upload of a damaged file, in s; beyond it
-the upload counts as unanswered and the load test fails. Chosen."""
+the upload counts as unanswered and the load test fails."""
 MAX_MUTATED_GROWTH_MB: Final = 50.0
 """Maximum growth of the resident memory of any process of the service from the first 1000 damaged
-uploads to the last one, in MB; above it the load test fails, as the process leaks memory.
-Chosen."""
+uploads to the last one, in MB; above it the load test fails, as the process leaks memory."""
 FORMS: Final[tuple[dict[str, str], ...]] = (
     *({}, {}, {}, {"modules": "40"}, {"module": "tetrahedron"}, {"method": "blocks"}),
     *({"method": "exact", "modules": "24"}, {"as_voxels": "true"}, {"repair": "true"}),

@@ -18,10 +18,10 @@ SHAPE = "wrench-160"
 """Shape of the gallery whose fold most visitors view."""
 MAX_PAGE_DURING_SCRUBS_MS = 100
 """Target for the 95th percentile of the time of page loads and API requests while 120 visitors move
-their sliders, in ms; at or above it the load test fails. Chosen."""
+their sliders, in ms; at or above it the load test fails."""
 MAX_SCRUB_MS = 150
 """Target for the 95th percentile of the time to fetch the frames at a slider's new position while
-120 visitors move their sliders, in ms; at or above it the load test fails. Chosen."""
+120 visitors move their sliders, in ms; at or above it the load test fails."""
 
 
 def scrubbing(short: bool = False) -> Section:

@@ -27,7 +27,7 @@ MARK: Final = "FOLDBACK_LOAD_SITE"
 """Environment variable by which the processes of a site are recognised."""
 SITE_TIMEOUT_S: Final = 180.0
 """Maximum time that the service under test may take to become ready, and its processes to end, in
-s; beyond it the test fails. A smaller value fails on slow machines. Chosen."""
+s; beyond it the test fails."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

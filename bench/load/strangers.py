@@ -22,10 +22,10 @@ from tests.server.service_process import SNAKE, Service
 
 MAX_PAGE_BESIDE_ROBOTS_MS: Final = 200
 """Target for the 95th percentile of the time to load a page while other visitors occupy the service
-with simulated robots or very large plans, in ms; at or above it the load test fails. Chosen."""
+with simulated robots or very large plans, in ms; at or above it the load test fails."""
 MAX_WEB_GROWTH_MB: Final = 300
 """Maximum growth of the resident memory of the web process while visitors occupy it with simulated
-robots or very large plans, in MB; above it the load test fails. Chosen."""
+robots or very large plans, in MB; above it the load test fails."""
 ADDRESSES, ROBOTS_PER_ADDRESS = 3, 8
 """Number of client addresses, and of robots that each of them connects."""
 PLAN_MB: Final = 96
@@ -33,11 +33,10 @@ PLAN_MB: Final = 96
 opened for the first time. A larger value loads the service more; chosen as the size of a simulated
 fold of 1000 modules in an earlier version."""
 WITNESS_POLL_S: Final = 0.05
-"""Pause between two requests of the client that measures how much others delay it, in s. A smaller
-value gives steadier percentiles and loads the service more. Chosen."""
+"""Pause between two requests of the client that measures how much others delay it, in s."""
 ROBOT_RETRY_S: Final = 0.2
 """Maximum time that a simulated robot waits for a message before it reports its joint error again,
-and pause before it connects again, in s. A smaller value loads the service more. Chosen."""
+and pause before it connects again, in s."""
 
 
 def strangers(short: bool = False) -> Section:

@@ -16,7 +16,7 @@ from tests.server.service_process import SNAKE, Service
 
 MAX_FOLD_S = 1800.0
 """Maximum time that the load test waits for the end of an accepted fold, in s; one that is still
-queued or running then fails the test. A smaller value fails on slow machines. Chosen."""
+queued or running then fails the test."""
 
 
 def uploads(short: bool = False) -> Section:

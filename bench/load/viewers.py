@@ -20,14 +20,11 @@ from tests.server.service_process import SNAKE, Service
 
 MAX_VIEWERS_GROWTH_MB = 50
 """Maximum growth of the resident memory of the web process from the first 20 viewers to 5 s after
-the last of 1000 further ones, in MB; above it the load test fails, as the process leaks memory.
-Chosen."""
+the last of 1000 further ones, in MB; above it the load test fails, as the process leaks memory."""
 CONCURRENT_VIEWERS = 25
-"""Number of viewers, out of 1000, that load a fold's page and data at the same time. A larger value
-loads the service more."""
+"""Number of viewers, out of 1000, that load a fold's page and data at the same time."""
 VIEWERS_PER_ROBOT = 10
-"""Every n-th viewer, n being this value, also connects a simulated robot that plays the fold. A
-larger value connects fewer robots."""
+"""Every n-th viewer, n being this value, also connects a simulated robot that plays the fold."""
 
 
 def viewers(short: bool = False) -> Section:

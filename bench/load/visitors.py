@@ -25,11 +25,10 @@ from bench.load.loopback import checked
 
 SETTLE_S = 2.0
 """Time after the arrival of the last simulated visitor, in s, before which requests are reported
-separately, as pages are still loading. A smaller value mixes the rush of arrivals into the steady
-state. Chosen."""
+separately, as pages are still loading."""
 FRAMES_PER_BATCH = 128
 """Number of frames of a motion that a simulated visitor requests at once after it has moved the
-slider. A larger value makes the answers larger and slower."""
+slider."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

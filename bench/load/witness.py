@@ -19,8 +19,7 @@ from tests.server.service_process import over
 
 FOLDS_POLL_S: Final = 0.05
 """Time between two checks of all folds by the thread that looks for lost, incomplete or changed
-ones, in s. A larger value can miss states that last for a shorter time; a smaller one loads the
-service more. Chosen."""
+ones, in s."""
 FILES: Final = ("plan.json", "plan.npz", "certificate.json", "model.xml")
 """Files of a verified fold that are compared."""
 

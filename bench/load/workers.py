@@ -14,7 +14,7 @@ from tests.server.service_process import SNAKE, Service
 
 MIN_SPEED_UP = 1.8
 """Minimum ratio of the wall times of the same folds with one worker and with two. Below it the load
-test fails, unless two workers already use more than 90 % of all processor cores. Chosen."""
+test fails, unless two workers already use more than 90 % of all processor cores."""
 
 
 def workers(short: bool = False) -> Section:

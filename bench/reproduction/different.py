@@ -15,8 +15,7 @@ from foldback.planner.readers import read
 Array = NDArray[np.float64]
 CHOSEN_SHAPES: Final = 10
 """Number of the gallery's shapes, as different from each other as possible, that are folded with
-the published method in addition to those of the paper. With a larger value the added ones resemble
-others more. Chosen."""
+the published method in addition to those of the paper."""
 MODULE_RANGE: Final = (64, 200)
 """Least and largest number of modules of a shape that may be chosen."""
 EXCLUDED_PREFIXES: Final = ("wrench", "mallet")

@@ -8,8 +8,7 @@ from typing import Any, Final
 PICTURES: Final = "../web/paper"
 """Directory of the stills, relative to the document."""
 STILL_WIDTH_PX: Final = 200
-"""Displayed width of each picture in the document with the paper's experiments, in pixels. With a
-larger value fewer pictures fit side by side. Chosen."""
+"""Displayed width of each picture in the document with the paper's experiments, in pixels."""
 INTRODUCTION: Final = """\
 # The paper's experiments, run again
 

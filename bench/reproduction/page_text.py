@@ -50,15 +50,14 @@ UNITS: Final = {
 MIN_SHOWN_ERROR_PITCH: Final = 1e-4
 """Smallest deviation of a folded chain from its shape that is written as a number, in pitches;
 smaller ones are written as less than this value. A smaller value would state rounding errors as
-results. Chosen."""
+results."""
 PUBLISHED_STEP_S: Final = 0.01
 """Simulated time of one time step of the published algorithm, in s: section 4 of the paper that
 docs/reproduction.md names states 160 000 steps as 1600 s. It converts the published numbers of
 steps to times, for comparison."""
 BUSY_TIME_RATIO: Final = 1.5
 """Ratio of the slowest to the fastest duration of the reference simulation before the runs, above
-which the text says that the machine was also doing other work. A smaller value says so more often.
-Chosen."""
+which the text says that the machine was also doing other work."""
 SOURCES: Final = {
     "published": "published",
     "named": "named, but without a number",

@@ -25,25 +25,22 @@ from foldback.web.timeline.view import Snapshot, TimelineView
 Ints = NDArray[np.int64]
 FRAMES_PER_PHASE: Final = 120
 """Number of frames of each phase (explosion, folding) in the stored film of a fold, spread evenly
-over the rotation of the hinges. A larger value plays more smoothly; films that become too large get
-fewer frames. Chosen."""
+over the rotation of the hinges."""
 MAX_FILM_BYTES: Final = 250_000
 """Maximum size of the stored film of one fold, in bytes; frames are omitted from a larger film
-until it fits. A larger value makes the page with all films slower to load. Chosen."""
+until it fits."""
 FRAMES_REDUCTION: Final = 0.8
 """Factor by which the number of frames of a film is multiplied, again and again, until its file is
-small enough. A smaller value finds the end sooner and may leave out more frames than necessary.
-Chosen."""
+small enough."""
 STILL_RADIUS_PITCH: Final = 4.0
 """Minimum radius around the modules at which a fold fails that the picture of this moment shows, in
-pitches. A larger value shows more of the chain, and the overlapping modules smaller. Chosen."""
+pitches."""
 STRIP_GRID: Final = (6, 2)
 """Columns and rows of a strip: explosion above, fold below, as in Figure 3."""
 STRIP_PICTURE_PX: Final = (240, 180)
 """Width and height of a picture in a strip, px."""
 WEBP_QUALITY: Final = 82
-"""Quality of the stored pictures of folds, from 0 to 100 (WebP). A larger value makes larger files
-with fewer artefacts. Chosen."""
+"""Quality of the stored pictures of folds, from 0 to 100 (WebP)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,16 +22,14 @@ Array = NDArray[np.float64]
 Bytes = NDArray[np.uint8]
 
 STILL_PX: Final = (640, 400)
-"""Default width and height of a still picture of a chain, in pixels. Chosen."""
+"""Default width and height of a still picture of a chain, in pixels."""
 STILL_FILL: Final = (0.88, 0.86)
-"""Fractions of a still picture's width and height that the chain fills. Smaller values leave a
-wider margin. Chosen."""
+"""Fractions of a still picture's width and height that the chain fills."""
 TRIED_TURNS_RAD: Final = tuple(float(turn) for turn in np.deg2rad(np.arange(0, 360, 30)))
 TRIED_ELEVATIONS_RAD: Final = (ELEVATION_RAD, float(np.deg2rad(55.0)))
 MIN_OPENNESS: Final = 0.6
 """Smallest apparent extent of a chain in the default view, as a fraction of the largest in all
-tried views; below it a still picture uses the view with the largest one. A larger value leaves the
-default view more often. Chosen."""
+tried views; below it a still picture uses the view with the largest one."""
 
 
 def still(

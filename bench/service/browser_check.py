@@ -13,13 +13,13 @@ from bench.service.browsing import service_and_browser
 from tests.server.service_process import Service
 
 MAX_PROOF_S: Final = {"wrench-160": 1.0, "simultaneous-512": 30.0, "ball-1000": 15.0}
-"""Maximum seconds, as the page reports them, to prove the plan of each case. Chosen."""
+"""Maximum seconds, as the page reports them, to prove the plan of each case."""
 PROOFS_PER_PLAN: Final = 3
 """Number of times that the page proves each plan free of collisions, each in a new web worker; the
-median time counts. A larger value takes longer and gives steadier results."""
+median time counts."""
 PROOF_TIMEOUT_MS: Final = 300_000
 """Maximum time of each step in the browser, such as the proof that a plan is free of collisions, in
-ms; beyond it the benchmark ends with an error. A smaller value fails on slow machines. Chosen."""
+ms; beyond it the benchmark ends with an error."""
 SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
 """Size of the browser window, CSS pixels."""
 COMPLETE: Final = "() => window.foldback?.timeline.complete"

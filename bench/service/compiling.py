@@ -13,7 +13,7 @@ from bench.measured_tables import Section
 
 MAX_FIRST_CPU_S: Final = 45.0
 """Target of the benchmark: compiling the numerical kernels that a first fold needs takes less
-processor time than this, in s. At or above it the target is reported as not met. Chosen."""
+processor time than this, in s. At or above it the target is reported as not met."""
 FIRST_KERNELS: Final = """
 import sys
 from pathlib import Path

@@ -15,14 +15,14 @@ from bench.service.browsing import service_and_browser
 
 DROPPED_MESHES: Final = 4
 """Number of slightly different meshes that are uploaded and folded, none of which is known to the
-service; the median time counts. A larger value takes longer and gives steadier results."""
+service; the median time counts."""
 SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
 """Size of the browser window, CSS pixels."""
 WARM: Final = "wrench-24"
 """Shape that is folded first, so that the worker is warm."""
 PAUSE_BEFORE_DROP_MS: Final = 1500
 """Pause between opening the landing page and uploading the mesh, in ms, as a visitor takes time to
-find a file. A larger value leaves the service more time to prepare itself. Chosen."""
+find a file."""
 FOLDABLE: Final = "() => document.getElementById('fold')?.disabled === false"
 """Condition that is true once the preview offers to fold."""
 MOVING: Final = """() => {
@@ -35,7 +35,7 @@ VERIFIED: Final = (
 )
 """Condition that is true once the page shows the verdict "Verified"."""
 MAX_AFTER_FOLD_S: Final = {"first motion": 1.0, "verified": 5.0}
-"""Maximum seconds after *Fold*, on two cores that do nothing else. Chosen."""
+"""Maximum seconds after *Fold*, on two cores that do nothing else."""
 
 
 def dropped_mesh(reference_seconds: float) -> Section:

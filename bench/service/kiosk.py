@@ -17,20 +17,17 @@ from bench.measured_tables import Section
 from bench.service.browsing import service_and_browser
 
 CLOCK_SPEED: Final = 8
-"""Factor by which clocks and timers run faster in the pages of the exhibition mode (kiosk). A
-larger value simulates a longer exhibition in the same time, and loads the processor more.
-Chosen."""
+"""Factor by which clocks and timers run faster in the pages of the exhibition mode (kiosk)."""
 RUN_MINUTES: Final = 60.0
 """Wall time for which the exhibition mode (kiosk) runs, in min: at eight times the speed it
-simulates eight hours. A larger value finds slower memory leaks. Chosen."""
+simulates eight hours."""
 HEAP_SAMPLES: Final = 6
 """Number of readings of the JavaScript memory, 0.5 s apart, of which the smallest counts, as a page
-that draws allocates and frees memory all the time. A larger value gives steadier results.
-Chosen."""
+that draws allocates and frees memory all the time."""
 MAX_HEAP_GROWTH: Final = 0.10
 """Target of the benchmark: the JavaScript memory of the exhibition mode (kiosk) grows by at most
 this fraction from the end of its first round of folds to the end of the run. Above it the target is
-reported as not met. Chosen."""
+reported as not met."""
 TOUCH: Final = "() => dispatchEvent(new PointerEvent('pointerdown'))"
 """Simulates a visitor's touch, which keeps the kiosk on its fold."""
 OPEN: Final = "() => foldback.player.stage.open"

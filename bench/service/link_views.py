@@ -30,20 +30,19 @@ SIZE: Final[ViewportSize] = {"width": 960, "height": 640}
 """Size of the browser window, CSS pixels."""
 VIEWS_PER_FOLD: Final = 5
 """Number of camera positions of each fold, on each kind of page, for which the picture is compared
-with the one that the link to it shows. A larger value takes longer and checks more. Chosen."""
+with the one that the link to it shows."""
 MIN_DIFFERENCE_LEVELS: Final = 8
 """Difference of the red, green or blue value of a pixel (0 to 255) above which the pixel counts as
-different in the comparison of two pictures. A smaller value counts rounding errors of drawing.
-Chosen."""
+different in the comparison of two pictures. A smaller value counts rounding errors of drawing."""
 MAX_DIFFERENT_SHARE: Final = 0.01
 """Target of the benchmark: at most this fraction of the pixels differs between a picture in the
-page and the one that the link to it shows. Above it the target is reported as not met. Chosen."""
+page and the one that the link to it shows. Above it the target is reported as not met."""
 FRAMES_PER_CHECK: Final = 10
 """Every n-th frame, n being this value, is checked for modules outside of the picture while the
-camera follows the chain. A smaller value checks more frames and takes longer. Chosen."""
+camera follows the chain."""
 FOLLOWED_SHAPES: Final = 10
 """Number of the gallery's shapes whose folds are checked for modules outside of the picture while
-the camera follows the chain. A larger value checks more and takes longer. Chosen."""
+the camera follows the chain."""
 SHARE_WINDOWS: Final = (
     ("fold", 1366, 768),
     ("fold", 390, 844),

@@ -17,10 +17,10 @@ SHAPE = "wrench-160"
 """Shape of the gallery that is folded and filmed."""
 MAX_MOVIE_S = 60.0
 """Target of the benchmark: the command that draws and writes a movie of a fold takes less wall time
-than this, in s. At or above it the target is reported as not met. Chosen."""
+than this, in s. At or above it the target is reported as not met."""
 MAX_PICTURE_S = 1.0
 """Target of the benchmark: drawing the preview picture of a fold for social networks takes less
-wall time than this, in s. At or above it the target is reported as not met. Chosen."""
+wall time than this, in s. At or above it the target is reported as not met."""
 OPTIONS: dict[str, list[str]] = {
     "fold.mp4": ["--width", "1280", "--height", "720", "--fps", "30", "--seconds", "10"],
     "fold.gif": [],

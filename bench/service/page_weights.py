@@ -19,7 +19,7 @@ SIZE: Final[ViewportSize] = {"width": 1366, "height": 768}
 """Size of the browser window, CSS pixels."""
 IDLE_MS: Final = 1500
 """Time without a new request after which a page counts as completely loaded, in ms; then its
-requests and bytes are added up. A smaller value can miss late requests. Chosen."""
+requests and bytes are added up."""
 UNCOVERED: Final = "() => document.getElementById('cover').classList.contains('gone')"
 """Condition that is true once the first frame is drawn."""
 MAIN_CONTENT_SHOWN: Final = {

@@ -26,8 +26,8 @@ CHECKED_AT: Final = (0.25, 0.5, 0.75)
 """Moments of the comparison, as fractions of the fold's whole time."""
 MAX_MEDIAN_ERROR: Final = 0.25
 """Target of the benchmark: the predicted remaining time of running folds has a smaller median error
-than this, as a fraction of the fold's duration. At or above it the target is reported as not met.
-Chosen."""
+than this, as a fraction of the fold's duration. At or above it the target is reported as not
+met."""
 
 
 def remaining_time(reference_seconds: float) -> Section:

@@ -26,16 +26,16 @@ from tests.tools import CHROMIUM
 
 SITE_FOLDS: Final = 20
 """Number of folds of which the benchmark writes a static website: those that come with the package,
-and others from the gallery, short to long. The size of the website grows with it. Chosen."""
+and others from the gallery, short to long. The size of the website grows with it."""
 MAX_SITE_BYTES: Final = 40e6
 """Target of the benchmark: a static website of 20 folds has at most this size, in bytes. Above it
-the target is reported as not met. Chosen."""
+the target is reported as not met."""
 MAX_FIRST_MOTION_S: Final = 1.5
 """Target of the benchmark: a fold of the static website moves at most this time after its page was
-requested, in s. Above it the target is reported as not met. Chosen."""
+requested, in s. Above it the target is reported as not met."""
 OPENINGS_PER_PAGE: Final = 3
 """Number of times that each page of the static website is opened to measure the time until its fold
-moves; the median counts. A larger value takes longer and gives steadier results."""
+moves; the median counts."""
 PAGES: Final = ("pawn", "tetra-wrench", "wrench-160")
 """Folds that come with the package, whose first motion is measured."""
 

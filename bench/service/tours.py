@@ -43,15 +43,14 @@ Array = NDArray[np.float64]
 MAX_DRAFT_S: Final = 1.0
 """Target of the benchmark: composing the guided tour of a fold (captions at selected frames) takes
 at most this wall time, in s, with the search for the frames. Above it the target is reported as not
-met. Chosen."""
+met."""
 DRAFTS_PER_TOUR: Final = 3
 """Number of times that the guided tour of each fold is composed; the fastest counts, as other
-processes only slow some of them down. A larger value gives steadier results."""
+processes only slow some of them down."""
 STRAIGHT_TOLERANCE: Final = 1e-9
 """Tolerance for rounding errors with which the benchmark checks a caption that calls a chain
 straight: all joint angles, in rad, and, of cubes, the differences between the vectors from each
-module's centre to the next, in pitches, must be smaller. A larger value accepts slightly bent
-chains."""
+module's centre to the next, in pitches, must be smaller."""
 
 
 def tours(reference_seconds: float, count: int | None = None) -> Section:

@@ -42,20 +42,16 @@ PICTURE: Final = ROOT / "web" / "static" / "success-map.svg"
 """File of the picture, which the page /benchmarks shows."""
 MODULE_SIZE: Final = 0.95
 """Size of the modules for which all folds of the success map must be free of collisions, as a
-fraction of the pitch. A larger value leaves smaller gaps between neighbouring modules, so that
-fewer folds are verified. Chosen."""
+fraction of the pitch."""
 BUDGET_S: Final = 60.0
 """Maximum processor time of one fold of the success map, in s, except with the published method;
-beyond it the fold is ended and counts as not verified. A larger value verifies more folds.
-Chosen."""
+beyond it the fold is ended and counts as not verified."""
 PAPER_BUDGET_S: Final = 900.0
 """Maximum processor time of one fold of the success map by the published method, in s, which needs
-more time as its time step is constant; beyond it the fold is ended and counts as not verified.
-Chosen."""
+more time as its time step is constant; beyond it the fold is ended and counts as not verified."""
 MOVES_PER_MODULE: Final = 2000
 """Maximum number of random moves (backbite moves, which extend a path or turn its end) per module
-in which a random path must fill its box; otherwise the case has no path. A smaller value fails more
-often. Chosen."""
+in which a random path must fill its box; otherwise the case has no path."""
 METHODS: Final = {
     "direct": {"preset": "direct"},
     "one-by-one": {"strategy": "one-by-one"},

@@ -13,21 +13,19 @@ from typing import Final
 
 CELL_PX: Final = 24
 """Width and height of one cell of the success map's picture, with its margin, in SVG pixels. A cell
-shows the verified fraction for one method, kind of path and number of modules. A larger value makes
-the picture larger. Chosen."""
+shows the verified fraction for one method, kind of path and number of modules."""
 LABELS_PX: Final = 76
 """Width of the column at the left of the success map's picture, in SVG pixels, which holds the
-names of the kinds of paths. With a smaller value long names are cut off. Chosen."""
+names of the kinds of paths."""
 GAP_PX: Final = 18
-"""Width of the gap between the tables of two methods in the success map's picture, in SVG pixels. A
-larger value makes the picture larger. Chosen."""
+"""Width of the gap between the tables of two methods in the success map's picture, in SVG
+pixels."""
 FIELDS_PER_ROW: Final = 4
 """Maximum number of methods whose tables are drawn side by side in the success map's picture;
-further ones begin a new row. A larger value makes the picture wider and lower. Chosen."""
+further ones begin a new row."""
 HEAD_PX: Final = 64
 """Height of the heading above each method's table in the success map's picture, in SVG pixels: the
-method's name and the slanted numbers of modules. With a smaller value they overlap the table.
-Chosen."""
+method's name and the slanted numbers of modules."""
 STYLE: Final = """
 svg { background: #faf9f7; }
 text { fill: #2a2e35; font: 12px system-ui, -apple-system, "Segoe UI", Roboto, sans-serif; }

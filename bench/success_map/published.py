@@ -31,13 +31,13 @@ SHAPES: Final = ("mallet-64", "wrench-94", "wrench-160", "mallet-160", "mallet-1
 """Shapes of the paper's figures and tables."""
 RANDOM_PATHS: Final = 20
 """Number of random paths that the benchmark folds by the published algorithm, one to three minutes
-each. A larger value estimates the success rate more exactly and takes longer. Chosen."""
+each."""
 BLOCKS_PER_PATH: Final = 20
 """Number of 2×2×2 blocks of cells of which each random path consists: 160 modules, as in the
-paper's wrench. A larger value makes longer chains. Chosen."""
+paper's wrench."""
 MIN_VERIFIED: Final = 24
 """Target of the benchmark: at least this number of 25 folds by the published algorithm (20 random
-paths and 5 shapes of the paper) is verified. Below it the target is reported as not met. Chosen."""
+paths and 5 shapes of the paper) is verified. Below it the target is reported as not met."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

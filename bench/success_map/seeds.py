@@ -27,15 +27,14 @@ from foldback.planner.pipeline.warm_up import warm_up
 
 OUT: Final = Path(__file__).parents[2] / "out"
 SEEDS_PER_SHAPE: Final = 5
-"""Number of random seeds with which each shape is folded. A larger value estimates the success rate
-more exactly and takes longer. Chosen."""
+"""Number of random seeds with which each shape is folded."""
 MESH_MODULES: Final = 240
 """Number of modules that is requested when a triangle mesh is turned into a chain, which consists
-of some thirty 2×2×2 blocks. A larger value makes longer chains. Chosen."""
+of some thirty 2×2×2 blocks."""
 MIN_VERIFIED_AT_ONCE: Final = 0.98
 """Target of the benchmark: at least this fraction of the folds of the gallery's shapes, and
 likewise of meshes, is verified at the first attempt, over all seeds. Below it the target is
-reported as not met. Chosen."""
+reported as not met."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -28,12 +28,10 @@ Cells = NDArray[np.int64]
 SMALL_BOXES: Final = {"4×3×2": (4, 3, 2), "3×3×3": (3, 3, 3), "4×4×2": (4, 4, 2)}
 """Sides of small boxes, in cells."""
 SEEDS_PER_BOX: Final = 5
-"""Number of random seeds with which each small box is folded on a table. A larger value estimates
-the success rate more exactly and takes longer. Chosen."""
+"""Number of random seeds with which each small box is folded on a table."""
 MAX_ATTEMPTS: Final = 8
 """Maximum number of attempts (another path through the shape, the same seed) to fold a shape on a
-table; if none succeeds, the fold counts as failed. A larger value succeeds more often and takes
-longer. Chosen."""
+table; if none succeeds, the fold counts as failed."""
 LONG_SHAPES: Final = ("wrench-80", "wrench-160", "mallet-160")
 """Shapes of the gallery with 80 and 160 modules."""
 BOX_MODULE_SIZE, GALLERY_MODULE_SIZE = 0.98, 0.95

@@ -26,9 +26,9 @@ SHAPES = Path(__file__).parents[2] / "examples" / "shapes"
 """Directory of the gallery."""
 MAX_SHAPE_CELLS = 64
 """Default maximum number of cells of the gallery's shapes for which paths that can fold on a table
-are searched; larger shapes are skipped. A larger value takes longer."""
+are searched; larger shapes are skipped."""
 MAX_SEARCH_S = ((64, 2.0), (160, 5.0))
-"""Maximum search times, s, of shapes up to a number of cells. Chosen."""
+"""Maximum search times, s, of shapes up to a number of cells."""
 
 
 def table_path_section(reference_seconds: float, *, most_cells: int = MAX_SHAPE_CELLS) -> Section:

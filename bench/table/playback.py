@@ -28,7 +28,7 @@ from tests.planner.table_replay import TableReplay, table_replay
 GALLERY_SHAPES: Final = ("mallet-24", "mallet-64", "letter-l", "letter-f")
 """Shapes of the gallery that are folded."""
 MAX_RMS_PITCH, STRETCH_RMS_PITCH = 0.05, 0.01
-"""Maximum RMS position error of a playback, and a stretch goal, in pitches. Chosen."""
+"""Maximum RMS position error of a playback, and a stretch goal, in pitches."""
 
 
 def table_playback(reference_seconds: float) -> Section:

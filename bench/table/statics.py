@@ -29,14 +29,12 @@ from foldback.planner.statics.balance import Balance
 Array = NDArray[np.float64]
 TIMED_FRAMES: Final = 30
 """Number of frames of each kind (packed, half unfolded) for which the time to compute the joint
-torques under gravity on the floor is measured. A larger value takes longer and gives a steadier
-mean. Chosen."""
+torques under gravity on the floor is measured."""
 NOISE_RAD: Final = 0.003
 """Standard deviation of the random joint errors of a folded chain in the last of the timed frames,
-in rad; they grow from 0 with each frame. With a larger value the modules touch the floor less
-regularly. Chosen."""
+in rad; they grow from 0 with each frame."""
 MAX_FRAME_MS: Final = {32: None, 64: 10.0, 160: 40.0}
-"""Maximum mean time of a frame, ms, by number of modules; None if it is only reported. Chosen."""
+"""Maximum mean time of a frame, ms, by number of modules; None if it is only reported."""
 STRETCH_FRAME_MS: Final = {64: 2.0, 160: 8.0}
 """Stretch goals for the same, ms."""
 SEEDS: Final = (0, 1, 2)
@@ -44,7 +42,7 @@ SEEDS: Final = (0, 1, 2)
 SUFFICIENT_TORQUE_WP: Final = 8.0
 """Largest joint torque, in w·p (module weight × pitch), below which the second of two timed
 computations may end before it has found the smallest possible torque, as the explosion on a table
-does. A larger value ends earlier. Chosen."""
+does."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,50 +40,45 @@ from foldback.planner.statics.stable_poses import resting_poses
 Array = NDArray[np.float64]
 SEEDS_PER_CHAIN: Final = 12
 """Number of random seeds with which the simulation tries to unfold each chain of tetrahedra on a
-table. A larger value estimates the success rate more exactly and takes longer. Chosen."""
+table."""
 VERIFY_SIZE: Final = 0.95
 """Size of the tetrahedra, as a fraction of the pitch, at which they must not collide; frames with a
-collision are rejected. A larger value leaves smaller gaps and rejects more frames. Chosen."""
+collision are rejected."""
 MAX_TORQUE_WP: Final = 8.0
 """Maximum joint torque that a frame may need under gravity, and maximum torque of a spring that
-straightens a hinge, in w·p (module weight × pitch). A larger value makes unfolding easier and
-demands stronger motors. Chosen."""
+straightens a hinge, in w·p (module weight × pitch)."""
 FIRST_BOUND_WP: Final = 1.5
 """Smallest initial limit of the joint torque that a frame may need under gravity, in w·p (module
-weight × pitch); the limit rises when too many frames are rejected. A smaller value takes longer and
-finds motions of smaller torque. Chosen."""
+weight × pitch); the limit rises when too many frames are rejected."""
 BOUND_FACTOR: Final = 1.15
-"""Factor by which the limit of the joint torque is raised after too many rejected frames. A larger
-value unfolds the chain sooner, and at a higher torque. Chosen."""
+"""Factor by which the limit of the joint torque is raised after too many rejected frames."""
 REJECTIONS_PER_RAISE: Final = 12
 """Number of rejected frames, less a fifth of the accepted ones, above which the next rejection for
-too high a torque raises the torque limit; five times as many end the trial. A larger value searches
-longer at each limit. Chosen."""
+too high a torque raises the torque limit; five times as many end the trial."""
 TIME_STEP: Final = 0.025
-"""Time step of the simulation, in √(pitch / gravity). A larger value is faster and less stable."""
+"""Time step of the simulation, in √(pitch / gravity)."""
 SATURATION_RAD: Final = 0.2
 """Hinge angle at and above which the spring that straightens the hinge exerts its full torque, in
-rad; below it the torque is proportional to the angle. A smaller value makes the springs stiffer.
-Chosen."""
+rad; below it the torque is proportional to the angle."""
 SPRING_TORQUE_WP: Final = 2.0
 """Typical maximum torque of the springs that straighten the hinges, in w·p (module weight × pitch);
 each draw multiplies it by a random factor. A larger value unfolds faster, and more frames are
-rejected for their torque. Chosen."""
+rejected for their torque."""
 MAX_STALLED_FRAMES: Final = 1500
 """Number of accepted frames without a smaller sum of the hinge angles, beyond which the trial is
-given up. A larger value tries longer. Chosen."""
+given up."""
 MAX_TRIAL_PENETRATION_PITCH: Final = 0.012
 """Maximum depth by which a module may penetrate the table, whose contacts are soft, in pitches;
-deeper frames are rejected. A larger value accepts less realistic motions. Chosen."""
+deeper frames are rejected."""
 MAX_TRIAL_BEND_RAD: Final = 0.02
 """Hinge angle below which all hinges must be for the chain to count as straight, in rad, which ends
-the trial with success. A larger value ends it sooner. Chosen."""
+the trial with success."""
 FRAME_SPACING: Final = (0.05, 0.15)
-"""Rotation of a hinge, rad, and displacement of a module, pitches, after which a frame is recorded.
-Smaller values check more frames."""
+"""Rotation of a hinge, rad, and displacement of a module, pitches, after which a frame is
+recorded."""
 CORNER_RADIUS_PITCH: Final = 0.002
 """Radius of the small spheres at the corners of a module, in pitches, which are its only parts that
-touch the table in the simulation. A larger value rounds the corners more. Chosen."""
+touch the table in the simulation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -44,10 +44,10 @@ next, so that 32 make the result independent of the division into chunks; fewer 
 time. Computed."""
 MAX_MEASURE_THREADS: Final = 4
 """Maximum number of threads that compute the torques, clearances and other figures of a plan's
-frames for its certificate. Larger values are faster on more cores and take more memory. Chosen."""
+frames for its certificate."""
 MIN_MOVING_RATE_RAD_S: Final = 1e-9
 """Speed of the fastest hinge of a frame, rad/s, up to which the certificate counts none of the
-frame's hinges as moving, because such speeds are rounding. Chosen."""
+frame's hinges as moving, because such speeds are rounding."""
 EXPLOSION: Final = PHASES.index("explosion")
 
 

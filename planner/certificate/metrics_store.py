@@ -33,14 +33,11 @@ Integers = NDArray[np.int32]
 FIGURES_FORMAT: Final = "foldback-figures/1"
 CLEARANCE_REACH_PITCH: Final = 1.0
 """Largest distance from a module to the nearest other one that is stored for plots, in pitches;
-larger distances are stored as this one. Larger values compute more pairs of modules, more slowly.
-Chosen."""
+larger distances are stored as this one."""
 FIGURE_FRAMES_PER_CHUNK: Final = 128
-"""Number of frames in one zarr chunk of figures with a value for each module or hinge. Larger
-values make fewer files, of which a viewer loads more at once. Chosen."""
+"""Number of frames in one zarr chunk of figures with a value for each module or hinge."""
 FRAMES_PER_CURVE_CHUNK: Final = 8192
-"""Number of frames in one zarr chunk of figures with one value for each frame. Larger values make
-fewer and larger files. Chosen."""
+"""Number of frames in one zarr chunk of figures with one value for each frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -20,7 +20,7 @@ from foldback.planner.playback.playback import Playback
 
 MOVING_SPEED_SHARE: Final = 0.1
 """Minimum speed of a hinge that counts as moving, as a fraction of the fastest hinge's speed at
-that time; certificates report the number of moving hinges. Larger values count fewer. Chosen."""
+that time; certificates report the number of moving hinges."""
 
 
 def plan_figures(chain: Chain, playback: Playback | None, parameters: Parameters) -> dict[str, Any]:

@@ -35,19 +35,16 @@ from foldback.planner.statics.stable_poses import resting_poses
 
 MAX_TABLE_ENTRY_PITCH: Final = 0.02
 """Maximum depth, in pitches, to which modules may sink below the table's surface in a plan that is
-verified for folding on a table; with a larger depth the plan is not verified. Larger values accept
-worse plans. Chosen: as far as modules may stand above the table."""
+verified for folding on a table: as far as they may stand above it."""
 ON_TABLE_TOLERANCE_PITCH: Final = 0.1
 """Maximum distance, in pitches, of every frame's lowest corner from the table, for which a motion
-counts as made on the table; other motions are laid down on it frame by frame. Larger values take
-more motions as they are. Chosen."""
+counts as made on the table; other motions are laid down on it frame by frame."""
 BALANCE_CHUNK_FRAMES: Final = 32
 """Number of consecutive frames whose equilibrium on the table one thread computes, each starting
-from the solution of the frame before. Larger values are faster per frame and use fewer threads.
-Chosen."""
+from the solution of the frame before."""
 MAX_FRICTION: Final = 2.0
 """Maximum accepted coefficient of friction μ between modules and table; larger ones are refused as
-implausible. Chosen."""
+implausible."""
 
 
 def table_certificate(

@@ -19,10 +19,10 @@ from foldback.planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD
 
 MAX_VERIFIED_ERROR_PITCH: Final = 0.01
 """Maximum RMS position error of the modules, in pitches, at the end of a simulated playback that is
-certified as verified. Larger values verify less exact shapes. Chosen."""
+certified as verified."""
 MAX_START_ERROR_PITCH: Final = 1e-6
 """Maximum distance, in pitches, of modules from the cells of the first shape at the beginning of a
-playback from one shape to another: rounding. A larger distance fails the certificate. Chosen."""
+playback from one shape to another: rounding. A larger distance fails the certificate."""
 
 
 def find_verdict(

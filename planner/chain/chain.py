@@ -23,7 +23,7 @@ from foldback.planner.errors import InputError
 MIN_CENTRE_DISTANCE_SHARE = 0.98
 """Minimum distance between the centres of any two modules of a folded chain, as a fraction of the
 diameter of the largest ball inside a module. A chain with a smaller one is refused, as its modules
-surely overlap. Larger values refuse more chains; at 1 rounding would refuse good ones. Chosen."""
+surely overlap. Larger values refuse more chains; at 1 rounding would refuse good ones."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -14,12 +14,10 @@ from foldback.planner.kernels.dynamics import many_floating_torques
 from foldback.planner.kernels.module import Lumps
 
 MIN_ANGLES_PER_THREAD: Final = 20_000
-"""Minimum number of joint angles (hinges × frames) per thread that computes torques. Smaller values
-start threads that cost more than they save. Chosen."""
+"""Minimum number of joint angles (hinges × frames) per thread that computes torques."""
 MIN_SPLINE_TIMES: Final = 4
 """Minimum number of different times in a motion for its hinge rates and accelerations to be
-computed: a cubic spline without given rates at its ends needs four. For shorter motions both are
-NaN."""
+computed: a cubic spline without given rates at its ends needs four."""
 
 
 def floating_torques(

@@ -21,16 +21,14 @@ DEFAULT_DENSITY_KG_M3: Final = ALUMINIUM_KG_M3
 LONG_CHAIN: Final = 600
 """Minimum number of modules for which a chain gets a path whose cells can be removed one after the
 other from one end. Such a chain can be unfolded by peeling: released from its end, group by group.
-Smaller values restrict the paths of more shapes. Decision 0013."""
+Decision 0013."""
 MAX_SMOOTH_CURVE_MODULES: Final = 1500
 """Maximum number of modules of a chain whose recorded motion is played back along a smooth curve,
 which takes gigabytes for longer chains. Their motion is played back frame by frame, and its
-simulation stops hinges 0.01 rad earlier, as no curve corrects angles beyond a joint's range.
-Chosen."""
+simulation stops hinges 0.01 rad earlier, as no curve corrects angles beyond a joint's range."""
 RELIEF_SAMPLES: Final = 64
 """Number of points along each side of a module at which its relief is sampled (material that must
-be removed so that linked modules can turn), to compute its volume. Larger values are more exact and
-slower. Chosen."""
+be removed so that linked modules can turn), to compute its volume."""
 IndexT = TypeVar("IndexT", int, Ints)
 
 

@@ -14,17 +14,16 @@ from foldback.planner.errors import InputError
 
 MAX_COORDINATE: Final = 1_000_000
 """Maximum magnitude of a cell's coordinate in an input, in cells; a larger one is refused. It keeps
-all arithmetic with cells exact. Chosen."""
+all arithmetic with cells exact."""
 MIN_CELLS: Final = 3
 """Minimum number of cells of a path for a chain: a shorter chain has no joint, and is refused."""
 DEFAULT_PITCH_M: Final = 0.01
 """Distance between neighbouring modules, in m, for files that state none: one centimetre, as in the
 published method."""
 MIN_PITCH_M: Final = 1e-6
-"""Smallest pitch of a path, m. A smaller one is refused: it most likely has another unit.
-Chosen."""
+"""Smallest pitch of a path, m. A smaller one is refused: it most likely has another unit."""
 MAX_PITCH_M: Final = 1000.0
-"""Largest pitch of a path, m. A larger one is refused: it most likely has another unit. Chosen."""
+"""Largest pitch of a path, m. A larger one is refused: it most likely has another unit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,19 +16,17 @@ from foldback.planner.arrays import Array
 MIN_PROJECTED_SHARE: Final = 0.3
 """Minimum length of a link (the line between two neighbouring modules' centres) in the projection
 onto the table, as a fraction of its real length, for its direction in the projection to be used.
-Steeper links take the direction of the link before. Larger values ignore more links. Chosen."""
+Steeper links take the direction of the link before."""
 HEADING_LINKS: Final = 3
 """Number of consecutive links (lines between neighbouring modules' centres) over which the
 direction of a chain on the table is averaged, as single links may be steep. The directions count
-how often the chain turns around. Larger values smooth more and blur sharp turns. Chosen."""
+how often the chain turns around."""
 MIN_CROSSING_LINKS: Final = 3
 """Minimum difference of the numbers of two links (lines between neighbouring modules' centres) that
-are tested for crossing each other, seen from above; nearer ones share a joint or stand upright.
-Smaller values report false crossings. Chosen."""
+are tested for crossing each other, seen from above; nearer ones share a joint or stand upright."""
 MAX_HEADING_CHANGE_RAD: Final = 1.25 * np.pi
 """Maximum angle, rad, to either side, between the heading (direction in the table's plane) of the
-first link that moves and the heading that the chain's tail is turned towards. Larger values let the
-chain wind further round before it unwinds. Chosen."""
+first link that moves and the heading that the chain's tail is turned towards."""
 
 
 class TableProjection:

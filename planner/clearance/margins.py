@@ -36,34 +36,31 @@ the largest module size without collisions is searched for a motion."""
 END_FRAMES: Final = 64
 """Number of frames at the end of a motion that each trial of a margin (an error of hinges or module
 size that the motion tolerates) proves first, before all others. Most trials fail there, so that
-long proofs are seldom repeated. Changes the time only. Chosen."""
+long proofs are seldom repeated. Changes the time only."""
 REDUCTION_FACTOR: Final = 0.95
 """Factor, from 0 to 1, of the next error of hinges or module size that is tried when a proof that
 the motion tolerates an error fails: relative to the error at which the two modules concerned would
-touch. Larger values report larger margins and need more proofs. Chosen."""
+touch."""
 MAX_STEPS: Final = 12
 """Maximum number of failed proofs in the search for the largest error of hinges, or module size,
-that a motion tolerates; with one more, the motion is reported to tolerate no error. Larger values
-take more time. Chosen."""
+that a motion tolerates; with one more, the motion is reported to tolerate no error."""
 FAILURE_PROBABILITY: Final = 0.05
 """Upper bound of the probability, 0 to 1, that modules of a robot touch anywhere in a motion if all
-its hinges have independent random errors up to the margin that the certificate reports. Smaller
-values report smaller margins. Chosen."""
+its hinges have independent random errors up to the margin that the certificate reports."""
 MAX_ANGLE_RAD: Final = 0.5
 """Largest error of a single hinge, rad, all others being exact, that is tried when the error that a
-motion tolerates is searched; no motion is reported to tolerate more. Chosen."""
+motion tolerates is searched; no motion is reported to tolerate more."""
 MAX_SUM_RAD: Final = 0.5
 """Largest sum of independent errors of all hinges, rad, that is tried when the error that a motion
 tolerates is searched; no motion is reported to tolerate more. The proof (lemma 12 of decision 0012)
-holds below 1. Chosen."""
+holds below 1."""
 MAX_MARGIN_MODULES: Final = 2000
 """Maximum number of modules of a chain for which a certificate reports the largest errors of hinges
 and module sizes that its motion tolerates; for longer chains it reports none. The time grows with
-the square of the number. Chosen."""
+the square of the number."""
 SPARE_PITCH: Final = 1e-4
 """Distance, in pitches, that modules must still keep at the moments at which the effect of
-independent hinge errors is bounded; it covers the motion between these moments. Smaller values
-report slightly larger margins, but need more moments. Chosen."""
+independent hinge errors is bounded; it covers the motion between these moments."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -45,22 +45,19 @@ from foldback.planner.progress import Cancelled, never
 
 FRAMES_PER_TASK: Final = 64
 """Number of intervals between frames that a thread checks for collisions before it takes the next
-ones. Smaller values cost more calls; larger ones leave threads idle at the end of a motion.
-Chosen."""
+ones."""
 FRAMES_PER_TRIAL_TASK: Final = 8
 """The same when it is proved that a motion tolerates errors. Smaller, so that the end of a motion,
-at which most trials fail, is shared by several threads. Chosen."""
+at which most trials fail, is shared by several threads."""
 MAX_THREADS: Final = 4
-"""Maximum number of threads that check one motion for collisions. Larger values check faster and
-take processors from other folds. Chosen."""
+"""Maximum number of threads that check one motion for collisions."""
 CLEARANCE_CAP: Final = 0.2
 """Distance of two modules, in pitches, from which on a collision check does not compute it exactly,
 as it only looks for the smallest distance in the motion. If no modules come nearer, the check is
-repeated with a cap of 3 pitches. Larger values check more pairs, more slowly. Chosen."""
+repeated with a cap of 3 pitches."""
 EXTENDED_CLEARANCE_CAP: Final = 3.0
 """Cap in pitches up to which the distances of modules are computed exactly for motions, mostly of
-short chains, whose modules all keep farther apart than the usual cap of 0.2 pitches. Larger values
-give exact clearances of more motions, more slowly. Chosen."""
+short chains, whose modules all keep farther apart than the usual cap of 0.2 pitches."""
 BOUND_RATIO: Final = 0.9
 """Fraction, from 0 to 1, of the smallest clearance seen in a motion that its proved lower bound
 should reach. Larger values tighten the bound and need more bisections between frames: table in
@@ -71,7 +68,7 @@ EXACT: Final = Tolerance(0.0, 0.0, 0.0, 0.0)
 ALLOWANCE_CAP: Final = 1e-3
 """Distance of two modules, in pitches, above which a proof that a motion tolerates errors of hinges
 does not compute it exactly: the proof only needs a distance above 0 after these errors are
-subtracted. Larger values check more pairs, more slowly. Chosen."""
+subtracted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

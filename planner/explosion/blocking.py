@@ -26,26 +26,23 @@ from foldback.planner.kernels.pairs import near_pairs
 
 STUCK_JOINT_BEND_RAD: Final = 1.0
 """Minimum angle of a hinge, rad, at which the report on a stalled unfolding counts its joint as
-stuck; folded joints have a right angle. Larger values report fewer joints. Chosen."""
+stuck; folded joints have a right angle."""
 TRIAL_TURNS_RAD: Final = tuple(np.deg2rad([1.0, 2.0, 3.0, 4.0, 5.0]).tolist())
 """Angles, rad, by which each bent hinge of a stalled chain is turned towards straight, one after
-the other, until modules overlap. A hinge that can make the largest turn is free. A larger last
-value finds obstacles that are farther away. Chosen."""
+the other, until modules overlap. A hinge that can make the largest turn is free."""
 QUARTER_RAD: Final = float(np.pi / 2)
 QUARTER_TRIALS: Final = tuple((k + 0.5) / 2**m for m in range(6) for k in range(2**m))
 """Fractions of a quarter turn at which overlaps are looked for: in the middle first, where modules
 that turn meet most others, then in the middles of the halves, and so on, every 1.4° at last."""
 TRIAL_MOVE_PITCH: Final = 0.5
 """Distance, pitches, by which the next modules to be released are moved along each lattice
-direction, to test which folded modules block them. Values below the play between folded modules
-find no obstacle. Chosen."""
+direction, to test which folded modules block them."""
 MIN_BLOCKING_OVERLAP_PITCH: Final = 1e-3
 """Minimum depth, pitches, to which two modules overlap after a trial motion for them to count as
-blocking each other. Larger values report fewer blocked hinges. Chosen."""
+blocking each other."""
 MAX_TESTED_HINGES: Final = 400
 """Maximum number of bent hinges for which a stalled chain is tested for modules that block each
-other. A chain with more is reported without this test. Larger values explain larger stalls and take
-more processor time. Chosen."""
+other. A chain with more is reported without this test."""
 LATTICE_DIRECTIONS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 

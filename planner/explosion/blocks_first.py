@@ -26,43 +26,35 @@ from foldback.planner.simulation.rigid_blocks import Blocks
 
 MIN_BLOCK_MODULES: Final = 64
 """Minimum number of consecutive modules that move as one rigid block in the first stage of the
-strategy ``blocks``. Larger blocks are fewer, so that steps are faster, and leave more to be
-unfolded in the second stage. Chosen."""
+strategy ``blocks``."""
 MAX_BLOCKS: Final = 24
 """Maximum number of rigid blocks of a chain; longer chains get longer blocks. The time of a
-simulation step grows with the cube of the number of blocks. Chosen."""
+simulation step grows with the cube of the number of blocks."""
 TETHER_MODULES: Final = 4
 """Number of modules at either end of a rigid block whose joints stay free, so that blocks can part.
 With 0 or 1, packed blocks hinge into each other and jam; more are slower to simulate:
 docs/decisions/0015-hard-paths.md."""
 BLOCK_TENSION_SCALE: Final = 4.0
 """Factor of the force that pulls the chain straight during the stage in which groups of modules
-move as rigid blocks, as blocks are heavier than single modules. Larger values part blocks sooner
-and press contacts deeper. Chosen."""
+move as rigid blocks, as blocks are heavier than single modules."""
 MAX_BLOCK_STEP_IN_CONTACT_S: Final = 0.1
-"""Maximum simulation time step, s, while modules touch and blocks are rigid. Larger values take
-fewer steps and press contacts deeper. Chosen."""
+"""Maximum simulation time step, s, while modules touch and blocks are rigid."""
 SNAPSHOT_TURN_SCALE: Final = 3.0
 """Factor, for unfoldings that begin with rigid blocks, of the hinge rotation after which the next
-snapshot is recorded. Larger values record fewer snapshots, with larger motions between them.
-Chosen."""
+snapshot is recorded."""
 SNAPSHOT_DISTANCE_SCALE: Final = 8.0
 """Factor, for unfoldings that begin with rigid blocks, of the module displacement after which the
-next snapshot is recorded. Larger values record fewer snapshots; the plan's final check still proves
-the clearance between them. Chosen."""
+next snapshot is recorded."""
 MIN_BLOCK_STEPS: Final = 200
-"""Minimum number of simulation steps with rigid blocks before all joints are freed. Smaller values
-may free the joints before the blocks have begun to part. Chosen."""
+"""Minimum number of simulation steps with rigid blocks before all joints are freed."""
 LOOSE_TETHER_RAD: Final = 0.35
 """Mean angle, rad, of the hinges between rigid blocks below which the blocks count as parted and
-all joints are freed. Larger values free all joints earlier, while blocks are closer. Chosen."""
+all joints are freed."""
 TETHER_CHECK_STEPS: Final = 100
-"""Number of simulation steps between two checks of whether rigid blocks have parted. Larger values
-free the joints later, and give slow blocks more time to move. Chosen."""
+"""Number of simulation steps between two checks of whether rigid blocks have parted."""
 MIN_TETHER_EASING: Final = 0.03
 """Minimum relative decrease, between two checks, of the mean angle of the hinges between rigid
-blocks. Below it the blocks count as stuck, and all joints are freed. Larger values free all joints
-earlier. Chosen."""
+blocks. Below it the blocks count as stuck, and all joints are freed."""
 
 
 def explode_blocks_first(

@@ -13,27 +13,24 @@ from foldback.planner.simulation.reduced_state import State
 
 MAX_CHECKPOINT_RETRIES: Final = 6
 """Maximum number of times that a simulation goes back to the same saved state. Beyond it deep
-contacts are accepted, and a solver error ends the run. Larger values spend more steps before that.
-Chosen."""
+contacts are accepted, and a solver error ends the run."""
 RESTORED_VELOCITY_SCALE: Final = 0.3
 """Factor of all velocities when a simulation goes back to a saved state because contacts were too
-deep or the solver failed. Smaller values avoid the same failure more surely and cost more steps.
-Chosen."""
+deep or the solver failed."""
 PULSE_STEPS: Final = (120, 300)
 """A pulse loosens a jam: it weakens the pull along the chain and makes modules repel each other
-more. Number of simulation steps of that phase, and of the whole pulse with the recovery after it. A
-larger first number parts modules further; a larger second one costs more. Chosen."""
+more. Number of simulation steps of that phase, and of the whole pulse with the recovery after
+it."""
 MAX_STALLED_PULSES: Final = {"simultaneous": 40, "blocks": 40, "peel": 8}
 """Maximum number of pulses (short phases of weak tension and strong repulsion that loosen a jam) in
 a row after which the chain is no straighter, by unfolding strategy; one more ends the run as
-stalled. Larger values free more jams and report failures later. Chosen."""
+stalled."""
 STUCK_HINGE_BEND_RAD: Final = 1.0
 """Angle of a hinge, rad, above which it counts as stuck if it has not moved since the last check;
-stuck hinges start a loosening pulse. Larger values start fewer pulses. Chosen."""
+stuck hinges start a loosening pulse."""
 MIN_UNFOLDING_PROGRESS: Final = 0.005
 """Minimum increase between two checks of the progress measure, 0 (folded) … 1 (straight), of a
-chain that is not jammed; with less a loosening pulse starts. Larger values start pulses earlier.
-Chosen."""
+chain that is not jammed; with less a loosening pulse starts."""
 
 
 class Checkpoint:

@@ -36,25 +36,23 @@ from foldback.planner.pathfinding.knot_diagram import diagram_of
 
 Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped", "blocked"]
 SLIGHT_BEND_RAD: Final = 0.1
-"""Angle, rad, up to which a hinge counts as straight in the report on a failed unfolding. Larger
-values report fewer bent hinges. Chosen."""
+"""Angle, rad, up to which a hinge counts as straight in the report on a failed unfolding."""
 MIN_REPORTED_BEND_SHARE: Final = 0.5
 """Minimum angle of a joint that the report on a failed unfolding names, as a fraction of the
-largest joint angle; used only if no joint is bent enough to count as stuck. Larger values name
-fewer joints. Chosen."""
+largest joint angle; used only if no joint is bent enough to count as stuck."""
 TOUCHING_CENTRES_PITCH: Final = 1.1
 """Maximum distance between the centres of two cubes that count as touching, pitches; it is 1 for
-cubes face to face. Larger values join more modules into one cluster of contacts. Chosen."""
+cubes face to face."""
 MIN_CLUSTER_SHARE: Final = 0.25
 """Minimum fraction of a stalled chain's modules that touch each other in one cluster for the
 failure to be reported as caused by contacts (``contacts``); otherwise bent joints are reported
-(``joints``). Larger values report joints more often. Chosen."""
+(``joints``)."""
 MAX_DIAGNOSED_MODULES: Final = 200
 """Maximum number of bent modules that the report on a failed unfolding lists; further ones are left
-out. Larger values make stored reports longer. Chosen."""
+out."""
 MAX_STALLED_KNOT_MODULES: Final = 4096
 """Maximum number of modules of a stalled chain that is tested for a knot, as the time of the test
-grows with the square of the number. Longer chains are reported without that test. Chosen."""
+grows with the square of the number. Longer chains are reported without that test."""
 STALL_TEXTS: Final[dict[str, str]] = {
     "knot": "the chain is knotted",
     "buried": "the next modules to move are covered by modules that move later",

@@ -26,25 +26,23 @@ from foldback.planner.simulation.reduced_state import Acceleration, State
 
 COMMIT_EVERY_STEPS: Final = 25
 """Number of simulation steps after which the state is saved, if contacts are shallow, as the point
-to restart from. Larger values repeat more steps after a restart; smaller ones spend more time on
-checks of the saved states. Chosen."""
+to restart from."""
 STOP_COMPLIANCE_RAD: Final = 0.01
 """Angle by which a simulated joint stop is placed inside the joint's range, rad, as stops are
-springs and give under load. With smaller values joints pass the end of their range. Chosen."""
+springs and give under load."""
 PULSE_TENSION_SCALE: Final = 0.05
 """Factor of the force that pulls the chain straight, during the first part of a pulse that loosens
-a jam. Smaller values let modules part more easily. Chosen."""
+a jam."""
 PULSE_REPULSION_SCALE: Final = 4.0
 """Factor of the repulsion between near modules, during the first part of a pulse that loosens a
-jam. Larger values part modules further. Chosen."""
+jam."""
 RADIAL_GAIN_JITTER: Final = 0.02
 """Maximum relative deviation of a module's outward force gain from the mean, drawn from the random
-seed, so that another seed gives another unfolding. Larger values make attempts differ more.
-Chosen."""
+seed, so that another seed gives another unfolding."""
 UNREPELLED_LINKS: Final = 1
 """Maximum number of links between two modules that do not repel each other in a simulated
 unfolding: 1 exempts direct neighbours along the chain, as eq. 3 of the published method
-(docs/reproduction.md) does. Larger values weaken the repulsion inside tight bends. Chosen."""
+(docs/reproduction.md) does."""
 
 S = TypeVar("S")
 S_co = TypeVar("S_co", covariant=True)

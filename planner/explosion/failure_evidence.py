@@ -25,7 +25,7 @@ from foldback.planner.plain_values import from_plain, plain_lists
 Point = tuple[float, float, float]
 MAX_NAMED_PAIRS: Final = 3
 """Maximum number of modules, or of pairs of modules that block each other, that a failure message
-names; further ones are only counted. Larger values make messages longer. Chosen."""
+names; further ones are only counted."""
 USED_UP: Final[dict[SpentKind, str]] = {
     "steps": "the limit of {allowed} steps was reached",
     "pushes": "{allowed} random pushes in a row, the limit, made no progress",

@@ -61,19 +61,16 @@ if TYPE_CHECKING:
 MIN_PEELING_PROGRESS_RAD: Final = 0.5
 """Minimum decrease of the sum of all hinge angles, rad, that counts as progress of a chain that
 unfolds from its far end on (peeling). After many simulation steps (parameter ``patience``) without
-progress the run is jammed, and forces are changed to loosen it. Larger values take slow runs for
-jammed ones. Chosen."""
+progress the run is jammed, and forces are changed to loosen it."""
 MAX_PEELING_DEPTH_PITCH: Final = 0.016
 """Maximum depth of contacts while a chain is peeled, pitches; the limit is lower if the required
-clearance leaves less room. Larger values allow faster steps and leave less clearance. Chosen."""
+clearance leaves less room."""
 CONTACT_ROOM_SHARE: Final = 0.9
 """Permitted depth of soft contacts, as a fraction of the difference between the size with which
-modules are simulated and the smaller one at which the plan is verified. Larger values allow faster
-steps and leave less clearance. Chosen."""
+modules are simulated and the smaller one at which the plan is verified."""
 MIN_RELEASE_COSINE: Final = 0.5
 """Minimum cosine of the angle between the straight unfolded part of a chain (tail) and the
-direction to which it is turned, before the next modules are released from the folded part. Larger
-values release later, with a better aligned tail. Chosen."""
+direction to which it is turned, before the next modules are released from the folded part."""
 
 
 def peel(

@@ -15,54 +15,51 @@ from foldback.planner.kernels.folded_core import box_cover, distances_at
 
 FIELD_PADDING_CELLS: Final = 6
 """Width, in lattice cells, of the margin around the folded core in which the distance field of the
-core is stored; distances are rough outside of it. Larger values are accurate farther out and take
-more memory. Chosen."""
+core is stored; distances are rough outside of it."""
 RAY_DIRECTIONS: Final = 400
 """Number of directions, evenly spread over the sphere, among which the exit direction of the
-chain's straight tail is chosen. Larger values find narrower exits and take more time. Chosen."""
+chain's straight tail is chosen."""
 RAY_STEP_PITCH: Final = 0.5
 """Distance between two samples of a straight exit path at which the distance to the folded core is
-looked up, pitches. Smaller values miss fewer obstacles and take more time. Chosen."""
+looked up, pitches."""
 RAY_CLEARANCE_PITCH: Final = 2.0
 """Wanted distance of the tail's straight exit path from the folded core, pitches; near the start of
-the path it is less. A shortfall lowers the score of a direction, so larger values prefer freer
-paths. Chosen."""
+the path it is less. A shortfall lowers the score of a direction."""
 TABLE_THICKNESS_PITCH: Final = 40.0
 """Thickness of the box that represents the table in contact detection, pitches: so large that
-contacts never push a module out through its bottom, as they might with smaller values. Chosen."""
+contacts never push a module out through its bottom, as they might with smaller values."""
 TABLE_HALF_WIDTH_PITCH: Final = 1000.0
 """Distance from the centre of the simulated table to its edges, pitches: longer than any chain
-reaches. With smaller values a long chain could slide over the edge. Chosen."""
+reaches."""
 TABLE_LIFT_PITCH: Final = 0.006
 """Height of the simulated table top above the real one, pitches, which makes up for contacts that
-give under load. With smaller values modules sink into the real table, and frames are refused.
-Chosen."""
+give under load. With smaller values modules sink into the real table, and frames are refused."""
 HEADING_COUNT: Final = 72
 """Number of directions along the table, evenly over a full turn, among which the direction of the
-chain's straight tail is chosen. Larger values find narrower gaps and take more time. Chosen."""
+chain's straight tail is chosen."""
 HEADING_CLEARANCE_PITCH: Final = 1.8
 """Wanted distance on the table between the chain's straight tail and the folded core, pitches; near
 the core it is less. A shortfall lowers the score of a direction, so larger values prefer freer
-ones. Chosen."""
+ones."""
 HEADING_LENGTH_PITCH: Final = 12.0
 """Length of the tail, pitches, over which a direction on the table is checked for distance to the
-folded core. Larger values look farther ahead and take more time. Chosen."""
+folded core."""
 AHEAD_WEIGHT: Final = 2.0
 """Weight of the direction in which the chain leaves the folded part, when a heading is chosen on a
 table for the straight unfolded part (tail): the score of a heading contains this weight times the
-cosine of the angle between both. Larger values prefer to leave straight ahead. Chosen."""
+cosine of the angle between both."""
 OUTWARD_WEIGHT: Final = 0.3
 """Weight of the direction away from the middle of the folded part, when a heading is chosen on a
 table for the straight unfolded part (tail): a heading's score contains this weight times the cosine
-of the angle between both. Larger values prefer to lead outwards. Chosen."""
+of the angle between both."""
 PREVIOUS_HEADING_WEIGHT: Final = 0.7
 """Weight of the tail's previous heading, when a heading is chosen on a table for the straight
 unfolded part (tail): a new heading's score contains this weight times the cosine of the angle
-between both. Larger values turn the tail less often. Chosen."""
+between both."""
 CLEARANCE_DEFICIT_WEIGHT: Final = 3.0
 """Points that the score of a heading for the straight unfolded part (tail) on a table loses for
 each pitch by which the tail would come closer to the folded part than wanted; preferred directions
-give it points of about 1. Larger values prefer free headings to short turns. Chosen."""
+give it points of about 1."""
 
 
 class Core:

@@ -19,19 +19,16 @@ from foldback.planner.motion.motion import Motion
 
 CLEARANCE_CAP_PITCH: Final = 0.02
 """Cap of the clearance that is computed for snapshots of a peeling, pitches; larger clearances are
-reported as this value. Larger caps compare snapshots more exactly and take more time. Chosen."""
+reported as this value."""
 MIN_SNAPSHOT_CLEARANCE_PITCH: Final = 0.002
 """Minimum clearance between modules, pitches, at which the snapshots of a peeling are recorded;
-modules have the size at which the plan is verified. With larger values the simulation goes back to
-its last saved state more often. Chosen."""
+modules have the size at which the plan is verified."""
 CLEARANCE_ROUNDING_PITCH: Final = 1e-9
 """Maximum amount, pitches, by which the clearance of a snapshot may fall short of half the gap
-between neighbours in the folded shape (the pitch less the module size): rounding. Larger values
-would accept snapshots in which modules have moved closer."""
+between neighbours in the folded shape (the pitch less the module size): rounding."""
 MIN_SNAPSHOT_COSINE: Final = float(np.cos(0.1))
 """While a chain unfolds by peeling, the next snapshot is recorded at the latest when its straight
-unfolded part (tail) has turned by 0.1 rad: the cosine of that angle. Values nearer to 1 record more
-snapshots. Chosen."""
+unfolded part (tail) has turned by 0.1 rad: the cosine of that angle."""
 
 
 class Proof:

@@ -33,25 +33,21 @@ if TYPE_CHECKING:
 
 RELEASE_CHECK_STEPS: Final = 5
 """Number of simulation steps between two checks of whether the next modules may be released from
-the folded core. Larger values release later and cost less. Chosen."""
+the folded core."""
 RETIRE_CHECK_STEPS: Final = 20
 """Number of simulation steps between two checks of whether the outer simulated joints are so
-straight that they become part of the straight rigid tail, which is not simulated. Larger values
-simulate more modules and check less often. Chosen."""
+straight that they become part of the straight rigid tail, which is not simulated."""
 MIN_RETIRED_JOINTS: Final = 6
 """Minimum number of straight joints that become part of the rigid tail at a time, as the model is
-rebuilt each time. Larger values rebuild less often and simulate more modules. Chosen."""
+rebuilt each time."""
 WINDOW_FINISH_STEPS: Final = 25
 """Number of simulation steps between two attempts to straighten the last bent joints without
-simulation, by shrinking all angles evenly, once all modules are released. Smaller values may end
-the run sooner and waste more time on failed attempts. Chosen."""
+simulation, by shrinking all angles evenly, once all modules are released."""
 PROGRESS_CHECK_STEPS: Final = 50
-"""Number of simulation steps between two checks of whether the chain still unfolds. Larger values
-notice a jam later. Chosen."""
+"""Number of simulation steps between two checks of whether the chain still unfolds."""
 SAME_HEADING_COSINE: Final = 0.9
 """Minimum cosine of the angle by which the rigid tail turns if nearly straight joints become part
-of it; with a larger angle they stay simulated. Larger values keep more joints in the simulation.
-Chosen."""
+of it; with a larger angle they stay simulated."""
 
 
 @dataclass(slots=True, kw_only=True, eq=False)

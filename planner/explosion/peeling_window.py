@@ -31,8 +31,7 @@ if TYPE_CHECKING:
 
 MIN_LAST_UNIT_MODULES: Final = 6
 """Minimum number of modules of the last group that is released from the folded core; if fewer would
-remain, they are released together with the group before. Larger values release more modules at once
-at the end. Chosen."""
+remain, they are released together with the group before."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -40,39 +40,33 @@ from foldback.planner.simulation.segments import Segments
 
 MAX_STRAIGHT_BEND_RAD: Final = 0.05
 """Maximum angle of any hinge of a chain that counts as straight, rad; then an unfolding by the
-published method (preset ``paper``) ends. Larger values end it earlier and leave more to the jump to
-exactly straight. Chosen."""
+published method (preset ``paper``) ends."""
 MIN_STRAIGHT_SPAN_SHARE: Final = 0.99
 """Minimum distance between the two ends of a chain that counts as straight, as a fraction of the
-chain's length; then an unfolding by the published method (preset ``paper``) ends. Smaller values
-end it earlier. Chosen."""
+chain's length; then an unfolding by the published method (preset ``paper``) ends."""
 STRAIGHT_CHECK_STEPS: Final = 25
 """Number of simulation steps between two checks of whether the chain is straight, which ends an
-unfolding by the published method (preset ``paper``). Smaller values end the run sooner and check
-more often. Chosen."""
+unfolding by the published method (preset ``paper``)."""
 COMMIT_EVERY_SNAPSHOTS: Final = 10
-"""Number of recorded snapshots after which the new ones are passed on to the viewer, all at once.
-Larger values show the motion later. Chosen."""
+"""Number of recorded snapshots after which the new ones are passed on to the viewer, all at
+once."""
 REST_CHECK_STEPS: Final = 5000
 """Number of simulation steps between two checks of whether nothing moves any more, in which case an
-unfolding by the published method (preset ``paper``) ends as failed. Larger values notice a chain at
-rest later. Chosen."""
+unfolding by the published method (preset ``paper``) ends as failed."""
 REST_RATE_RAD_S: Final = 1e-7
 """Rate of the fastest hinge, rad/s, below which a chain counts as at rest, so that an unfolding by
 the published method (preset ``paper``) ends as failed: at this rate it would not become straight
-within the permitted steps. Larger values give up earlier. Chosen."""
+within the permitted steps."""
 MAX_SNAPSHOT_ANGLES: Final = 20_000_000
 """Maximum number of hinge angles in all snapshots of one run together (160 MB of memory); beyond it
-the run fails and asks for a longer snapshot interval. The wrench of 160 cubes needs 3 million.
-Chosen."""
+the run fails and asks for a longer snapshot interval. The wrench of 160 cubes needs 3 million."""
 FRAME_SPACING_RAD: Final = 0.03
 """Turn of a hinge since the last displayed frame, rad, at which a recorded configuration becomes
-the next displayed frame, in an unfolding by the published method, which records one every 10 steps.
-Larger values display a coarser motion. Chosen."""
+the next displayed frame, in an unfolding by the published method, which records one every 10
+steps."""
 FRAME_SPACING_PITCH: Final = 1.0
 """Displacement of a module since the last displayed frame, pitches, at which a recorded
-configuration becomes the next displayed frame, in an unfolding by the published method. Larger
-values display a coarser motion. Chosen."""
+configuration becomes the next displayed frame, in an unfolding by the published method."""
 
 
 def explode_as_published(

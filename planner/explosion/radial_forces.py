@@ -23,12 +23,10 @@ if TYPE_CHECKING:
 
 REPTATION_FORCE: Final = 0.1
 """Force on each module along the chain, in module weights, that makes a knotted or jammed chain
-creep along its own curve, so that one end slides out through every loop. Larger values creep
-faster. Chosen."""
+creep along its own curve, so that one end slides out through every loop."""
 REPULSION_RAMP: Final = (0.05, 0.25)
 """Progress, 0 (folded) … 1 (straight), at which the repulsion between modules begins to grow, and
-at which it is largest. Larger values keep the repulsion of a packed chain weak for longer.
-Chosen."""
+at which it is largest."""
 
 
 @dataclass(slots=True)

@@ -20,11 +20,10 @@ from foldback.planner.simulation.reduced_state import State
 
 CLEAR_ENOUGH_PITCH: Final = 0.06
 """Clearance, pitches, from which on the motion between two snapshots counts as safe, and no
-snapshot is added. Larger values record more snapshots. Chosen."""
+snapshot is added."""
 MIN_CLEARANCE_LOSS_PITCH: Final = 0.002
 """Minimum amount, pitches, by which modules come closer between two snapshots than at either of
-them for a further snapshot to be recorded between them. Smaller values record more snapshots.
-Chosen."""
+them for a further snapshot to be recorded between them."""
 
 S = TypeVar("S")
 

@@ -53,27 +53,22 @@ from foldback.planner.simulation.segments import Segments
 
 FIRST_FINISH_STEPS: Final = 50
 """Number of simulation steps between two attempts to straighten the chain without simulation, by
-shrinking all angles evenly; it grows after failed attempts. Smaller values may end the run sooner
-and waste more attempts. Chosen."""
+shrinking all angles evenly; it grows after failed attempts."""
 FINISH_BACKOFF: Final = (1.5, 800.0)
 """Factor by which the number of simulation steps between two attempts to straighten the chain
-without simulation grows after a failure, and its maximum. Larger values waste less time on
-attempts, each of which costs ten or more steps, and end the run later. Chosen."""
+without simulation grows after a failure, and its maximum."""
 KNOT_CHECK_STEPS: Final = 200
 """Number of simulation steps between two tests of whether the unfolding chain is knotted; a knotted
-one is moved along itself. Larger values notice a knot later and cost less. Chosen."""
+one is moved along itself."""
 MIN_KNOT_CHECK_PROGRESS: Final = 0.4
 """Minimum progress, 0 (folded) … 1 (straight), from which on an unfolding chain is tested for a
-knot. At smaller values the ends still lie inside the packed chain, and the test reports knots that
-are none. Chosen."""
+knot."""
 JAM_CHECK_STEPS: Final = 400
 """Number of simulation steps between two checks of whether the unfolding chain is jammed; a jam
-starts a loosening pulse. Larger values give hinges more time to move and notice a jam later.
-Chosen."""
+starts a loosening pulse."""
 MAX_EXPLOSION_DEPTH_PITCH: Final = 0.02
 """Maximum depth of contacts while all modules are pulled apart at once, pitches; the limit is lower
-if the required clearance leaves less room. Larger values allow faster steps and leave less
-clearance. Chosen."""
+if the required clearance leaves less room."""
 CALM_SPRING_SCALE: Final = 3.0
 """Factor of the stiffness of all hinges' springs in a calm explosion: the experiments are in
 docs/decisions/0034-calm-motion.md."""

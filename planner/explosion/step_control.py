@@ -11,18 +11,16 @@ from foldback.planner.parameters.explosion import ExplosionParameters, PeelingPa
 from foldback.planner.simulation.reduced_state import State
 
 MIN_TENSION_SCALE: Final = 0.05
-"""Minimum factor to which deep contacts reduce the force that pulls the chain straight. Larger
-values keep a jammed chain moving and press its contacts deeper. Chosen."""
+"""Minimum factor to which deep contacts reduce the force that pulls the chain straight."""
 MIN_CONTACT_TIME_CONSTANT_S: Final = 0.03
 """Minimum time constant of the contact springs, s; above it, the time constant is two time steps,
-MuJoCo's limit of stability. Larger values make contacts softer and deeper. Chosen."""
+MuJoCo's limit of stability."""
 MIN_ALLOWED_DEPTH_PITCH: Final = 0.002
 """Minimum value of the depth up to which contacts are allowed, pitches, even if the size of the
-modules that the plan is verified with leaves less room. Smaller values slow the simulation down.
-Chosen."""
+modules that the plan is verified with leaves less room."""
 BACK_OFF_DEPTH_SHARE: Final = 0.7
 """Fraction of the allowed contact depth beyond which the force that pulls the chain straight is
-reduced. Larger values keep pulling for longer and exceed the allowed depth more often. Chosen."""
+reduced."""
 
 
 @dataclass(frozen=True, slots=True)

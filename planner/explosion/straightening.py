@@ -17,21 +17,19 @@ from foldback.planner.simulation.reduced_state import State
 
 STRAIGHTENING_CLEARANCE_PITCH: Final = 0.02
 """Minimum clearance, pitches, while all angles of a nearly straight chain shrink to 0 without
-simulation; half of the straight chain's own clearance if that is less. Larger values reject more
-attempts, so that the run ends later. Chosen."""
+simulation; half of the straight chain's own clearance if that is less."""
 KINEMATIC_FRAME_S: Final = 0.1
 """Time between two frames, s, while angles shrink to 0 without simulation. It only sets the times
-of these frames: larger values show the end of an unfolding more slowly. Chosen."""
+of these frames."""
 STRAIGHTENING_CHUNK_FRAMES: Final = 128
 """Maximum number of frames whose module positions are computed at once while a chain is
-straightened without simulation. Larger values take more memory. Chosen."""
+straightened without simulation."""
 COARSE_CHECKS: Final = 24
 """Number of evenly spaced configurations that are tested for overlap first, before a chain is
-straightened without simulation. More configurations reject hopeless attempts earlier and cost more
-for good ones. Chosen."""
+straightened without simulation."""
 CHECK_EVERY_FRAMES: Final = 4
 """Interval, in frames, at which the clearance is tested before the expensive proof for the whole
-straightening motion. Larger values test faster and leave more failures to the proof. Chosen."""
+straightening motion."""
 
 
 def straightening(

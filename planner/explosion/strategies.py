@@ -43,8 +43,7 @@ from foldback.planner.progress import Cancelled, Report, never, silent
 
 RIGHT_ANGLE_TOLERANCE: Final = 1e-4
 """Maximum deviation of a folded hinge angle from a multiple of 90°, as a fraction of 90°, for a
-chain of cubes to count as lying on the lattice. Larger values offer the strategies for lattices to
-less exact chains. Chosen."""
+chain of cubes to count as lying on the lattice."""
 BLOCKS_FROM_MODULES: Final = 160
 """Minimum number of modules of a chain for which ``auto`` tries the strategy ``blocks``, which
 unfolds rigid blocks of 64 or more modules first. Larger values leave more chains to the other
@@ -52,8 +51,7 @@ strategies: docs/decisions/0015-hard-paths.md."""
 
 GENTLE_FORCE_SCALE: Final = 0.5
 """Factor, in a retry with gentle forces, of the pull along the chain and of the distance by which
-two modules may approach in a step. Smaller values press contacts less deep and take more steps.
-Chosen."""
+two modules may approach in a step."""
 _Forces = TypeVar("_Forces", ExplosionParameters, PeelingParameters)
 
 

@@ -48,8 +48,7 @@ leave the folded shape along a straight line. ``auto`` tries the strategy with t
 ``seconds`` (scaled to the chain's length) per ``chance`` of success first. Measured."""
 MAX_STRATEGY_S: Final = {"simultaneous": 600.0, "blocks": 120.0, "peel": float("inf")}
 """Maximum expected processor time of an unfolding by strategy, s. ``auto`` does not try a strategy
-that is expected to take longer; with larger values it tries the strategy for longer chains.
-Chosen."""
+that is expected to take longer."""
 
 
 def by_cost(modules: int, *, in_layers: bool) -> tuple[str, ...]:

@@ -44,28 +44,24 @@ from foldback.planner.progress import Cancelled, Report, never, silent
 MIN_TABLE_PROGRESS_RAD: Final = 0.3
 """Decrease of the sum of all hinge angles, rad, that counts as progress of a chain that unfolds on
 a table. After many simulation steps (parameter ``patience``) without progress the run is jammed,
-and new random forces are drawn to loosen it. Larger values take slow runs for jammed ones.
-Chosen."""
+and new random forces are drawn to loosen it."""
 MAX_RELEASE_ERROR_RAD: Final = 1.2
 """Maximum angle between the tail of a chain on a table and its wanted heading, rad, at which the
-next modules are released from the folded core. Larger values release earlier, with a tail that
-still has to turn. Chosen."""
+next modules are released from the folded core."""
 MAX_FORCED_RELEASE_ERROR_RAD: Final = 2.4
 """Maximum angle between the tail of a chain on a table and its wanted heading, rad, at which the
-next modules are released because nothing else moves. Larger values allow more such releases.
-Chosen."""
+next modules are released because nothing else moves."""
 FIRST_BACKTRACK_RELEASES: Final = 3
 """Number of releases of modules that are undone when an unfolding on a table is stuck for the first
-time; the number doubles each time. Larger values escape from deeper dead ends and repeat more work.
-Chosen."""
+time; the number doubles each time."""
 PERTURBATION_GROWTH: Final = 0.25
 """Fraction by which the random forces that loosen a jammed chain on a table grow with each attempt
 that brings no progress: each time that new forces are drawn, or that modules which did not come
-loose are held again. Larger values shake harder, sooner. Chosen."""
+loose are held again."""
 FORCED_RELEASE_PERIOD: Final = 4
 """Number of checks that find a chain on a table jammed, of which the last one releases the next
-modules although the tail does not point in its wanted direction; the others draw new random forces.
-Smaller values release more often. Chosen."""
+modules although the tail does not point in its wanted direction; the others draw new random
+forces."""
 
 
 def explode_on_table(

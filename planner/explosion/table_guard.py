@@ -33,7 +33,7 @@ from foldback.planner.statics.friction import Friction
 REJECTION_DECAY: Final = 0.2
 """Amount by which the count of rejected frames falls each time that frames are accepted. Frames
 that need more motor torque than permitted are rejected; when the count reaches a limit, more torque
-is permitted. Larger values permit more torque later. Chosen."""
+is permitted."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,24 +17,21 @@ from foldback.planner.parameters.explosion import TableParameters
 
 MIN_SPRING_BEND_RAD: Final = 1e-3
 """Angle of a hinge, rad, below which the stiffness of its spring of limited torque, torque / angle,
-is no longer raised: it avoids a division by zero. Chosen."""
+is no longer raised: it avoids a division by zero."""
 TURNING_TORQUE_SCALE: Final = 0.8
 """Torque per radian of deviation that turns a link (the line from one module's centre to the next)
-on the table towards its wanted direction, as a multiple of the pull at the chain's end. Larger
-values turn the chain faster and load its hinges more. Chosen."""
+on the table towards its wanted direction, as a multiple of the pull at the chain's end."""
 MAX_TURNING_ERROR_RAD: Final = 0.5 * np.pi
 """Deviation of a link on the table from its wanted direction, rad, beyond which the torque that
-turns it no longer grows. Larger values turn links that point backwards harder. Chosen."""
+turns it no longer grows."""
 MAX_LYING_RISE_PITCH: Final = 0.5
 """Maximum difference in height of the two ends of a link, pitches, for a link that counts as lying
-on the table, where it is turned towards its wanted direction. Larger values also turn links that
-stand steeply. Chosen."""
+on the table, where it is turned towards its wanted direction."""
 PERTURBED_NEIGHBOURS: Final = 5
-"""Number of neighbouring modules over which random forces on a stuck chain are averaged. Larger
-values push longer sections of the chain in one direction. Chosen."""
+"""Number of neighbouring modules over which random forces on a stuck chain are averaged."""
 MAX_SPRING_TORQUE_WP: Final = 8.0
 """Maximum torque that random draws may give the hinge springs of a stuck chain on a table, in
-module weight × pitch. Larger values unbend stuck hinges harder. Chosen."""
+module weight × pitch."""
 
 
 @dataclass(frozen=True, slots=True)

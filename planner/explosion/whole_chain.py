@@ -22,12 +22,11 @@ from foldback.planner.simulation.segments import Segments
 Engine = Segments | Blocks
 BODY_CAP_REFERENCE_MODULES: Final = 512
 """Number of modules up to which the limit of a module's motion in one simulation step (parameter
-``body_cap``) holds as it is; for longer chains it grows with the length, as their ends go farther.
-Larger values take more steps for long chains. Chosen."""
+``body_cap``) holds as it is; for longer chains it grows with the length, as their ends go
+farther."""
 MAX_BODY_CAP_SCALE: Final = 2.5
 """Maximum factor by which the limit of a module's motion in one simulation step grows for long
-chains. Larger values take fewer steps, but modules could meet before the search for near pairs
-finds them. Chosen."""
+chains."""
 
 
 class WholeChain:

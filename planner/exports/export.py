@@ -24,8 +24,7 @@ FONT_FILE: Final = Path(__file__).with_name("dejavu-sans.ttf")
 """Font of leaflets and of texts in pictures: the Latin, Greek and Cyrillic letters of DejaVu Sans,
 with punctuation and some signs."""
 MAX_EXPORT_NAME_CHARACTERS: Final = 100
-"""Maximum length, in characters, of a chain's name in an exported file; the rest is cut off.
-Chosen."""
+"""Maximum length, in characters, of a chain's name in an exported file; the rest is cut off."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,16 +26,16 @@ Single = NDArray[np.float32]
 MIN_KEYFRAME_TOLERANCE: Final = 3e-3
 """Smallest tolerance that is tried for the difference between a GLB animation, interpolated between
 keyframes, and the plan, in pitches and in components of unit quaternions; it is doubled until all
-keyframes take at most 32 MiB. Smaller values need more keyframes. Chosen."""
+keyframes take at most 32 MiB."""
 MAX_KEYFRAME_BYTES: Final = 32 * 2**20
 """Maximum size of all keyframes of a GLB file, in bytes; an animation that needs more gets fewer
-keyframes and follows the plan less closely. Larger values make larger files. Chosen."""
+keyframes and follows the plan less closely."""
 POSE_BYTES_SINGLE: Final = 28
 """Size of one module's pose in a GLB animation, in bytes: position and quaternion, seven numbers of
 single precision."""
 MAX_POSES_AT_ONCE: Final = 200_000
 """Maximum number of module poses (frames × modules) that are computed at once to write a GLB
-animation. Larger values take more memory; the file stays the same. Chosen."""
+animation."""
 GL_FLOAT: Final = 5126
 """Code for numbers of single precision in a glTF file (``accessor.componentType`` in the glTF 2.0
 specification)."""
@@ -54,7 +54,7 @@ MATERIAL: Final = {
     },
 }
 """Material of the modules in a GLB file, as glTF 2.0 describes it: matt orange (linear RGBA from 0
-to 1). Chosen."""
+to 1)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

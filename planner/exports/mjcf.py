@@ -19,10 +19,10 @@ from foldback.planner.simulation.mujoco_models import Material, tree_spec
 MAX_TREE_MODULES: Final = 800
 """Maximum number of modules that an MJCF model nests in one kinematic tree. A longer chain is split
 into pieces joined by welds (``planner.exports.mjcf_pieces``), as deep nesting exceeds MuJoCo's
-parser. Chosen."""
+parser."""
 KEY_PERCENTS: Final = (0, 25, 50, 75, 100)
 """Moments of the plan, in percent of its duration, that an MJCF model offers as keyframes named
-``at_0`` to ``at_100``. Chosen."""
+``at_0`` to ``at_100``."""
 _NUMBERED_BODY: Final = re.compile(r'(<body name|\bbody[12])="((?:module|ghost)_\d+)"')
 
 

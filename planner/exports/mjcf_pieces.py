@@ -20,7 +20,7 @@ from foldback.planner.simulation.mujoco_models import hinge_names
 
 MODULES_PER_TREE = 64
 """Number of modules in each kinematic tree of an MJCF model of a long chain; trees are joined by
-weld constraints. Larger values need fewer welds and nest bodies more deeply. Chosen."""
+weld constraints."""
 
 
 def starts_of(chain: Chain) -> list[int]:

@@ -22,24 +22,22 @@ from foldback.planner.robot.trajectory import Trajectory
 Form = Literal["csv", "json"]
 TRAJECTORY_FORMAT: Final = "foldback-trajectory/1"
 TRAJECTORY_DECIMALS: Final = 9
-"""Number of decimal places of times (s), angles (rad) and speeds (rad/s) in an exported trajectory.
-Larger values make larger files; smaller ones round the motion. Chosen."""
+"""Number of decimal places of times (s), angles (rad) and speeds (rad/s) in an exported
+trajectory."""
 ROWS_PER_PART: Final = 256
-"""Number of rows of an exported trajectory that are formatted at once. Larger values take more
-memory; the output is the same. Chosen."""
+"""Number of rows of an exported trajectory that are formatted at once."""
 MAX_RATE_HZ: Final = 1e5
-"""Maximum sampling rate of an exported trajectory, in Hz; higher ones are refused as implausible.
-Chosen."""
+"""Maximum sampling rate of an exported trajectory, in Hz; higher ones are refused as
+implausible."""
 MAX_ROWS: Final = 5_000_000
-"""Maximum number of rows of an exported trajectory with a given sampling rate; more are refused.
-Larger values take more memory. Chosen: 80 minutes at 1 kHz."""
+"""Maximum number of rows of an exported trajectory with a given sampling rate; more are refused. 80
+minutes at 1 kHz."""
 MAX_TOUCH_DEPTH_PITCH: Final = 1e-6
 """Maximum overlap of modules, in pitches, in an exported trajectory that counts as touching rather
-than as a collision: rounding. Larger values would accept real overlaps. Chosen."""
+than as a collision: rounding."""
 MAX_RATE_DOUBLINGS: Final = 10
 """Maximum number of times that a sampling rate is doubled in search of one at which an exported
-trajectory, interpolated linearly, is proved free of collisions; then no rate is recommended. Larger
-values search longer. Chosen."""
+trajectory, interpolated linearly, is proved free of collisions; then no rate is recommended."""
 
 
 def times(trajectory: Trajectory, rate_hz: float | None) -> Array:

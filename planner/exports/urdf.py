@@ -28,12 +28,11 @@ because Drake reads no STL for collisions and all other simulators read OBJ, too
 DRAKE_NAMESPACE: Final = "https://drake.mit.edu"
 HINGE_LINK_MASS_FRACTION: Final = 0.01
 """Mass of the link between two hinges of one joint, as a fraction of a module's mass. Simulators
-reject links without mass; a larger value moves more mass from the modules to their joints.
-Chosen."""
+reject links without mass."""
 MIN_HINGE_LINK_INERTIA_KG_M2: Final = 2e-14
 """Minimum moment of inertia of the link between two hinges, kg·m². MuJoCo rejects less than 1e-14.
-Without the minimum, this link has 4.5e-15 for modules of 1 mm, which have 4.5e-13 themselves. A
-larger value changes the motion of small modules. Measured."""
+Without the minimum, this link has 4.5e-15 for modules of 1 mm, which have 4.5e-13 themselves.
+Measured."""
 
 NO_ROTATION_RPY: Final = np.zeros(3)
 """Roll, pitch and yaw, in rad, for the origin of a URDF element whose frame is parallel to its

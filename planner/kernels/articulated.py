@@ -43,7 +43,7 @@ Array = NDArray[np.float64]
 LOCKED_INERTIA = 1e15
 """Inertia that stands for a base module that is held in place: mass in module masses, moments in
 module mass · pitch². Larger values lose digits in the solution; with smaller ones the base gives
-under load. Chosen."""
+under load."""
 
 
 class Loads(NamedTuple):

@@ -24,14 +24,14 @@ Pairs = NDArray[np.int64]
 MIN_CROSS = 1e-9
 """Minimum length of the cross product of two unit edges, the sine of their angle, for it to be
 tested as a separating axis of two convex modules. Shorter ones belong to parallel edges, which the
-face normals cover. Chosen."""
+face normals cover."""
 MIN_CROSS_SQUARE = 1e-18
 """Minimum squared length of the cross product of two unit edges, the squared sine of their angle,
 for it to be tested as a separating axis of two boxes: the square of ``MIN_CROSS``."""
 DISTANCE_MARGIN = 1e-9
 """Amount, pitches, added to upper bounds of a module's clearance that follow from distances of
 centres. With less than the rounding error of a distance, the closest pair of modules could be
-skipped. Chosen."""
+skipped."""
 
 
 class Solid(NamedTuple):

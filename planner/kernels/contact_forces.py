@@ -35,36 +35,32 @@ Ints = NDArray[np.int64]
 MAX_DIRECT_CONTACTS = 500
 """Maximum number of contact points of a simulation step whose forces are solved exactly, at a cost
 that grows with the square of their number; with more, forces are approximate, off by some per cent.
-Larger values are more exact and slower. Decision 0015."""
+Decision 0015."""
 MAX_PIVOTS = 100
 """Maximum number of pivots with which the linear complementarity problem of the contact forces is
-solved exactly; beyond it the slower, approximate gradient solver takes over. Chosen."""
+solved exactly; beyond it the slower, approximate gradient solver takes over."""
 MAX_NON_IMPROVING_PIVOTS = 3
 """Number of block pivots in a row that do not reduce the number of infeasible contact forces before
-the solver changes to single pivots, which cannot cycle: p̄ in Júdice & Pires (1994). Larger values
-may waste more pivots. Chosen."""
+the solver changes to single pivots, which cannot cycle: p̄ in Júdice & Pires (1994)."""
 PIVOT_TOLERANCE = 1e-10
 """Magnitude up to which a negative contact acceleration counts as zero in the pivoting solver, as a
 fraction of the largest bias (acceleration at a contact without contact forces, less the wanted
-one). With smaller values rounding errors cause endless pivots. Chosen."""
+one). With smaller values rounding errors cause endless pivots."""
 POWER_STEPS = 12
 """Number of power iterations that estimate the largest eigenvalue of the contact problem, which
-limits the step of its gradient solver. Larger values estimate it better and take more time.
-Chosen."""
+limits the step of its gradient solver."""
 EIGENVALUE_MARGIN = 1.3
 """Safety factor on the largest eigenvalue of the contact problem, as power iteration finds it from
-below. With smaller values gradient steps may diverge; with larger ones they are shorter and more
-are needed. Chosen."""
+below. With smaller values gradient steps may diverge."""
 MAX_GRADIENT_STEPS = 400
 """Maximum number of iterations of the gradient solver for contact forces; beyond it the forces
-found so far are used. Larger values take more time and give more exact forces. Chosen."""
+found so far are used."""
 GRADIENT_TOLERANCE = 1e-3
 """Residual at which the gradient solver for contact forces ends, as a fraction of the largest bias
-(acceleration at a contact without contact forces, less the wanted one). Larger values end earlier,
-with less exact forces. Chosen."""
+(acceleration at a contact without contact forces, less the wanted one)."""
 MIN_REGULARISATION = 1e-15
 """Minimum of the diagonal R that is added to the matrix A of the contact problem, in 1 / module
-mass. Without it A may be singular; larger values make contacts softer. Chosen."""
+mass. Without it A may be singular."""
 
 
 class PairContacts(NamedTuple):

@@ -15,12 +15,11 @@ Array = NDArray[Any]
 
 SAMPLE_SHIFT_U = 1.3e-6
 """Offset of the points at which a mesh is sampled from the cells' centres along the first axis, u,
-in cells, so that no ray hits an edge of a box-shaped mesh. Larger values sample less exactly.
-Chosen."""
+in cells, so that no ray hits an edge of a box-shaped mesh."""
 SAMPLE_SHIFT_V = 2.9e-6
 """Offset of the points at which a mesh is sampled from the cells' centres along the second axis, v,
 in cells. It differs from ``SAMPLE_SHIFT_U``, so that no ray hits a diagonal edge of a box-shaped
-mesh either. Chosen."""
+mesh either."""
 
 
 @njit(**INNER)

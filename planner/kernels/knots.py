@@ -20,12 +20,10 @@ Ints = NDArray[np.int64]
 
 EDGES_PER_BOX = 24
 """Number of consecutive edges of a closed polygon in one bounding box, by which edges far from a
-triangle are skipped. Larger values test fewer boxes, and more single edges in each that is near.
-Chosen."""
+triangle are skipped."""
 VOLUME_TOLERANCE = 1e-13
 """Volume of a tetrahedron, relative to the cube of its extent, below which rounding may decide its
-sign when an edge is tested against a triangle: then they count as meeting. Larger values simplify
-polygons less. Chosen."""
+sign when an edge is tested against a triangle: then they count as meeting."""
 
 
 @njit(**INNER)

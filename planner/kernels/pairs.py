@@ -21,12 +21,10 @@ MIN_GRID_POINTS = 1000
 points; for fewer, a walk along the chain is faster. Measured."""
 MAX_SQUARED_DISTANCE = 1e18
 """Squared distance in pitches² above which a simulation counts as diverged, and the search for near
-pairs skips no points. The root of a larger one, or of infinity, may not fit into an integer.
-Chosen."""
+pairs skips no points. The root of a larger one, or of infinity, may not fit into an integer."""
 MIN_REPULSION_SQUARE = 1e-6
 """Squared distance of two modules in pitches² below which their repulsion grows no more, so that it
-stays finite if both centres coincide. Larger values weaken the repulsion of near modules.
-Chosen."""
+stays finite if both centres coincide."""
 
 
 class PairLimits(NamedTuple):

@@ -21,9 +21,7 @@ from foldback.planner.kernels.velocities import chain_velocities, equivalent_rig
 
 Array = NDArray[np.float64]
 FRICTION_SPEED_RAD_S = 2e-3
-"""Joint speed v₀, rad/s, in the model of dry friction, torque ∝ tanh(speed / v₀). With larger
-values loaded joints creep instead of sticking; with smaller ones the equations are stiffer.
-Chosen."""
+"""Joint speed v₀, rad/s, in the model of dry friction, torque ∝ tanh(speed / v₀)."""
 MIN_SPEED_RAD_S = 1e-12
 """Minimum joint speed, rad/s, by which the dry friction torque is divided to express it as viscous
 damping: it avoids a division by zero at rest."""

@@ -21,18 +21,17 @@ Indices = NDArray[np.int64]
 MAX_TANGENT_CUTS = 100
 """Maximum number of iterations in the search, by tangents, of the largest squared path speed from
 which the motion can still go on within its bounds. With fewer, the speed found would lie slightly
-above it. Chosen."""
+above it."""
 FEASIBILITY_TOLERANCE = 1e-12
 """Amount by which the lower bound of a squared path speed may exceed its upper bound before no
-speed counts as allowed, relative to that speed; rounding can cause as much. Chosen."""
+speed counts as allowed, relative to that speed; rounding can cause as much."""
 MIN_TORQUE_FRACTION = 0.05
 """Minimum fraction of a joint's torque limit that is left for acceleration along the path, even if
-centrifugal terms take more. With larger values torques exceed their limits further; with smaller
-ones motions may all but stop. Chosen."""
+centrifugal terms take more."""
 MIN_SLOPE = 1e-7
 """Ratio |b| / |a| below which an acceleration constraint |a x + b x₊| ≤ limit on the squared path
 speeds x at a grid point and x₊ at the next one counts as a bound of x alone: dividing by b would be
-inexact. Chosen."""
+inexact."""
 MIN_INERTIA = 1e-12
 """Minimum torque per path acceleration, as a fraction of the torque limit, that is used to bound
 that acceleration: it avoids a division by zero for joints at rest along the path."""

@@ -25,35 +25,31 @@ Ints = NDArray[np.int64]
 Int32s = NDArray[np.int32]
 EDGE_BIAS = 0.01
 """Distance in pitches by which an axis across two edges must separate two modules better than the
-best face normal for them to touch edge to edge. Larger values prefer face contacts, whose points
-change less from frame to frame. Chosen."""
+best face normal for them to touch edge to edge."""
 FACE_BIAS = 1e-6
 """Distance in pitches by which a face of the second module must separate two modules better than
 one of the first for it to be the reference face of their contact. Without it rounding could swap
-both between frames. Chosen."""
+both between frames."""
 MIN_OVERLAP_WIDTH = 0.02
 """Minimum width in pitches of the area that two opposite faces share for them to count as touching;
-it is also the fraction of their length by which two edges may cross beyond their ends. Larger
-values drop more grazing contacts of faces. Chosen."""
+it is also the fraction of their length by which two edges may cross beyond their ends."""
 MIN_POINT_DISTANCE = 1e-4
-"""Distance in pitches below which two contact points of a pair of modules are merged into one.
-Larger values leave fewer points to balance forces at. Chosen."""
+"""Distance in pitches below which two contact points of a pair of modules are merged into one."""
 PLANE_TOLERANCE = 1e-9
 """Distance in pitches up to which a polygon's corner counts as lying on the plane that clips the
-polygon, and is kept. With smaller values rounding adds nearly equal corners. Chosen."""
+polygon, and is kept. With smaller values rounding adds nearly equal corners."""
 MIN_EDGE_ANGLE = 1e-3
 """Sine of the angle between two edges below which they count as parallel, and their cross product
-is no candidate for the contact normal. Larger values find fewer contacts edge to edge. Chosen."""
+is no candidate for the contact normal."""
 MIN_EDGE_DETERMINANT = 1e-12
 """Determinant |u|² |v|² − (u·v)² of two edge vectors u and v, in pitches⁴, below which they count
-as parallel and have no single closest point: it avoids a division by zero. Chosen."""
+as parallel and have no single closest point: it avoids a division by zero."""
 MIN_TORQUE = 1e-12
 """Magnitude of the torque of a unit force at a hinge, in pitches, below which it counts as zero and
-is left out of the sparse matrix of the force balance. Larger values make the matrix smaller and
-less exact. Chosen."""
+is left out of the sparse matrix of the force balance."""
 MAX_CORNERS = 16
 """Maximum number of corners of the area that two touching faces share, each of which is a contact
-point; further ones are dropped. Larger values take more memory. Chosen."""
+point; further ones are dropped."""
 EQUATIONS = 6
 """Number of rows that the balance of a chain that is not held has besides one for each hinge: three
 for the sum of the forces and three for the sum of the moments."""

@@ -44,29 +44,24 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 MAX_BISECTIONS = 16
 """Maximum number of times that the interval between two frames is halved to prove that modules keep
-clear in it. Beyond it the plan is refused as unproved. Larger values prove closer passes and take
-more time where modules touch. Decision 0012."""
+clear in it. Beyond it the plan is refused as unproved. Decision 0012."""
 LARGE_MOTION = 1.0
 """Displacement, pitches, above which a module moves too far within an interval of the motion for a
 grid to find the pairs of modules that may meet: pairs are then searched along the chain, and the
-interval is halved if the chain's end comes near others. Larger values make grids list many pairs
-that stay apart. Chosen."""
+interval is halved if the chain's end comes near others."""
 MAX_PAIRS_PER_MODULE = 32
 """Mean number of near pairs per moving module above which an interval of large motion between two
-frames is halved before its pairs are checked. Larger values spend time on pairs that shorter
-intervals exclude. Decision 0012."""
+frames is halved before its pairs are checked. Decision 0012."""
 MAX_COARSE_BISECTIONS = 12
 """Maximum number of times that the interval between two frames is halved because motion in it is
-too large to list all near pairs. Beyond it the plan is refused as unproved. Larger values accept
-coarser frames and take more time. Decision 0012."""
+too large to list all near pairs. Beyond it the plan is refused as unproved. Decision 0012."""
 ROUNDING_MARGIN = 1e-9
 """Minimum lower bound of the clearance of two modules, pitches, for them to count as proved clear
 (lemma 10 of decision 0012). It must exceed the rounding error, 1e-10 for 10 000 modules, for the
 proof to hold."""
 TIGHT_BISECTIONS = 8
 """Number of halvings of the interval between two frames up to which a proved lower bound must come
-close to the smallest clearance seen; after it any positive bound will do. Larger values give
-tighter bounds and take more time. Decision 0012."""
+close to the smallest clearance seen; after it any positive bound will do. Decision 0012."""
 
 MIDDLE, HALF_WIDTH = 0, 1
 """Columns of the interval stack: middle and half width, in units of the time between two frames."""

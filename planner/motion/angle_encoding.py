@@ -25,23 +25,21 @@ Ints = NDArray[np.signedinteger[Any]]
 Planes = NDArray[np.uint8]
 PLAN_STEP_RAD: Final = np.pi / 2 * 2.0**-23
 """Resolution of the hinge angles in a plan, 1.9e-7 rad: each angle is a whole multiple of it, so
-that 90° is exact and files lose nothing. A finer one could not be told apart in single precision.
-Chosen."""
+that 90° is exact and files lose nothing. A finer one could not be told apart in single
+precision."""
 DIFFERENCE_ORDER: Final = 3
 """Number of times that angles are replaced by their differences from frame to frame before they are
 stored: for a smooth motion third differences are small and compress well. Higher orders amplify
-rounding. Chosen."""
+rounding."""
 MAX_ANGLE_STEPS: Final = 2**25
 """Magnitude below which angles are stored as differences, in units of a plan's angle resolution
 (90° / 2²³): four right angles, so that third differences fit into 32 bits. Larger angles are stored
 without differences."""
 MAX_PLAIN_ANGLES: Final = 2**18
 """Maximum number of hinge angles that a plan file holds as plain numbers, five megabytes of JSON;
-more are stored as compressed differences. Larger values give larger files that other programs read
-more easily. Chosen."""
+more are stored as compressed differences."""
 MAX_ENCODED_ANGLES: Final = 2**16
-"""Maximum number of hinge angles that are encoded for a file at once. Larger values take more
-memory. Chosen."""
+"""Maximum number of hinge angles that are encoded for a file at once."""
 PLANES_NAME: Final = "angle_planes"
 """Name of the array in an ``.npz`` file that holds the encoded hinge angles: four planes, one for
 each byte of the 32-bit differences."""

@@ -18,11 +18,10 @@ from foldback.planner.motion.motion import Motion
 
 MAX_TORQUE_FRAME_MODULES: Final = 2_000_000
 """Maximum product of frames and modules for which the joint torques of a motion are computed;
-beyond it only some frames, evenly spread, are. Larger values take more time and miss fewer torque
-peaks. Chosen."""
+beyond it only some frames, evenly spread, are."""
 MAX_ANGLES_IN_MEMORY: Final = 2**18
 """Maximum product of frames and hinges for which joint torques are computed at once; each frame
-also needs the angles of its two neighbours. Larger values take more memory. Chosen."""
+also needs the angles of its two neighbours."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

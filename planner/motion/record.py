@@ -21,11 +21,11 @@ from foldback.planner.motion.motion import Motion
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
 PROBE_HALF_WIDTH_VALUES: Final = 8192
 """Number of values on either side of an array's middle that are compressed as a test of whether the
-whole array is worth compressing. Larger values judge more reliably and take more time. Chosen."""
+whole array is worth compressing."""
 MAX_COMPRESSED_SHARE: Final = 0.7
 """Maximum compressed size of a sample, as a fraction of its original size, for its array to be
 stored compressed. Larger values compress more arrays, with less gain for the time; angles of an
-unfolding do not get below 0.9. Chosen."""
+unfolding do not get below 0.9."""
 
 
 @dataclass(frozen=True, slots=True)

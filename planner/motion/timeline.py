@@ -46,29 +46,23 @@ ERRORS_FROM: Final = "errors_from"
 """Name of the attribute of a stored motion that gives the index of the first hinge angle with a
 recorded tracking error, or None if there is none: readers need not read the errors before it."""
 FRAMES_PER_CHUNK: Final = 128
-"""Number of frames in a zarr chunk of a motion that stores all hinges in each frame. Larger values
-make fewer files and read more data for a single frame. Chosen."""
+"""Number of frames in a zarr chunk of a motion that stores all hinges in each frame."""
 FRAMES_PER_ERROR_READ: Final = 1024
-"""Minimum number of a timeline's frames that are read at once to find their largest joint errors. A
-larger value reads less often and takes more memory. Chosen."""
+"""Minimum number of a timeline's frames that are read at once to find their largest joint
+errors."""
 WINDOWS_PER_CHUNK: Final = 4096
 """Number of frames in a zarr chunk of a motion that stores only the moving hinges of each frame,
-for all arrays but those of angles. Larger values make fewer files and rewrite more data for each
-appended frame. Chosen."""
+for all arrays but those of angles."""
 ANGLES_PER_CHUNK: Final = 2**16
 """Number of hinge angles in a zarr chunk of a motion that stores only the moving hinges of each
-frame, counted over all frames. Larger values make fewer files and read more data for a single
-frame. Chosen."""
+frame, counted over all frames."""
 MIN_FLUSH_PERIOD_S: Final = 0.15
-"""Minimum time between two writes of new frames to disk, s. Smaller values show frames to viewers
-sooner and spend more time on writing. Chosen."""
+"""Minimum time between two writes of new frames to disk, s."""
 FLUSH_TIME_SHARE: Final = 0.1
 """Maximum fraction of a simulation's time that is spent on writing new frames to disk: after a slow
-write the next one waits longer, up to 1 s. Larger values show frames sooner and slow the simulation
-down. Chosen."""
+write the next one waits longer, up to 1 s."""
 MAX_FLUSH_PERIOD_S: Final = 1.0
-"""Maximum time between two writes of new frames to disk, s, even if writes are slow. Larger values
-show frames to viewers later. Chosen."""
+"""Maximum time between two writes of new frames to disk, s, even if writes are slow."""
 
 
 _WINDOW_ROWS: Final = ("time_s", "phase", "first", "base_position", "base_wxyz")

@@ -34,8 +34,7 @@ Texts = ParamSpec("Texts")
 OPTION_KEY: Final = "option"
 OPTIONS_KEY_CHARS: Final = 24
 """Number of hexadecimal digits of the key under which results computed with certain options are
-cached: the beginning of the SHA-256 of these options, 96 bits. With fewer digits different options
-share a key, and thus a result, more often. Chosen."""
+cached: the beginning of the SHA-256 of these options, 96 bits."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -9,8 +9,7 @@ from typing import Final
 from foldback.planner.parameters.setting import setting, shared
 
 ENCODER_STEP_RAD: Final = 2.0 * math.pi / 2**18
-"""Resolution of a simulated joint encoder with 18 bits per turn, in rad. A larger value makes the
-servos' control less exact."""
+"""Resolution of a simulated joint encoder with 18 bits per turn, in rad."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -23,7 +23,7 @@ from foldback.planner.parameters.setting import Setting, Value, setting_of
 
 MAX_TEXT_CHARS: Final = 500
 """Maximum length, in characters, of a request's text of settings (``name=value`` pairs); a longer
-one is refused. Chosen: all settings at once fit."""
+one is refused. All settings at once fit."""
 NO_LIMIT: Final = "none"
 NUMBER: Final = re.compile(
     r"[+-]?[0-9]+(\.[0-9]*)?([eE][+-]?[0-9]+)?|[+-]?\.[0-9]+([eE][+-]?[0-9]+)?"

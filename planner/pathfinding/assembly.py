@@ -23,20 +23,20 @@ from foldback.planner.shapes.layered_path import layered_path
 
 MAX_SEARCHES: Final = 6
 """Maximum number of searches for one path through blocks of cells, in layers along z, y and x in
-turn. Larger values find more paths, more slowly. Chosen."""
+turn."""
 PATHS_PER_SIDE: Final = 3
 """Number of random paths that are made for each side length of blocks, in cells, into which a shape
-can be divided; the best path is chosen. Larger values find better paths, more slowly. Chosen."""
+can be divided; the best path is chosen."""
 VISITS_PER_BLOCK: Final = 10
 """Maximum number of steps of one search for a path through blocks of cells, as a multiple of the
-number of blocks. Larger values find harder paths, more slowly. Chosen."""
+number of blocks."""
 MAX_EXTRA_VISITS: Final = 6000
 """Maximum number of steps of one search for a path through blocks of cells, in addition to one for
-each block. Larger values search longer in vain. Measured: longer searches found no more paths."""
+each block. Measured: longer searches found no more paths."""
 LAYER_WEIGHT: Final = 3.0
 """Weight of a block's height, in blocks, relative to a random number from 0 to 1, in the choice of
 a path's next block. Larger values fill the lowest layers first, so that a path can be built
-upwards; smaller ones make more varied paths. Chosen."""
+upwards."""
 
 
 def from_better_end(cells: Ints) -> Ints:

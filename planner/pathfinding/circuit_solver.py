@@ -20,14 +20,13 @@ Status = Literal["found", "infeasible", "undecided"]
 CONFLICTS_PER_EFFORT: Final = 80_000
 """Number of conflicts (dead ends in its search) of the SAT solver that make up one unit of effort,
 by which path searches are limited instead of by time, so that they are reproducible: about one
-second of processor time. Larger values search longer. Measured."""
+second of processor time. Measured."""
 CONFLICTS_PER_ROUND: Final = 20
 """Conflicts (dead ends in its search) by which each call of the SAT solver uses up the effort of a
-path search in addition to its own, to account for the work around the call. Larger values end a
-path search earlier. Chosen."""
+path search in addition to its own, to account for the work around the call."""
 MAX_CONFLICTS_PER_CALL: Final = 2000
 """Maximum number of conflicts (dead ends in its search) of the SAT solver in one call; between
-calls, time limits and Ctrl-C are checked. Larger values delay these checks. Chosen."""
+calls, time limits and Ctrl-C are checked."""
 
 
 class CircuitSolver:

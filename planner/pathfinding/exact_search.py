@@ -19,21 +19,18 @@ from foldback.planner.shapes.shape import Shape
 
 MAX_REVERSED_CELLS: Final = 40_000_000
 """Maximum number of cells that one attempt at a path may reverse by backbite moves (a random change
-of a path's end), about 0.25 s of processor time. Larger values find harder paths, more slowly.
-Chosen."""
+of a path's end), about 0.25 s of processor time."""
 MOVES_PER_CELL: Final = 20
 """Minimum number of backbite moves (a random change of a path's end) of one attempt at a path, per
-cell of the shape. Larger values find harder paths, more slowly. Chosen."""
+cell of the shape."""
 EASING_MOVES: Final = 200_000
 """Number of simulated annealing moves that change a path so that neighbouring cells lie closer
-along it, which makes the chain easier to unfold. Larger values find easier paths, more slowly.
-Chosen."""
+along it, which makes the chain easier to unfold."""
 MAX_EASED_CELLS: Final = 600
 """Maximum number of cells of a path that simulated annealing makes easier to unfold; every move
-visits all cells. Larger values ease longer paths, more slowly. Chosen."""
+visits all cells."""
 FAST_ATTEMPTS: Final = 6
-"""Number of random attempts at a path (backbite moves) before each call of the exact solver. Larger
-values find paths through easy shapes faster and prove impossible ones later. Chosen."""
+"""Number of random attempts at a path (backbite moves) before each call of the exact solver."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -9,12 +9,10 @@ from foldback.planner.parameters.parameters import FLOATING
 
 CHOICE_FACTOR: Final = 8.0
 """Duration of a fold that computes several plans and chooses the best, relative to one that takes
-the first plan, by which the duration is estimated that users are told before a fold. Larger values
-announce longer durations. Measured."""
+the first plan, by which the duration is estimated that users are told before a fold. Measured."""
 MAX_IMPROVING_S: Final = 300.0
 """Maximum time, in s, that the duration that users are told before a fold is longer if several
-plans are computed and the best is chosen, rather than the first. Larger values announce longer
-durations. Chosen."""
+plans are computed and the best is chosen, rather than the first."""
 
 TABLE_MODULES: Final = 96
 """Number of modules of the longest chain whose fold on a table was timed. The expected duration of
@@ -22,8 +20,8 @@ a fold on a table grows with the power 3.5 of the number of modules up to this n
 square beyond."""
 TABLE_S: Final = 330.0
 """Expected duration of a fold of 96 modules on a table, in s of processor time; durations for other
-numbers of modules are scaled from it. A larger value announces longer durations. Measured: 6
-minutes, and 8 for 88 modules with a second attempt (decision 0026)."""
+numbers of modules are scaled from it. Measured: 6 minutes, and 8 for 88 modules with a second
+attempt (decision 0026)."""
 TABLE_POWERS: Final = (3.5, 2.0)
 """Exponents of the number of modules in the expected duration of a fold on a table. The first holds
 up to 96 modules; fitted to 2 s for 24 modules and 29 to 62 s for 64. The second holds beyond, where

@@ -32,26 +32,24 @@ Cells: TypeAlias = frozenset[Cell]
 FEASIBILITY_LIMIT_S: Final = 2.0
 """Default wall-clock limit, in s, of the check whether a path through all cells of a shape exists,
 and of the search for repairs of a shape without one; after it the answer is "undecided", or fewer
-repairs are offered. Larger values decide more shapes, and delay a preview. Chosen."""
+repairs are offered."""
 MAX_SEARCHED_CELLS: Final = 2_000
 """Maximum number of cells of a shape for which a path is searched to decide if there is one; for
-larger shapes the check leaves it open. Larger values decide more shapes, more slowly. Chosen."""
+larger shapes the check leaves it open."""
 MAX_CHANGES: Final = 12
 """Number of cells that a repair (a changed shape that has a path) may add or drop in any shape;
 shapes of more than 120 cells may change by a tenth of their cells. Also the maximum number of cells
-that join separate parts. Larger values repair more shapes, and change them more. Chosen."""
+that join separate parts."""
 MAX_CHANGED_SHARE: Final = 0.1
 """Fraction of a shape's cells that a repair (a changed shape that has a path) may add or drop, if
-this is more than the 12 cells that it may change in any shape. Larger values repair more shapes,
-and change them more. Chosen."""
+this is more than the 12 cells that it may change in any shape."""
 MAX_COMPARED_CELLS: Final = 60
-"""Maximum number of candidate cells that are compared for each cell that a repair adds or drops.
-Larger values find smaller repairs, more slowly. Chosen."""
+"""Maximum number of candidate cells that are compared for each cell that a repair adds or drops."""
 MAX_NAMED_CHANGES: Final = 3
 """Maximum number of cells that a repair names; it gives the number of more cells."""
 REPAIR_CHECK_LIMIT_S: Final = 0.5
 """Wall-clock limit, in s, of the search for a path through a repaired shape; without one in that
-time the repair is not offered. Larger values offer more repairs, more slowly. Chosen."""
+time the repair is not offered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

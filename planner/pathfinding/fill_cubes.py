@@ -24,14 +24,12 @@ BLOCK_CELLS: Final = 8
 have a path."""
 MAX_DOUBLING_RATIO: Final = 1.25
 """Maximum number of modules, relative to the requested one, of a repair that replaces each voxel by
-2×2×2 cells (such shapes always have a path). Larger values repair more shapes, and exceed the
-requested number further. Chosen."""
+2×2×2 cells (such shapes always have a path)."""
 DOUBLED: Final = "Each voxel became 2×2×2 modules."
 ALWAYS_A_PATH: Final = " A connected shape of 2×2×2 blocks always has a path."
 START_SHARE: Final = 0.7
 """Fraction of the time limit of a path search that is spent on paths from the requested start cell;
-the remainder is for paths that start elsewhere. Larger values meet the request more often, and find
-fewer paths in all. Chosen."""
+the remainder is for paths that start elsewhere."""
 
 
 class Cubes:

@@ -16,15 +16,14 @@ from foldback.planner.kernels.knots import simplified, tightened
 from foldback.planner.pathfinding.knots import Knot, best_view, closed_polygons, knot_of, smaller
 
 MAX_SHORTENINGS: Final = 60
-"""Maximum number of rounds in which a knotted polygon is shortened before it is drawn as a diagram.
-Larger values draw fewer crossings, more slowly. Chosen."""
+"""Maximum number of rounds in which a knotted polygon is shortened before it is drawn as a
+diagram."""
 PULL_FRACTIONS: Final = (0.9, 0.5, 0.7)
 """Fraction of the way to the midpoint of its neighbours by which a vertex moves when a polygon is
-shortened for a knot diagram, used by rounds in turn. Larger values shorten faster; different ones
-avoid deadlocks. Chosen."""
+shortened for a knot diagram, used by rounds in turn."""
 MAX_SHORTENED_VERTICES: Final = 400
 """Maximum number of vertices of a polygon that is shortened for a knot diagram: a round takes time
-by their square. Larger values draw large knots with fewer crossings, more slowly. Chosen."""
+by their square."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

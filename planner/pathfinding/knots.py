@@ -25,19 +25,17 @@ Verdict = Literal["unknot", "knotted", "undecided"]
 
 KNOT_JITTER: Final = 0.01
 """Maximum random shift of a chain's vertices along each axis, in pitches, so that no projection for
-the knot test is degenerate. Strands are 0.5 apart, so a much larger value could change the knot.
-Chosen."""
+the knot test is degenerate. Strands are 0.5 apart, so a much larger value could change the knot."""
 CLOSURE_RADIUS_FACTOR: Final = 4.0
 """Distance from a chain's middle at which its two ends are joined for the knot test, as a multiple
 of the chain's radius. Above 1, the joining line passes outside of the chain; larger values add
-nothing. Chosen."""
+nothing."""
 MIN_STRAND_DISTANCE_PITCH: Final = 0.75
 """Minimum distance, in pitches, from all other vertices of a straight line by which a chain's end
-is extended outwards for the knot test. Larger values find fewer such lines; smaller ones might
-cross the chain. Chosen."""
+is extended outwards for the knot test."""
 MAX_CLOSED_GAP_PITCH: Final = 1.05
 """Maximum distance of a chain's two ends, in pitches, at which the knot test joins them directly
-rather than around the chain: one pitch, and rounding. Chosen."""
+rather than around the chain: one pitch, and rounding."""
 MIN_STICKS: Final = 6
 """Minimum number of edges of a closed polygon that can be knotted: six, the stick number of the
 trefoil knot. Shorter ones need no test."""
@@ -45,19 +43,16 @@ MIN_CROSSINGS: Final = 3
 """Minimum number of crossings of a diagram that can show a knot: three, as of the trefoil knot."""
 MAX_TIGHTENINGS: Final = 40
 """Maximum number of rounds in which a polygon with too many crossings for a knot test
-(``undecided``) is shortened before the test is repeated. Larger values decide more chains, more
-slowly. Chosen."""
+(``undecided``) is shortened before the test is repeated."""
 RANDOM_PROJECTIONS: Final = 24
 """Number of random projections of a polygon, of which the knot test uses the one with the fewest
-crossings. Larger values find fewer crossings, more slowly. Chosen."""
+crossings."""
 MAX_PRESENTED_CROSSINGS: Final = 1200
 """Maximum number of crossings of a diagram that the knot test evaluates; with more, the test is
-``undecided``. Elimination takes time by their cube, so larger values decide more chains, more
-slowly. Chosen."""
+``undecided``. Elimination takes time by their cube."""
 MAX_EXACT_CROSSINGS: Final = 300
 """Maximum number of crossings of a diagram whose determinant is computed exactly. With more, the
-knot test evaluates the Alexander polynomial modulo two primes only, and reports no determinant.
-Chosen."""
+knot test evaluates the Alexander polynomial modulo two primes only, and reports no determinant."""
 SECOND_EVALUATION_POINT: Final = 2
 """Argument besides −1 at which the knot test evaluates the Alexander polynomial: at −1 alone, some
 knots (the torus knot of 3 and 5) look like no knot."""

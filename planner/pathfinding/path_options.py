@@ -14,11 +14,9 @@ from foldback.planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
 from foldback.planner.pathfinding.start_cell import CELL_TEXT, parse_cell
 
 DEFAULT_MODULES: Final = 160
-"""Number of modules into which a mesh is divided if the request states none. Larger values follow
-the mesh more closely, and fold more slowly. Chosen."""
+"""Number of modules into which a mesh is divided if the request states none."""
 MODULE_COUNTS: Final = (8, 20_000)
-"""Minimum and maximum number of modules that a request may ask for; other numbers are refused.
-Chosen."""
+"""Minimum and maximum number of modules that a request may ask for; other numbers are refused."""
 MAX_TABLE_MODULES: Final = 96
 """Maximum number of modules of the variants of a shape that are offered for folding on a table;
 larger ones mostly get stuck. Measured: tori of 88 and 96 fold in six to eight minutes of processor

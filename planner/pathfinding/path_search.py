@@ -30,10 +30,10 @@ Ends: TypeAlias = Literal["any", "surface"]
 ASSEMBLY: Final = "assembly"
 PATHS_PER_CANDIDATE: Final = 4
 """Number of paths through a shape that are made for each one that the search returns (the best
-ones). Larger values return better paths, more slowly. Chosen."""
+ones)."""
 MAX_KNOT_CELLS: Final = 10_000
 """Maximum number of cells or tetrahedra of a path that is tested for a knot, which would keep the
-chain from unfolding. Larger values test longer paths, more slowly. Chosen."""
+chain from unfolding."""
 NO_ASSEMBLY: Final = (
     "The search found no path along which the modules can leave the shape one after another. It "
     "finds such paths for boxes, for shapes made of 2×2×2 blocks, and for shapes whose layers each "
@@ -41,7 +41,7 @@ NO_ASSEMBLY: Final = (
 )
 MAX_CHOICE_MODULES: Final = 20_000
 """Maximum number of cells or tetrahedra of a shape for which several paths are made, to choose the
-best; larger shapes get one. Larger values find better paths, more slowly. Chosen."""
+best; larger shapes get one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

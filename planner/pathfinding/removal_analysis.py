@@ -13,7 +13,7 @@ from foldback.planner.arrays import Array, Ints
 UNIT_CELLS: Final = 32
 """Number of consecutive cells in one group when it is analysed how easily a path comes apart from
 its end on, group by group. It equals the default number of modules that the simulation releases at
-a time (``PeelingParameters.unit``). Larger groups come free less easily. Chosen."""
+a time (``PeelingParameters.unit``)."""
 DIRECTIONS_26: Final = tuple(way for way in product((-1, 0, 1), repeat=3) if any(way))
 """Vectors from a cube's centre towards its 6 faces, 12 edges and 8 corners, along which the removal
 of cells is analysed."""
@@ -21,8 +21,7 @@ AXIS_DIRECTIONS: Final = tuple(k for k, way in enumerate(DIRECTIONS_26) if sum(m
 """Indices in ``DIRECTIONS_26`` of the six directions along the axes."""
 MIN_FREE_DIRECTIONS: Final = 3
 """Minimum number of directions, out of 26, in which a group of cells must be free to leave the
-shape to count as easily removed; with fewer it lies in a pit and jams. Larger values rate paths
-more strictly. Chosen."""
+shape to count as easily removed; with fewer it lies in a pit and jams."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -19,8 +19,7 @@ from foldback.planner.pathfinding.path_search import MAX_CHOICE_MODULES, MAX_KNO
 from foldback.planner.shapes.shape import Shape
 
 TRAILS_PER_SHAPE: Final = 4
-"""Number of trails (paths through tetrahedra) that are made for a shape, to choose the best. Larger
-values find better ones, more slowly. Chosen."""
+"""Number of trails (paths through tetrahedra) that are made for a shape, to choose the best."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -20,8 +20,7 @@ from foldback.planner.shapes.likeness import Likeness
 
 MAX_EXPLOSIONS: Final = 6
 """Maximum number of times that one fold explodes its chain (simulates how the folded chain comes
-loose and straightens), each time with another path, strategy or seed. A larger value folds more
-shapes, and takes longer to fail. Chosen."""
+loose and straightens), each time with another path, strategy or seed."""
 
 Reason = Kind | Literal["refused"]
 

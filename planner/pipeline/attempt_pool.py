@@ -31,14 +31,12 @@ from foldback.planner.progress import Cancelled, Progress, Report
 
 SPECULATION_PULSES: Final = 2
 """Consecutive pulses (weakened tension and stronger repulsion, to loosen a jam) without progress,
-after which other processes begin the next attempts. Smaller values compute more attempts that turn
-out unnecessary; larger ones leave processors idle longer. Chosen."""
+after which other processes begin the next attempts."""
 ATTEMPT_POLL_S: Final = 0.05
-"""Time between two checks if a process that computes an attempt has ended, in s. A larger value
-uses results later; a smaller one wakes the waiting process more often. Chosen."""
+"""Time between two checks if a process that computes an attempt has ended, in s."""
 ATTEMPT_STOP_GRACE_S: Final = 1.0
 """Time, in s, that a process that computes an attempt may take to write its result after it is told
-to stop; then it is killed. Larger values lose fewer results and end a fold later. Chosen."""
+to stop; then it is killed."""
 _PROGRESS: Final = "progress.json"
 """Name of the file in which a process that computes an attempt reports its progress."""
 _OUTCOME: Final = "attempt.json"

@@ -32,20 +32,17 @@ finishes before progress reaches 100 %; with too small a one progress waits near
 test compares it."""
 IMPORTS_FRACTION: Final = 0.1
 """Fraction of the time until the solvers are ready that has passed when the first kernel (numba
-function) is compiled, mostly for imports. With a larger value the estimated remaining time is
-shorter at first. Measured: 0.08 to 0.1."""
+function) is compiled, mostly for imports. Measured: 0.08 to 0.1."""
 MAX_COMPILED_FRACTION: Final = 0.95
 """Largest progress, from 0 to 1, that is reported while kernels are compiled; 1 is reported only at
-the end. The last kernels contain many others and take longer than their bytecode suggests. A larger
-value makes the estimated remaining time at the end too short. Measured: 0.9 to 0.95."""
+the end. The last kernels contain many others and take longer than their bytecode suggests.
+Measured: 0.9 to 0.95."""
 MAX_LOCK_WAIT_S: Final = 300.0
 """Time, in s, after which a process compiles kernels (numba functions) although another process
-holds the lock for it. A smaller value makes two processes compile the same kernels; with a larger
-one a process that hangs blocks others longer. Chosen: compilation takes less on the slowest machine
-tried."""
+holds the lock for it. A smaller value makes two processes compile the same kernels. Compilation
+takes less on the slowest machine tried."""
 LOCK_POLL_S: Final = 0.2
-"""Time, in s, between two attempts to acquire the lock for compiling kernels (numba functions).
-With a larger value a process waits longer after another one has compiled. Chosen."""
+"""Time, in s, between two attempts to acquire the lock for compiling kernels (numba functions)."""
 
 
 def fraction_of(compiled_bytes: int) -> float:

@@ -22,46 +22,41 @@ from foldback.planner.pipeline.request import FoldRequest
 
 MAX_EXPECTED_S: Final = 3600.0
 """Maximum expected cost of a fold, in s of processor time; larger estimates are cut to it, because
-the time limit of a stage ends a fold about then. A larger value lets the estimate of long folds
-grow further. Chosen."""
+the time limit of a stage ends a fold about then."""
 PUBLISHED_STEPS: Final = 80_000.0
 """Expected number of simulation steps of an explosion by the published method for a chain of 64
-modules. Larger values make estimates of a fold's cost larger. Measured: 81 250 for a mallet of 64
-modules, and 97 725 for a wrench of 160 (docs/reproduction.md)."""
+modules. Measured: 81 250 for a mallet of 64 modules, and 97 725 for a wrench of 160
+(docs/reproduction.md)."""
 PUBLISHED_MODULES: Final = 64
 """Number of modules of the chain whose simulation steps by the published method were counted. The
 number of steps of other chains is estimated with a power of their number of modules, relative to
 this one."""
 PUBLISHED_POWER: Final = 0.27
 """Exponent of the number of modules in the expected number of simulation steps of an unfolding by
-the published method (preset ``paper``: all modules driven apart at once). A larger value expects
-more steps for long chains. Fitted to chains of 64 and 160 modules."""
+the published method (preset ``paper``: all modules driven apart at once). Fitted to chains of 64
+and 160 modules."""
 SHORT_RANGE_WEIGHT: Final = 0.125
 """Weight, from 0 to 1, of repulsion and hinge springs relative to the radial force, where the cost
-of the published method is estimated; both act only near contacts or straight hinges. A larger value
-expects fewer simulation steps if the radial force is small. Fitted."""
+of the published method is estimated; both act only near contacts or straight hinges. Fitted."""
 LOOSE_STEP_S: Final = 3e-6
 """Processor time of one simulation step of the published explosion per module, in s, averaged over
-a fold whose chain comes loose. A larger value expects folds to cost more. Measured."""
+a fold whose chain comes loose. Measured."""
 PACKED_STEP_S: Final = 9e-6
 """Processor time of one simulation step of the published explosion per module, in s, if the chain
-stays folded (many contacts) because the settings do not drive it apart. A larger value expects such
-folds to cost more. Measured."""
+stays folded (many contacts) because the settings do not drive it apart. Measured."""
 SERVO_STEP_S: Final = 6e-6
 """Processor time of one simulation step of a playback (servos follow the plan) per module, in s,
-with few contacts. A larger value expects folds to cost more. Measured."""
+with few contacts. Measured."""
 CONTACT_STEP_S: Final = 30e-6
 """Processor time of one simulation step of a playback per module, in s, if servos turn straight to
-the shape's angles, with many contacts. A larger value expects such folds to cost more. Measured: 14
-to 45 µs."""
+the shape's angles, with many contacts. Measured: 14 to 45 µs."""
 DIRECT_SETTLING_STEPS: Final = 500
 """Expected number of simulation steps until the chain comes to rest after its servos have been
-turned straight to the shape's angles (preset ``direct``); it enters the estimated cost of a fold. A
-larger value expects more cost. Chosen."""
+turned straight to the shape's angles (preset ``direct``); it enters the estimated cost of a
+fold."""
 ROBOT_COST_S: Final = (3.5e-3, 9e-6)
 """Processor time to simulate and certify the playback of one robot with random errors, in s: per
-module, and per square of the number of modules. Larger values expect folds to cost more. Measured:
-0.7 s for 160 modules, 12 s for 1000."""
+module, and per square of the number of modules. Measured: 0.7 s for 160 modules, 12 s for 1000."""
 DEFAULT_PARAMETERS: Final = Parameters()
 """Parameters for which the durations of folds were measured; the estimate of a fold's cost adds the
 difference between its own parameters and these."""
@@ -70,11 +65,10 @@ MIN_GROWTH_PER_STEP: Final = 1e-12
 the estimate of steps is divided. It only prevents a division by 0 for settings without forces."""
 LOWER_BOUND_FRACTION: Final = 0.25
 """Fraction of its expected cost that a fold takes at the very least. A fold is refused if this
-lower bound exceeds its time limit: a larger value refuses folds that might have ended, a smaller
-one starts folds that cannot end. Chosen: measured costs are within a factor of two."""
+lower bound exceeds its time limit. Measured costs are within a factor of two."""
 REFOLD_COST_FACTOR: Final = 2.0
 """Cost of a refold (from one shape to another) relative to a fold of the same chain: a refold
-unfolds the first shape as well. A larger value expects refolds to cost more. Chosen."""
+unfolds the first shape as well."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

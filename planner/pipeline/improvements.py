@@ -24,10 +24,10 @@ from foldback.planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 
 SEEDS_PER_SMOOTHED_PLAN: Final = 3
 """Number of random seeds, the first one included, with which the smoothing (by random shortcuts)
-that gave the best plan is repeated. Larger values find better plans and take longer. Chosen."""
+that gave the best plan is repeated."""
 MAX_SMOOTHED_PLANS: Final = 2
 """Maximum number of verified plans, the best first, that are smoothed for a fold that is asked for
-a better plan, for example a faster one. Larger values find better plans and take longer. Chosen."""
+a better plan, for example a faster one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

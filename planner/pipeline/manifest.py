@@ -29,8 +29,7 @@ MISSING: Final = "the file is missing"
 """Difference from the manifest that is reported for a file which the manifest lists, but the folder
 lacks."""
 DIGEST_ROWS: Final = 1024
-"""Number of rows of an array that are read and hashed at once, to compute its digest. Larger values
-take more memory; the digest stays the same. Chosen."""
+"""Number of rows of an array that are read and hashed at once, to compute its digest."""
 Digests = dict[str, dict[str, str]]
 
 

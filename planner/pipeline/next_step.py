@@ -23,17 +23,16 @@ from foldback.planner.progress import Report
 
 MAX_REFUSED_EXPLOSIONS: Final = 4
 """Maximum number of explosions of one fold whose plans all fail certification, before the fold
-fails. A larger value folds more shapes, and takes longer to fail. Chosen."""
+fails."""
 MAX_PLAYBACKS_BEFORE_VERIFIED: Final = 6
 """Maximum number of plans of one fold that are played back and certified (checked for collisions
-and limits) as long as none passes. A larger value folds more shapes, and takes longer to fail.
-Chosen."""
+and limits) as long as none passes."""
 MAX_PLAYBACKS: Final = 12
 """Maximum number of plans of one fold that are played back and certified, including those that
-improve a verified plan. A larger value finds better plans and takes longer. Chosen."""
+improve a verified plan."""
 REPEATED_PLAYBACK_REFINEMENT: Final = 4
 """Factor by which the number of frames increases when a playback is repeated because its clearance
-between two frames was not proved. Larger values prove more plans and take longer. Chosen."""
+between two frames was not proved."""
 MAX_PATIENCE: Final = 2
 """Maximum number of times that a refold is played back again, each time with less torque near
 straight, because its robots were not straight enough there: docs/decisions/0034-calm-motion.md."""

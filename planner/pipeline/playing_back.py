@@ -26,12 +26,10 @@ from foldback.planner.progress import Progress
 
 TABLE_MOTOR_RESERVE: Final = 1.5
 """Torque limit of the simulated motors on a table, as a multiple of the largest static torque in
-the recorded motion. A larger value lets the chain accelerate more, so that it folds faster but
-needs stronger motors. Chosen."""
+the recorded motion."""
 MIN_SIZING_TORQUE_WP: Final = 1.0
 """Minimum static torque from which the torque limit of the motors on a table is computed, in w·p
-(module weight × pitch). Smaller values leave motors of hardly loaded chains too little torque to
-accelerate. Chosen."""
+(module weight × pitch)."""
 Sink = Callable[[Motion], None]
 
 

@@ -34,10 +34,10 @@ if TYPE_CHECKING:
 
 MAX_PREVIEW_TRIANGLES: Final = 20_000
 """Maximum number of triangles of the mesh that the web page's preview shows; larger meshes are
-decimated to it. Larger values show more detail, and load and draw more slowly. Chosen."""
+decimated to it."""
 MAX_LISTED_VIOLATIONS: Final = 2
 """Maximum number of violated rules that the error for an unsuitable path for a table names; further
-ones are only counted. Larger values make longer messages. Chosen."""
+ones are only counted."""
 TABLE_REMEDY: Final = (
     "Choose the method 'blocks', a repair, or another number of modules, or fold the shape in zero "
     "gravity."
@@ -45,8 +45,7 @@ TABLE_REMEDY: Final = (
 """Advice at the end of the error message for a shape that has no path along which a chain folds on
 a table."""
 PATH_SEARCH_LIMIT_S: Final = 20.0
-"""Default time limit of the path search, in s. A larger value finds paths through more shapes and
-takes longer if there is none. Chosen."""
+"""Default time limit of the path search, in s."""
 MIN_MODULES: Final = 8
 """Smallest number of modules that is suggested."""
 REACH_STEP: Final = 10

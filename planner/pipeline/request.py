@@ -38,17 +38,16 @@ if TYPE_CHECKING:
 
 MODULE_SIZE_RANGE: Final = (0.1, 1.0)
 """Minimum and maximum module size that a request may ask for, as a fraction of the pitch (distance
-between neighbouring modules). Smaller modules leave more clearance. Chosen."""
+between neighbouring modules)."""
 MAX_AT_ONCE: Final = 1000
 """Maximum number of hinges at once that a request may give as a limit; the longest chain that folds
 in turns has fewer hinges."""
 MAX_SEED: Final = 2**32 - 1
 """Maximum random seed of a request, the largest unsigned integer of 32 bits; a larger one is
-refused. Chosen."""
+refused."""
 SMOOTH_SPACING_RAD: Final = 0.06
 """Distance of the control points of the curve that plays back a smoothed motion, in rad of joint
-motion. Smaller values reproduce the corners between the motion's frames; larger ones cut corners
-more. Chosen."""
+motion."""
 PATH_SEED_MODULUS: Final = 2**31
 """Number of different seeds of a path search; a request's seed is reduced modulo it, so that it
 fits into a signed integer of 32 bits."""

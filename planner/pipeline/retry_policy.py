@@ -26,8 +26,7 @@ from foldback.planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 
 Change = Literal["plain", "path", "strategy", "end", "forces", "seed"]
 MAX_SEEDS: Final = 3
-"""Maximum number of seeds of the random forces with which one fold tries to explode its chain. A
-larger value folds more shapes, and takes longer to fail. Chosen."""
+"""Maximum number of seeds of the random forces with which one fold tries to explode its chain."""
 FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
     "knot": ("plain", "path", "strategy"),
     "buried": ("plain", "end", "strategy", "path", "seed"),
@@ -44,9 +43,8 @@ explosion failed (for example ``knot``: the chain is knotted). ``plain``, after 
 comes first, so that no fold is lost by calmness. Measured."""
 SMOOTHING_FRAMES_FACTOR: Final = 4
 """Assumed ratio of the frames of a smoothed plan to those of the original, by which plans that are
-too long for smoothing, which needs memory for each frame, are left as they are. Larger values
-smooth fewer plans. Measured: plans of chains that are unfolded from one end, group by group, need
-most."""
+too long for smoothing, which needs memory for each frame, are left as they are. Measured: plans of
+chains that are unfolded from one end, group by group, need most."""
 DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
 """Assumed reason of a failed explosion by the strategy that stalled, if the explosion reports none:
 the most frequent one. All other strategies assume ``joints``."""

@@ -60,8 +60,7 @@ from foldback.planner.turns.cube_turns import cube_turning
 from foldback.planner.turns.tetrahedron_turns import tetrahedron_turning
 
 BACKGROUND_NICENESS: Final = 10
-"""Niceness (POSIX) of a process that compiles kernels in advance. A larger value leaves more of the
-processor to folds. Chosen."""
+"""Niceness (POSIX) of a process that compiles kernels in advance."""
 PEELED_BOX_CELLS: Final = (2, 4, 5)
 """Size of the box along x, y and z, in cells, that is exploded by peeling to compile all kernels of
 peeling in advance: larger than one group of modules that peeling releases together, so that both

@@ -44,7 +44,7 @@ from foldback.planner.playback.unfolding import Unfolding
 
 MAX_PLANS_BYTES: Final = 64 * 2**20
 """Maximum size, in bytes, of all stored plans of one fold that were not chosen; plans beyond it are
-removed, and the web page cannot play them. Larger values take more disk space. Chosen."""
+removed, and the web page cannot play them."""
 _REMOVAL_PREFIX: Final = "unwanted-"
 """Prefix that a directory gets before it is removed, so that a partly removed one is not mistaken
 for an attempt after a crash."""

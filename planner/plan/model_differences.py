@@ -16,11 +16,10 @@ from foldback.planner.simulation.lazy_mujoco import mujoco
 
 MODEL_RTOL: Final = 5e-7
 """Maximum relative difference between numbers of two compiled MuJoCo models that count as equal:
-MJCF files hold six significant digits. Larger values would accept an altered model."""
+MJCF files hold six significant digits."""
 MODEL_ATOL: Final = 2e-7
 """Maximum absolute difference between numbers near 0 of two compiled MuJoCo models that count as
-equal, in the model's units (pitch, rad, module mass): rounding. Larger values would accept an
-altered model."""
+equal, in the model's units (pitch, rad, module mass): rounding."""
 ELEMENTS_BY_PREFIX: Final = {
     "body": ("body", "nbody"),
     "jnt": ("joint", "njnt"),

@@ -19,14 +19,14 @@ VALUES_FORMAT: Final = "foldback-values/1"
 MAX_OWN_VALUES: Final = 45_000
 """Maximum number of values of the owner's own, such as measurements, that can be stored with a fold
 to colour its modules: one for each module and each of several times. More times are refused, as
-they would not fit into the body of a request; one value per module is always accepted. Chosen: 300
-times for 150 modules."""
+they would not fit into the body of a request; one value per module is always accepted. 300 times
+for 150 modules."""
 MAX_VALUES_NAME_CHARACTERS: Final = 80
 """Maximum number of characters of the name that the owner of a fold gives to the values by which
-its modules are coloured, and which a menu shows; a longer one is refused. Chosen."""
+its modules are coloured, and which a menu shows; a longer one is refused."""
 MAX_UNIT_CHARACTERS: Final = 20
 """Maximum number of characters of the unit of the values by which an owner colours a fold's
-modules, which stands beside the colour scale; a longer one is refused. Chosen."""
+modules, which stands beside the colour scale; a longer one is refused."""
 FIELDS: Final = frozenset({"format", "name", "unit", "low", "high", "rows", "data"})
 
 

@@ -37,28 +37,27 @@ from foldback.planner.plan.steps import Steps
 MAX_MEETING_MODULES: Final = 2_000_000
 """Maximum number of module poses (frames × modules) of a fold that are searched for the first
 moment at which two modules meet, which the fold's page names; if there is none among them, no such
-moment is named. Larger values take more time: about 1 s for this one. Measured."""
+moment is named. Measured."""
 MAX_DIRECT_MODULES: Final = 1500
 """Maximum number of modules of a chain for which it is computed at what moment modules would
 collide if all hinges turned to their folded angles at once, without a plan. For longer chains this
-is not reported. Larger values take more time. Chosen."""
+is not reported."""
 DIRECT_STEPS: Final = 100
 """Number of equal steps in which all hinges turn to their folded angles at once, without a plan, to
 find the first collision of that motion. With 100 it is reported to whole per cent; larger values
 are more exact and slower."""
 MAX_KNOT_MODULES: Final = 1500
 """Maximum number of modules of a chain for which the moment of a fold is searched at which the
-chain becomes knotted; for longer chains none is reported. Larger values take more time. Chosen."""
+chain becomes knotted; for longer chains none is reported."""
 OVERLAP_PITCH: Final = 1e-6
 """Overlap of two modules, in pitches, up to which they count as touching rather than as colliding
-when the first collision of a motion without a plan is searched: rounding. Chosen."""
+when the first collision of a motion without a plan is searched: rounding."""
 SUM_WEIGHT: Final = 1000.0
 """Weight, in pitches, of the equation that makes the weights of the nearest point sum to 1, when
 nonnegative least squares compute the distance of two modules. The weights are divided by their sum
-afterwards, so that other values change the distance by rounding only. Chosen."""
+afterwards, so that other values change the distance by rounding only."""
 CHUNK_POSES: Final = 2**15
-"""Number of modules' poses that are computed at once, over all frames. Larger values take more
-memory. Chosen."""
+"""Number of modules' poses that are computed at once, over all frames."""
 
 
 def moments_of(

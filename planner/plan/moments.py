@@ -14,12 +14,10 @@ from foldback.planner.plain_values import from_plain, plain_lists
 MOMENTS_FORMAT: Final = "foldback-moments/1"
 CONTACT_PITCH: Final = 0.1
 """Distance of two modules, in pitches, below which they count as having met, when a fold's page
-names the first moment at which parts of the chain meet. A larger value names an earlier moment.
-Chosen."""
+names the first moment at which parts of the chain meet."""
 CONTACT_LINKS: Final = 3
 """Minimum number of links along the chain between two modules for them to count when the first
-moment is searched at which parts of the chain meet: nearer ones are always close to each other.
-Larger values name a later moment. Chosen."""
+moment is searched at which parts of the chain meet: nearer ones are always close to each other."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

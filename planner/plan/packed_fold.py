@@ -44,14 +44,11 @@ ARRAY_FILES: Final = (names.RECORD, names.PLAYBACK, names.PLAN, names.START_PLAN
 """Files whose arrays a packed fold (a whole fold directory in one small file) holds in compressed
 form, each by its name."""
 ROOT_STEPS: Final = {"root_position": 2.0**-20, "root_wxyz": 2.0**-30}
-"""Quantisation of the position (pitches) and quaternion of a chain's root in a packed fold. Larger
-steps make smaller and less exact files; the quaternion needs a finer one, as its errors grow along
-the chain. Chosen."""
+"""Quantisation of the position (pitches) and quaternion of a chain's root in a packed fold."""
 ROOT_ARRAYS: Final = tuple(ROOT_STEPS)
 CLEARANCE_STEP_PITCH: Final = 2.0**-10
 """Step, in pitches, to multiples of which the distances between modules for plots are rounded in a
-packed fold (all files of a fold as one small file, as shipped with the program). A larger step
-makes smaller and less exact files. Chosen."""
+packed fold (all files of a fold as one small file, as shipped with the program)."""
 DIFFERENCE_ORDERS: Final = {"joint_angles_rad": 2, "reference_rad": 3}
 """A packed fold stores each array of joint angles as differences between frames, which are small
 numbers. Order of the differences (1: from frame to frame; 2: differences of those) that makes the

@@ -44,11 +44,9 @@ from foldback.planner.shapes.likeness import Likeness
 PLAN_FORMAT: Final = "foldback-plan/3"
 MAX_DENSE_ANGLES: Final = 2**25
 """Maximum number of joint angles (frames × hinges) of a plan that are held in one array (256 MiB);
-a longer plan of windows (moving sections of the chain) is refused where all angles are needed.
-Larger values take more memory. Chosen."""
+a longer plan of windows (moving sections of the chain) is refused where all angles are needed."""
 DEFLATE_LEVEL: Final = 6
-"""Compression level of a plan's files, from 1 to 9. Larger values make smaller files, more slowly.
-Chosen."""
+"""Compression level of a plan's files, from 1 to 9."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

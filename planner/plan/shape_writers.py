@@ -14,7 +14,7 @@ from foldback.planner.shapes.shape import Shape
 
 ROWS_PER_LINE = 8
 """Number of cells or joint angles on one line of an exported JSON file of a path, shape or chain,
-so that people can read and edit it. Chosen."""
+so that people can read and edit it."""
 
 
 def write_path(path: Path, *, title: str | None = None) -> bytes:

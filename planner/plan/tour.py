@@ -15,21 +15,20 @@ TOUR_FORMAT: Final = "foldback-tour/1"
 _bad: Final = partial(unexpected, "bad-tour")
 MAX_STOPS: Final = 50
 """Maximum number of stops of a tour (a guided sequence of captioned frames of a fold, which a page
-shows one after the other); a tour with more is refused. Chosen."""
+shows one after the other); a tour with more is refused."""
 MAX_CAPTION: Final = 300
 """Maximum number of characters of the caption of one stop of a tour (a guided sequence of captioned
-frames of a fold); a tour with a longer one is refused. With larger values captions could cover the
-fold on small screens. Chosen."""
+frames of a fold); a tour with a longer one is refused."""
 MAX_TITLE: Final = 200
 """Maximum number of characters of the title of a tour (a guided sequence of captioned frames of a
-fold); a tour with a longer title is refused. Chosen."""
+fold); a tour with a longer title is refused."""
 MAX_STOP_MODULES: Final = 8
 """Maximum number of modules that one stop of a tour (a guided sequence of captioned frames of a
-fold) highlights; a tour with more is refused. Chosen."""
+fold) highlights; a tour with more is refused."""
 MAX_NUMBER: Final = 999_999_999
 """Largest number of a frame or module that is accepted in a tour (a guided sequence of captioned
-frames of a fold) if the fold's own size is not known; a larger one is refused. Chosen: nine digits,
-as many as the address of a fold's page may hold."""
+frames of a fold) if the fold's own size is not known; a larger one is refused. Nine digits, as many
+as the address of a fold's page may hold."""
 DECIMAL: Final = r"-?\d{1,3}(?:\.\d{1,4})?"
 CAMERA_PATTERN: Final = rf"(?:{DECIMAL})?,(?:{DECIMAL})?,{DECIMAL}(?:,{DECIMAL},{DECIMAL})?"
 """Matches a camera in an address: azimuth and elevation in degrees (or empty), distance as a

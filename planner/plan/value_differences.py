@@ -10,19 +10,17 @@ import numpy as np
 
 SINGLE_PRECISION_ATOL_RAD: Final = 1e-6
 """Maximum difference, in rad, between a plan's joint errors and those in its timeline, which are in
-single precision: their rounding below 16 rad. Larger values would hide changed errors."""
+single precision: their rounding below 16 rad."""
 FIGURES_RTOL: Final = 1e-7
 """Maximum relative difference between a certificate's figures and the same figures computed again
-by a verification, to allow for rounding on another processor. Smaller values would refuse good
-plans, larger ones accept altered figures. Chosen."""
+by a verification, to allow for rounding on another processor."""
 FIGURES_ATOL: Final = 1e-9
 """Maximum absolute difference between a certificate's figures and the same figures computed again,
-in their units. Sums over a thousand modules lose 1e-12, and processors differ in the last digit:
-smaller values would refuse good plans, larger ones accept altered figures. Chosen."""
+in their units. Sums over a thousand modules lose 1e-12, and processors differ in the last digit."""
 Differences = Iterator[str]
 MAX_VALUE_CHARACTERS: Final = 60
 """Maximum length, in characters, of a value that a message about a difference between two files
-quotes; the rest is cut off. Larger values make longer messages. Chosen."""
+quotes; the rest is cut off."""
 MISSING: Final = object()
 """Placeholder for a value that only one of two compared files has; messages about the difference
 print it as “nothing”."""

@@ -23,26 +23,22 @@ from foldback.planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Re
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FRAME_TURN_RAD: Final = 0.01
 """Turn of a hinge, or of its target angle, since the last frame, rad, at which a simulated playback
-records the next frame. Larger values make smaller plans with a coarser motion between frames, whose
-clearance is harder to prove. Chosen."""
+records the next frame."""
 FRAME_MOVE_PITCH: Final = 0.2
 """Displacement of a module since the last frame, relative to the mean of all modules, pitches, at
 which a simulated playback records the next frame: the ends of a nearly straight chain go far while
-its hinges hardly turn. Larger values record fewer frames. Chosen."""
+its hinges hardly turn."""
 RESTING_FRAME_TURN_RAD: Final = 0.08
 """The same in a motion that rests between turns, whose frames lie on straight lines."""
 MAX_FRAME_STEPS: Final = 12
 """Maximum number of simulation steps between two recorded frames of a playback; a frame is then
-recorded even if the chain hardly moves. Larger values make smaller plans with a coarser record of
-slow motion. Chosen."""
+recorded even if the chain hardly moves."""
 GOAL_TOLERANCE_PITCH: Final = 0.1
 """Maximum position error at the end of a simulated playback that counts as folded: RMS distance of
-the modules from the goal shape, pitches, aligned with it if the chain is free. Larger values accept
-less exact results. Chosen."""
+the modules from the goal shape, pitches, aligned with it if the chain is free."""
 CANCEL_CHECK_STEPS: Final = 25
 """Number of simulation steps of a playback between two checks for cancellation and for a due
-progress report. Larger values react later to a cancellation, smaller ones slow the simulation down.
-Chosen."""
+progress report."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

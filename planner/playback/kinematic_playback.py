@@ -23,8 +23,7 @@ from foldback.planner.playback.unfolding import Unfolding
 
 KINEMATIC_CHUNK_FRAMES: Final = 256
 """Number of frames that a kinematic playback (angles follow the planned curve exactly, without
-forces) computes and yields at once. Larger values take more memory and a little less time; the
-frames are the same. Chosen."""
+forces) computes and yields at once."""
 
 
 def kinematic_frames(

@@ -30,8 +30,7 @@ from foldback.planner.progress import Cancelled, Report, never, silent
 
 SINK_CHUNK_FRAMES: Final = 256
 """Number of frames in each call of the callback that receives the frames of a playback, where all
-of them are delivered at the end of the simulation. Larger values make fewer, larger calls; the
-frames are the same. Chosen."""
+of them are delivered at the end of the simulation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

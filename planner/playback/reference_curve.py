@@ -14,35 +14,30 @@ from foldback.planner.clearance.sweep import sweep
 
 SPLINE_DEGREE: Final = 3
 """Degree of the B-spline through hinge angles that a playback follows: cubic, the lowest degree
-with continuous accelerations. A larger one is smoother, but departs further from the recorded
-motion. Chosen."""
+with continuous accelerations."""
 REFERENCE_CHUNK_FRAMES: Final = 64
-"""Maximum number of configurations of the chain whose turns and displacements are computed at once.
-Larger values take more memory and a little less time; the results are the same. Chosen."""
+"""Maximum number of configurations of the chain whose turns and displacements are computed at
+once."""
 MAX_PIECE_HALVINGS: Final = 5
 """Maximum number of times that the spacing of a curve's control points is halved where the curve
-brings modules too close together, as it cuts corners of the recorded motion. Larger values follow
-the record more closely there and take more time. Chosen."""
+brings modules too close together, as it cuts corners of the recorded motion."""
 HALVED_NEIGHBOURS: Final = SPLINE_DEGREE
 """Number of neighbouring polynomial pieces of a curve, on either side, that are halved together
 with a piece on which modules come too close. Equal to the spline's degree, because the control
 points of a piece shape no piece further away."""
 REFERENCE_CLEARANCE_PITCH: Final = 0.01
 """Clearance between modules, pitches, that the planned curve of a playback must exceed, or a
-quarter of the gap between two cells if that is less: room for the joint errors of robots. Larger
-values refine more curves and take more time. Chosen."""
+quarter of the gap between two cells if that is less: room for the joint errors of robots."""
 JOINT_LIMIT_MARGIN_RAD: Final = 1e-3
 """Margin, rad, between the planned angles of a playback and the end of a joint's range, so that
-joint errors of the simulated chain do not leave the range. Larger values cut off more of a planned
-motion near the stops. Chosen."""
+joint errors of the simulated chain do not leave the range."""
 OVERLAP_CHECK_RAD: Final = 0.04
 """Turn of the fastest hinge, rad, between two configurations of a planned curve that are checked
-for collisions; the straight motion between them is checked, too. Smaller values follow the curve
-more exactly and take more time. Chosen."""
+for collisions; the straight motion between them is checked, too."""
 ARC_LENGTH_PER_TURN: Final = 8.0
 """Maximum length of a planned curve (displacements included) between two samples, as a multiple of
 the turn of the fastest hinge between them: the ends of a nearly straight chain travel far while its
-hinges hardly turn. Smaller values take more samples. Chosen."""
+hinges hardly turn."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -39,27 +39,24 @@ from foldback.planner.simulation.contact_finder import ContactFinder, robot_cont
 SPEED_PACED_STEPS_SCALE: Final = 2
 """Factor of the number of simulation steps, and so of the duration, of a playback in which the
 fastest hinge turns evenly (``paced_by`` is ``speed``), relative to one with minimum peak torque: at
-the same duration the chain's ends would go faster. Larger values fold more slowly. Chosen."""
+the same duration the chain's ends would go faster."""
 MAX_REFINEMENT: Final = 4
 """Maximum factor of the numbers of frames and simulation steps of a playback. The factor is doubled
 until modules do not touch where straight lines join the frames; at the maximum the plan is played
-back as it is. Larger values save more plans and take more time and memory. Chosen."""
+back as it is."""
 STRAIGHT_TORQUE_RATIO: Final = 0.02
 """Ratio of the torques near straight to those elsewhere, for each level of patience. A straight
 chain is a soft rod, which swings long after a sudden stop:
 docs/decisions/0034-calm-motion.md."""
 TRACKING_LOST_RAD: Final = 0.5
 """Joint error (target angle − simulated angle), rad, above which the playback of a simulated robot
-ends as failed, because motors at their torque limit would not catch up. Larger values tolerate more
-and report failures later. Chosen."""
+ends as failed, because motors at their torque limit would not catch up."""
 LAW_SAMPLES_PER_RAD: Final = 180
 """Number of points at which hinge torques are computed to find the speed along a playback's curve,
-for each radian of its length (turns of the fastest hinge, or weighted displacements if larger).
-Larger values miss fewer short torque peaks and take more time. Chosen."""
+for each radian of its length (turns of the fastest hinge, or weighted displacements if larger)."""
 MAX_LAW_TORQUES: Final = 2**23
 """Maximum number of hinge torques (hinges × points on the curve) from which the speed along a
-playback's curve is computed: about 250 MB of memory. Smaller values sample long chains more
-coarsely, which may miss short torque peaks. Chosen."""
+playback's curve is computed: about 250 MB of memory."""
 
 
 class ReferenceTrajectory:

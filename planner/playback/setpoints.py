@@ -15,24 +15,20 @@ from foldback.planner.playback.reference_curve import Reference
 from foldback.planner.playback.time_scaling import TimeScaling, smooth_scaling
 
 SETPOINT_CHUNK_STEPS: Final = 256
-"""Maximum number of simulation steps whose target angles and rates are computed at once. Larger
-values take more memory and a little less time; the targets are the same. Chosen."""
+"""Maximum number of simulation steps whose target angles and rates are computed at once."""
 SETTLE_STEPS: Final = 15
 """Number of simulation steps for which the goal angles remain the target after the motion along the
-planned curve, so that joint errors decay before the final frame. Larger values end closer to the
-goal and take more time. Chosen."""
+planned curve, so that joint errors decay before the final frame."""
 AT_REST_RATE_RAD_S: Final = 1e-4
 """Speed of the fastest hinge, rad/s, below which a chain counts as at rest at the end of a playback
-by the published rule (preset ``paper``), or straight to the folded angles (preset ``direct``).
-Smaller values end playbacks later, closer to equilibrium. Chosen."""
+by the published rule (preset ``paper``), or straight to the folded angles (preset ``direct``)."""
 REST_STEPS: Final = 500
 """Number of consecutive simulation steps at rest after which a playback by the published rule
-(preset ``paper``), or straight to the folded angles (preset ``direct``), ends. Larger values take
-more time; with smaller ones a playback may end while the chain only pauses. Chosen."""
+(preset ``paper``), or straight to the folded angles (preset ``direct``), ends."""
 STALL_STEPS: Final = 3000
 """A playback by the published rule (preset ``paper``) waits until all hinges are near a recorded
 configuration before it goes on to the next. This is the maximum number of simulation steps, beyond
-the minimum, that it waits; then it ends as jammed. Larger values report jams later. Chosen."""
+the minimum, that it waits; then it ends as jammed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -22,27 +22,23 @@ from foldback.planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_P
 
 LIFTED_DEPTH_SHARE: Final = 0.5
 """Depth to which modules are lifted if the planned curve of a fold on a table lets them sink too
-deep into it, as a fraction of the permitted depth (0.01 pitches). Smaller values lift further and
-change the curve more. Chosen."""
+deep into it, as a fraction of the permitted depth (0.01 pitches)."""
 MAX_HEIGHT_ERROR_PITCH: Final = 0.005
 """Maximum difference, pitches, between the height of a module in the smooth curve of a fold on a
-table and in the recorded motion, where it stands on the table; above it the curve is corrected.
-Smaller values correct more and take more time. Chosen."""
+table and in the recorded motion, where it stands on the table; above it the curve is corrected."""
 CURVE_CORRECTIONS: Final = 8
 """Maximum number of rounds in which the control points of the curve of a fold on a table are
-corrected until modules stand on the table as recorded. Larger values leave smaller height errors
-and take more time. Chosen."""
+corrected until modules stand on the table as recorded."""
 MIN_LEVER_PITCH: Final = 0.03
 """Damping of the least squares by which hinges of a fold on a table are turned until modules have
 their recorded heights, in pitches of height per rad of turn: modules that a hinge raises by less
-are hardly corrected. Larger values leave larger height errors, with smaller turns. Chosen."""
+are hardly corrected."""
 MAX_CORRECTION_RAD: Final = 0.01
 """Maximum turn of a hinge, rad, in one round of correcting the curve of a fold on a table, as the
-correction is linearised. Larger values need fewer rounds but may overshoot. Chosen."""
+correction is linearised."""
 CURVE_CHUNK_POINTS: Final = 256
 """Maximum number of control points of the curve of a fold on a table whose module heights are
-computed at once. Larger values take more memory and a little less time; the curve is the same.
-Chosen."""
+computed at once."""
 
 
 class TableCurve(WindowCurve):

@@ -32,8 +32,7 @@ from foldback.planner.simulation.table_body import TableBody
 
 TABLE_CHUNK_STEPS: Final = 512
 """Maximum number of simulation steps of a fold on a table whose target angles and torques are
-computed at once. Larger values take more memory and a little less time; the targets are the same.
-Chosen."""
+computed at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

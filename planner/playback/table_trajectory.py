@@ -27,16 +27,13 @@ from foldback.planner.simulation.table_body import TableBody
 
 TABLE_SAMPLES_PER_RAD: Final = 300
 """Number of points at which hinge torques are computed to find the speed of a fold on a table, for
-each radian of its curve's length (sum of the turns of the fastest hinge). Larger values bound short
-torque peaks more surely and take more time. Chosen."""
+each radian of its curve's length (sum of the turns of the fastest hinge)."""
 MAX_TABLE_SAMPLES: Final = 2**16
 """Maximum number of points on the curve of a fold on a table at which hinge torques are computed to
-find its speed. Larger values take more memory and time; with smaller ones long folds may exceed the
-torque limit between points. Chosen."""
+find its speed."""
 MIN_TABLE_SAMPLES: Final = 128
 """Minimum number of points on the curve of a fold on a table at which hinge torques are computed to
-find its speed, however short the curve is. Larger values make short folds more exact and slower to
-plan. Chosen."""
+find its speed, however short the curve is."""
 
 
 class TableTrajectory:

@@ -17,26 +17,22 @@ from foldback.planner.playback.reference_curve import Reference
 
 MIN_PLAYBACK_STEPS: Final = 100
 """Minimum number of simulation steps of a playback along a planned curve; a shorter one is slowed
-down to it. Larger values make folds of a small motion take longer and need less torque. Chosen."""
+down to it."""
 RAMP_SHARE: Final = 0.08
 """Fraction of the duration in which a playback speeds up, and again in which it slows down, if its
-speed is even in between (kinematic, or paced by hinges, or preset ``direct``). Smaller values need
-larger torques at both ends. Chosen."""
+speed is even in between (kinematic, or paced by hinges, or preset ``direct``)."""
 STRAIGHT_SHARE: Final = 0.35
 """Fraction of a curve, from its straight end on, along which the torque bound of a patient playback
 rises to that of the rest: docs/decisions/0034-calm-motion.md."""
 MAX_SPEED_RATIO: Final = 2.0
 """Maximum speed along the curve of a playback whose peak torque is minimised at a given duration,
-as a multiple of its mean speed. Larger values reach smaller torques, but move faster in sections
-that need little torque. Chosen."""
+as a multiple of its mean speed."""
 MAX_CURVE_SPEED_RATIO: Final = 4.0
 """Maximum speed along the curve of a playback whose fastest hinge turns evenly, as a multiple of
-its mean speed, where hinges hardly turn but the chain's ends travel. Larger values spend less time
-in such sections. Chosen."""
+its mean speed, where hinges hardly turn but the chain's ends travel."""
 SCALING_STEPS: Final = 4096
 """Number of equal time intervals in which the speed profile of a kinematic or hinge-paced playback
-is tabulated; times of frames are interpolated in the table. Larger values are more exact and take
-more time. Chosen."""
+is tabulated; times of frames are interpolated in the table."""
 MAX_RESTING_SPEED_RATIO: Final = 1.25
 """Maximum speed of the fastest hinge in a motion that rests between turns, as a multiple of its
 mean speed: docs/decisions/0028-turns.md."""
@@ -49,12 +45,10 @@ TORQUE_BOUND_HALVINGS: Final = 30
 """Number of bisections in the search for the least torque bound of turns: a relative precision of
 1e-8."""
 TORQUE_CHUNK_SAMPLES: Final = 512
-"""Maximum number of points of a playback's curve whose hinge torques are computed at once. Larger
-values take more memory and a little less time; the torques are the same. Chosen."""
+"""Maximum number of points of a playback's curve whose hinge torques are computed at once."""
 SMOOTHING_SAMPLES: Final = 8.0
 """Standard deviation, in samples along the planned curve, of the Gaussian filter that smooths the
-speed of a playback. Larger values change torques more gently, but leave the motors less used: the
-fold is slower, or its peak torque is larger at a given duration. Chosen."""
+speed of a playback."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -12,7 +12,7 @@ from foldback.planner.errors import InputError
 MAX_ANGLE_DIFFERENCE_RAD: Final = 1e-6
 """Maximum difference, rad, of two hinge angles that count as equal, where rounding is to be
 ignored: a plan's last frame and its folded chain, a first frame and the straight chain, an angle
-and the end of a joint's range. Larger values accept worse files. Chosen."""
+and the end of a joint's range."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

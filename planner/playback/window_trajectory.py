@@ -38,32 +38,25 @@ from foldback.planner.simulation.window_robot import RigidEnds
 
 WINDOW_SAMPLES_PER_RAD: Final = 25
 """Number of points at which hinge torques are computed to find the speed of a windowed playback (a
-short section of the chain moves at a time), for each radian that the fastest hinge turns. Larger
-values bound torque peaks more surely and take more time. Chosen."""
+short section of the chain moves at a time), for each radian that the fastest hinge turns."""
 MAX_WINDOW_SAMPLES: Final = 2**15
 """Maximum number of points at which hinge torques are computed to find the speed of a windowed
-playback (a short section of the chain moves at a time). Larger values take more memory and time;
-with smaller ones long folds may have higher torque peaks. Chosen."""
+playback (a short section of the chain moves at a time)."""
 FRAME_RAD: Final = 0.04
 """Turn of the fastest hinge, rad, between two stored frames of a kinematic playback, or of a
-windowed one (a short section of the chain moves at a time). Larger values make smaller plans with a
-coarser motion. Chosen."""
+windowed one (a short section of the chain moves at a time)."""
 MODEL_JOINTS_MULTIPLE: Final = 16
 """Multiple to which the number of simulated joints is rounded up in a windowed playback, which
-simulates only the section of the chain that moves, so that MuJoCo's model is seldom recompiled.
-Larger values recompile less often and make steps slower. Chosen."""
+simulates only the section of the chain that moves, so that MuJoCo's model is seldom recompiled."""
 MIN_STRETCH_STEPS: Final = 48
 """Minimum number of simulation steps in a windowed playback before it simulates another section of
-the chain. Larger values change sections less often, but simulate more joints in every step.
-Chosen."""
+the chain."""
 MIN_SPARE_JOINTS: Final = 8
 """Minimum number of joints of a simulated section in a windowed playback beyond those that move in
-its first steps. Larger values change sections less often, but simulate more joints in every step.
-Chosen."""
+its first steps."""
 MAX_WINDOW_REFINEMENT: Final = 8
 """Maximum factor of the control points, frames and steps of a windowed playback (a short section of
-the chain moves at a time). The factor is doubled until the smooth curve keeps modules clear. Larger
-values save more plans and take more time and memory. Chosen."""
+the chain moves at a time). The factor is doubled until the smooth curve keeps modules clear."""
 SUPPORT_POINTS: Final = 4
 """Number of consecutive control points that a point of a uniform cubic B-spline depends on: the
 degree plus one."""

@@ -23,15 +23,13 @@ QUARTER_TURNS_DEG: Final = {"0": 0.0, "+": 90.0, "-": -90.0, "\u2212": -90.0, "\
 typographic minus signs are included."""
 MIN_ANGLES: Final = 2
 """Minimum number of angle signs in a file without a heading that is read as a string of hinge
-angles. Smaller values would take other short texts for such strings. Chosen."""
+angles."""
 DIGITS_CHECKED: Final = 4096
 """Number of characters at the beginning of a text that are searched for digits only, to recognise
-hinge angles written as digits, which are refused with an explanation. Larger values misjudge fewer
-texts, and cost more. Chosen."""
+hinge angles written as digits, which are refused with an explanation."""
 MAX_COLUMNS: Final = 4
 """Maximum number of columns of a table of cells. A first line with more numbers, or one longer
-number alone, counts as angles of a folding puzzle and is refused with an explanation; smaller
-values refuse tables of cells. Chosen."""
+number alone, counts as angles of a folding puzzle and is refused with an explanation."""
 _TURN_NUMBER: Final = re.compile(r"[+\-\u2212]?(?:[0-4]+|90|180|270)(?:\.0*)?")
 """Matches one word of a text of hinge angles as numbers: a run of digits 0 to 4, each of which is
 one hinge's quarter turns ('0132'), or an angle of 90, 180 or 270 degrees."""

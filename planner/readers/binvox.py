@@ -15,10 +15,10 @@ from foldback.planner.shapes.shape import Shape
 BINVOX_MAGIC: Final = b"#binvox"
 MAX_BINVOX_HEADER_BYTES: Final = 4096
 """Maximum size of the text header of a binvox file, in bytes; a file whose header does not end
-within it is refused. Chosen; usual headers take 100 bytes."""
+within it is refused. Usual headers take 100 bytes."""
 MAX_SIDE_CELLS: Final = 4096
 """Maximum number of voxels along one side of a binvox grid; a header that states more counts as
-damaged. Larger values admit grids that take more memory. Chosen."""
+damaged."""
 DATA: Final = re.compile(rb"(?m)^data[ \t]*\r?\n")
 
 

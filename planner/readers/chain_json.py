@@ -20,12 +20,10 @@ CHAIN_KEYS: Final = (
 )
 MAX_RADIANS: Final = 6.3
 """Largest magnitude of angles, one turn in rad, at which a file's angles are checked for being
-radians by mistake (degrees are expected). Larger values would refuse chains with small angles in
-degrees."""
+radians by mistake (degrees are expected)."""
 RADIANS_TOLERANCE: Final = 0.01
 """Maximum deviation of angles from multiples of π/2, in quarter turns, at which a file is refused
-because its angles seem to be radians: 1.57 counts. Larger values also refuse small angles in
-degrees. Chosen."""
+because its angles seem to be radians: 1.57 counts."""
 QUARTER_TURNS: Final = frozenset((1.0, 2.0, 3.0))
 """Magnitudes that look like counts of quarter turns. A file whose angles all have these magnitudes
 or are 0 is refused, because degrees are expected."""

@@ -15,14 +15,13 @@ from foldback.planner.chain.module import CUBE, module_named
 from foldback.planner.errors import InputError
 
 MAX_SUGGESTED_NAMES: Final = 4
-"""Maximum number of similar names that the error about an unknown gallery example suggests. A
-larger value makes the message longer. Chosen."""
+"""Maximum number of similar names that the error about an unknown gallery example suggests."""
 MAX_LISTED_EXAMPLES: Final = 6
 """Maximum number of suitable gallery examples that the error about a wrong kind of module or number
-of modules lists; further ones are only counted. A larger value makes the message longer. Chosen."""
+of modules lists; further ones are only counted."""
 MIN_NAME_SIMILARITY: Final = 0.5
 """Minimum similarity, from 0 to 1 (``difflib``), of an example's name that the error about an
-unknown gallery example suggests. A larger value suggests fewer names. Chosen."""
+unknown gallery example suggests."""
 TABLE_RESULTS: Final = "table_results.json"
 """Name of the file that lists the gallery examples which fold on a table, with the joint torque of
 each; ``examples/run_gallery.py --world table`` writes it."""

@@ -29,12 +29,10 @@ BINARY_CHUNK: Final = 0x004E4942
 """Type code of the chunk of a GLB file that holds binary data, from section 4.4.3 of the glTF 2.0
 specification."""
 MAX_NODES: Final = 100_000
-"""Maximum number of nodes, and of placed meshes, of a glTF scene; a scene with more is refused.
-Larger values admit larger scenes, and take more memory and time. Chosen."""
+"""Maximum number of nodes, and of placed meshes, of a glTF scene; a scene with more is refused."""
 MAX_GLTF_VERTICES: Final = 20_000_000
 """Maximum number of vertices of all parts of a glTF scene, where vertices that several parts share
-count for each; a scene with more is refused. Larger values admit larger scenes and take more
-memory. Chosen."""
+count for each; a scene with more is refused."""
 COMPONENT_TYPES: Final = {
     5120: "<i1",
     5121: "<u1",

@@ -13,10 +13,10 @@ from foldback.planner.shapes.solid import MAX_TRIANGLES
 
 BYTES_PER_CELL: Final = 96
 """Allowed size of a text file for each cell of the largest accepted shape, in bytes; a larger file
-is refused before it is parsed. Larger values admit wordier files and take more memory. Chosen."""
+is refused before it is parsed."""
 SPARE_BYTES: Final = 65_536
 """Size that a text file may have, in bytes, in addition to the allowance for each cell, for
-headings and comments. Larger values admit longer ones. Chosen."""
+headings and comments."""
 LINES_PER_CELL: Final = 4
 """Allowed number of lines of a text file for each cell of the largest accepted shape: one of data,
 the others comments or blank."""
@@ -27,7 +27,7 @@ LINES_PER_TRIANGLE: Final = 4
 mesh: that of the triangle, and those of vertices, normals and texture coordinates."""
 MAX_QUOTE_CHARACTERS: Final = 40
 """Maximum length, in characters, of text from an input file that an error message quotes; the rest
-is cut off. Larger values make longer messages. Chosen."""
+is cut off."""
 
 DECIMAL_COMMA: Final = re.compile(r"[+-]?[0-9]+,[0-9]+(?:[eE][+-]?[0-9]+)?\Z")
 """Matches a number with a decimal comma, as some languages write it."""

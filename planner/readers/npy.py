@@ -25,7 +25,7 @@ LINE_ENDS: Final = b"\r\n"
 """Bytes that a program for text may have written after the data."""
 MAX_NPY_HEADER_BYTES: Final = 4096
 """Maximum size of the header of a NumPy file, in bytes; a larger one is refused, as NumPy evaluates
-it as a Python literal. Chosen; usual headers take 128 bytes."""
+it as a Python literal. Usual headers take 128 bytes."""
 
 
 def is_npy(data: bytes) -> bool:

@@ -13,8 +13,7 @@ from numpy.typing import NDArray
 from foldback.planner.arrays import Array, Ints
 
 TEXT_CHUNK_BYTES: Final = 4 << 20
-"""Number of bytes of a text with rows of numbers that are parsed at once. Larger values take more
-memory, smaller ones more time; the result is the same. Chosen."""
+"""Number of bytes of a text with rows of numbers that are parsed at once."""
 SPACE_BYTE: Final = 32
 """Code of a space in ASCII; bytes with this or a smaller code separate the words of a text."""
 NEWLINE_BYTE: Final = 10

@@ -33,7 +33,7 @@ TEXTURE: Final = re.compile(rb"/[^ \n]*")
 COUNTED_BACK: Final = re.compile(rb"\nf[^-\n]*-")
 OBJ_PROBE_BYTES: Final = 65_536
 """Number of bytes after leading comments that are searched for a vertex line, to recognise an OBJ
-file. Larger values recognise files with longer preambles, and cost more. Chosen."""
+file."""
 
 
 def is_obj(data: bytes) -> bool:

@@ -18,11 +18,10 @@ from foldback.planner.shapes.solid import Solid, check_triangles
 KIND: Final = re.compile(rb"\s*((?:ST)?C?N?4?n?OFF)(?=[\s#\d]|$)")
 """Matches the keyword. Counts may follow it without a space, as in the ModelNet data sets."""
 KEYWORD_PROBE_BYTES: Final = 64
-"""Number of bytes after leading comments in which an OFF file's keyword is searched. Larger values
-allow more space before it. Chosen."""
+"""Number of bytes after leading comments in which an OFF file's keyword is searched."""
 MAX_POLYGON_CORNERS: Final = 10_000
 """Maximum number of corners of one polygon of an OFF mesh; a larger number counts as damage and the
-file is refused. Chosen."""
+file is refused."""
 
 Mesh: TypeAlias = "tuple[Array, Ints, Ints, int]"
 """Points (V, 3), corners of all polygons, (P,) corners of each polygon, number of extra lines."""

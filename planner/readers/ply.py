@@ -19,7 +19,7 @@ from foldback.planner.shapes.solid import MAX_TRIANGLES, Solid, check_triangles
 
 MAX_PLY_HEADER_BYTES: Final = 65_536
 """Maximum size of the header of a PLY file, in bytes; a file whose header does not end within it is
-refused. Larger values admit longer comments. Chosen."""
+refused."""
 END_HEADER: Final = re.compile(rb"(?<=[\r\n])end_header[ \t]*(?:\r\n|\n|\r)")
 TYPES: Final = {
     **{"char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4"},

@@ -55,8 +55,7 @@ XML_KINDS: Final = (
 )
 XML_PROBE_BYTES: Final = 2048
 """Number of bytes at the beginning of an XML file that are searched for elements of known
-unsupported formats, to name the format in the error. Larger values recognise files with longer
-preambles. Chosen."""
+unsupported formats, to name the format in the error."""
 
 
 def refuse_other_kinds(data: bytes, expected: str) -> None:

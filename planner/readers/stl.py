@@ -22,28 +22,25 @@ TRIANGLE_BYTES: Final = 50
 precision, and two attribute bytes."""
 STL_PROBE_BYTES: Final = 2048
 """Number of bytes at the beginning of an STL file, and after its first line, that are searched for
-the keywords of a text STL, to tell it from a binary one. Larger values recognise files with longer
-preambles. Chosen."""
+the keywords of a text STL, to tell it from a binary one."""
 PROBED_TRIANGLES: Final = 2048
 """Maximum number of triangles whose coordinates are checked for plausible magnitudes, to tell a
-binary STL from arbitrary bytes. Larger values judge more surely and more slowly. Chosen."""
+binary STL from arbitrary bytes."""
 MAX_NAME_BYTES: Final = 1 << 20
 """Maximum size of the first line of a text STL, which holds the solid's name, in bytes. A file with
-a longer one is not recognised as a text STL. Chosen."""
+a longer one is not recognised as a text STL."""
 MAX_TAIL_BYTES: Final = 4096
 """Maximum number of bytes after the last triangle of a binary STL that are ignored; with more, the
-file counts as damaged. Chosen."""
+file counts as damaged."""
 ROW: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 PLAUSIBLE_COORDINATES: Final = (1e-9, 1e9)
 """Exclusive range of magnitudes of coordinates, in the file's unit, that count as plausible when a
 binary STL is told from arbitrary bytes. About a quarter of random numbers of single precision lie
-in it. Chosen."""
+in it."""
 MIN_PLAUSIBLE_SHARE: Final = 0.6
-"""Minimum fraction of plausible coordinates for data to count as a binary STL. Larger values refuse
-more damaged files, smaller ones accept arbitrary bytes, of which a quarter is plausible. Chosen."""
+"""Minimum fraction of plausible coordinates for data to count as a binary STL."""
 PART_BYTES: Final = 4 << 20
-"""Number of bytes of a text STL that are parsed at once. Larger values take more memory, smaller
-ones more time; the mesh is the same. Chosen."""
+"""Number of bytes of a text STL that are parsed at once."""
 TAIL_IGNORED: Final = "bytes after the last triangle were ignored."
 FACET_END: Final = b"endfacet"
 SOLID_NAME: Final = re.compile(rb"(?m)^[ \t]*(?:end)?solid\b(?:(?!\bfacet\b).)*")

@@ -13,14 +13,13 @@ from foldback.planner.errors import InputError
 from foldback.planner.readers.limits import MAX_CELLS, described, quote, too_many
 
 MAX_INTEGER_DIGITS: Final = 18
-"""Maximum number of characters of a JSON integer that is parsed exactly. Longer ones become a
-float, because exact parsing takes time by the square of the length."""
+"""Maximum number of characters of a JSON integer that is parsed exactly."""
 HUGE_NUMBER: Final = 1e300
 """Magnitude to which JSON integers that are too long for exact parsing are clipped, so that they
 stay finite; every later check of a range refuses it."""
 SPARE_VALUES: Final = 1000
 """Number of lists, and of values, that a JSON file may have beyond those of its cells; a file with
-more is refused before it is parsed. Larger values take more memory. Chosen."""
+more is refused before it is parsed."""
 KEYS_OF_FORM: Final = re.compile(
     r"(?:unit|pitch|scale|ax[ei]s|order|origin|offset|rotat|transform|mirror|joint|angle|cell|closed|module\b)"
 )

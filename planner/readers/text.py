@@ -38,11 +38,11 @@ PADDING: Final = b"\0\x1a \t\r\n"
 systems and tapes filled files up with."""
 TEXT_PROBE_SIZE: Final = 20_000
 """Number of bytes, or characters, at the beginning of a file that are checked to be text, and to
-contain a number. Larger values recognise more files with long preambles, and cost more. Chosen."""
+contain a number."""
 UTF16_PROBE_CHARACTERS: Final = 64
 """Number of characters at the beginning of a file without a byte order mark, every other byte of
 which must be 0 for the file to be read as UTF-16. Larger values take fewer files for UTF-16 by
-mistake. Chosen."""
+mistake."""
 BYTE_ORDER_MARKS: Final = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),

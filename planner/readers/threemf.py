@@ -26,26 +26,24 @@ ENTRY_FACTOR: Final = 2
 """Factor by which signatures of entries in an archive may exceed ``MAX_ENTRIES`` before it is
 listed; compressed data may hold some by accident."""
 MAX_ENTRIES: Final = 4_000
-"""Maximum number of files in a 3MF archive; an archive with more is refused. Larger values take
-more time to list. Chosen."""
+"""Maximum number of files in a 3MF archive; an archive with more is refused."""
 MAX_UNPACKED_BYTES: Final = 400 << 20
 """Maximum size of all models of a 3MF archive after unpacking, in bytes; an archive with more is
-refused. Larger values admit larger models, and take more memory and time. Chosen."""
+refused."""
 FREE_UNPACKED_BYTES: Final = 16 << 20
 """Unpacked size of a 3MF archive, in bytes, up to which any compression ratio is accepted; larger
-archives with a high ratio are refused as zip bombs. Chosen."""
+archives with a high ratio are refused as zip bombs."""
 MAX_COMPRESSION_RATIO: Final = 100
 """Maximum ratio of unpacked to packed size of a large 3MF archive; with a higher one it is refused
-as a zip bomb. Smaller values refuse more regular models. Chosen."""
+as a zip bomb."""
 MAX_INSTANCES: Final = 20_000
 """Maximum number of placed meshes of a 3MF model, nested components included; a model with more is
-refused. Larger values admit larger models and take more time. Chosen."""
+refused."""
 MAX_NESTING: Final = 64
 """Maximum depth of components within components of a 3MF model; a deeper model is refused, so that
-one that contains itself is, too. Chosen."""
+one that contains itself is, too."""
 XML_PIECE_BYTES: Final = 1 << 18
-"""Number of bytes of a 3MF model's XML that are unpacked and parsed at once. Larger values take
-more memory; the result is the same. Chosen."""
+"""Number of bytes of a 3MF model's XML that are unpacked and parsed at once."""
 RELATIONSHIPS: Final = "_rels/.rels"
 """Name of the file in a 3MF archive that states which of its models is the main one (Open Packaging
 Conventions)."""
@@ -53,7 +51,7 @@ MAIN_MODEL: Final = re.compile(rb"<[^<>]*/3dmodel[\"'][^<>]*>")
 TARGET: Final = re.compile(rb"\bTarget\s*=\s*[\"']/?([^\"'<>]*)")
 MAX_RELATIONSHIPS_BYTES: Final = 1 << 16
 """Maximum number of bytes that are read of the list of relationships in a 3MF archive, which names
-the main model; one relationship takes about 200. Chosen."""
+the main model; one relationship takes about 200."""
 MATERIAL_TYPES: Final = ("model", "surface")
 """Types of objects in a 3MF model that are solid material; objects of other types (supports) are
 left out."""

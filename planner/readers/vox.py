@@ -16,10 +16,10 @@ from foldback.planner.shapes.shape import Shape
 VOX_MAGIC: Final = b"VOX "
 MAX_CHUNKS: Final = 100_000
 """Maximum number of chunks (typed blocks of data) of a MagicaVoxel file; a file with more is
-refused. Larger values admit larger files and take more time. Chosen."""
+refused."""
 MAX_SCENE_NODES: Final = 10_000
 """Maximum number of nodes of a MagicaVoxel file's scene graph that are visited; a file with more is
-refused. Larger values admit larger scenes and take more time. Chosen."""
+refused."""
 FILE_HEADER_BYTES: Final = 8
 """Size of the signature and version of a MagicaVoxel file, before the first chunk (typed block of
 data), in bytes."""
@@ -32,7 +32,7 @@ MAX_PADDING_BYTES: Final = 4096
 """Maximum number of bytes without a meaning after the last chunk."""
 MAX_FRAME_DIGITS: Final = 9
 """Maximum number of digits that are read of an animation frame's number in a MagicaVoxel file, so
-that hostile numbers take no time; further digits are cut off. Chosen."""
+that hostile numbers take no time; further digits are cut off."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -28,8 +28,8 @@ Line: TypeAlias = "tuple[int, list[str]]"
 """Number and words of a line."""
 MAX_COUNT_DIGITS: Final = 9
 """Maximum number of digits of the first line of an XYZ file that states the number of points. A
-longer number is cut to one digit more, so that parsing stays fast and the number matches no file.
-Chosen."""
+longer number is cut to one digit more, so that parsing stays fast and the number matches no
+file."""
 
 
 def is_xyz(text: str) -> bool:

@@ -13,4 +13,4 @@ SMOOTHING_WAYS: Final = (SMOOTHED, SOFTENED, RECORDED)
 and averages of the motion, fewer of them, and only a new timing along the recorded motion."""
 MAX_SMOOTHED_ANGLES: Final = 2**23
 """Maximum number of hinge angles (frames × hinges) of a plan that is smoothed; longer plans stay as
-they are. Larger values take more memory and time. Chosen."""
+they are."""

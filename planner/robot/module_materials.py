@@ -10,10 +10,10 @@ from foldback.planner.errors import InputError
 
 DENSITY_RANGE_KG_M3: Final = (1.0, 30_000.0)
 """Minimum and maximum density of a module's material that is accepted, in kg/m³; other values are
-refused as implausible. Chosen."""
+refused as implausible."""
 WALL_M: Final = 0.001
 """Thickness, in m, of the solid wall of a module's cube around its servos, from which the module's
-mass is computed. A larger value makes modules heavier. Chosen."""
+mass is computed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

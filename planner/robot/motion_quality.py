@@ -14,8 +14,7 @@ from foldback.planner.playback.reference_curve import record_lengths
 from foldback.planner.robot.smoothing import DISTANCE_WEIGHT
 
 TAIL_CHUNK_FRAMES: Final = 64
-"""Number of frames whose poses are computed at once, to measure how far the chain's ends travel.
-Larger values take more memory; the result is the same. Chosen."""
+"""Number of frames whose poses are computed at once, to measure how far the chain's ends travel."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

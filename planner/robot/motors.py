@@ -17,10 +17,10 @@ from foldback.planner.simulation.mujoco_tree import Tree
 
 MAX_INTERVALS_PER_STEP: Final = 4
 """Maximum number of intervals between two frames of a plan, at whose ends the motors' torques are
-computed. Larger values find torque peaks more exactly and take longer. Chosen."""
+computed."""
 MAX_TORQUE_MODULES: Final = 1_000_000
 """Maximum number of intervals times modules for which the motors' torques are computed; longer
-plans get longer intervals. Larger values find torque peaks more exactly and take longer. Chosen."""
+plans get longer intervals."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,10 +22,10 @@ from foldback.planner.robot.trajectory import CutPath, Trajectory
 Indices = NDArray[np.int64]
 MAX_STILL_TURN_RAD: Final = 1e-6
 """Maximum turn of the fastest hinge, in rad, between frames that are merged into one when a plan
-gets a new timing, as nothing moves. Larger values change the motion. Chosen."""
+gets a new timing, as nothing moves."""
 RATE_LIMIT_RANGE: Final = (1e-6, 1e6)
 """Minimum and maximum limit of speed (rad/s) and of acceleration (rad/s²) that is accepted for a
-new timing of a plan; others are refused as implausible. Chosen."""
+new timing of a plan; others are refused as implausible."""
 
 
 def retime(plan: Plan, max_speed_rad_s: float, max_acceleration_rad_s2: float) -> Trajectory:

@@ -24,12 +24,11 @@ from foldback.planner.robot.servos import Servo, servos
 HINGES_PER_MODULE: Final = 2
 """Number of hinges of one cube, those of a universal joint; a module needs as many servo axes."""
 PERMANENT_TORQUE_SHARE: Final = 1.0 / 3.0
-"""Fraction of its stall torque that a servo is assumed to supply permanently. Larger values choose
-weaker servos. Feetech rates its servos at 0.30 to 0.33; ROBOTIS states that robots with AX and
-XL-320 move stably up to 1/5."""
+"""Fraction of its stall torque that a servo is assumed to supply permanently. Feetech rates its
+servos at 0.30 to 0.33; ROBOTIS states that robots with AX and XL-320 move stably up to 1/5."""
 PITCH_RANGE_M: Final = (1e-4, 10.0)
 """Minimum and maximum pitch (distance between neighbouring modules) that is accepted to choose
-servos, in m; others are refused as implausible. Chosen."""
+servos, in m; others are refused as implausible."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -26,7 +26,7 @@ from foldback.planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, s
 
 SOFTENED_EVALUATIONS: Final = MAX_EVALUATIONS // 4
 """Maximum number of configurations whose clearance a slight smoothing checks, which is tried if the
-full one fails certification. Larger values smooth more, and fail more often. Chosen."""
+full one fails certification."""
 
 
 def check_smoothable(plan: Plan) -> None:

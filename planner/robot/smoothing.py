@@ -44,66 +44,61 @@ from foldback.planner.robot.smoothing_targets import (
 
 MAX_EVALUATIONS: Final = 20_000
 """Maximum number of configurations of the chain that smoothing checks for collisions in one motion;
-then it ends with the shortest motion found so far. Larger values shorten motions more and take more
-time. Chosen."""
+then it ends with the shortest motion found so far."""
 TORQUE_WEIGHTS: Final = ((0.6, 0.15), (1.0, 0.6))
 """Stages of smoothing a motion: (fraction of the budget of clearance checks at which the stage
-ends, weight of torque in the minimised cost; at 1 torque counts as much as path length at first).
-Larger weights give less torque, but shorten tangled motions less. Chosen."""
+ends, weight of torque in the minimised cost; at 1 torque counts as much as path length at
+first)."""
 TIGHT_SIZE: Final = 0.98
 """Smallest module size, as a fraction of the pitch, with which smoothing checks for collisions; it
 uses the actual size if that is larger. Modules of this size come no closer than in the recorded
-motion, so larger values keep more clearance and smooth less. Chosen."""
+motion."""
 SMOOTHED_FRAMES: Final = 150
-"""Approximate number of frames with which a motion is smoothed, within the limits of their spacing.
-Larger values smooth finer details, more slowly. Chosen."""
+"""Approximate number of frames with which a motion is smoothed, within the limits of their
+spacing."""
 FRAME_SPACING_RANGE_RAD: Final = (0.015, 0.06)
 """Minimum and maximum length of motion between two frames of a smoothed motion, in rad of joint
-motion. Smaller values smooth finer details, more slowly. Chosen."""
+motion."""
 CLEARANCE_SLACK_PITCH: Final = 0.001
 """Additional clearance, in pitches, that smoothing demands at frames and halfway between them, as a
-reserve for the motion in between. Larger values smooth less; smaller ones fail more often in
-between. Chosen."""
+reserve for the motion in between."""
 SIMPLIFIED_PARTS: Final = (1, 3, 6, 12, 24, 48)
 """Numbers of parts into which smoothing divides a motion, in this order; each part is replaced by a
-straight line or a mean if that is clear. Larger numbers smooth finer details, more slowly.
-Chosen."""
+straight line or a mean if that is clear."""
 CALM_PARTS: Final = 12
 """Number of parts over which a motion without detours is averaged, so that hinges do not stop
 suddenly: docs/decisions/0034-calm-motion.md."""
 MIN_PART_FRAMES: Final = 4
 """Minimum mean number of frames of the parts into which smoothing divides a motion; it is divided
-no further. Smaller values smooth finer details, more slowly. Chosen."""
+no further."""
 HALVING_ROUNDS: Final = 1
 """Smoothing moves hinges towards a shorter motion and reduces this step, round by round, where
 modules would collide. In this number of first rounds the hinges concerned make half of their step;
-in later rounds they keep their angle. Larger values shorten motions more, more slowly. Chosen."""
+in later rounds they keep their angle."""
 WHOLE_FRAME_FROM_ROUND: Final = 6
 """Number of rounds after which a collision makes all hinges of its frame keep their angles when
 smoothing moves a motion towards a shorter one; in earlier rounds only the hinges between the two
-colliding modules do. Larger values shorten motions more, but more attempts fail. Chosen."""
+colliding modules do."""
 MAX_FOLLOWING_ROUNDS: Final = 14
 """Maximum number of rounds in which smoothing holds back hinges between colliding modules while it
-moves a motion towards a shorter one; with collisions left after them, this attempt is given up.
-Larger values shorten motions more, more slowly. Chosen."""
+moves a motion towards a shorter one; with collisions left after them, this attempt is given up."""
 MIN_FOLLOWED_SHARE: Final = 0.02
 """Smallest step of a hinge, as a fraction of the difference between its angle and that in the
 shorter motion towards which smoothing moves it. A hinge that collisions restrict to less keeps its
-angle. Larger values shorten motions less and check fewer frames. Chosen."""
+angle."""
 MIN_PASS_GAIN: Final = 0.005
 """Minimum relative decrease of a motion's cost (length and torque) by one pass of smoothing; two
-passes in a row with less end the smoothing. Smaller values smooth longer. Chosen."""
+passes in a row with less end the smoothing."""
 MAX_RESAMPLINGS: Final = 6
 """Maximum number of times that frames are added where a motion with evenly spaced frames cuts a
-corner and modules come closer than before; with such places left, the motion keeps its own frames.
-Larger values resample more motions, more slowly. Chosen."""
+corner and modules come closer than before; with such places left, the motion keeps its own
+frames."""
 MARGIN_ROUNDING_PITCH: Final = 1e-9
 """Loss of clearance, in pitches, that a smoothed motion may have against the given one:
 rounding."""
 MIN_PROVED_BOUND_PITCH: Final = 1e-9
 """Smallest proved lower bound of the clearance between modules, in pitches, with which a smoothed
-motion counts as free of contact: just above 0, because of rounding. With a larger value the proof
-computes many more distances, for a gap that nobody needs."""
+motion counts as free of contact: just above 0, because of rounding."""
 MIN_EFFORT: Final = 1e-9
 """Minimum torque effort by which the costs of a motion are divided to scale the weight of torque:
 it avoids a division by zero for a motion without torque. In the effort's own unit."""
@@ -112,12 +107,10 @@ MIN_STEP_LENGTH_RAD: Final = 1e-6
 smoothing, to avoid a division by zero."""
 DISTANCE_WEIGHT: Final = 0.03
 """Radians of hinge rotation that count as much as a displacement of a module by one pitch, where
-smoothing measures the length of a motion that it shortens. Larger values shorten the ways of
-modules more than the turns of hinges. Chosen: as in playbacks."""
+smoothing measures the length of a motion that it shortens. As in playbacks."""
 SWEEP_STEPS: Final = 6
 """Number of consecutive intervals between frames that one sweep checks for collisions in smoothing;
-a sweep reports its closest place only. Smaller values find more close places at once, more slowly.
-Chosen."""
+a sweep reports its closest place only."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

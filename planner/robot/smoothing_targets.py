@@ -10,8 +10,8 @@ from foldback.planner.arrays import Array, Flags, Ints
 
 FADE_FRAMES: Final = 3
 """Half width, in frames, of the averaging filters by which the effect of smoothing fades in at the
-start of a changed section of a motion, and out at its end; each takes about twice as many frames.
-Larger values change speeds more gently. Chosen."""
+start of a changed section of a motion, and out at its end; each takes about twice as many
+frames."""
 MIN_TARGET_WEIGHT: Final = 1e-9
 """Minimum weight, from 0 to 1, by which smoothing moves a frame towards a straight line or an
 average. Smaller weights count as 0: they are rounding errors of the running sums that compute the

@@ -19,18 +19,16 @@ REST_FILE: Final = "rest.npz"
 Indices = NDArray[np.int64]
 CELLS_PER_PIECE: Final = 2
 """Number of grid intervals, in the computation of the fastest timing of a motion along its path,
-for each straight piece of the path and each half of a rounded corner. Larger values made motions
-faster by less than one per cent, and take longer. Measured."""
+for each straight piece of the path and each half of a rounded corner. Measured."""
 MIN_PATH_CELLS: Final = 200
 """Approximate minimum number of grid intervals in the computation of the fastest timing of a motion
-along its whole path, so that paths of few frames get a fine grid as well. Larger values are more
-exact and slower. Chosen."""
+along its whole path, so that paths of few frames get a fine grid as well."""
 MIN_PIECE_SHARE: Final = 1e-6
 """Minimum length of a straight piece between two blended corners of a path, as a fraction of the
-step between frames; a shorter one is rounding and is left out. Chosen."""
+step between frames; a shorter one is rounding and is left out."""
 CORNERS_AT_ONCE: Final = 256
 """Number of corners of a path that are blended in one NumPy call. Larger values take more memory
-(all of a long chain's would take a gibibyte); the result is the same. Chosen."""
+(all of a long chain's would take a gibibyte); the result is the same."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

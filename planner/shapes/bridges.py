@@ -13,10 +13,10 @@ from foldback.planner.arrays import Array, Flags, Ints
 
 MAX_BRIDGES: Final = 64
 """Maximum number of separate parts of a shape that are connected to the largest part by bridges of
-cells; further parts are dropped. Larger values lose fewer parts and take more time. Chosen."""
+cells; further parts are dropped."""
 MIN_PART_SHARE: Final = 0.005
 """Minimum size of a separate part of a shape, as a fraction of all its cells; a smaller part is
-dropped as a speck rather than connected by a bridge. Larger values drop more. Chosen."""
+dropped as a speck rather than connected by a bridge."""
 
 Cell = tuple[int, int, int]
 FACE_STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))

@@ -13,11 +13,11 @@ Faces = NDArray[np.int64]
 
 GRID_COARSENING: Final = 1.25
 """Factor by which the grid to which vertices are merged gets coarser in each round of decimating a
-mesh. Smaller values come closer to the permitted number of triangles, in more rounds. Chosen."""
+mesh."""
 MAX_COARSENINGS: Final = 40
 """Maximum number of rounds of decimating a mesh. The grid to which vertices are merged is then
 1.25⁴⁰ ≈ 7500 times coarser, so that no triangle remains and the number of triangles is certainly
-low enough. Chosen."""
+low enough."""
 
 
 def decimated(vertices: Array, faces: Faces, *, most: int) -> tuple[Array, Faces]:

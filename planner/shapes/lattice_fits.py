@@ -32,62 +32,54 @@ from foldback.planner.shapes.tunnels import tunnels_of_samples, tunnels_of_surfa
 
 OFFSETS_PER_AXIS: Final = 4
 """Number of offsets of the lattice of cells, along each axis and within one cell, that are tried to
-fit cells to a solid. Larger values fit better, at cubic cost. Chosen."""
+fit cells to a solid."""
 THRESHOLD_LEVELS: Final = 64
 """Maximum number of levels to which the filled fractions of cells are rounded when the threshold is
-chosen above which a cell becomes a module. Larger values try finer thresholds, more slowly.
-Chosen."""
+chosen above which a cell becomes a module."""
 MIN_FILL_THRESHOLD: Final = 0.06
 """Smallest filled fraction of a cell that is tried as the threshold above which a cell becomes a
-module. Smaller values preserve thinner parts. Chosen."""
+module."""
 MAX_FILL_THRESHOLD: Final = 0.65
 """Largest filled fraction of a cell that is tried as the threshold above which a cell becomes a
-module. Larger values allow slimmer shapes. Chosen."""
+module."""
 PITCH_STEP: Final = 1.0125
-"""Ratio of two neighbouring pitches (sizes of a cell) that are tried to fit cells to a solid.
-Smaller values try more pitches, and fit better but more slowly. Chosen."""
+"""Ratio of two neighbouring pitches (sizes of a cell) that are tried to fit cells to a solid."""
 BASE_CELL_SAMPLES: Final = 4
 """Usual number of points along a cell's edge at which a solid is sampled for being inside; other
-numbers are multiples or half of it. Larger values are more exact, at cubic cost. Chosen."""
+numbers are multiples or half of it."""
 SMALL_CELL_SAMPLES: Final = 8
-"""Number of points along a cell's edge at which small solids (few samples in all) are sampled.
-Larger values are more exact, at cubic cost. Chosen."""
+"""Number of points along a cell's edge at which small solids (few samples in all) are sampled."""
 MAX_CELL_SAMPLES: Final = 16
-"""Maximum number of points along a cell's edge at which solids with thin walls are sampled. Larger
-values find thinner walls, at cubic cost. Chosen."""
+"""Maximum number of points along a cell's edge at which solids with thin walls are sampled."""
 MAX_SMALL_SAMPLES: Final = 250_000
 """Maximum number of samples in a solid's bounding box for which a cell's edge gets the larger
-number of samples for small solids. Larger values are more exact for more solids, and slower.
-Chosen."""
+number of samples for small solids."""
 MAX_FINE_SAMPLES: Final = 2_000_000
 """Maximum number of samples in a solid's bounding box for which solids with thin walls get more
-samples per cell. Larger values find thinner walls, more slowly. Chosen."""
+samples per cell."""
 MAX_FINER_SAMPLES: Final = 3_000_000
 """Maximum number of samples in a solid's bounding box for which the overlap of cells and solid is
-measured with twice the samples per edge. Larger values measure more fits more exactly, more slowly.
-Chosen."""
+measured with twice the samples per edge."""
 MAX_FULL_EDGE_SAMPLES: Final = 8_000_000
 """Maximum number of samples in a solid's bounding box with the usual number of samples along a
 cell's edge. Beyond it, an edge gets half as many; a pitch that needs more than twice this number
-even then is not tried. Larger values are more exact and take more memory. Chosen."""
+even then is not tried."""
 MIN_THICKNESS_SAMPLES: Final = 2.0
-"""Minimum number of samples across a solid's mean wall thickness. Larger values find thinner walls,
-more slowly. Chosen."""
+"""Minimum number of samples across a solid's mean wall thickness."""
 BODY_SAMPLES: Final = 1_000_000
 """Approximate number of samples in a solid's bounding box with which its separate bodies are
-counted. Larger values separate closer bodies, more slowly. Chosen."""
+counted."""
 MAX_BODY_SAMPLES: Final = 4_000_000
 """Maximum number of samples in a solid's bounding box with which the separate bodies of a thin
-solid are counted. Larger values separate closer bodies, and take more memory. Chosen."""
+solid are counted."""
 WELD_TOLERANCE_SHARE: Final = 0.12
 """Distance up to which vertices of a large mesh are merged before it is sampled, as a fraction of
-the pitch (a cell's size). Larger values are faster and less exact. Chosen."""
+the pitch (a cell's size)."""
 MIN_WELDED_TRIANGLES: Final = 20_000
-"""Minimum number of triangles of a mesh whose close vertices are merged before it is sampled.
-Larger values sample more meshes exactly, and more slowly. Chosen."""
+"""Minimum number of triangles of a mesh whose close vertices are merged before it is sampled."""
 MAX_STORED_BYTES: Final = 64 << 20
 """Maximum size, in bytes, of the samplings of a solid that are cached while cells are fitted to it;
-further ones are computed again. Larger values are faster and take more memory. Chosen."""
+further ones are computed again."""
 
 OffsetThreshold = tuple[int, int, int, int]
 

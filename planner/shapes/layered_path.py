@@ -21,7 +21,7 @@ from foldback.planner.shapes.bridges import parts_of
 LAYER_TRIALS: Final = 4
 """Number of random trials to find a path through a shape of 2×2×2 blocks layer by layer: in each, a
 path around a random spanning tree of a layer's blocks is made, and the paths of all layers are
-joined. Larger values find more paths, more slowly. Chosen."""
+joined."""
 ROUND_STEPS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))
 """A path through a layer goes round a tree of 2×2 squares. Step (x, y), in cells, from each cell of
 a square (in the order of ``SQUARE_CORNERS``) to the next cell of the same square."""

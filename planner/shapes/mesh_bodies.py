@@ -16,32 +16,28 @@ from foldback.planner.arrays import Array, Flags, Ints
 
 MIN_FILLED_SHARE: Final = 1e-9
 """Minimum enclosed volume of a mesh's body, as a fraction of its bounding box; a body with less is
-a flat sheet that encloses nothing, up to rounding. Chosen."""
+a flat sheet that encloses nothing, up to rounding."""
 MAX_PROBES: Final = 64
 """Maximum number of points of a body (connected part of a mesh) that are tested for lying inside
-another one, to tell cavities from solids. Larger values are slower and misjudge fewer bodies.
-Chosen."""
+another one, to tell cavities from solids."""
 PROBE_WEIGHTS: Final = np.array([0.4142, 0.3183, 0.2675])
 """Weights of a triangle's three corners in the point at which the triangle is tested for lying
-inside another body: irregular, so that a ray from the point meets no edge of a regular mesh.
-Chosen."""
+inside another body: irregular, so that a ray from the point meets no edge of a regular mesh."""
 PROBE_DEPTH_SHARE: Final = 1e-7
 """Depth below a triangle of the point at which it is tested for lying inside another body, as a
-fraction of the mesh's size, so that touching walls are told apart. Larger values miss thin walls.
-Chosen."""
+fraction of the mesh's size, so that touching walls are told apart."""
 MAX_CONTAINERS: Final = 1000
 """Maximum number of a mesh's bodies, the largest first, that are tested for containing others, to
-find cavities. Larger values find more cavities in meshes of many bodies, more slowly. Chosen."""
+find cavities."""
 MAX_POINT_TESTS: Final = 10_000_000
 """Maximum number of tests of a point against a triangle when cavities of a mesh are searched, about
-two seconds. Beyond it bodies keep the orientation in the file, so larger values find more cavities,
-more slowly. Chosen."""
+two seconds. Beyond it bodies keep the orientation in the file."""
 TESTS_AT_ONCE: Final = 1 << 20
 """Number of tests of a point against a triangle in one NumPy call when cavities of a mesh are
-searched. Larger values take more memory; the result is the same. Chosen."""
+searched."""
 MAX_GRID_COLUMNS: Final = 512
 """Maximum number of columns along each side of the grid that finds a mesh's triangles above and
-below a point. Larger values make searches in fine meshes faster and take more memory. Chosen."""
+below a point."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

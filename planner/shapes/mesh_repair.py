@@ -12,17 +12,16 @@ from foldback.planner.arrays import Array, Ints
 
 MAX_LOOSE_EDGES: Final = 100_000
 """Maximum number of loose edges (edges of only one triangle) of a mesh whose holes are closed; a
-mesh with more stays open. Larger values repair worse meshes, more slowly. Chosen."""
+mesh with more stays open."""
 SAMPLED_EDGES: Final = 20_000
 """Approximate number of edges of a large mesh by whose triangles a surface is told from scattered
-triangles, without joining the whole mesh. Larger values judge more surely, more slowly. Chosen."""
+triangles, without joining the whole mesh."""
 MAX_ODD_SHARE: Final = 2 / 3
 """Maximum fraction of a large mesh's edges that belong to an odd number of triangles (a closed
-surface has none); a mesh with more is refused as scattered triangles. Larger values admit worse
-meshes. Chosen."""
+surface has none); a mesh with more is refused as scattered triangles."""
 MAX_EDGE_TRIANGLES: Final = 3.0
 """Maximum mean number of triangles at an edge of a large mesh (a closed surface has 2); a mesh with
-more is refused as scattered triangles. Larger values admit worse meshes. Chosen."""
+more is refused as scattered triangles."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

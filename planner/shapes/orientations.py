@@ -12,13 +12,12 @@ from foldback.planner.shapes.solid import Solid
 
 RANDOM_ORIENTATIONS: Final = 3
 """Number of random orientations of a solid relative to the lattice of cells that are tried in
-addition to those of its axes. Larger values fit better, more slowly. Chosen."""
+addition to those of its axes."""
 SAME_ORIENTATION_RAD: Final = 0.05
-"""Angle, in rad, between two orientations of a solid, below which only one of them is tried.
-Smaller values try more orientations, more slowly. Chosen."""
+"""Angle, in rad, between two orientations of a solid, below which only one of them is tried."""
 MAX_AXES_VERTICES: Final = 20_000
 """Approximate maximum number of a solid's vertices from which its main axes are computed; of larger
-meshes a sample is taken. Larger values are more exact and slower. Chosen."""
+meshes a sample is taken."""
 
 
 def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Array, ...]:

@@ -13,8 +13,7 @@ from foldback.planner.chain.path import DEFAULT_PITCH_M, check_pitch, checked_ce
 from foldback.planner.errors import InputError
 
 MAX_CELLS: Final = 200_000
-"""Maximum number of cells, or of modules, of an input; one with more is refused. Larger values take
-more memory and time. Chosen."""
+"""Maximum number of cells, or of modules, of an input; one with more is refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,29 +16,23 @@ from foldback.planner.shapes.mesh_bodies import MIN_FILLED_SHARE, orient_bodies
 from foldback.planner.shapes.mesh_repair import closed_holes, edges_of, is_surface, welded
 
 MAX_TRIANGLES: Final = 2_000_000
-"""Maximum number of triangles of an input mesh; one with more is refused. Larger values take more
-memory and time. Chosen."""
+"""Maximum number of triangles of an input mesh; one with more is refused."""
 MAX_VERTEX_COORDINATE: Final = 1e9
 """Maximum magnitude of a vertex's coordinate in an input mesh, in the file's unit; a mesh with a
-larger one is refused as damaged. Chosen."""
+larger one is refused as damaged."""
 MIN_THICKNESS_SHARE: Final = 1e-6
-"""Minimum ratio of a mesh's smallest to its largest extent; a mesh below it is refused as flat.
-Larger values refuse more thin meshes. Chosen."""
+"""Minimum ratio of a mesh's smallest to its largest extent; a mesh below it is refused as flat."""
 WELD_TOLERANCE: Final = 1e-5
-"""Maximum distance of vertices that are merged to close an open mesh, as a fraction of its size.
-Larger values close wider gaps and lose detail. Chosen."""
+"""Maximum distance of vertices that are merged to close an open mesh, as a fraction of its size."""
 MAX_LOOSE_TRIANGLES: Final = 200_000
-"""Maximum number of triangles of a mesh whose vertices are joined without a test. A larger mesh is
-first judged by a sample of its edges, and refused as scattered triangles rather than repaired;
-larger values may spend more time on such meshes. Chosen."""
+"""Maximum number of triangles of a mesh whose vertices are joined without a test."""
 MIN_NOTED_HOLE_SHARE: Final = 1e-12
 """Minimum area of closed holes, as a fraction of the surface, that a note reports. Holes with less
-are lines, which triangles without area leave behind. Chosen."""
+are lines, which triangles without area leave behind."""
 MIN_BOX_SHARE: Final = 0.97
 """Minimum share of its bounding box that a solid fills to count as a box."""
 TRIANGLE_CHUNK: Final = 1 << 17
-"""Number of triangles whose areas are computed in one NumPy call. Larger values take more memory;
-the result is the same. Chosen."""
+"""Number of triangles whose areas are computed in one NumPy call."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

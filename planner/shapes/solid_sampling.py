@@ -14,11 +14,10 @@ from foldback.planner.shapes.solid import Solid, signed_volume
 
 MAX_GRID_SAMPLES: Final = 48_000_000
 """Maximum number of points of a grid at which a solid is sampled for being inside; a finer grid is
-refused. Larger values take more memory. Chosen."""
+refused."""
 MIN_VOTES: Final = 2
 """Minimum number of axes, of three, along which a ray from a sample crosses the surface an odd
-number of times, for the sample to count as inside. The majority tolerates small holes of a mesh.
-Chosen."""
+number of times, for the sample to count as inside. The majority tolerates small holes of a mesh."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

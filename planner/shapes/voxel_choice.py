@@ -21,72 +21,62 @@ from foldback.planner.shapes.solid_sampling import too_fine
 
 COUNT_TOLERANCE: Final = 0.1
 """Maximum deviation from the requested number of modules, as a fraction of it, for a voxelisation
-of a solid to count as near. Larger values give the fit to the solid more weight. Chosen."""
+of a solid to count as near."""
 COUNT_PENALTY: Final = 0.3
 """Amount that is subtracted from the score of a voxelisation (its overlap with the solid, IoU from
-0 to 1) if its number of modules deviates by 100 % from the requested one; less in proportion.
-Larger values come nearer to that number. Chosen."""
+0 to 1) if its number of modules deviates by 100 % from the requested one; less in proportion."""
 SCORE_TOLERANCE: Final = 0.01
 """Difference of scores (overlap with the solid, IoU from 0 to 1) within which two voxelisations
-count as equally good. Larger values let the number of modules decide more often. Chosen."""
+count as equally good."""
 UPRIGHT_BONUS: Final = 0.02
 """Score (as overlap with the solid, IoU from 0 to 1) that a voxelisation in the file's own
-orientation gets in addition. Larger values turn fewer solids. Chosen."""
+orientation gets in addition."""
 MIN_LAYERED_CELLS: Final = 75
 """Minimum number of cells (75 blocks of 2×2×2 modules, 600 modules) for which voxelisations with
-connected layers are preferred, because long chains through such shapes are easier to unfold. Larger
-values prefer the best fit more often. Chosen."""
+connected layers are preferred, because long chains through such shapes are easier to unfold."""
 LAYERED_LOSS: Final = 0.02
 """Score (overlap with the solid, IoU from 0 to 1) by which a voxelisation with connected layers may
-be worse and still be preferred, because it unfolds more easily. Larger values prefer it more often.
-Chosen."""
+be worse and still be preferred, because it unfolds more easily."""
 OFFER_LOSSES: Final = (0.03, 0.1, 0.3, 1.0)
 """Scores (overlap with the solid, IoU from 0 to 1) by which a voxelisation with another number of
 modules may be worse than the chosen one and still be offered; tried in this order until one is
-found. Chosen."""
+found."""
 OTHER_PITCHES: Final = {False: (1.08, 1.25), True: (0.93, 0.8)}
 """Factors on the chosen pitch (a cell's size) at which voxelisations with more modules (True) or
 fewer (False) are searched, to offer other numbers. Factors farther from 1 offer more distant
-numbers. Chosen."""
+numbers."""
 OTHER_COUNTS: Final = {False: (0.85, 0.7, 0.5), True: (1.18, 1.4, 2.0)}
 """Factors on the number of modules next to the chosen one that are tried in order, above (True) and
-below (False), if no other voxelisation to offer is found nearby. Chosen."""
+below (False), if no other voxelisation to offer is found nearby."""
 MAX_OFFER_FACTOR: Final = 2.5
 """When a solid is divided into modules, other numbers of modules that also fit it well are offered
 to the user. This is the largest ratio, upwards or downwards, of an offered number to the nearest
-one that could be offered. Larger values offer more distant numbers. Chosen."""
+one that could be offered."""
 MAX_OFFERS_TRIED: Final = 8
 """Maximum number of promising numbers of modules, above and below the chosen one each, for which a
-solid is voxelised in full, until one is found that is offered to the user as an alternative. Larger
-values find more alternatives, more slowly. Chosen."""
+solid is voxelised in full, until one is found that is offered to the user as an alternative."""
 MAX_OFFER_COUNTS: Final = 400
 """Maximum number of different numbers of modules, above and below the chosen one each, whose
-estimated fit to the solid is compared to offer the user an alternative. Larger values find more
-alternatives, more slowly. Chosen."""
+estimated fit to the solid is compared to offer the user an alternative."""
 MAX_FIT_SAMPLES: Final = 1.2e8
 """Maximum number of samples, points at which a solid is sampled to fit cells to it, of all fits
-that are tried for one number of modules. Larger values try more cell sizes and orientations, more
-slowly. Chosen."""
+that are tried for one number of modules."""
 MIN_FITS: Final = 10
 """Minimum number of fits (cell sizes and orientations of the solid) that are tried for one number
-of modules, however large the solid is. Larger values fit large solids better, more slowly.
-Chosen."""
+of modules, however large the solid is."""
 MAX_FITS: Final = 120
 """Maximum number of fits (cell sizes and orientations of the solid) that are tried for one number
-of modules, however small the solid is. Larger values fit small solids better, more slowly.
-Chosen."""
+of modules, however small the solid is."""
 THOROUGH_FROM_FITS: Final = 30
 """Minimum number of fits (cell sizes and orientations of a solid) that may be tried within the
 limit of sample points for the choice to be thorough: then up to 10, instead of 4, of the best fits
-are voxelised and compared. Smaller values are thorough for larger solids, more slowly. Chosen."""
+are voxelised and compared."""
 PITCHES_PER_SIDE: Final = 4
 """Number of cell sizes (pitches), 1.25 % apart, that are tried on either side of the one that is
-estimated to give the requested number of modules. Larger values find cells that fit better, more
-slowly. Chosen."""
+estimated to give the requested number of modules."""
 WIDE_STEPS: Final = range(-16, 17, 2)
 """Cell sizes that are tried if none near the estimate gives about the requested number of modules,
-as numbers of steps of 1.25 % from the estimated size. A wider range comes nearer to the number for
-difficult solids, more slowly. Chosen."""
+as numbers of steps of 1.25 % from the estimated size."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +84,7 @@ class ChosenVoxels:
     """Cells chosen for a requested count.
 
     Attributes:
-        made: Chosen cells.
+        made: The cells.
         visited: Evaluated fits.
         score: IoU of the cells, with the bonus for the orientation of the file.
     """

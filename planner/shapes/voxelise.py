@@ -25,13 +25,13 @@ from foldback.planner.shapes.voxel_choice import Chooser
 
 POOR_IOU: Final = 0.5
 """Overlap of voxels and solid (IoU, 0 to 1) below which a note to the user says that the shape is
-poorly preserved. Larger values say so more often. Chosen."""
+poorly preserved."""
 MIN_IOU_GAIN: Final = 0.1
 """Minimum gain in overlap (IoU, 0 to 1) at which a note to the user recommends a smaller number of
-modules. Larger values recommend it less often. Chosen."""
+modules."""
 MIN_PRESERVED_SHARE: Final = 0.7
 """Fraction of a solid's volume in voxels below which the note about a poor overlap says that parts
-are lost; above it, the note says that cells are thicker than the solid. Chosen."""
+are lost; above it, the note says that cells are thicker than the solid."""
 
 
 PART_LOST_SHARE: Final = 0.005

@@ -32,12 +32,10 @@ from foldback.planner.simulation.mujoco_models import (
 
 SPARE_BODIES: Final = 32
 """Number of modules, and of boxes (the folded rest of the chain), by which MuJoCo's contact model
-of a windowed playback exceeds the present need whenever it is compiled anew. Larger values compile
-less often, but each step costs a little more. Chosen."""
+of a windowed playback exceeds the present need whenever it is compiled anew."""
 CONTACT_TIME_CONSTANT_STEPS: Final = 2.0
 """Time constant of the soft contacts of simulated robots (MuJoCo's ``solref[0]``), in simulation
-steps: the smallest that MuJoCo permits for stability, hence the hardest contacts. Larger values let
-modules sink deeper into each other."""
+steps: the smallest that MuJoCo permits for stability, hence the hardest contacts."""
 TAIL: Final = "tail"
 
 

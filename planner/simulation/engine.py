@@ -38,11 +38,10 @@ from foldback.planner.simulation.reduced_state import Acceleration, State
 LOCKED_ROTOR_INERTIA: Final = 1e12
 """Rotor inertia, module mass · pitch², of a hinge that its stop holds: so large that the hinge does
 not accelerate. With smaller values hinges move past their stops, with larger ones accelerations
-lose digits. Chosen."""
+lose digits."""
 MAX_STOP_ITERATIONS: Final = 3
 """Maximum number of times that a step's accelerations are computed again to find which hinges at
-their stops are held and which turn back. Larger values give exact results in more steps, and are
-slower. Chosen."""
+their stops are held and which turn back."""
 
 
 def build_chain_model(

@@ -25,21 +25,18 @@ SEGMENT_MODULES: Final = 8
 ten times as much. Measured."""
 MIN_LIMITED_MEMORY_MODULES: Final = 1000
 """Number of modules above which the memory of a MuJoCo model of separate bodies or segments is set
-explicitly, as MuJoCo's default grows with the square of the number. Larger values take more memory
-for long chains. Chosen."""
+explicitly, as MuJoCo's default grows with the square of the number."""
 MODULE_MEMORY_BYTES: Final = 2**19
 """Memory for each module, bytes, in MuJoCo models of long chains, for which MuJoCo's default would
-be too large. With a smaller value a simulation step with many contacts fails; a larger one takes
-more memory. Chosen."""
+be too large."""
 
 SOLIMP: Final = [0.95, 0.99, 0.005, 0.5, 2.0]
 """MuJoCo's ``solimp`` (dmin, dmax, width, midpoint, power) of contacts: their impedance rises from
-0.95 at first touch to 0.99 at a depth of 0.005 pitches. Larger impedances let modules sink less
-into each other and are harder to solve. Chosen."""
+0.95 at first touch to 0.99 at a depth of 0.005 pitches."""
 STIFF_SOLREF_SOLIMP: Final = ([0.02, 1.0], [0.9999, 0.9999, 0.001, 0.5, 2.0])
 """MuJoCo's ``solref`` (time constant in s, damping ratio) and ``solimp`` of constraints that are to
-be nearly rigid: hinge stops, welds, motors and brakes. Impedances below 0.9999 let them yield more.
-Chosen."""
+be nearly rigid: hinge stops, welds, motors and brakes. Impedances below 0.9999 let them yield
+more."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -33,8 +33,7 @@ from foldback.planner.simulation.reduced_state import Acceleration, State
 
 MAX_ACCELERATION: Final = 1e10
 """Maximum acceleration of a hinge, rad/s², or of the chain's root, pitches/s² or rad/s²; above it
-the simulation of a chain of rigid blocks ends as diverged. Larger values detect a failure later.
-Chosen."""
+the simulation of a chain of rigid blocks ends as diverged."""
 
 
 class Blocks:

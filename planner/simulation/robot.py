@@ -36,8 +36,7 @@ from foldback.planner.simulation.reduced_state import State
 
 MAX_SATURATION_ITERATIONS: Final = 8
 """Maximum number of times that the accelerations of one simulation step are computed to find the
-motors that reach their torque limit. With smaller values more motors may exceed it for a step;
-larger ones take more time. Chosen."""
+motors that reach their torque limit."""
 
 
 class RobotErrors:

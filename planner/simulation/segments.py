@@ -35,16 +35,13 @@ from foldback.planner.simulation.reduced_state import Acceleration, State
 
 BIAS_STEP_S: Final = 1e-4
 """Step, s, of the finite difference for the acceleration of contact points at constant hinge rates
-(J Ṡ q̇: contact Jacobian J, map S from hinge rates to body velocities). A larger step is less
-exact, a smaller one loses digits. Chosen."""
+(J Ṡ q̇: contact Jacobian J, map S from hinge rates to body velocities)."""
 MIN_FREE_GAP_PITCH: Final = 1e-6
 """Gap between the collision hulls of modules, pitches, from which on a simulation step omits
-MuJoCo's contact detection, as nothing touches. Larger values call it in more steps, which is
-slower; the contacts are the same. Chosen."""
+MuJoCo's contact detection, as nothing touches."""
 WELD_STIFFENING: Final = 1e-4
 """Factor of the bodies' inverse weights in MuJoCo's regularisation of the welds that join the
-segments of a chain (short trees of modules). With larger values the welds yield and the segments
-drift apart. Chosen."""
+segments of a chain (short trees of modules)."""
 
 
 class Segments(SpringChain):

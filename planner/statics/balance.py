@@ -31,11 +31,11 @@ from foldback.planner.statics.friction import Friction, rays, wider, with_estima
 MIN_TORQUE_WP: Final = 0.01
 """Minimum torque of a hinge, in w·p (module weight × pitch), that differs from zero in the
 equilibrium of a chain on a table: the search for equilibria with smaller torques ends there, and
-smaller torques are reported as zero. Chosen."""
+smaller torques are reported as zero."""
 EQUILIBRIUM_TOLERANCE_W: Final = 1e-3
 """Maximum residual force (module weights) or moment (module weight × pitch) on the whole chain in a
-computed equilibrium; with more, the configuration counts as without equilibrium. Chosen:
-rounding."""
+computed equilibrium; with more, the configuration counts as without equilibrium.
+A smaller residual is rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -20,15 +20,12 @@ from foldback.planner.kernels.statics import FacetedHull, contact_points
 FLOOR: Final = -1
 """Number that denotes the floor in a list of contacts, where other numbers are those of modules."""
 FLOOR_GAP: Final = 0.02
-"""Maximum height, in pitches, of a module's corner that counts as touching the floor. Larger values
-find more contacts, and so more stable configurations. Chosen."""
+"""Maximum height, in pitches, of a module's corner that counts as touching the floor."""
 MODULE_GAP: Final = 0.03
-"""Maximum distance, in pitches, of two modules that count as touching. Larger values find more
-contacts, and so more stable configurations. Chosen."""
+"""Maximum distance, in pitches, of two modules that count as touching."""
 MAX_TABLE_PENETRATION_PITCH: Final = 0.01
 """Maximum depth of a module below the table's surface, in pitches, at which it counts as standing
-on the table, as contacts in a simulation are compliant. Larger values accept deeper contacts.
-Chosen."""
+on the table, as contacts in a simulation are compliant."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -22,10 +22,10 @@ Columns = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 """A sparse matrix by columns: where each starts, rows and values."""
 MIN_RECIPROCAL_TORQUE: Final = 1e-9
 """Minimum of s, the reciprocal of the largest hinge torque, in 1/(w·p), that counts as an
-equilibrium; less is rounding. Larger values deny equilibria of large torque. Chosen."""
+equilibrium; less is rounding."""
 MIN_COMMON_RAYS: Final = 0.8
 """Minimum fraction of the contact force directions in the last solution that must occur again for
-the next linear program to start from that solution. Larger values start anew more often. Chosen."""
+the next linear program to start from that solution."""
 PRIMAL, DUAL = 4, 1
 """HiGHS' numbers of the two simplex methods."""
 BASIC: Final = highspy.HighsBasisStatus.kBasic

@@ -23,30 +23,26 @@ from foldback.planner.statics.contacts import Contacts
 
 CONE_SIDES: Final = 8
 """Number of edges of the pyramid, inside the friction cone, that approximates the permitted contact
-forces of a module's corner that sticks to the table. Larger values allow nearly all forces of the
-cone, so that more equilibria are found, more slowly. Chosen."""
+forces of a module's corner that sticks to the table."""
 SLIP_THRESHOLD: Final = 1e-3
 """Displacement of a module's corner on the table in the next moment of a motion, as a fraction of
 the largest displacement of a module, above which the corner slips and friction acts against its
-motion; otherwise it sticks. Larger values let more corners stick. Chosen."""
+motion; otherwise it sticks."""
 DRIFT_SLIP_THRESHOLD: Final = 0.02
 """Displacement of a module's corner on the table in the next moment of a motion, as a fraction of
 the largest displacement of a module, above which the corner slips if the chain slides on the table
-as a whole. Larger values let more corners stick. Chosen: larger than for a chain that does not
-slide, as the sliding is only estimated."""
+as a whole."""
 DIRECTION_SPREADS_RAD: Final = (0.2, 0.8)
 """Friction acts opposite to slipping, but the drift of a chain on a table is only estimated.
 Angles, rad, to either side within which friction may point; the second is used if there is no
-equilibrium with the first. Larger ones find more equilibria, also false ones. Chosen."""
+equilibrium with the first."""
 REDUCED_FRICTION_SHARE: Final = 2e-3
 """Displacement of a module's corner on the table, as a fraction of the largest displacement of a
 module, below which friction is reduced in proportion while it is estimated how the whole chain
-slides; real (Coulomb) friction is not reduced. Smaller values are more exact and converge more
-slowly. Chosen."""
+slides; real (Coulomb) friction is not reduced."""
 MAX_DRIFT_ITERATIONS: Final = 100
 """Maximum number of iterations that estimate how the whole chain slides on the table; beyond it the
-last estimate is used. Larger values are more exact if the estimate converges slowly, and take more
-time. Chosen."""
+last estimate is used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

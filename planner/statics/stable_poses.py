@@ -16,7 +16,7 @@ from foldback.planner.chain.module import Module
 
 FACE_TOLERANCE: Final = 1e-9
 """Distance, as a fraction of a triangle's size, by which the centre of mass may lie outside of a
-face of the convex hull that still counts as a stable base: rounding. Chosen."""
+face of the convex hull that still counts as a stable base: rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -19,7 +19,7 @@ from foldback.planner.table_paths.rules import hairpins
 
 TABLE_SOLVER_EFFORT: Final = 1.0
 """Budget of one call of the solver that searches a path for a table, in deterministic time units of
-about one second. Larger values find or exclude more paths, more slowly. Chosen."""
+about one second."""
 UP, DOWN = 4, 5
 """Places of the vertical steps among ``STEPS``."""
 

@@ -14,8 +14,7 @@ from foldback.planner.arrays import Array, Ints
 
 MIN_BALANCE_MARGIN_PITCH: Final = 0.05
 """Minimum horizontal distance, in pitches, from a shape's centre of mass to the edge of the convex
-hull of its cells on the table, so that the shape does not tip over. Larger values refuse more
-paths. Chosen."""
+hull of its cells on the table, so that the shape does not tip over."""
 CELL_CORNERS: Final = np.array(list(product((-0.5, 0.5), repeat=2)))
 SIDE_ROTATIONS: Final = {
     "-z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),

@@ -17,10 +17,10 @@ from foldback.planner.arrays import Ints
 
 MAX_EXHAUSTIVE_CELLS: Final = 16
 """Maximum number of cells of a layer through which all paths are enumerated; larger layers are
-searched at random. Larger values find all paths of more layers, more slowly. Chosen."""
+searched at random."""
 MAX_TRIAL_STEPS_PER_CELL: Final = 40
 """Maximum number of steps of one random search for a path through a layer, per cell of the layer;
-then the search starts anew. Larger values find harder paths, more slowly. Chosen."""
+then the search starts anew."""
 
 
 @dataclass(slots=True)

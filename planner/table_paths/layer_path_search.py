@@ -21,13 +21,12 @@ from foldback.planner.table_paths.score import WEIGHTS, Parts
 
 POOL_SIZE: Final = 240
 """Maximum number of paths through one layer that are kept, the best first, to be joined with those
-of the layers above and below. Larger values find better paths, more slowly. Chosen."""
+of the layers above and below."""
 RANDOM_TRIALS: Final = 48
-"""Number of random searches for paths through a layer that is too large to enumerate all. Larger
-values find better paths, more slowly. Chosen."""
+"""Number of random searches for paths through a layer that is too large to enumerate all."""
 BEAM_WIDTH: Final = 24
 """Number of partial paths, from the table up to one layer, that a beam search keeps for each cell
-and direction in which they end. Larger values find better paths, more slowly. Chosen."""
+and direction in which they end."""
 VERTICAL: Final = -1
 """Placeholder for the index of the horizontal step of a layer's path that visits a single cell: it
 has none, as it enters and leaves the cell vertically."""

@@ -16,22 +16,19 @@ from foldback.planner.shapes.shape import Shape
 from foldback.planner.table_paths.table_paths import paths_or_reasons
 
 MAX_ADDED_CELLS: Final = 24
-"""Maximum number of cells that a repair adds to a shape so that it has a path for a table. Larger
-values repair more shapes, and change them more. Chosen."""
+"""Maximum number of cells that a repair adds to a shape so that it has a path for a table."""
 MAX_ADDED_SHARE: Final = 0.1
 """Maximum number of cells that a repair for a table adds, as a fraction of the shape's cells; the
-absolute limit applies as well. Larger values repair more shapes, and change them more. Chosen."""
+absolute limit applies as well."""
 MAX_COMPARED_ADDITIONS: Final = 16
-"""Maximum number of candidate cells that are compared for each cell that a repair for a table adds.
-Larger values find smaller repairs, more slowly. Chosen."""
+"""Maximum number of candidate cells that are compared for each cell that a repair for a table
+adds."""
 MAX_TRIED_ADDITIONS: Final = 6
 """Maximum number of single cells that a repair tries to add if the reason why a shape has no path
-for a table is unknown; each takes about 1 s. Larger values repair more shapes, more slowly.
-Chosen."""
+for a table is unknown; each takes about 1 s."""
 SEPARATE_PART_WEIGHT: Final = 1000
 """Severity of each additional separate part of a shape, where a repair chooses its next cell,
-relative to one cell too many of a chessboard colour. Larger values join separate parts first.
-Chosen."""
+relative to one cell too many of a chessboard colour."""
 
 
 def cells_to_add(cells: Ints, seed: int = 0) -> list[Cell]:

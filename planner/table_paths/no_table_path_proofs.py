@@ -28,8 +28,8 @@ Rank of each reason by its code (others: 1); the report states the reason with t
 of the side which comes closest to having a path."""
 FALLING_EFFORT: Final = 1.5
 """Solver budget, in deterministic time units of about one second, for table paths that may go down,
-tried if no path was found that never goes down; shared among the shape's orientations on the table.
-Larger values find more paths, more slowly. Chosen."""
+tried if no path was found that never goes down; shared among the shape's orientations on the
+table."""
 NO_TABLE_PATH_REMEDY: Final = (
     "Add cells, fold only a part of the shape, or fold the whole shape in zero gravity."
 )

@@ -27,15 +27,13 @@ Kind = Literal["repair", "modules", "blocks"]
 
 OFFERS_LIMIT_S: Final = 20.0
 """Wall-clock limit, in s, of the search for changed shapes that can fold on a table, to be offered
-instead of one that cannot. After it those found so far are offered; a larger value finds more of
-them, later. Chosen."""
+instead of one that cannot. After it those found so far are offered."""
 MAX_COUNTS: Final = 12
 """Maximum number of other numbers of modules, above and below the requested one each, that are
-tried to find a variant that can fold on a table. Larger values find more variants, more slowly.
-Chosen."""
+tried to find a variant that can fold on a table."""
 MAX_BLOCK_COUNTS: Final = 9
 """Maximum number of different numbers of 2×2×2 blocks that are tried to find a variant that can
-fold on a table. Larger values find more variants, more slowly. Chosen."""
+fold on a table."""
 OFFER_DEFAULTS: Final[dict[str, Any]] = {"method": "auto", "repair": False}
 """Options of a request that every offered variant with another number of modules resets: the path
 method is chosen automatically, and the shape is not repaired."""

@@ -18,8 +18,7 @@ from foldback.planner.table_paths.rules import FLAT_STEPS
 
 FRONT_WINDOW_CELLS: Final = 4
 """Number of consecutive cells of a path over which its horizontal position is averaged, to score
-how far the place where the chain folds moves sideways; paths that move it less are preferred.
-Larger values ignore short detours. Chosen."""
+how far the place where the chain folds moves sideways; paths that move it less are preferred."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,8 +76,7 @@ WEIGHTS: Final = Parts(
     tipping=0.5,
 )
 """Weights of the properties by which paths for a table are compared, such as links that lead down
-(``downs``); the path with the lowest weighted sum is taken. Larger weights avoid a property
-more."""
+(``downs``); the path with the lowest weighted sum is taken."""
 
 
 def parts_of(order: Ints) -> Parts:

@@ -27,17 +27,16 @@ from foldback.planner.table_paths.score import WEIGHTS, Parts, parts_of
 
 MAX_TABLE_PATHS: Final = 8
 """Maximum number of paths through a shape for folding on a table that a search returns, the best
-first. Larger values give a fold more paths to try. Chosen."""
+first."""
 LAYER_WORK_STEPS: Final = 60_000
 """Maximum number of steps of the search for paths layer by layer, for all sides of a shape
-together. Larger values find better paths, more slowly. Chosen."""
+together."""
 SCORED_PER_PATH: Final = 6
 """Number of candidate paths for a table that are scored in full for each one that the search
-returns. Larger values return better paths, more slowly. Chosen."""
+returns."""
 MAX_SHARED_LINKS: Final = 0.9
 """Fraction of common links (pairs of consecutive cells) above which two paths for a table count as
-alike; such paths are returned last, so that a fold tries different ones first. Larger values treat
-fewer as alike. Chosen."""
+alike; such paths are returned last, so that a fold tries different ones first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -17,21 +17,21 @@ from foldback.planner.plan.value_differences import Differences
 
 MAX_BLOCKED_TURN_RAD: Final = float(np.deg2rad(5.0))
 """Maximum turn, in rad, by which the evidence of a jam may show that a hinge collides. A hinge that
-can turn further counts as free, so larger values accept weaker evidence. Chosen."""
+can turn further counts as free."""
 QUARTER_RAD: Final = float(np.pi / 2)
 MAX_UNREPORTED_BEND_RAD: Final = float(np.deg2rad(60.0))
 """Maximum bend, in rad, of hinges that the evidence of a jam may leave out as straight; evidence
-that leaves out more is refused. Larger values accept evidence with fewer hinges. Chosen."""
+that leaves out more is refused."""
 MAX_BLOCKED_MOVE_PITCH: Final = 1.0
 """Maximum displacement, in pitches, at which a group of modules must collide for the stored
 evidence that a chain is jammed to be accepted. With a larger one the evidence is refused, as a
-group that can move by a whole cell counts as free. Chosen."""
+group that can move by a whole cell counts as free."""
 SINGLE_PRECISION_ANGLE_RAD: Final = 1e-5
 """Maximum difference, in rad, between the angles of the part of a chain that a jam's evidence
 states as still folded and the folded angles: the record is in single precision."""
 REPORTED_OVERLAP_TOLERANCE_PITCH: Final = 1e-6
 """Maximum difference, in pitches, between a collision's overlap in the evidence of a jam and the
-one computed again: rounding. Larger values would accept altered evidence."""
+one computed again: rounding."""
 AXIS_ROUNDING: Final = 1e-9
 """Tolerance for rounding where a jam's evidence is checked: an angle (rad) or overlap (pitches) up
 to it counts as 0, and so does the squared length of a cross product, so that parallel edges give no

@@ -29,12 +29,11 @@ SAME_CLEARANCE_PITCH: Final = 1e-7
 the place that the certificate names: rounding. It accepts another place that is equally close."""
 BOUND_RTOL: Final = 1e-3
 """Maximum amount by which a certificate's clearance bound may exceed the one that verification
-computes again, relative to the latter. Larger values accept bounds that are less surely true.
-Chosen."""
+computes again, relative to the latter."""
 IN_BETWEENS_RTOL: Final = 1e-2
 """Maximum relative difference between the number of configurations between frames that a
 certificate states to have checked, and the number computed again, as rounding may halve a few more
-intervals. Larger values accept altered figures. Chosen."""
+intervals."""
 
 
 @dataclass(frozen=True, slots=True)

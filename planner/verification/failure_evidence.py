@@ -29,7 +29,7 @@ from foldback.planner.verification.knot_evidence import knot_differs
 
 MAX_STRAIGHT_HINGE_RAD: Final = 0.1
 """Maximum bend, in rad, of a hinge that counts as straight in the report of a failed explosion; it
-must equal the value with which the report was made. Chosen."""
+must equal the value with which the report was made."""
 REPORTED_BEND_TOLERANCE_RAD: Final = 1e-9
 """Maximum difference, in rad, between the largest bend that a failed explosion reports and that of
 its last frame: rounding."""

@@ -27,8 +27,7 @@ from foldback.planner.pipeline.manifest import (
 
 MAX_RESULTS: Final = 4096
 """Maximum number of files whose integrity check (comparison with the manifest) is remembered, so
-that they need not be read again; with more, all results are forgotten. Larger values take more
-memory. Chosen."""
+that they need not be read again; with more, all results are forgotten."""
 _RESULTS: Final[dict[FilePath, tuple[object, str | None]]] = {}
 _LOCK: Final = threading.Lock()
 

@@ -17,27 +17,23 @@ from foldback.planner.verification.knot_invariants import (
 
 POSITION_JITTER_PITCH: Final = 1e-3
 """Maximum random shift of modules along each axis, in pitches, so that no projection for the check
-of a knot is degenerate. Much larger values could change the knot. Chosen."""
+of a knot is degenerate. Much larger values could change the knot."""
 MAX_TOUCHING_ENDS_PITCH: Final = 1.1
 """Maximum distance of a chain's two ends, in pitches, at which the evidence of a knot may join them
-directly rather than by corners outside of the chain. Larger values accept weaker evidence.
-Chosen."""
+directly rather than by corners outside of the chain."""
 MIN_FREE_LINE_PITCH: Final = 0.5
 """Minimum distance, in pitches, from all other modules of the line by which the evidence of a knot
-extends a chain's end; a closer one might cross the chain. Larger values refuse more evidence.
-Chosen."""
+extends a chain's end; a closer one might cross the chain."""
 MIN_CLOSING_RADIUS_RATIO: Final = 2.0
 """Minimum distance from a chain's middle of the corners by which the evidence of a knot joins the
-chain's ends, as a multiple of the chain's radius: they must lie outside. Larger values refuse more
-evidence. Chosen."""
+chain's ends, as a multiple of the chain's radius: they must lie outside."""
 MAX_CLOSING_CORNERS: Final = 3
 """Maximum number of corners by which the evidence of a knot may join the chain's ends. With the two
 ends, they are a polygon of five edges, which cannot be knotted; more corners could tie a knot of
 their own outside of the chain."""
 MIN_CLOSINGS: Final = 3
 """Minimum number of closings (lines that join a chain's ends around it) that must all show a knot
-if an end cannot be extended without passing close to other modules. Larger values demand stronger
-evidence. Chosen."""
+if an end cannot be extended without passing close to other modules."""
 CROSSING_TOLERANCE_EDGES: Final = 1e-6
 """Maximum difference of a crossing's position between a reported knot diagram and the one computed
 again, as a fraction of a polygon's edge: rounding."""

@@ -16,11 +16,10 @@ from foldback.planner.arrays import Array
 
 MAX_CROSSINGS: Final = 200
 """Maximum number of crossings of a diagram for which knot invariants are computed, to check that a
-chain is knotted. Elimination takes time by their cube, so larger values check more chains, more
-slowly. Chosen."""
+chain is knotted. Elimination takes time by their cube."""
 RANDOM_VIEWS: Final = 12
 """Number of random projections of a chain, of which the check of a knot uses the one with the
-fewest crossings. Larger values find fewer crossings, more slowly. Chosen."""
+fewest crossings."""
 TRIANGLE_MARGIN: Final = 1e-9
 """Margin around a triangle, as a fraction of its sides, within which an edge counts as crossing it,
 so that rounding never hides a crossing when a polygon's vertex is removed."""

@@ -31,7 +31,7 @@ from foldback.planner.verification.plan_parameters import (
 
 STEP_COUNT_TOLERANCE_STEPS: Final = 1e-3
 """Maximum difference, in simulation steps, between the duration of a simulated playback's frames
-and its reported number of steps: rounding. Larger values would accept altered figures."""
+and its reported number of steps: rounding."""
 
 
 def kind_differs(plan: Plan, playback: Playback) -> Differences:

@@ -20,13 +20,13 @@ from foldback.planner.simulation.lazy_mujoco import mujoco
 
 POSITION_TOLERANCE_PITCH: Final = 1e-6
 """Maximum distance, in pitches, between a module of the plan's MuJoCo model and its position in the
-plan: rounding. Larger values would accept an altered model."""
+plan: rounding."""
 OVERLAP_ROUNDING_PITCH: Final = 1e-9
 """Maximum overlap of two modules, in pitches, that counts as contact when MuJoCo replays a plan:
-rounding in double precision. Larger values would accept real collisions."""
+rounding in double precision."""
 MAX_REPLAYED_MODULES: Final = 5_000_000
 """Maximum number of module poses (frames × modules) that MuJoCo replays to verify a plan; of a
-longer plan every n-th frame is replayed. Larger values check more frames, more slowly. Chosen."""
+longer plan every n-th frame is replayed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -38,8 +38,7 @@ from foldback.planner.plan.value_differences import Differences
 STEPS_PER_PART: Final = 4
 """Number of equal time steps of each piece of a motion in which the IPC Toolkit lets all corners of
 modules move straight. The distance from the real, curved motion is measured at the 3 moments
-between the steps. Larger values bound it more tightly, more slowly, and need other ``SPREAD`` and
-``REMAINDER``. Chosen."""
+between the steps."""
 SPREAD: Final = 1.87
 """Ratio of the largest deviation of a curved motion from a straight one anywhere in a piece of it
 to the largest of the three measured, for a polynomial of degree 4: largest sum of the absolute
@@ -50,13 +49,11 @@ nodes of [0, 1]: the largest product of distances from them, divided by 5!, roun
 to the deviation of the motion that the IPC Toolkit checks from the real one. Computed."""
 DISTANCE_SHARE: Final = 0.9
 """Distance between modules that the IPC Toolkit must confirm for a plan, as a fraction of the
-clearance that the plan claims; where modules come closer, a contact is reported. Larger values
-confirm more and need smaller deviations from straight motion. Chosen."""
+clearance that the plan claims; where modules come closer, a contact is reported."""
 DEVIATION_SHARE: Final = 0.02
 """Maximum distance of a module's corner from the straight motion with which the IPC Toolkit checks
 it, as a fraction of the clearance that the plan claims; with more, the motion is divided into more
-pieces. Smaller values confirm more, more slowly. Chosen: 0.9 − 2 · 0.02 = 86 % of the claim is
-confirmed."""
+pieces. 0.9 − 2 · 0.02 = 86 % of the claim is confirmed."""
 IPCTK_MISSING: Final = (
     "The IPC Toolkit (package ipctk) is not installed; install it with "
     "pip install 'foldback[ipctk]'."

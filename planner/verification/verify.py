@@ -63,7 +63,7 @@ from foldback.planner.verification.timelines import (
 MAX_DIFFERENCES: Final = 8
 """Maximum number of differences that a verification lists for each thing that it checks (motion,
 model, certificate, …): values or files that are not what a new computation gives. Further ones are
-only counted. Larger values make longer reports. Chosen."""
+only counted."""
 SAME_MARGIN_RTOL: Final = 1e-3
 """Maximum relative difference between a margin of a certificate and the one computed again:
 rounding decides which of several proofs fails first."""

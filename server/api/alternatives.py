@@ -21,7 +21,7 @@ from foldback.words.fold import RUNNING_STATUSES
 MAX_ATTEMPT_DIGITS: Final = 3
 """Maximum number of digits of the number in an address that selects one of a fold's attempts (plans
 computed for the same shape). A longer number selects nothing, so a smaller value could hide
-attempts; folds have at most a few dozen. Chosen."""
+attempts; folds have at most a few dozen."""
 
 
 def alternative(found: Found, number: str) -> Found | None:

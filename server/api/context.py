@@ -42,8 +42,8 @@ from foldback.server.store.previews import Previews
 from foldback.web.timeline.shared_views import TimelineViews
 
 UPLOAD_QUEUE_TIMEOUT_S: Final = 60.0
-"""Maximum time that an upload waits until a process is free to read it, in s; then it is refused. A
-smaller value refuses more uploads under load; a larger one keeps more connections open. Chosen."""
+"""Maximum time that an upload waits until a process is free to read it, in s; then it is
+refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

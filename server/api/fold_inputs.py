@@ -35,7 +35,7 @@ MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
 voxels, paths of cells, or chains."""
 MAX_ID_CHARS: Final = 64
 """Maximum length of the id of a fold or a preview in a form, in characters; a longer text is
-refused, as no id is longer. A smaller value could refuse valid ids. Chosen."""
+refused, as no id is longer."""
 OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
 Cells = list[list[int]]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]

@@ -19,11 +19,9 @@ from foldback.server.jobs.eta import EtaEstimator
 from foldback.server.store.folds import NoSuchFoldError, Store
 
 STATE_CACHE_S: Final = 0.15
-"""Time for which the progress of a running fold is cached for all clients that watch it, in s. A
-larger value shows progress later; a smaller one reads the database more often. Chosen."""
+"""Time for which the progress of a running fold is cached for all clients that watch it, in s."""
 MAX_CACHED_STATES: Final = 1024
-"""Maximum number of folds whose progress is cached. A smaller value reads the database more often
-while many folds are watched; a larger one takes more memory. Chosen."""
+"""Maximum number of folds whose progress is cached."""
 
 
 class FoldStates:

@@ -20,18 +20,17 @@ from foldback.server.limits.concurrency_quota import Holder, Quota
 from foldback.web.timeline.view import TimelineView
 
 FRAME_POLL_S: Final = 0.1
-"""Time between two checks for new frames in the motions that long-polling requests wait for, in s.
-A larger value shows new frames later; a smaller one reads files more often. Chosen."""
+"""Time between two checks for new frames in the motions that long-polling requests wait for, in
+s."""
 FRAME_RETRY_S: Final = 2
 """Value of the ``Retry-After`` header, in s, if too many requests wait for new frames. No request
 waits longer than this time, so that others have been answered by then."""
 MAX_WAITS: Final = 512
 """Maximum number of requests that wait for new frames at the same time (long polling); further ones
-are refused with 429. A larger value keeps more connections open. Chosen."""
+are refused with 429."""
 MAX_WAITS_OF_VISITOR: Final = 32
 """Maximum number of requests of one visitor (IP address) that wait for new frames at the same time;
-further ones are refused with 429. A larger value lets one visitor occupy more of the common limit.
-Chosen."""
+further ones are refused with 429."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

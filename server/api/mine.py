@@ -31,8 +31,7 @@ from foldback.words.fold import ShownFold, shown_name
 
 router = APIRouter(prefix="/api/mine", tags=["mine"])
 MAX_FOLDS_PER_PAGE: Final = 100
-"""Maximum number of folds in one page of the list of an owner's folds. A larger value makes single
-answers larger and slower. Chosen."""
+"""Maximum number of folds in one page of the list of an owner's folds."""
 CURSOR_PATTERN: Final = r"^[0-9]{1,12}(\.[0-9]{1,12})?,[A-Za-z0-9_-]{1,32}$"
 
 

@@ -37,8 +37,7 @@ from foldback.words.fold import RUNNING_STATUSES, ShownFold
 router = APIRouter(include_in_schema=False)
 
 MAX_FRAME_WAIT_S: Final = 2.0
-"""Maximum time that a request may wait for new frames of a running fold (long polling), in s. A
-larger value needs fewer requests, and each one occupies a connection for longer. Chosen."""
+"""Maximum time that a request may wait for new frames of a running fold (long polling), in s."""
 
 
 @router.get("/view")

@@ -29,8 +29,7 @@ from foldback.words.fold import has_motion, step_count
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
 MAX_UNQUEUED_NUMBERS: Final = 100_000
 """Maximum count of numbers in a JSON answer with frames of a motion that is computed at once; a
-larger answer waits in the queue of derived files. With a larger value, large answers delay other
-requests. Chosen."""
+larger answer waits in the queue of derived files."""
 PLAN_MEDIA_TYPES: Final = {
     PLAN_TEXT: "application/json",
     PLAN: "application/octet-stream",

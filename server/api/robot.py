@@ -61,43 +61,34 @@ router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
 schemas = APIRouter(prefix="/api", tags=["robots"])
 MAX_TRAJECTORY_NUMBERS: Final = 5_000_000
 """Maximum count of numbers (samples × joints × 2) in a downloaded joint trajectory; a larger one is
-refused. A larger value lets one download occupy the service for longer. Chosen."""
+refused."""
 TRAJECTORY_DOWNLOAD_S: Final = 300.0
 """Maximum time that a client may take to download a trajectory, in s; then the connection is
-closed. A smaller value breaks off slow connections; a larger one holds the trajectory in memory for
-longer. Chosen."""
+closed."""
 MAX_MOTOR_MODULES: Final = 1000
 """Maximum number of modules of a chain whose motor torques the service computes on request; longer
-chains are left to the command line. A larger value lets one request occupy a processor for longer.
-Chosen."""
+chains are left to the command line."""
 TRAJECTORY_MEDIA_TYPES: Final = {"csv": "text/csv; charset=utf-8", "json": "application/json"}
 REFUSED, TRY_LATER, DONE = 1008, 1013, 1000
 MAX_MESSAGES_PER_SECOND: Final = 400
 """Maximum number of websocket messages that a connected robot may send per second; more of them end
-its connection. A larger value lets one robot take more processor time. Chosen."""
+its connection."""
 MAX_MESSAGE_BYTES_PER_JOINT: Final = 32
 """Maximum size of a websocket message from a robot, in bytes per joint of the chain, in addition to
-4096 bytes; a larger message ends the connection. A smaller value may refuse angles with many
-digits. Chosen."""
+4096 bytes; a larger message ends the connection."""
 ROBOT_TIMEOUT_S: Final = 60.0
 """Time, in s, after which the connection to a robot ends if the robot has sent no message, or has
-read none. A smaller value disconnects robots after short network failures; a larger one occupies
-places for longer. Chosen."""
+read none."""
 REMINDER_S: Final = 1.0
-"""Time after which the current target is sent again to a robot that does not report, in s. A
-smaller value sends more messages; a larger one resumes the motion later after a lost message.
-Chosen."""
+"""Time after which the current target is sent again to a robot that does not report, in s."""
 CLOSE_TIMEOUT_S: Final = 5.0
 """Time that a robot may take to close the websocket after the motion has ended, in s; then the
-service closes it. A smaller value may lose the robot's last messages. Chosen."""
+service closes it."""
 MAX_LEAD_S: Final = 0.25
-"""Maximum time by which the sent joint targets may be ahead of the robot's last report, in s. A
-larger value tolerates slower connections, but sends a blocked robot more targets before the motion
-pauses. Chosen."""
+"""Maximum time by which the sent joint targets may be ahead of the robot's last report, in s."""
 REMEMBERED_TARGETS: Final = 64
 """Number of last sent joint targets with which a robot's report is compared. It exceeds the number
-of targets that can be unanswered; with a smaller value a late report would be compared with the
-wrong target. Chosen."""
+of targets that can be unanswered."""
 
 DOCUMENTED_FORMS: Final = ("application/json", "text/csv")
 """Media types that the API's description states for trajectories and motors."""

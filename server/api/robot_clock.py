@@ -12,8 +12,7 @@ from typing import Final, Literal
 Reason = Literal["start", "pause", "silence", "behind", "error"]
 MAX_CLOCK_STEP_S: Final = 0.1
 """Maximum time by which the clock of a motion that a robot plays advances in one update, in s.
-After a delayed update the motion goes on from the same point instead of jumping; a larger value
-permits larger jumps. Chosen."""
+After a delayed update the motion goes on from the same point instead of jumping."""
 
 
 class RobotClock:

@@ -41,8 +41,7 @@ from foldback.server.files.preview_reports import Asker
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
 DISCONNECT_POLL_S: Final = 0.1
-"""Time between two checks whether the client that waits for a preview has disconnected, in s. With
-a larger value, computing for a disconnected client stops later. Chosen."""
+"""Time between two checks whether the client that waits for a preview has disconnected, in s."""
 Options = Annotated[PreviewRequest, Depends(form_of(PreviewRequest))]
 Seed = Annotated[int, field(options_of(FoldRequest)["seed"])]
 

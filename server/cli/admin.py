@@ -25,8 +25,8 @@ BackupDirectory = Annotated[Path, typer.Argument(help="Directory of the backup."
 FOLD_LIST_COLUMNS: Final = ("id", "status", "stage", "modules", "age", "bytes", "visitor", "kept")
 PSEUDONYM_CHARACTERS: Final = 8
 """Number of first characters of a visitor's pseudonym that the operator's lists display. They are
-part of the hash of the visitor's network of IP addresses, so visitors of one network look the same.
-A larger value makes the lists wider. Chosen."""
+part of the hash of the visitor's network of IP addresses, so visitors of one network look the
+same."""
 PENDING_EXIT_CODE: Final = 3
 """Exit code of ``migrate --check`` if the database has tables of an older version, which a
 migration would change. Scripts can tell it from 0 (up to date) and 1 (error)."""

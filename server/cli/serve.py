@@ -20,8 +20,8 @@ from foldback.server.ops.stop_signals import on_stop_signals
 from foldback.server.processes.limits import keep_secrets
 
 MAX_HEAD_BYTES: Final = 32 * 1024
-"""Maximum size of an HTTP request's first line and headers, in bytes; a larger request is refused.
-A larger value lets each connection take more memory. Chosen."""
+"""Maximum size of an HTTP request's first line and headers, in bytes; a larger request is
+refused."""
 log = logging.getLogger("foldback.serve")
 
 if TYPE_CHECKING:

@@ -29,8 +29,7 @@ NETWORK_FILESYSTEMS: Final = frozenset(
 VOLATILE_FILESYSTEMS: Final = frozenset({"tmpfs", "ramfs"})
 MAX_CLOCK_DIFFERENCE_S: Final = 5.0
 """Largest difference between the clocks of the database and of this machine that ``foldback
-doctor`` accepts, in s. Larger differences distort expiry times and queue times; a smaller value
-reports harmless ones. Chosen."""
+doctor`` accepts, in s."""
 
 
 def directory(settings: Settings) -> CheckResult:

@@ -16,7 +16,7 @@ from foldback.server.settings import Settings
 
 DRAWING_TIMEOUT_S: Final = 60.0
 """Maximum time of the check of ``foldback doctor`` that OpenGL can draw, in s; then the check has
-failed. A smaller value fails on slow machines. Chosen."""
+failed."""
 _DRAW: Final = """
 import sys, mujoco, importlib
 context = importlib.import_module(f"mujoco.{sys.argv[1]}").GLContext(64, 64)

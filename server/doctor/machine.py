@@ -40,8 +40,7 @@ doctor`` uses it to estimate if the service fits into the machine's memory; with
 warns on more machines. Measured."""
 PROBE_TIMEOUT_S: Final = 5.0
 """Maximum time that ``foldback doctor`` waits for the answer of the program that occupies the
-service's port, to find out if it is this service, in s. With a smaller value it does not recognise
-a busy service. Chosen."""
+service's port, to find out if it is this service, in s."""
 
 
 def python(_: Settings) -> CheckResult:

@@ -17,10 +17,10 @@ from foldback.server.store.folds import NoSuchFoldError, Store
 
 FILES_AT_ONCE: Final = 2
 """Number of derived files (exports, JSON of motions) that are computed at the same time; others
-wait. A larger value takes more memory and processor time from other requests. Chosen."""
+wait."""
 MAX_PENDING_FILES: Final = 8
 """Maximum number of derived files (exports, JSON of motions) that are being computed or wait for
-it; further requests are refused. A larger value makes clients wait longer instead. Chosen."""
+it; further requests are refused."""
 Thing = TypeVar("Thing")
 
 

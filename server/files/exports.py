@@ -19,7 +19,7 @@ from foldback.server.store.folds import Store
 
 MAX_EXPORTED_PLAN_BYTES: Final = 64 * 2**20
 """Maximum unpacked size of a plan that the service exports to other formats, in bytes; larger plans
-are left to the command line. Some formats need ten times as much memory. Chosen."""
+are left to the command line. Some formats need ten times as much memory."""
 
 
 async def export_file(

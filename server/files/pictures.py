@@ -23,10 +23,9 @@ from foldback.web.timeline.view import TimelineView
 MAX_PICTURE_BYTES: Final = 8 * 2**20
 """Maximum number of bytes that are read from a picture file that a child process has drawn, so that
 a faulty process cannot fill the memory. A smaller value could cut off valid pictures; one of
-1200×630 pixels has 0.1 MB. Chosen."""
+1200×630 pixels has 0.1 MB."""
 MAX_CACHED_PICTURES: Final = 64
-"""Maximum number of drawn pictures of folds that are cached in memory, about 0.1 MB each. A smaller
-value draws pictures again more often. Chosen."""
+"""Maximum number of drawn pictures of folds that are cached in memory, about 0.1 MB each."""
 
 
 def moment_of(

@@ -30,8 +30,7 @@ from foldback.server.store.tables import PreviewRow
 OPTIONS_KEY: Final = re.compile(f"[0-9a-f]{{{OPTIONS_KEY_CHARS}}}")
 MAX_OPTION_SETS: Final = 400
 """Maximum number of sets of options for which previews of one upload are stored. The uploader and
-all other visitors together each have this number; further sets are refused. A larger value lets one
-upload occupy more of the disk. Chosen."""
+all other visitors together each have this number; further sets are refused."""
 MANY_TRIANGLES: Final = 300_000
 """Number of triangles of a mesh above which reading and sampling it, rather than the search for a
 path, take most of the time of a preview."""

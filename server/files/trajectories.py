@@ -28,27 +28,22 @@ if TYPE_CHECKING:
     from foldback.planner.robot.trajectory import Trajectory
 
 MAX_IDLE_TRAJECTORY_BYTES: Final = 128 * 2**20
-"""Maximum total size of the cached joint trajectories that no request uses, in bytes. A smaller
-value computes trajectories again more often. Chosen."""
+"""Maximum total size of the cached joint trajectories that no request uses, in bytes."""
 MAX_TRAJECTORY_BYTES: Final = 2**30
 """Maximum total size of all joint trajectories in memory, in bytes, with those that robots are
-playing; further ones are refused. A larger value may exhaust the memory of the web process.
-Chosen."""
+playing; further ones are refused."""
 MAX_CACHED_CLEARANCES: Final = 1024
-"""Maximum number of exported trajectories whose proved clearance between modules is cached. A
-smaller value computes clearances again more often. Chosen."""
+"""Maximum number of exported trajectories whose proved clearance between modules is cached."""
 STREAMS, STREAMS_OF_ADDRESS = 8, 2
-"""Maximum numbers of trajectories that are sent at the same time, in total and to one address.
-With larger values slow clients keep more trajectories in memory. Chosen."""
+"""Maximum numbers of trajectories that are sent at the same time, in total and to one address."""
 MAX_MOTOR_TABLE_BYTES: Final = 32 * 2**20
 """Maximum size of the table of motor torques that a computing process returns, in bytes; a larger
-table is refused. The table of 12 000 modules has about 5 MB. Chosen."""
+table is refused. The table of 12 000 modules has about 5 MB."""
 TRAJECTORY_CHUNK_BYTES: Final = 2**20
-"""Number of bytes that are copied at once from the file with a computed trajectory. A larger value
-takes more memory; a smaller one is slower. Chosen."""
+"""Number of bytes that are copied at once from the file with a computed trajectory."""
 MAX_RETIMED_PLAN_BYTES: Final = 64 * 2**20
 """Maximum file size of a plan to which the service gives a new timing for a robot, in bytes; larger
-plans are left to the command line. A larger value lets one request take more memory. Chosen."""
+plans are left to the command line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

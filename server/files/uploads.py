@@ -25,8 +25,7 @@ from foldback.server.settings import Settings
 from foldback.server.store.folds import new_id
 
 UPLOAD_CHUNK_BYTES: Final = 2**18
-"""Number of bytes of an uploaded file that are copied and hashed at once. A larger value takes more
-memory; a smaller one is slower. Chosen."""
+"""Number of bytes of an uploaded file that are copied and hashed at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -20,8 +20,7 @@ LOGGED_FOLD_ID: Final = re.compile(r"[A-Za-z0-9]{1,32}")
 LOGGED_METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
 UNKNOWN_ROUTE: Final = "unknown"
 MAX_LOGGED_PATH: Final = 200
-"""Maximum length of an unknown path in the access log, in characters; the rest is cut off. With a
-larger value invalid requests fill the disk sooner. Chosen."""
+"""Maximum length of an unknown path in the access log, in characters; the rest is cut off."""
 log = logging.getLogger("foldback.access")
 
 

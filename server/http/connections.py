@@ -29,21 +29,18 @@ from foldback.server.limits.networks import visitor_at
 from foldback.server.settings import Settings
 
 CONNECTION_POLL_S: Final = 2.0
-"""Maximum time between two checks if a connection has exceeded a time limit, in s. With a larger
-value slow connections are closed later. Chosen."""
+"""Maximum time between two checks if a connection has exceeded a time limit, in s."""
 MAX_HEADER_FIELDS: Final = 100
-"""Maximum number of header fields of an HTTP request; a request with more is answered with 400. A
-larger value lets each request take more processor time. Chosen: the default of Apache httpd."""
+"""Maximum number of header fields of an HTTP request; a request with more is answered with 400. The
+default of Apache httpd."""
 SPARE_CONNECTIONS: Final = 64
 """Number of connections in addition to the service's limit that may request ``/health`` only, so
-that monitoring works under full load. A larger value takes more file descriptors. Chosen."""
+that monitoring works under full load."""
 SPARE_CONNECTIONS_OF_VISITOR: Final = 4
 """Maximum number of connections of one visitor that may request ``/health`` only, while the service
-has reached its limit of connections. With a larger value one visitor can block the monitoring of
-others. Chosen."""
+has reached its limit of connections."""
 SPARE_CONNECTION_S: Final = 2.0
-"""Time after which a connection that may request ``/health`` only is closed, in s. A smaller value
-fails slow clients; a larger one leaves fewer such connections to others. Chosen."""
+"""Time after which a connection that may request ``/health`` only is closed, in s."""
 log = logging.getLogger("foldback.serve")
 
 

@@ -19,8 +19,7 @@ from foldback.server.settings import Settings
 
 SLICE_EVENTS: Final = 64
 """Maximum number of protocol events (HTTP requests and chunks, websocket frames) of one connection
-that are processed in one turn of the event loop, about 2 ms. A larger value delays other
-connections. Chosen."""
+that are processed in one turn of the event loop, about 2 ms."""
 REQUEST_EVENTS: Final = 20
 """Number of protocol events (HTTP chunks, websocket frames) as which one HTTP request counts in the
 rate limit, beyond which a connection is not read for a while. Answering a request costs about 0.5
@@ -31,26 +30,22 @@ addition to the chunks and frames themselves: decoding 64 kB of JSON takes up to
 Measured."""
 HEADER_FIELDS_PER_EVENT: Final = 4
 """Number of HTTP header fields that count as one protocol event (HTTP chunk, websocket frame) in
-the rate limit, beyond which a connection is not read for a while. With a larger value requests with
-many fields may take more processor time. Chosen."""
+the rate limit, beyond which a connection is not read for a while."""
 EVENT_RATE_RESERVE: Final = 2.0
 """Limit of a visitor's protocol events (HTTP chunks, websocket frames) per second, as a multiple of
 what its permitted requests per second count as; beyond it the visitor's connections are not read
-for a while. A larger value lets a flood take more processor time; a smaller one slows uploads and
-streams. Chosen."""
+for a while."""
 EVENT_BURST_S: Final = 5.0
 """Number of protocol events (HTTP chunks, websocket frames) that a visitor or a connection may
 cause at once after a pause, in seconds of its permitted rate. With a larger value a burst delays
-other visitors for longer: at this value for about 0.5 s. Chosen."""
+other visitors for longer: at this value for about 0.5 s."""
 MIN_BURST_EVENTS: Final = 1000.0
 """Minimum number of protocol events (HTTP chunks, websocket frames) that a visitor or a connection
-may cause at once after a pause, so that a low permitted rate does not stop ordinary page loads. A
-larger value permits longer bursts. Chosen."""
+may cause at once after a pause, so that a low permitted rate does not stop ordinary page loads."""
 CONNECTION_FRACTION: Final = 0.25
 """Limit of protocol events (HTTP chunks, websocket frames) of one connection, as a fraction of its
 visitor's limit: 1000 of 4000 per second by default; beyond it the connection is not read for a
-while. A robot may send 400 messages per second. A larger value lets one connection use up the
-visitor's limit. Chosen."""
+while. A robot may send 400 messages per second."""
 
 
 class EventBudget(SharedBuckets):

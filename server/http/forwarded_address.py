@@ -14,7 +14,7 @@ from uvicorn.middleware.proxy_headers import (
 
 MAX_PROXIES: Final = 16
 """Maximum number of addresses in X-Forwarded-For that are read, from the last one on: one for each
-proxy. More would only cost time, because clients can write any number of them."""
+proxy."""
 
 
 class ForwardedAddress(ProxyHeadersMiddleware):

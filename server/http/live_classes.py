@@ -23,15 +23,13 @@ CODE_LETTERS: Final = "23456789ABCDEFGHJKLMNPQRSTUVWXYZ"
 """Characters of a code. Similar ones are left out, because codes are read aloud."""
 CODE_LENGTH: Final = 12
 """Number of characters of the code in the link to a class (a leader whose 3D view of a fold others
-see live), of 32 letters and digits: 60 bits. A smaller value makes codes easier to guess.
-Chosen."""
+see live), of 32 letters and digits: 60 bits."""
 MAX_FOLLOWERS: Final = 100
 """Maximum number of browsers that follow one class (a leader whose 3D view of a fold others see
-live); further ones are refused. A larger value lets one class delay other visitors more. Chosen."""
+live); further ones are refused."""
 MAX_VIEW_LENGTH: Final = 200
 """Maximum length of a message in which the leader of a class (a shared live 3D view of a fold)
-states what is seen (frame, camera, colours), in characters; a longer one ends the class. A smaller
-value could refuse valid messages. Chosen."""
+states what is seen (frame, camera, colours), in characters; a longer one ends the class."""
 VIEW_WORDS: Final = {
     "frame": re.compile(r"[0-9]{1,9}"),
     "module": re.compile(r"[0-9]{1,9}"),

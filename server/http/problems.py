@@ -47,11 +47,9 @@ from foldback.words.messages import message_for_people
 PROBLEM_MEDIA_TYPE: Final = "application/problem+json"
 DISK_ERRNOS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 DATABASE_RETRY_S: Final = 5
-"""Value of the ``Retry-After`` header, in s, while the database cannot be reached. A smaller value
-brings more requests that fail again. Chosen."""
+"""Value of the ``Retry-After`` header, in s, while the database cannot be reached."""
 STORAGE_RETRY_S: Final = 5
-"""Value of the ``Retry-After`` header, in s, while the object store cannot be reached. A smaller
-value brings more requests that fail again. Chosen."""
+"""Value of the ``Retry-After`` header, in s, while the object store cannot be reached."""
 log = logging.getLogger("foldback.web")
 HTTP_STATUSES: Final[Mapping[type, int]] = {
     errors.Malformed: 400,

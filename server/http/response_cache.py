@@ -24,11 +24,9 @@ from foldback.server.store.fold_source import id_of_fold
 
 RESPONSE_CACHE_S: Final = 1.0
 """Time for which an answer about a verified fold, which no longer changes, is cached for all
-clients, in s. With a larger value a deleted fold is displayed for longer; a smaller one computes
-more answers. Chosen."""
+clients, in s."""
 MAX_RESPONSE_CACHE_BYTES: Final = 16 * 2**20
-"""Maximum total size of the cached answers about verified folds, in bytes. A smaller value computes
-answers again more often. Chosen."""
+"""Maximum total size of the cached answers about verified folds, in bytes."""
 CACHEABLE_FOLD: Final = "lately"
 Key = tuple[str, str, str, bytes]
 

@@ -21,27 +21,24 @@ from foldback.server.settings import Settings
 
 FORM_MEDIA_TYPES: Final = ("multipart/form-data", "application/x-www-form-urlencoded")
 MAX_FORM_FILES: Final = 2
-"""Maximum number of files in an uploaded form; a form with more is refused. A larger value lets a
-request take more disk space. Chosen."""
+"""Maximum number of files in an uploaded form; a form with more is refused."""
 MAX_FORM_FIELDS: Final = 32
-"""Maximum number of fields in an uploaded form, besides files; a form with more is refused. A
-larger value lets a request take more processor time. Chosen."""
+"""Maximum number of fields in an uploaded form, besides files; a form with more is refused."""
 MAX_FORM_FIELD_BYTES: Final = 16 * 1024
 """Maximum size of one field of an uploaded form that is not a file, in bytes; a form with a larger
-one is refused. Fields are held in memory. Chosen."""
+one is refused. Fields are held in memory."""
 FORM_OVERHEAD_BYTES: Final = 64 * 1024
 """Number of bytes by which an upload request may exceed the limit of an uploaded file, for the
-other fields of its form. A smaller value could refuse files of permitted size. Chosen."""
+other fields of its form."""
 MAX_SMALL_BODY_BYTES: Final = 64 * 1024
 """Maximum size of a request body other than a form with a file, in bytes. Such bodies are held in
-memory, so a larger value lets requests take more of it. Chosen."""
+memory, so a larger value lets requests take more of it."""
 MAX_DRAINED_BYTES: Final = 64 * 2**20
 """Maximum number of bytes of a refused upload that are read and discarded before the connection is
-closed, so that the client gets the answer. A larger value takes more traffic. Chosen."""
+closed, so that the client gets the answer."""
 MAX_DRAIN_S: Final = 10.0
 """Maximum time for which the body of a refused upload is read and discarded before the connection
-is closed, in s, so that slow clients get the answer as well. A larger value occupies connections
-for longer. Chosen."""
+is closed, in s, so that slow clients get the answer as well."""
 
 
 class BodyLimit:

@@ -16,14 +16,13 @@ from foldback.server.limits.networks import visitor_at
 
 CLOSE_HANDSHAKE_S: Final = 1.0
 """Time that a client may take to answer the close frame of a websocket, in s; then the connection
-is aborted. A larger value leaves more connections open to clients that do not answer. Chosen."""
+is aborted."""
 PARSED_BYTES: Final = 512
 """Number of received websocket bytes that are parsed before their frames count in the rate limit;
-they hold at most 85 frames. A larger value lets a flood of small frames take more processor time
-before it is slowed down. Chosen."""
+they hold at most 85 frames."""
 MAX_FRAGMENTS: Final = 256
 """Maximum number of frames in which a client may send one websocket message; with more the
-connection is closed. A larger value lets one message take more memory. Chosen."""
+connection is closed."""
 
 
 class _CountingServer(ServerProtocol):

@@ -20,7 +20,7 @@ from foldback.server.store.tables import passes
 
 QUEUE_POLL_S: Final = 0.1
 """Time between two checks of a worker for waiting jobs, in s. A job waits half of it on average. A
-smaller value takes more processor time while there is nothing to do. Chosen."""
+smaller value takes more processor time while there is nothing to do."""
 log = logging.getLogger("foldback.worker")
 
 

@@ -25,33 +25,27 @@ from foldback.server.store.tables import FoldRow
 
 SHOWN_ESTIMATE_S: Final = 60.0
 """Time for which the last displayed remaining time of a fold is cached, in s, so that the next one
-continues it without a jump. A smaller value lets it jump for clients that ask rarely. Chosen."""
+continues it without a jump."""
 MAX_CACHED_ESTIMATES: Final = 1024
-"""Maximum number of folds whose last displayed remaining time is cached. With a smaller value
-remaining times may jump while many folds are watched. Chosen."""
+"""Maximum number of folds whose last displayed remaining time is cached."""
 SETTLING_RANGE_S: Final = (0.5, 3.0)
 """Smallest and largest time constant, in s, with which the displayed remaining time approaches a
-new estimate; in between it is a quarter of the remaining time. Larger values make the display
-steadier and less up to date. Chosen."""
+new estimate; in between it is a quarter of the remaining time."""
 PACE_PRIOR: Final = 0.2
 """Fraction of a fold's typical duration for which it counts as having run at the typical pace,
-before its own pace is measured. A larger value makes the remaining time steadier, but it follows an
-unusually slow or fast fold later. Chosen."""
+before its own pace is measured."""
 MIN_REMAINING_S: Final = 0.1
 """Smallest remaining time that is reported for a running fold, in s, as 0 means that the fold takes
-longer than usual. A larger value overestimates the end. Chosen."""
+longer than usual."""
 LATE_FACTOR: Final = 2.0
 """Multiple of the typical duration of a fold's stage (such as the explosion) after which the stage
-counts as late, so that no remaining time is displayed. With a larger value wrong estimates are
-displayed for longer. Chosen."""
+counts as late, so that no remaining time is displayed."""
 LATE_MARGIN_S: Final = 3.0
 """Time by which a fold's stage (such as the explosion) may exceed the multiple ``LATE_FACTOR`` of
-its typical duration before it counts as late, in s, so that short stages are not late at once. With
-a larger value wrong estimates are displayed for longer. Chosen."""
+its typical duration before it counts as late, in s, so that short stages are not late at once."""
 MIN_REMAINING_FRACTION: Final = 0.1
 """Smallest estimated remaining time of a fold's running stage (such as the explosion), as a
-fraction of the stage's typical duration, also if the stage has taken longer. A larger value makes
-estimates longer near the end of a stage. Chosen."""
+fraction of the stage's typical duration, also if the stage has taken longer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -34,12 +34,10 @@ from foldback.server.store.folds import NoSuchFoldError, Store
 from foldback.server.store.object_store import StorageError
 
 UPLOAD_INTERVAL_S: Final = 0.7
-"""Time between two copies of a running fold's motion to the object store, in s. A larger value
-shows frames later; a smaller one transfers more. Chosen."""
+"""Time between two copies of a running fold's motion to the object store, in s."""
 MAX_CRASHES: Final = 3
 """Number of crashes of the computing process within one stage of a fold (such as the explosion or
-the certificate) after which the fold fails. With 1 a single accident fails a fold; with a larger
-value a fold that always crashes occupies a worker for longer. Chosen."""
+the certificate) after which the fold fails. With 1 a single accident fails a fold."""
 log = logging.getLogger("foldback.worker")
 
 

@@ -41,43 +41,35 @@ from foldback.server.store.tables import (
 
 MIN_UNUSED_S: Final = 3600.0
 """Time since the last access to a fold within which it is not deleted to make room on the disk, in
-s. A larger value may leave the disk full; a smaller one deletes folds that are still in use.
-Chosen."""
+s."""
 ORPHAN_SWEEP_S: Final = 3600.0
-"""Time between two searches for files of folds that are not in the database, in s, to delete them.
-A larger value leaves such files on the disk for longer. Chosen."""
+"""Time between two searches for files of folds that are not in the database, in s, to delete
+them."""
 NAMES_PER_SWEEP: Final = 500
 """Maximum number of folds' directories that one search for files without an entry in the database
-checks; the next search continues. A larger value delays the worker's other duties. Chosen."""
+checks; the next search continues."""
 MIN_ORPHAN_AGE_S: Final = 3600.0
 """Minimum age of files of folds that are not in the database before they are deleted, in s: a new
-fold has files before it is entered. A smaller value may delete new folds; a larger one occupies the
-disk for longer. Chosen."""
+fold has files before it is entered."""
 MIN_DERIVED_AGE_S: Final = 600.0
 """Minimum age of a derived file (an export or a movie) before it may be deleted to make room, in s,
-so that the client that requested the file can download it. A larger value may leave the disk full
-for longer. Chosen."""
+so that the client that requested the file can download it."""
 COUNTED_FLAG: Final = "counted_apart"
 """Name of the database row which records that the derived files of earlier versions have been
 counted separately from the folds' own files; the count happens only once."""
 CANCELLED_FOLD_S: Final = 3600.0
-"""Time from the last access to a cancelled fold until the fold is deleted, in s. A larger value
-occupies the disk for longer. Chosen."""
+"""Time from the last access to a cancelled fold until the fold is deleted, in s."""
 MAX_CANCELLED_BYTES: Final = 16 * 2**20
 """Maximum total size of one visitor's cancelled folds, in bytes; beyond it the files of the oldest
-ones are deleted early. The newest one always stays. A larger value lets visitors occupy more of the
-disk. Chosen."""
+ones are deleted early. The newest one always stays."""
 MAX_CANCELLED_FOLDS: Final = 32
-"""Maximum number of cancelled folds that are stored for one visitor; older ones are deleted. A
-larger value makes each cancellation slower. Chosen."""
+"""Maximum number of cancelled folds that are stored for one visitor; older ones are deleted."""
 DELETION_BATCH_ROWS: Final = 500
 """Maximum number of folds that one database query reads when cancelled or expired folds are
-deleted; further queries read the rest. A larger value takes more memory; a smaller one needs more
-queries. Chosen."""
+deleted; further queries read the rest."""
 MAX_DELETION_BATCHES: Final = 20
 """Maximum number of batches, of up to ``DELETION_BATCH_ROWS`` folds each, that one regular clean-up
-deletes of cancelled folds, and again of expired ones; the next one continues. A larger value delays
-the worker's other duties. Chosen."""
+deletes of cancelled folds, and again of expired ones; the next one continues."""
 log = logging.getLogger("foldback.janitor")
 _Unused = sa.Row[str, float | None, int]
 """Id of a fold, time of the last access, and size of its own files."""

@@ -33,11 +33,9 @@ from foldback.web.movies.movie import Movie
 
 MOVIE_RETRY_S: Final = 10
 """Value of the ``Retry-After`` header, in s, if a movie is requested while its fold is unfinished
-or while too many movies wait. A smaller value brings more requests that are refused again.
-Chosen."""
+or while too many movies wait. A smaller value brings more requests that are refused again."""
 MAX_LISTED_MOVIES: Final = 100
-"""Maximum number of movies in the list of an owner's movies; older ones are left out. A larger
-value makes the list slower. Chosen."""
+"""Maximum number of movies in the list of an owner's movies; older ones are left out."""
 INTERRUPTED: Final = {
     "code": "interrupted",
     "detail": "this movie was interrupted; request it again.",

@@ -15,8 +15,7 @@ REPEATED_STAGES: Final = STAGES[1:4]
 """Stages of a fold that run again if several plans are computed and the best one is chosen."""
 REPORT_INTERVAL_S: Final = 0.2
 """Minimum time between two reports of a running fold's progress to the database, in s; a
-cancellation by the visitor is noticed as often. With a larger value progress and cancellation are
-delayed; a smaller one writes more. Chosen."""
+cancellation by the visitor is noticed as often."""
 
 
 class JobProgress:

@@ -27,9 +27,7 @@ from foldback.words.fold import RUNNING_STATUSES
 
 MAX_LOSSES: Final = 100
 """Number of times that a fold or a movie may be lost with its worker (a crash or a restart of the
-machine) without a finished stage in between; then it fails. With a larger value something that
-always crashes its worker delays other folds for longer; a smaller one may fail folds on machines
-that are restarted often. Chosen."""
+machine) without a finished stage in between; then it fails."""
 
 
 class Lane(StrEnum):

@@ -15,7 +15,7 @@ from foldback.server.store.tables import passes
 
 RETRY_INTERVAL_S: Final = 0.5
 """Time between two attempts to reach the database, the object store or the disk after an error, in
-s. A smaller value puts more load on a struggling service; a larger one resumes later. Chosen."""
+s."""
 TRANSIENT_ERRNOS: Final = frozenset(
     {errno.ENOSPC, errno.EDQUOT, errno.EIO, errno.EROFS, errno.ESTALE}
 )

@@ -19,8 +19,7 @@ from foldback.server.store.tables import passes
 
 SLICE_POLL_S: Final = 0.5
 """Time between two checks of a running fold if another fold in the queue should be computed
-instead, in s. With a larger value other folds wait longer; a smaller one reads the database more
-often. Chosen."""
+instead, in s."""
 
 
 class Slice:

@@ -32,27 +32,21 @@ from foldback.server.store.leases import Leases
 from foldback.server.store.worker_identity import WorkerIdentities
 
 RECOVERY_POLL_S: Final = 2.0
-"""Maximum time between two checks of a worker for expired workers and lost jobs, in s. With a
-larger value a dead worker's folds continue later. Chosen."""
+"""Maximum time between two checks of a worker for expired workers and lost jobs, in s."""
 HEARTBEATS_PER_LEASE: Final = 5
 """Number of times that a worker reports to the database (heartbeat) within the configured time
-``lease_s``; after this time without a report it counts as dead. A larger value tolerates more lost
-reports and writes to the database more often. Chosen."""
+``lease_s``; after this time without a report it counts as dead."""
 RECOVERY_POLLS_PER_LEASE: Final = 8
 """Minimum number of times that a worker checks for dead workers within the configured time
-``lease_s``, after which a worker without reports counts as dead. With a smaller value the folds of
-dead workers continue later. Chosen."""
+``lease_s``, after which a worker without reports counts as dead."""
 WORKER_SWEEP_S: Final = 60.0
-"""Minimum time between two deletions of expired files and jobs by a worker, in s. A larger value
-occupies the disk for longer. Chosen."""
+"""Minimum time between two deletions of expired files and jobs by a worker, in s."""
 MAX_HANDING_BACK_S: Final = 2.0
 """Maximum time for which a worker that ends waits for its threads to put their jobs back, in s;
-then it puts them back itself. A larger value delays the end if the database does not answer.
-Chosen."""
+then it puts them back itself."""
 COMPILING_REPORT_S: Final = 0.5
 """Time between two reports of a starting worker about the fraction of its numerical kernels that is
-compiled, in s. A smaller value updates the displayed progress more often and writes more.
-Chosen."""
+compiled, in s."""
 log = logging.getLogger("foldback.worker")
 
 

@@ -26,19 +26,18 @@ from foldback.server.limits.networks import networks_of
 OPEN_RETRY_S: Final = 10
 """Value of the ``Retry-After`` header, in s, of the refusal if too many event streams, uploads or
 connections to simulated robots are open. With a smaller value clients return sooner, and more of
-them are refused again. Chosen."""
+them are refused again."""
 BUSY_RETRY_S: Final = 5
 """Value of the ``Retry-After`` header, in s, if a request is refused because too many others wait
-to be processed. A smaller value brings more requests that are refused again. Chosen."""
+to be processed. A smaller value brings more requests that are refused again."""
 TURN_TIMEOUT_S: Final = 10.0
 """Default of the maximum time that a request waits until fewer others are being processed, in s;
-then it is refused. A smaller value refuses more requests under load. Chosen."""
+then it is refused."""
 TURN_POLL_S: Final = 0.1
-"""Time between two checks if the client of a waiting request has disconnected, in s. With a larger
-value disconnected clients occupy the queue for longer. Chosen."""
+"""Time between two checks if the client of a waiting request has disconnected, in s."""
 NETWORK_DIVISOR: Final = 2
-"""Divisor of a limit for all visitors; the quotient is the limit for one network of IP addresses. A
-larger value leaves more to others, and less to a school behind one network. Chosen."""
+"""Divisor of a limit for all visitors; the quotient is the limit for one network of IP
+addresses."""
 
 
 class Holder(StrEnum):

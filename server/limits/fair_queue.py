@@ -21,28 +21,23 @@ from foldback.server.limits.networks import networks_of
 
 TICKS_PER_SECOND: Final = 10
 """Units of virtual time (an integer, by which waiting folds are ordered) per second of a fold's
-expected computing time. A larger value distinguishes quick folds more finely, and virtual time
-reaches its maximum ``MAX_TURN`` earlier. Chosen."""
+expected computing time."""
 MAX_TURN: Final = 2**31 - 2
 """Maximum virtual time, in tenths of a second of computing time, at which a queued fold is due;
 folds that are due earlier go first. Later times are cut to it, so that their order is lost; at full
 load this takes years. It fits into a signed 32-bit integer."""
 QUICK_FOLD_S: Final = 10.0
-"""Maximum expected computing time of a fold in the queue for quick folds, in s. With a larger value
-quick folds wait longer for each other; with a smaller one more folds wait for long ones. Chosen:
-half of the shapes of fewer than 300 modules are quick."""
+"""Maximum expected computing time of a fold in the queue for quick folds, in s. Half of the shapes
+of fewer than 300 modules are quick."""
 SLICE_COST_FACTOR: Final = 3.0
 """Time for which a fold computes before it pauses for any other waiting fold, as a multiple of its
-expected computing time. A smaller value interrupts folds more often, which then repeat a part of
-their work; a larger one lets others wait longer. Chosen."""
+expected computing time."""
 FIRST_SLICE_DIVISOR: Final = 3.0
 """Divisor of the configured time that a fold first computes before it pauses for cheaper folds; the
-quotient is the minimum time before it pauses for any other fold. With a larger value short folds
-pause earlier. Chosen."""
+quotient is the minimum time before it pauses for any other fold."""
 SLICE_GROWTH: Final = 3.0
 """Factor by which the time that a fold computes before it pauses for cheaper folds grows with each
-pause. With this value pauses waste at most half of the work since the last one; a larger one lets
-cheaper folds wait longer. Chosen."""
+pause. With this value pauses waste at most half of the work since the last one."""
 
 
 def ticks(cost_s: float) -> int:

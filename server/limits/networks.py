@@ -23,12 +23,11 @@ the longest prefix that is routed on the internet."""
 TRANSLATED: Final = ipaddress.IPv6Network("64:ff9b::/96")
 """IPv6 network into which translators map IPv4 addresses (RFC 6052)."""
 NETWORK_HEX_DIGITS: Final = 12
-"""Number of hexadecimal digits of a network's pseudonym (a keyed hash of its address). With fewer
-digits different networks share a pseudonym, and thus limits, more often. Chosen."""
+"""Number of hexadecimal digits of a network's pseudonym (a keyed hash of its address)."""
 VISITOR_HEX_DIGITS: Final = 32
 """Number of hexadecimal digits of the keyed hash that identifies a visitor's address. A larger
 value could exceed the database column: with the digits of the visitor's two networks it takes 58 of
-64 characters. Chosen."""
+64 characters."""
 
 
 def visitor_at(host: str) -> str:

@@ -14,7 +14,7 @@ from foldback.server.settings import Settings
 
 QUEUE_RETRY_S: Final = 30
 """Value of the ``Retry-After`` header, in s, if a fold is refused because the queue is full. A
-smaller value brings more requests that are refused again. Chosen."""
+smaller value brings more requests that are refused again."""
 
 
 class Waiting(NamedTuple):

@@ -9,8 +9,7 @@ from foldback.server.limits.token_buckets import SharedBuckets
 NUMBERS_PER_SECOND_OF_VISITOR: Final = 200_000.0
 """Number of joint angles and speeds per second that the service sends to all robots of one visitor;
 with more, each robot gets fewer targets per second. Writing 200 000 of them takes about 0.1 s of
-processor time, measured. A smaller value slows robots with many joints; a larger one lets robots
-delay other visitors more."""
+processor time, measured."""
 
 
 def robot_rates() -> SharedBuckets:

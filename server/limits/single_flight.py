@@ -19,7 +19,7 @@ from foldback.web.timeline.cache import Cache
 PENDING_RETRY_S: Final = 3
 """Value of the ``Retry-After`` header, in s, if a derived file or another result cannot be computed
 because too many others are being computed. A smaller value brings more requests that are refused
-again. Chosen."""
+again."""
 Thing = TypeVar("Thing")
 
 

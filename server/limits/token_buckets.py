@@ -12,15 +12,12 @@ from foldback.server.limits.networks import networks_of
 
 MAX_BUCKETS: Final = 50_000
 """Maximum number of visitors and networks whose token buckets (rate limits) are stored; the least
-recently used one is dropped, and starts full again. A smaller value weakens the limits in floods
-from many addresses. Chosen."""
+recently used one is dropped, and starts full again."""
 NETWORK_RATE_FACTOR: Final = 2.0
-"""Rate limit and burst of a network of IP addresses, as a multiple of one visitor's. A larger value
-permits more to a school behind one network, and to an attacker with many addresses. Chosen."""
+"""Rate limit and burst of a network of IP addresses, as a multiple of one visitor's."""
 VISITORS_AT_FULL_RATE: Final = 4
 """Rate limit and burst of all visitors together, as a multiple of one visitor's, for limits that
-visitors share. Beyond it the visitors that have used half of their own tokens have to wait. A
-larger value lets floods from many addresses take more processor time. Chosen."""
+visitors share. Beyond it the visitors that have used half of their own tokens have to wait."""
 ALL_VISITORS: Final = "all"
 
 

@@ -24,7 +24,7 @@ from foldback.server.store.object_store import StorageError
 
 READINESS_CACHE_S: Final = 2.0
 """Time for which the checked state of disk, object store and workers is cached, in s; ``/ready``
-reports it. A larger value reports failures later. Chosen."""
+reports it."""
 OK: Final = "ok"
 log = logging.getLogger("foldback.web")
 

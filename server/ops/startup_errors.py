@@ -31,7 +31,7 @@ EXPECTED_WORDS: Final = {
 REMEDY: Final = "Correct the setting, or unset it; docs/operations.md lists all settings."
 MAX_QUOTED_CHARACTERS: Final = 60
 """Maximum length of a setting's value that an error message quotes, in characters; the rest is cut
-off. A larger value makes messages longer. Chosen."""
+off."""
 
 
 def settings_of(**given: Any) -> Settings:

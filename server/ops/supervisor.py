@@ -16,14 +16,13 @@ from typing import Final
 from foldback.server.settings import Settings
 
 SUPERVISION_POLL_S: Final = 0.2
-"""Time between two checks of the service's main process if a worker process has ended, in s. With a
-larger value it is restarted later. Chosen."""
+"""Time between two checks of the service's main process if a worker process has ended, in s."""
 STOP_TIMEOUT_S: Final = 10.0
 """Time that the service's processes may take to stop when the service stops, in s; then they are
-killed. A smaller value interrupts more requests and folds. Chosen."""
+killed."""
 MAX_RESTART_PAUSE_S: Final = 30.0
 """Maximum pause before a worker process that ends again and again is restarted, in s; the pause
-doubles from 0.5 s. A larger value resumes later after the cause is gone. Chosen."""
+doubles from 0.5 s."""
 PULSES_PER_LEASE: Final = 5
 """Number of pulses that a worker process sends to the service's main process within the time
 ``lease_s`` of the settings."""

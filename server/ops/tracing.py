@@ -12,8 +12,7 @@ if TYPE_CHECKING:
     from opentelemetry.sdk.trace import TracerProvider
 
 FLUSH_TIMEOUT_MS: Final = 2000
-"""Maximum time that the end of a worker waits for unsent traces, in ms. A larger value delays the
-end if the receiver does not answer. Chosen."""
+"""Maximum time that the end of a worker waits for unsent traces, in ms."""
 _provider: TracerProvider | None = None
 
 

@@ -32,8 +32,7 @@ _CARD_STATUSES: Final = {
 }
 MAX_INCLUDED_FOLDS: Final = 10_000
 """Maximum number of public folds, newest first, among which pages look for the finished folds that
-come with the package. With more public folds some of these would be missing from pages; a larger
-value takes longer. Chosen."""
+come with the package."""
 FEATURED_SHAPES: Final = (
     "tetra-ring",
     "wrench-24",

@@ -21,24 +21,19 @@ from foldback.server.store.folds import NoSuchFoldError
 
 router = APIRouter(include_in_schema=False)
 MAX_CLASS_S: Final = 8 * 3600.0
-"""Time after which a class (a leader whose 3D view of a fold others see live) is ended, in s. A
-larger value leaves forgotten classes open. Chosen."""
+"""Time after which a class (a leader whose 3D view of a fold others see live) is ended, in s."""
 VIEW_INTERVAL_S: Final = 0.1
 """Minimum time between two changes of camera or frame that a follower of a class (a shared live 3D
-view of a fold) gets, in s; those in between are left out. With a larger value the picture jerks; a
-smaller one takes more processor time. Chosen."""
+view of a fold) gets, in s; those in between are left out."""
 MAX_VIEWS_PER_SECOND: Final = 30
 """Maximum number of changes of camera or frame that the leader of a class (a shared live 3D view of
-a fold) may send per second; more of them end the class. Pages send 10. A larger value lets one
-leader take more processor time. Chosen."""
+a fold) may send per second; more of them end the class. Pages send 10."""
 UNREAD_S: Final = 20.0
 """Time, in s, after which a follower of a class (a shared live 3D view of a fold) that does not
-receive what is sent to it is disconnected. A smaller value disconnects followers after short
-network failures. Chosen."""
+receive what is sent to it is disconnected."""
 LOST_LEADER_S: Final = 60.0
 """Time for which a class (a shared live 3D view of a fold) waits until its leader, whose connection
-is lost, connects again, in s; then it ends. A smaller value ends classes in short network failures;
-a larger one makes followers wait longer for a leader that has left. Chosen."""
+is lost, connects again, in s; then it ends."""
 DONE, REFUSED = 1000, 1008
 LEFT: Final = {1000, 1001}
 """Codes with which a connection ends if its page closes it or is left (RFC 6455, section 7.4.1);

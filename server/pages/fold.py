@@ -38,7 +38,7 @@ router = APIRouter(include_in_schema=False)
 
 MAX_DRAWN_MODULES: Final = 4000
 """Maximum number of modules of a chain of which a fold's page shows an SVG drawing until the 3D
-view is ready; for longer chains there is no drawing, as it would make the page slow. Chosen."""
+view is ready; for longer chains there is no drawing, as it would make the page slow."""
 
 
 @router.get("/folds/{fold_id}", response_class=HTMLResponse)

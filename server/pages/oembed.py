@@ -19,16 +19,14 @@ FOLD_PATH: Final = r"/(?:folds|embed)/([^/?#]+)([?#].*)?"
 fold's id."""
 FRAME_WIDTH_PX: Final = 720
 """Maximum and default width of the frame in which other sites embed a fold (oEmbed), in pixels; the
-*Share* dialog proposes the same. Chosen."""
+*Share* dialog proposes the same."""
 FRAME_HEIGHT_PX: Final = 480
 """Maximum and default height of the frame in which other sites embed a fold (oEmbed), in pixels;
-the *Share* dialog proposes the same. Chosen."""
+the *Share* dialog proposes the same."""
 MIN_FRAME_SIDE_PX: Final = 200
-"""Minimum width and height of the frame in which other sites embed a fold (oEmbed), in pixels. In a
-smaller frame the controls would leave no room for the picture. Chosen."""
+"""Minimum width and height of the frame in which other sites embed a fold (oEmbed), in pixels."""
 MAX_ADDRESS_CHARACTERS: Final = 2000
-"""Maximum length of the address in an oEmbed request, in characters; a longer one is refused. A
-smaller value could refuse addresses of folds with a camera view. Chosen."""
+"""Maximum length of the address in an oEmbed request, in characters; a longer one is refused."""
 OEMBED_PICTURE_PX: Final = (1200, 630)
 """Width and height of a fold's preview picture in oEmbed responses, in pixels: a copy of
 ``SOCIAL_PICTURE_PX`` of ``web.pictures.social_picture``, whose import would load large libraries

@@ -30,11 +30,9 @@ from foldback.words.verdict import COMPUTING_VERDICT, PICTURE_VERDICTS
 router = APIRouter(include_in_schema=False)
 
 FINAL_PICTURE_AGE_S: Final = 86400
-"""Time for which browsers may cache the preview picture of a finished fold, in s. A larger value
-needs fewer requests, and shows a new name of the fold later. Chosen."""
+"""Time for which browsers may cache the preview picture of a finished fold, in s."""
 RUNNING_PICTURE_AGE_S: Final = 60
-"""Time for which browsers may cache the preview picture of a running fold, in s. A larger value
-shows the result later. Chosen."""
+"""Time for which browsers may cache the preview picture of a running fold, in s."""
 
 
 @router.get("/folds/{fold_id}/drawing.svg")

@@ -133,13 +133,10 @@ LOCK_FILE: Final = ".lock"
 EPOCH_DIGITS: Final = 12
 """Number of digits of an epoch in the lock file of a fold's directory: more than any epoch has."""
 MAX_OPEN_FILES: Final = 512
-"""Maximum number of open files of one computing process (``RLIMIT_NOFILE``). With a larger value a
-malicious input could exhaust those of the machine; with a smaller one valid tasks could fail.
-Chosen."""
+"""Maximum number of open files of one computing process (``RLIMIT_NOFILE``)."""
 MAX_WRITTEN_FILE_BYTES: Final = 8 * 2**30
 """Maximum size of a file that a computing process can write, in bytes (``RLIMIT_FSIZE``), so that a
-faulty or malicious input cannot fill the disk. A smaller value fails folds with long motions.
-Chosen."""
+faulty or malicious input cannot fill the disk."""
 
 
 def _offer() -> None:

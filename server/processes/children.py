@@ -32,42 +32,37 @@ if TYPE_CHECKING:
 
 CHILD_POLL_S: Final = 0.05
 """Maximum time between two checks of a computing process for its memory limit and for a
-cancellation, in s. A larger value notices both later. Chosen."""
+cancellation, in s."""
 CANCEL_GRACE_S: Final = 0.7
-"""Time that a computing process may take to end a cancelled task, in s; then it is killed. With a
-smaller value more processes are killed and have to be started again. Chosen."""
+"""Time that a computing process may take to end a cancelled task, in s; then it is killed."""
 MAX_START_CPU_S: Final = 240.0
 """Maximum processor time of the start of a computing process, in s, with the compilation of
-numerical kernels; beyond it the process is killed. A smaller value fails on slow machines.
-Chosen."""
+numerical kernels; beyond it the process is killed."""
 MAX_START_S: Final = 3600.0
-"""Maximum wall time of the start of a computing process, in s; beyond it the process is killed.
-With a smaller value processes of low priority, which get little time on a busy machine, could never
-start. Chosen."""
+"""Maximum wall time of the start of a computing process, in s; beyond it the process is killed."""
 KILL_S: Final = 10.0
 """Time within which a killed computing process must end, in s; otherwise its fork server counts as
-hung and is ended, too. A smaller value may end a working fork server on a busy machine. Chosen."""
+hung and is ended, too."""
 CHILD_EXIT_S: Final = 1.0
 """Time that a computing process may take to exit after it has closed its output, in s; then it is
-killed. A larger value reports a crash later. Chosen."""
+killed."""
 BUSY_FACTOR: Final = 6.0
 """Maximum wall time of a short task, such as a preview, as a multiple of its time limit, if the
 machine is too busy to give it that much processor time. With a smaller value shapes are refused
-because of the work of others; with a larger one clients wait longer for an answer. Chosen."""
+because of the work of others."""
 NO_START: Final = "no-start"
 """Error code if no computing process could be started."""
 BUSY: Final = "busy"
 """Error code if a task ended at its time limit because the machine was too busy."""
 MAX_CALLS_PER_CHILD: Final = 200
 """Number of tasks after which a computing process is replaced by a new one, since its limit of
-processor time applies to its whole life. A smaller value starts processes more often; with a larger
-one the limit may end a harmless task. Chosen."""
+processor time applies to its whole life."""
 MAX_EVENT_BYTES: Final = 2**20
 """Maximum size of one message (a line of JSON) from a computing process, in bytes; a longer one is
-invalid. A larger value lets a faulty process take more memory. Chosen."""
+invalid."""
 MAX_BUFFERED_EVENTS: Final = 32
 """Maximum number of unprocessed messages from a computing process that are held in memory; with
-more the process has to wait until some are processed. A larger value takes more memory. Chosen."""
+more the process has to wait until some are processed."""
 LOST: Final = "lost"
 """Error code if a computing process ended because its parent, the fork server, ended. The task is
 not the cause and may be repeated."""
@@ -76,8 +71,7 @@ CRASHED: Final = "crashed"
 message."""
 MAX_LOST_ATTEMPTS: Final = 3
 """Maximum number of attempts at a short task, such as a preview, whose computing process is lost
-because the fork server, which starts such processes, has ended; then the client gets an error. With
-a larger value it gets the error later. Chosen."""
+because the fork server, which starts such processes, has ended; then the client gets an error."""
 EVENTS: Final = {
     "ready": set[str](),
     "progress": {

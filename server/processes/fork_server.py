@@ -35,12 +35,11 @@ CHILD_ENVIRONMENT: Final = {
 and gain nothing at these matrix sizes), no OpenGL in MuJoCo, as only movies draw with it, and no
 process title in the environment's memory."""
 PING_INTERVAL_S: Final = 1.0
-"""Time without a message from the fork server after which a waiting thread sends it a ping, in s. A
-smaller value sends more messages. Chosen."""
+"""Time without a message from the fork server after which a waiting thread sends it a ping, in
+s."""
 MAX_SILENCE_S: Final = 30.0
 """Time within which the fork server must answer a ping, in s; otherwise it counts as hung, and
-another one replaces it. It answers in milliseconds, but loads compiled kernels for some seconds.
-With a larger value clients wait longer for a hung one. Chosen."""
+another one replaces it. It answers in milliseconds, but loads compiled kernels for some seconds."""
 
 
 def environment_with(more: Mapping[str, str]) -> dict[str, str]:

@@ -34,11 +34,10 @@ from foldback.server.processes.sandbox import end_threads, load_kernels
 
 MAX_REQUEST_BYTES: Final = 65536
 """Number of bytes that the fork server, which starts computing processes, reads at most at once
-from its control socket. A request must fit into it, so a smaller value could lose requests.
-Chosen."""
+from its control socket. A request must fit into it, so a smaller value could lose requests."""
 MAX_PIPES: Final = 64
 """Maximum number of file descriptors that the fork server, which starts computing processes,
-receives at once: the pipes of new processes. With a smaller value some could be lost. Chosen."""
+receives at once: the pipes of new processes."""
 PREPARER: Final = "preparer"
 """Kind of the children that prepare previews."""
 

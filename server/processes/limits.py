@@ -53,12 +53,10 @@ class ChildLimits:
 
 
 INTERACTIVE_NICENESS: Final = 5
-"""Maximum niceness (POSIX) of a computing process for whose result a page waits. A smaller value
-answers sooner on a busy machine, and takes more processor time from other processes. Chosen."""
+"""Maximum niceness (POSIX) of a computing process for whose result a page waits."""
 READER_PROCESSES: Final = 2
 """Number of processes that read uploaded files, and equal number of those that compute previews of
-shapes; one visitor uses at most one of each at a time. A larger value takes more memory; a smaller
-one lets visitors wait longer. Chosen."""
+shapes; one visitor uses at most one of each at a time."""
 INTERACTIVE_CHILDREN: Final = 2 * READER_PROCESSES + 2
 """Number of computing processes of the web process: those that read uploads, those that compute
 previews, one that computes trajectories, and one that draws pictures."""

@@ -28,12 +28,10 @@ from foldback.server.processes.scratch import READ_CONTENT, request_in
 
 MAX_STORED_CELLS: Final = 4000
 """Maximum number of cells of an upload that are stored for the first drawing on a fold's page;
-larger shapes have no such drawing. Equals ``MAX_DRAWN_MODULES`` of ``server.pages.fold``.
-Chosen."""
+larger shapes have no such drawing. Equals ``MAX_DRAWN_MODULES`` of ``server.pages.fold``."""
 OFFERS_TIME_FACTOR: Final = 2.0
 """Maximum time of the search for changed versions of a shape that can fold on a table, as a
-multiple of the time limit of the search for one path through the shape. A larger value finds more
-versions and could exceed the time limit of a preview. Chosen."""
+multiple of the time limit of the search for one path through the shape."""
 
 
 def warm_up() -> None:

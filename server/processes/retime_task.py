@@ -23,7 +23,7 @@ from foldback.server.processes.scratch import MOTORS_FILE, request_in
 MAX_CLEARANCE_CPU_S: Final = 5.0
 """Maximum processor time for proving the clearance between modules along an exported trajectory, in
 s; beyond it the clearance counts as unproved. A larger value proves that of longer chains: 160
-modules take less than 1 s, 1000 modules about 15 s. Chosen."""
+modules take less than 1 s, 1000 modules about 15 s."""
 
 
 def warm_up() -> None:

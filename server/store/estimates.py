@@ -23,30 +23,24 @@ from foldback.server.store.tables import REQUESTED_COLUMNS, FoldRow, columns_of
 
 MAX_COMPARED_FOLDS: Final = 100
 """Maximum number of latest folds with the same options whose durations are read to estimate that of
-another fold. A larger value is steadier, slower, and follows changes of the machine later.
-Chosen."""
+another fold."""
 SIMILAR_SIZE_RATIO: Final = 1.5
 """Ratio of numbers of modules at which an earlier fold weighs 0.61 in the estimated duration of
-another one (one standard deviation of a Gaussian in the logarithm). With a larger value folds of
-other sizes count more. Chosen."""
+another one (one standard deviation of a Gaussian in the logarithm)."""
 MAX_SIZE_RATIO: Final = 4.0
 """Largest ratio of numbers of modules at which an earlier fold counts in the estimated duration of
-another one. With a larger value more estimates are possible, and they are less accurate. Chosen."""
+another one."""
 MIN_SIMILAR_FOLDS: Final = 3
-"""Minimum number of earlier folds of similar size from which a duration is estimated. With a
-smaller value one slow fold decides the estimate; with a larger one new kinds of folds have no
-estimate for longer. Chosen."""
+"""Minimum number of earlier folds of similar size from which a duration is estimated."""
 KIND_COLUMNS: Final = (
     "module",
     *(name for name in REQUESTED_COLUMNS if name not in ("seed", "module_size")),
 )
 """Columns of a fold's row that must be equal for durations to be compared."""
 DURATIONS_CACHE_S: Final = 5.0
-"""Time for which durations of earlier folds are cached, in s. A larger value includes the newest
-folds in estimates later; a smaller one reads the database more often. Chosen."""
+"""Time for which durations of earlier folds are cached, in s."""
 MAX_CACHED_KINDS: Final = 1024
-"""Maximum number of kinds of folds (combinations of options) whose durations are cached. A smaller
-value reads the database more often. Chosen."""
+"""Maximum number of kinds of folds (combinations of options) whose durations are cached."""
 DEFAULT_STAGE_FRACTIONS: Final = {
     "read": 0.05,
     "explode": 0.15,
@@ -55,8 +49,8 @@ DEFAULT_STAGE_FRACTIONS: Final = {
     "export": 0.05,
 }
 """Fractions of a fold's expected duration by stage, for estimates while no similar fold was
-measured. With too small a fraction a stage counts as late too early. Measured: tori of 160 cubes
-took 0.5 to 2.5 s (explode), 5 to 10 s (play back) and 1 to 2 s (certify)."""
+measured. Measured: tori of 160 cubes took 0.5 to 2.5 s (explode), 5 to 10 s (play back) and 1 to 2
+s (certify)."""
 
 Expected = Callable[[FoldRow], float]
 """Function that returns the seconds that a fold is expected to take."""

@@ -30,13 +30,13 @@ from foldback.server.store.tables import FoldRow
 
 COPY_CACHE_S: Final = 0.4
 """Maximum age of the local copy of a running fold's files before they are compared with the object
-store again, in s. A larger value shows frames later; a smaller one sends more requests. Chosen."""
+store again, in s."""
 CACHE_SWEEP_S: Final = 60.0
-"""Minimum time between two deletions of the least recently used local copies of folds' files, in s.
-With a larger value the copies exceed their limit of disk space further. Chosen."""
+"""Minimum time between two deletions of the least recently used local copies of folds' files, in
+s."""
 MIN_COPY_AGE_S: Final = 600.0
 """Time since its last use within which a local copy of a fold's files is not deleted, in s, as a
-request may be reading it. A larger value may exceed the limit of disk space for longer. Chosen."""
+request may be reading it."""
 WHOLE_FILE: Final = ".whole"
 """Name of the empty file in a work directory that is written when all files have been fetched."""
 REMOVED_PREFIX: Final = ".going-"

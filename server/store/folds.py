@@ -57,23 +57,20 @@ Kind = TypeVar("Kind", bound=Base)
 Value = TypeVar("Value")
 Values = TypeVarTuple("Values")
 ACCESS_RESOLUTION_S: Final = 900.0
-"""Minimum change, in s, at which the time of the last access to a fold is updated in the database.
-A smaller value writes more often; with a larger one unused folds are ordered less accurately.
-Chosen."""
+"""Minimum change, in s, at which the time of the last access to a fold is updated in the
+database."""
 TURN_COUNTER: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
 SLICE_END_S: Final = 1.0
 """Time that a running fold is assumed to take until it has paused for another one, in s: the check
-of the queue and the end of a computing step. A larger value makes estimated waiting times longer.
-Chosen."""
+of the queue and the end of a computing step."""
 CANCELLATION_MEMORY_S: Final = 3600.0
 """Time, in s, after a visitor has cancelled a gallery fold for which the visitor's gallery folds no
-longer go before all others in the queue. With a smaller value visitors that repeatedly start and
-cancel gallery folds delay others more. Chosen."""
+longer go before all others in the queue."""
 DAY_S: Final = 86400.0
 """Number of seconds in a day."""
 PACE_SAMPLES: Final = 40
 """Number of latest folds whose actual and expected durations give this machine's speed, for
-estimates of waiting times. A larger value is steadier and follows changes later. Chosen."""
+estimates of waiting times."""
 
 
 def new_id() -> str:

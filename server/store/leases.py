@@ -30,13 +30,12 @@ COMPILED_COUNT: Final = 1000
 database, as an integer in thousandths: the value once all are compiled."""
 MIN_COMPILED_FRACTION: Final = IMPORTS_FRACTION
 """Compiled fraction of a worker's numerical kernels from which on the remaining time is
-extrapolated. A smaller value displays an estimate earlier, and a less reliable one. Chosen."""
+extrapolated."""
 COMPILING_CACHE_S: Final = 0.4
-"""Time for which the compiled fraction of the workers' numerical kernels is cached, in s. A larger
-value shows progress later; a smaller one reads the database more often. Chosen."""
+"""Time for which the compiled fraction of the workers' numerical kernels is cached, in s."""
 SERVICE_START_S: Final = 60.0
 """Time after the start of the service for which missing workers count as starting rather than as
-failed, in s. A smaller value reports false failures on slow machines. Chosen."""
+failed, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -35,11 +35,10 @@ REMOVED_INDEX: Final = ".removed.json"
 """File beside stored files while some of them are being deleted: a list of their names. Whoever
 fetches the directory ignores these files, because a crash may leave any part of them."""
 TRANSFERS_AT_ONCE: Final = 8
-"""Number of files that are transferred to or from the object store at the same time. A larger value
-is faster for many small files and opens more connections. Chosen."""
+"""Number of files that are transferred to or from the object store at the same time."""
 MAX_FETCH_ATTEMPTS: Final = 5
 """Maximum number of attempts to fetch a fold's files from the object store while its motion is
-being replaced; then the request fails. A larger value fails less often, and later. Chosen."""
+being replaced; then the request fails."""
 log = logging.getLogger("foldback.storage")
 Answer = TypeVar("Answer")
 

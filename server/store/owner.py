@@ -15,10 +15,10 @@ from foldback.server.store.tables import FoldRow
 
 MIN_TOKEN_CHARS: Final = 24
 """Minimum length of the secret token that proves the ownership of folds, in characters; a shorter
-one counts as none. A smaller value permits tokens that could be guessed. Chosen."""
+one counts as none."""
 MAX_TOKEN_CHARS: Final = 200
 """Maximum length of the secret token that proves the ownership of folds, in characters; a longer
-one counts as none. A larger value permits larger request headers. Chosen."""
+one counts as none."""
 DigestColumn = InstrumentedAttribute[str] | InstrumentedAttribute[str | None]
 """Column with digests of owner tokens."""
 

@@ -33,36 +33,27 @@ from foldback.server.store.tables import PreviewRow, ReportRow
 PREVIEWS_KEY: Final = "previews"
 SWEEPING_THREAD: Final = "preview-sweep"
 MAX_LISTED_PREVIEWS: Final = 50
-"""Maximum number of previews in the list of an owner's previews; older ones are left out. A larger
-value makes the list slower. Chosen."""
+"""Maximum number of previews in the list of an owner's previews; older ones are left out."""
 MAX_PREVIEW_ACCESS_AGE_S: Final = 60.0
 """Time by which the stored time of the last access to a preview may be out of date before an access
-updates it, in s, but at most an eighth of the preview's lifetime. A smaller value writes to the
-database more often; with a larger one the least recently used previews are known less accurately.
-Chosen."""
+updates it, in s, but at most an eighth of the preview's lifetime."""
 PREVIEW_SWEEP_S: Final = 60.0
-"""Maximum time between two deletions of expired previews, in s. With a larger value expired
-previews occupy the disk for longer. Chosen."""
+"""Maximum time between two deletions of expired previews, in s."""
 PREVIEW_SWEEP_BYTES: Final = 16 * 2**20
 """Number of newly written bytes of uploads and previews after which expired previews are deleted to
-make room, but at most an eighth of the limit for all previews. With a larger value the limit is
-exceeded further in between. Chosen."""
+make room, but at most an eighth of the limit for all previews."""
 STORED_SWEEP_S: Final = 600.0
 """Minimum time between two searches of the object store for files of previews that are not in the
-database, in s, to delete them. With a larger value such files occupy storage for longer; a smaller
-value lists the store more often. Chosen."""
+database, in s, to delete them."""
 MIN_LOST_AGE_S: Final = 600.0
 """Age up to which a preview whose files are missing, and files that a request may still be
-fetching, are not deleted, in s. A smaller value may delete an upload that is being stored; a larger
-one occupies storage for longer. Chosen."""
+fetching, are not deleted, in s."""
 UNREAD_UPLOAD_S: Final = 60.0
 """Age up to which an upload without a preview is not deleted to make room, in s, as a process may
-still be reading it. A smaller value may delete uploads that are being read; a larger one protects
-abandoned uploads for longer. Chosen."""
+still be reading it."""
 MAX_PROTECTED_UPLOADS: Final = 4
 """Maximum number of one visitor's newest uploads that are not deleted to make room on the disk
-while they are being read. With a larger value a flood of uploads could exceed the disk space for
-previews. Chosen."""
+while they are being read."""
 STAT_BLOCK_BYTES: Final = 512
 """Size of the blocks that ``st_blocks`` of a file's status counts, in bytes (POSIX)."""
 log = logging.getLogger("foldback.web")

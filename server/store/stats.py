@@ -19,22 +19,17 @@ from foldback.server.store.leases import Leases
 from foldback.server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, engine_of
 
 FIGURES_CACHE_S: Final = 2.0
-"""Time for which the figures for operators (numbers of folds, durations) are cached, in s. A larger
-value reads the database less often, and reports changes later. Chosen."""
+"""Time for which the figures for operators (numbers of folds, durations) are cached, in s."""
 SIZE_CACHE_S: Final = 60.0
 """Time for which the total size of all folds' files is cached, in s, as its computation reads the
-sizes of all folds from the database. A larger value reports changes later; a smaller one loads the
-database more. Chosen."""
+sizes of all folds from the database."""
 RECENT_WINDOW_S: Final = 3600.0
-"""Time since its end for which a fold counts in the durations that operators see, in s. A larger
-value is steadier and follows changes later. Chosen."""
+"""Time since its end for which a fold counts in the durations that operators see, in s."""
 MAX_FOLD_AGE_S: Final = 86400.0
 """Largest assumed time from the request of a fold to its end, in s; the search for recently ended
-folds skips those that were requested earlier. A larger value takes longer; a smaller one misses
-more folds that took long. Chosen."""
+folds skips those that were requested earlier."""
 MAX_ENDED_FOLDS: Final = 500
-"""Maximum number of recently ended folds whose durations are read for the figures for operators. A
-larger value is more accurate and slower. Chosen."""
+"""Maximum number of recently ended folds whose durations are read for the figures for operators."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -22,7 +22,7 @@ from foldback.server.settings import Settings
 
 MAX_WORKERS_PER_MACHINE: Final = 256
 """Maximum number of workers on one machine: each takes the first free number, and one that finds
-none fails to start. A larger value permits more workers. Chosen."""
+none fails to start."""
 WHOLE_FILE_LOCK: Final = struct.pack("hhqqi0q", F_WRLCK, os.SEEK_SET, 0, 0, 0)
 """The kernel's ``struct flock`` for a write lock on a whole file (fcntl(2)), in binary form: type,
 whence, start, length, pid."""

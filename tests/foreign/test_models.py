@@ -15,8 +15,7 @@ from pydrake.multibody.plant import AddMultibodyPlantSceneGraph
 from pydrake.systems.framework import DiagramBuilder
 
 PYBULLET_JOINTS = 121
-"""Joints of which PyBullet reports states: 128 coordinates with the base's seven. A larger model
-loads, but the states of its last joints are not set."""
+"""Joints of which PyBullet reports states: 128 coordinates with the base's seven."""
 PYBULLET_MARGIN_M = 0.002
 """PyBullet surrounds each of two convex meshes by 1 mm; boxes keep their size."""
 

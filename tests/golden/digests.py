@@ -19,7 +19,7 @@ RESULTS: Final = (
 )
 """Files of a fold's directory that hold results."""
 DIGEST_LENGTH: Final = 12
-"""Number of hexadecimal digits of a digest; 12 miss a change with probability 2⁻⁴⁸. Chosen."""
+"""Number of hexadecimal digits of a digest; 12 miss a change with probability 2⁻⁴⁸."""
 WALL_TIME: Final = "seconds"
 """Name of a wall time in all files, except in ``DURATION_OF``."""
 DURATION_OF: Final = "smoothing"

@@ -10,8 +10,7 @@ from bench.machine import processor
 PACKAGES: Final = ("highspy", "mujoco", "numba", "numpy", "scipy")
 """Packages whose versions may change the last digits of a result."""
 KEY_LENGTH: Final = 12
-"""Number of hexadecimal digits of a machine's key; 12 distinguish some millions of machines.
-Chosen."""
+"""Number of hexadecimal digits of a machine's key; 12 distinguish some millions of machines."""
 
 
 ARITHMETIC: Final = ("amx", "asimd", "avx", "bmi", "f16c", "fma", "fp", "sse", "ssse", "sve")

@@ -12,8 +12,7 @@ from tests.golden.machine import machine, machine_key
 
 STORED_DIR: Final = FilePath(__file__).parent / "stored"
 RELATIVE_TOLERANCE: Final = 0.25
-"""Maximum relative difference of a figure between two machines; a larger one may be a fault.
-Chosen."""
+"""Maximum relative difference of a figure between two machines; a larger one may be a fault."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -27,34 +27,27 @@ from tests.planner.chains import Array
 
 BRAKE_TORQUE_RATIO: Final = 1.1
 """Torque with which simulated brakes hold the hinges when a frame on a table is checked, as a
-multiple of the largest torque in the certificate. Larger values accept frames that the certified
-torque hardly holds. Chosen."""
+multiple of the largest torque in the certificate."""
 MIN_BRAKE_TORQUE_WP: Final = 0.1
 """Minimum torque with which simulated brakes hold the hinges when a frame on a table is checked, in
-w·p (module weight × pitch), for plans that need hardly any torque. Larger values accept weaker
-frames. Chosen."""
+w·p (module weight × pitch), for plans that need hardly any torque."""
 REPLAY_GEOM_SIZE: Final = 0.99
 """Size of the collision hulls where frames on a table are simulated, as a fraction of the module:
-full hulls of neighbouring cells would overlap by rounding. With smaller values modules sink further
-before they touch, and long tails with them. Chosen."""
+full hulls of neighbouring cells would overlap by rounding."""
 REPLAY_STEP: Final = 0.01
-"""Time step of the simulation that checks frames on a table, in √(pitch / gravity). Smaller values
-are more exact and slower. Chosen."""
+"""Time step of the simulation that checks frames on a table, in √(pitch / gravity)."""
 SOLVER_TOLERANCE: Final = 1e-10
 """Tolerance of MuJoCo's constraint solver where frames on a table are simulated. With its default
-of 1e-8, the solver's residual moves a long tail on a frictionless table; smaller values take more
-iterations. Chosen."""
+of 1e-8, the solver's residual moves a long tail on a frictionless table."""
 REPLAY_DURATION: Final = 20.0
-"""Duration of the simulation of one frame on a table, in √(pitch / gravity). Larger values detect
-slower sinking and take more time. Chosen."""
+"""Duration of the simulation of one frame on a table, in √(pitch / gravity)."""
 MAX_SETTLING_PITCH: Final = 0.1
 """A frame of a fold on a table is simulated under gravity with braked hinges. Maximum distance,
 pitches, between the first and last position of a module (gaps at contacts close at first); beyond
-it the frame counts as unstable. Larger values accept weaker frames. Chosen."""
+it the frame counts as unstable."""
 MAX_LATE_DRIFT_PITCH: Final = 0.02
 """Maximum distance, in pitches, that a module of a simulated frame on a table may move in the
-second half of the simulation; a frame that moves further counts as not resting. Larger values
-accept weaker frames. Chosen."""
+second half of the simulation; a frame that moves further counts as not resting."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -22,8 +22,7 @@ from foldback.web.movies.movie import FORMATS, Movie
 AddPicture = Callable[[NDArray[np.uint8]], object]
 """Function that adds a picture to a movie: (H, W, 3) sRGB bytes, from the top."""
 X264_CRF: Final = 19
-"""Constant rate factor of the video encoder x264, from 0 (lossless) to 51. A larger value makes
-smaller files of lower quality; at this value no loss is visible. Chosen."""
+"""Constant rate factor of the video encoder x264, from 0 (lossless) to 51."""
 X264_PRESET: Final = "veryfast"
 """Speed preset of the video encoder x264: twice as fast as the next slower one, and the files of
 such plain pictures are no larger. Measured."""
@@ -35,11 +34,10 @@ MAX_PALETTE_COLOURS: Final = 255
 unchanged pixels."""
 PALETTE_STRIDE: Final = 4
 """Step between sampled pixels, in rows, columns and frames, from which the palette of a GIF is
-chosen. A larger value is faster and may miss colours of small areas. Chosen."""
+chosen."""
 DITHER_AMPLITUDE: Final = 8.0
 """Amplitude of the ordered dither that is added before the colours of a GIF are rounded to its
-palette, in levels of 256. A larger value hides borders between colours better and makes the
-dither's pattern more visible. Chosen."""
+palette, in levels of 256."""
 ENCODERS_TIMEOUT_S: Final = 20.0
 """Maximum time for ffmpeg to list its encoders, in s; a program that takes longer is not used."""
 _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])

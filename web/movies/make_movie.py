@@ -24,11 +24,10 @@ Array = NDArray[np.float64]
 
 STILL_S: Final = ((0.4, 0.05), (1.2, 0.15))
 """Time without motion at the beginning and at the end of a movie: (duration in s, largest fraction
-of the movie's duration). Larger values leave less time for the motion. Chosen."""
+of the movie's duration)."""
 MAX_READING: Final = 0.6
 """Largest fraction of a movie's duration for which the motion pauses at the captions of a guided
-tour; longer pauses are shortened. A larger value leaves more time to read, and the chain moves
-faster in between. Chosen."""
+tour; longer pauses are shortened."""
 
 
 def make_movie(

@@ -20,35 +20,29 @@ DEFAULT_OPTIONS: Final[dict[str, dict[str, float]]] = {
     "gif": {"width": 640, "height": 360, "fps": 15, "seconds": 6.0},
 }
 """Default width and height in pixels, frames per second and duration in s of a movie, by file
-format. Chosen."""
+format."""
 MIN_SIDE_PX: Final = 64
-"""Minimum width and height of a movie, in pixels; a smaller movie is refused. Chosen."""
+"""Minimum width and height of a movie, in pixels; a smaller movie is refused."""
 MAX_SIDES_PX: Final[dict[str, tuple[int, int]]] = {"mp4": (1920, 1080), "gif": (960, 720)}
-"""Maximum length of a movie's longer and shorter side by file format, in pixels, upright or not.
-Larger values take more time and memory to draw. Chosen."""
+"""Maximum length of a movie's longer and shorter side by file format, in pixels, upright or not."""
 MAX_FPS: Final[dict[str, int]] = {"mp4": 60, "gif": 25}
-"""Maximum number of a movie's frames per second by file format. Larger values take longer to draw
-and make larger files. Chosen."""
+"""Maximum number of a movie's frames per second by file format."""
 MIN_MOVIE_S: Final = 0.1
-"""Minimum duration of a movie, in s; a shorter movie is refused. A smaller value permits movies of
-fewer frames. Chosen."""
+"""Minimum duration of a movie, in s; a shorter movie is refused."""
 MAX_MOVIE_S: Final[dict[str, float]] = {"mp4": 60.0, "gif": 20.0}
-"""Maximum duration of a movie by file format, in s. A larger value occupies a worker for longer and
-makes larger files. Chosen."""
+"""Maximum duration of a movie by file format, in s."""
 ELEVATION_RANGE_DEG: Final = (-10.0, 85.0)
 """Smallest and largest permitted elevation of a movie's camera above the horizontal plane, in
 degrees. Below 0 the camera looks from below the ground; at 90 the upward direction of the picture
-is undefined. Chosen."""
+is undefined."""
 MAX_TURN_DEG: Final = 720.0
 """Maximum angle by which a movie's camera may orbit around the chain, in degrees in either
-direction. A larger value permits faster orbits. Chosen."""
+direction."""
 READING_CHARS_PER_S: Final = 17.0
 """Assumed reading speed, in characters per s, that gives the time for which a movie pauses at a
-caption of a guided tour: the usual limit for subtitles. With a smaller value the movie pauses for
-longer."""
+caption of a guided tour: the usual limit for subtitles."""
 MIN_READING_S: Final = 1.5
-"""Minimum time for which a movie pauses at a caption of a guided tour, in s. With a larger value
-the movie pauses for longer at short captions, and the chain moves faster in between. Chosen."""
+"""Minimum time for which a movie pauses at a caption of a guided tour, in s."""
 
 
 @dataclass(frozen=True, slots=True)

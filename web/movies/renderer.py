@@ -33,8 +33,7 @@ Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
 
 SAMPLES_PER_PIXEL: Final = 4
-"""Number of samples per pixel of a movie (OpenGL multisampling). With fewer samples edges flicker
-as modules turn; software OpenGL offers at most 4."""
+"""Number of samples per pixel of a movie (OpenGL multisampling)."""
 
 
 class NoGLError(Exception):

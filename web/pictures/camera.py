@@ -13,29 +13,26 @@ from foldback.planner.chain.chain import Chain
 Array = NDArray[np.float64]
 
 FIELD_OF_VIEW_RAD: Final = np.deg2rad(32.0)
-"""Vertical field of view of all cameras, in rad. A larger value brings the camera closer and
-exaggerates perspective. Chosen."""
+"""Vertical field of view of all cameras, in rad."""
 AZIMUTH_RAD: Final = np.deg2rad(-62.0)
 """Default azimuth of the camera as seen from the chain, in rad from the x axis around the vertical
-z axis. Chosen."""
+z axis."""
 ELEVATION_RAD: Final = np.deg2rad(24.0)
-"""Default elevation of the camera above the horizontal plane, in rad. Chosen."""
+"""Default elevation of the camera above the horizontal plane, in rad."""
 ORBIT_SPEED_RAD_S: Final = np.deg2rad(5.0)
 """Angular speed with which the camera orbits around the chain while a web page plays a motion by
-itself, in rad/s. Chosen."""
+itself, in rad/s."""
 MAX_FRAMED_POINTS: Final = 600
 """Approximate number of module centres from which the camera's distance is computed; of longer
-chains every n-th one and the extreme ones are taken. A larger value takes longer and is more
-accurate. Chosen."""
+chains every n-th one and the extreme ones are taken."""
 DEFAULT_ASPECT: Final = 1.6
-"""Aspect ratio (width / height) for which a camera is placed if the picture's size is unknown. With
-a larger value chains may be cut off at the sides of narrow pictures. Chosen."""
+"""Aspect ratio (width / height) for which a camera is placed if the picture's size is unknown."""
 GROUND_GAP_PITCH: Final = 0.35
 """Gap between the lowest module and the drawn ground in movies and pictures of chains without a
-table, in pitches. A larger value makes the chain seem to float higher. Chosen."""
+table, in pitches."""
 MIN_STRAIGHT_MODULES: Final = 40
 """Minimum number of modules of the still straight part of a long chain that the camera keeps in
-view beside the folded part. A larger value shows the folded part smaller. Chosen."""
+view beside the folded part."""
 
 
 _DIRECTIONS_13: Final = np.array(

@@ -20,25 +20,21 @@ Array = NDArray[np.float64]
 
 POSITION_SMOOTHING_S: Final = 0.5
 """Standard deviation of the Gaussian filter for the target and distance of a movie's camera, in s
-of the movie. A larger value moves the camera more calmly, and it follows the chain later.
-Chosen."""
+of the movie."""
 DIRECTION_SMOOTHING_S: Final = 1.2
 """Standard deviation of the Gaussian filter for the viewing direction of a movie's camera, in s of
-the movie. A larger value turns the camera more calmly, and it follows the chain later. Chosen."""
+the movie."""
 MAX_SMOOTHING_FRACTION: Final = 0.05
 """Maximum standard deviation of the filter for the target and distance of a movie's camera, as a
-fraction of the movie; for the viewing direction it is twice that. With a larger value the camera of
-a short movie hardly zooms. Chosen."""
+fraction of the movie; for the viewing direction it is twice that."""
 FILTER_TRUNCATION_SIGMA: Final = 3.0
 """Number of standard deviations at which the Gaussian filters of a movie's camera path are cut off
-(``truncate`` of scipy). A larger value is smoother and looks further ahead. Chosen."""
+(``truncate`` of scipy)."""
 MOVIE_FILL: Final = (0.88, 0.82)
-"""Fractions of a movie's width and height that the chain fills. Smaller values leave a wider
-margin. Chosen."""
+"""Fractions of a movie's width and height that the chain fills."""
 DISTANCE_RESERVE: Final = 1.12
 """Minimum distance of a movie's camera, as a multiple of the distance at which the chain just fits
-into the picture. A larger value shows the chain smaller; a smaller one may cut it off at the edge.
-Chosen."""
+into the picture."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

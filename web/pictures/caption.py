@@ -18,33 +18,29 @@ BAND_RGB: Final = (252, 251, 249)
 DARK_RGB: Final = (24, 26, 30)
 BAND_HEIGHT_PX: Final = 108
 """Height of the caption band at the bottom of a fold's preview picture for social networks, in
-pixels. A larger value hides more of the chain. Chosen."""
+pixels."""
 FAILED_BAND_PX: Final = 84
-"""Height of the red band at the top of the preview picture of a failed fold, in pixels. A larger
-value hides more of the chain. Chosen."""
+"""Height of the red band at the top of the preview picture of a failed fold, in pixels."""
 SIDE_MARGIN_PX: Final = 40
 """Distance of a caption's text from the left and from the right edge of a preview picture, in
-pixels. A larger value leaves less room for the fold's name. Chosen."""
+pixels."""
 NAME_PX: Final = 44
 """Largest font size of the fold's name in a picture's caption, in pixels; a long name is drawn
-smaller. Chosen."""
+smaller."""
 VERDICT_PX: Final = 30
 """Font size of the fold's result (such as *verified*) in the caption of a preview picture, in
-pixels. A larger value leaves less room for the fold's name. Chosen."""
+pixels."""
 STRIP_FONT: Final = 1 / 26
-"""Size of a caption's font in a movie, as a fraction of the shorter side. A larger value is easier
-to read and leaves less room for the chain. Chosen."""
+"""Size of a caption's font in a movie, as a fraction of the shorter side."""
 MIN_STRIP_FONT_PX: Final = 11
 """Smallest size of a caption's font in a movie, in pixels; smaller letters cannot be read."""
 MAX_STRIP_LINES: Final = 4
-"""Maximum number of lines of a caption in a movie; the rest of the text is cut off. A larger value
-hides more of the chain. Chosen."""
+"""Maximum number of lines of a caption in a movie; the rest of the text is cut off."""
 STRIP_OPACITY: Final = 0.86
-"""Opacity of the strip behind a caption in a movie. A smaller value shows more of the chain, and
-the text is harder to read. Chosen."""
+"""Opacity of the strip behind a caption in a movie."""
 MAX_KEPT_STRIPS: Final = 8
-"""Number of drawn captions of movies that are kept in memory, as many pictures show the same one.
-With a smaller value captions are drawn again more often. Chosen."""
+"""Number of drawn captions of movies that are kept in memory, as many pictures show the same
+one."""
 
 
 @dataclass(frozen=True, slots=True)

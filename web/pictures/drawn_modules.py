@@ -18,11 +18,11 @@ Floats = NDArray[np.float32]
 Bytes = NDArray[np.uint8]
 
 SUPERSAMPLING: Final = 2
-"""Factor by which pictures are drawn wider and higher than requested before they are averaged down.
-A larger value smooths edges more and is slower. Chosen."""
+"""Factor by which pictures are drawn wider and higher than requested before they are averaged
+down."""
 EXPOSURE: Final = 1.1
 """Factor on the brightness of faces in still pictures, which makes them as bright as in movies,
-where faces have a specular highlight. A larger value makes pictures brighter. Chosen."""
+where faces have a specular highlight."""
 
 
 class Camera:

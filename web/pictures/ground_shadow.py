@@ -17,20 +17,19 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 SHADOW_CELLS: Final = 512
-"""Number of pixels of a ground shadow's texture along each side. A larger value is sharper and
-slower. Chosen."""
+"""Number of pixels of a ground shadow's texture along each side."""
 MIN_BLUR_PITCH: Final = 0.3
 """Standard deviation of the Gaussian blur of the ground shadow of a module that lies on the ground,
-in pitches. A larger value softens all shadows. Chosen."""
+in pitches."""
 BLUR_PER_HEIGHT: Final = 0.07
 """Increase of the blur's standard deviation of a ground shadow with the module's height, in pitches
-per pitch. A larger value imitates a larger light source. Chosen."""
+per pitch."""
 MODULE_WIDTH_PITCH: Final = 0.93
-"""Width of the square that stands for a module in ground shadows, in pitches. Chosen: that of a
-displayed cube."""
+"""Width of the square that stands for a module in ground shadows, in pitches. That of a displayed
+cube."""
 SHADOW_EDGE_SIGMA: Final = 3.0
 """Width of the margin of a ground shadow's texture around the modules, in standard deviations of
-the widest blur. A smaller value cuts off the shadow's soft edge. Chosen."""
+the widest blur."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -17,17 +17,13 @@ Point = tuple[float, float]
 
 PITCH_UNITS: Final = 24.0
 """Length of one pitch (distance between neighbouring module centres) in an isometric drawing, in
-user units of its SVG. A larger value makes all coordinates larger; the drawing can be scaled to any
-size. Chosen."""
+user units of its SVG."""
 DRAWN_MODULE_SIZE: Final = 0.93
-"""Edge length of a cube in an isometric drawing, in pitches; smaller values widen the gaps between
-modules. Chosen."""
+"""Edge length of a cube in an isometric drawing, in pitches."""
 EDGE_STROKE_PITCH: Final = 0.1
-"""Width of the stroke around each face in an isometric drawing, in pitches. A larger value rounds
-the corners of faces more. Chosen."""
+"""Width of the stroke around each face in an isometric drawing, in pitches."""
 DRAWING_MARGIN_PITCH: Final = 0.6
-"""Width of the empty margin around an isometric drawing, in pitches. A larger value shows the shape
-smaller. Chosen."""
+"""Width of the empty margin around an isometric drawing, in pitches."""
 QUARTER_TURN: Final[NDArray[np.int64]] = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 1]])
 """Rotation matrix by +90° about z, from the frame of shapes and of the 3D view to that of isometric
 drawings (p_drawing = R p_shape), so that both show nearly the same sides of a shape."""

@@ -22,7 +22,7 @@ from foldback.web.pictures.meshes import sketch_outline
 Array = NDArray[np.float64]
 AZIMUTH_RAD, ELEVATION_RAD = math.radians(33.0), math.radians(27.0)
 """Direction of the camera, in rad. It differs from that of cells, because from (1, 1, 1) some faces
-of a tetrahedron are seen edge-on. Chosen."""
+of a tetrahedron are seen edge-on."""
 RIGHT_DIRECTION: Final = np.array([-math.sin(AZIMUTH_RAD), math.cos(AZIMUTH_RAD), 0.0])
 EYE_DIRECTION: Final = np.array(
     [
@@ -37,10 +37,9 @@ DARKEST, BRIGHTEST = (112, 124, 140), (240, 242, 245)
 SEAM_COLOUR: Final = "#646d79"
 FACE_SCALE: Final = 0.94
 """Size of the bright area of a module's face in an isometric drawing, relative to the face; the
-rest appears as a dark seam. A smaller value widens the seams. Chosen."""
+rest appears as a dark seam."""
 TONE_STEPS: Final = 12
-"""Number of steps of the brightness of faces in an isometric drawing. A larger value shades more
-smoothly and makes the SVG file larger. Chosen."""
+"""Number of steps of the brightness of faces in an isometric drawing."""
 
 
 def chain_svg(chain: Chain, *, size: int = 320, title: str | None = None) -> str:

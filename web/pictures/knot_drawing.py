@@ -16,24 +16,21 @@ from foldback.planner.motion.failure_schemas import KnotFigures
 
 Array = NDArray[np.float64]
 DRAWING_SIDE: Final = 160
-"""Width and height of the square drawing of a chain's knot diagram, in SVG user units. A larger
-value makes its strokes, which are a few units wide, look thinner. Chosen."""
+"""Width and height of the square drawing of a chain's knot diagram, in SVG user units."""
 DRAWING_RADIUS: Final = 66.0
 """Radius of the circle that the drawing of a chain's knot diagram fits into, in SVG user units; the
-square has 160. A larger value leaves less margin. Chosen."""
+square has 160."""
 CROSSING_GAP: Final = 7.0
 """Length of the gap in the lower strand on each side of a crossing in a knot drawing, in SVG user
-units. A larger value shows more clearly which strand is above, and may cut short strands away.
-Chosen."""
+units."""
 VERTICES_PER_ARC: Final = 2
 """Number of vertices that the computed layout of a knot drawing has on each arc between two
-crossings. More make the arcs rounder. Chosen."""
+crossings."""
 POINTS_PER_VERTEX: Final = 8
-"""Number of points of the drawn curve per vertex of a knot drawing's layout. More make the curve
-smoother and the SVG larger. Chosen."""
+"""Number of points of the drawn curve per vertex of a knot drawing's layout."""
 MAX_DRAWN_CROSSINGS: Final = 60
 """Maximum number of crossings of a chain's knot diagram that is drawn; with more there is no
-drawing, as it would be too dense to read. Chosen."""
+drawing, as it would be too dense to read."""
 Face = list[int]
 
 

@@ -20,22 +20,21 @@ Array = NDArray[np.float64]
 UPWARD: Final = np.array([0.0, 0.0, 1.0])
 KEY_LIGHT: Final = (-0.5, 0.6, 1.0)
 """Direction towards the key light, which casts shadows, in the camera's frame: right, towards the
-camera, up. Chosen."""
+camera, up."""
 FILL_LIGHT: Final = (0.9, 0.6, 0.1)
 """Direction towards the faint fill light, which casts no shadows, in the camera's frame: right,
-towards the camera, up. Chosen."""
+towards the camera, up."""
 KEY_LIGHT_RGB: Final = np.array([1.0, 0.985, 0.955])
-"""Colour of the key light as factors on linear red, green and blue: slightly warm. Chosen."""
+"""Colour of the key light as factors on linear red, green and blue: slightly warm."""
 SHADOW_LOSS: Final = 0.35
-"""Fraction of its brightness that a face loses in the shadow of the key light, 0 to 1. A larger
-value makes shadows darker. Chosen."""
+"""Fraction of its brightness that a face loses in the shadow of the key light, 0 to 1."""
 SHADOW_SHIFT_PER_HEIGHT: Final = 0.25
 """Factor on the horizontal direction of the key light, which gives the shift of a module's ground
 shadow in pitches per pitch of height. It is smaller than the light's angle demands, so that shadows
-stay near the modules. Chosen."""
+stay near the modules."""
 OCCLUDER_RADIUS_FACTOR: Final = 1.12
 """Radius of the ball that stands for a module in the computation of shadows, as a multiple of the
-radius of the module's inscribed ball. A larger value darkens neighbouring modules more. Chosen."""
+radius of the module's inscribed ball."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -14,24 +14,21 @@ from foldback.web.pictures.camera import FIELD_OF_VIEW_RAD
 
 Array = NDArray[np.float64]
 DISPLAYED_MODULE_SIZE: Final = 0.93
-"""Size of a displayed module relative to its true size, so that gaps separate neighbouring modules.
-A smaller value widens the gaps. Chosen."""
+"""Size of a displayed module relative to its true size, so that gaps separate neighbouring
+modules."""
 MODULE_BEVEL: Final = 0.075
-"""Width of the bevel along the edges of a displayed module, in pitches. A larger value makes
-modules look rounder. Chosen."""
+"""Width of the bevel along the edges of a displayed module, in pitches."""
 STUD_RADIUS: Final = 0.21
-"""Radius of the disc that marks the free end of a displayed chain, in pitches. A larger value makes
-the mark easier to see and less like a part of the module. Chosen."""
+"""Radius of the disc that marks the free end of a displayed chain, in pitches."""
 STUD_HEIGHT: Final = 0.09
 """Height by which the disc that marks the free end of a displayed chain stands out of the module's
-face, in pitches. A larger value makes the mark easier to see from the side. Chosen."""
+face, in pitches."""
 STUD_SIDES: Final = 20
-"""Number of sides of the polygon that approximates the disc at the free end of a displayed chain.
-More are rounder and slower to draw. Chosen."""
+"""Number of sides of the polygon that approximates the disc at the free end of a displayed
+chain."""
 FLAT_TOLERANCE: Final = 1e-6
 """Distance from a plane up to which a corner of a module's mesh lies in this plane, in pitches. A
-smaller value splits faces because of rounding errors; a larger one merges different faces.
-Chosen."""
+smaller value splits faces because of rounding errors; a larger one merges different faces."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

@@ -16,11 +16,10 @@ Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 MAX_OCCLUDER_DISTANCE: Final = 5.0
-"""Distance beyond which a module casts no shadow on a face, in pitches. A larger value is more
-accurate and slower. Chosen."""
+"""Distance beyond which a module casts no shadow on a face, in pitches."""
 PENUMBRA_GROWTH: Final = 0.35
 """Increase of the width of a shadow's soft edge with the distance from the module that casts it, in
-pitches per pitch. A larger value softens shadows. Chosen."""
+pitches per pitch."""
 
 
 def face_light(

@@ -20,21 +20,19 @@ distance as a multiple of the default one and, if the camera does not follow the
 horizontal and vertical offset."""
 MAX_SHORT_FORM_LENGTH: Final = 64
 """Maximum length of the text in a link that states the position of the camera, in characters; a
-longer one is ignored, so that the default position is used. Chosen."""
+longer one is ignored, so that the default position is used."""
 MAX_ELEVATION_RAD: Final = 1.56
 """Largest elevation of the camera, in rad; at π/2 it would look straight down, where the upward
-direction of the picture is undefined. ``js/player/camera_rig.js`` has the same. Chosen."""
+direction of the picture is undefined. ``js/player/camera_rig.js`` has the same."""
 MAX_DISTANCE_SCALE: Final = 40.0
-"""Largest distance of the camera from the chain, as a multiple of the default one. A larger value
-permits views in which the chain is only a dot. ``FARTHEST`` in ``js/player/camera_rig.js`` is the
-same. Chosen."""
+"""Largest distance of the camera from the chain, as a multiple of the default one. ``FARTHEST`` in
+``js/player/camera_rig.js`` is the same."""
 MIN_DISTANCE_SCALE: Final = 0.02
-"""Smallest distance of the camera from the chain, as a multiple of the default one. A smaller value
-permits closer views, and views from inside of modules. ``MIN_DEPTH`` in ``js/player/camera_rig.js``
-is the same. Chosen."""
+"""Smallest distance of the camera from the chain, as a multiple of the default one. ``MIN_DEPTH``
+in ``js/player/camera_rig.js`` is the same."""
 MIN_FOLLOW_DISTANCE_SCALE: Final = 1.08
 """Smallest distance of a camera that follows the chain, as a multiple of the distance at which the
-chain touches the picture's edge. A larger value shows the chain smaller. Chosen."""
+chain touches the picture's edge."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -17,10 +17,10 @@ MAX_DRAWN_CUBES: Final = 20_000
 Drawing this number takes 0.2 s. Measured."""
 MAX_DRAWN_POLYHEDRA: Final = 4_000
 """Maximum number of modules other than cubes in the drawing of an uploaded shape; larger shapes
-have no drawing. All their outer faces are drawn, which takes longer than for cubes. Chosen."""
+have no drawing. All their outer faces are drawn, which takes longer than for cubes."""
 DRAWING_SIZE_PX: Final = 480
 """Nominal width and height of the drawing of an uploaded shape, in CSS pixels. As an SVG it can be
-scaled without loss, so a larger value does not make it finer. Chosen."""
+scaled without loss."""
 
 
 def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) -> str | None:

@@ -36,11 +36,9 @@ SOCIAL_PICTURE_PX: Final = (1200, 630)
 """Width and height of a fold's preview picture for social networks, in pixels: the size that is
 recommended for Open Graph images."""
 SOCIAL_FILL: Final = (0.82, 0.8)
-"""Fractions of the width and height of a preview picture without caption that the chain fills.
-Smaller values leave a wider margin. Chosen."""
+"""Fractions of the width and height of a preview picture without caption that the chain fills."""
 CAPTIONED_FILL: Final = (0.82, 0.6)
-"""Fractions of the width and height of a preview picture with a caption that the chain fills.
-Smaller values leave a wider margin. Chosen."""
+"""Fractions of the width and height of a preview picture with a caption that the chain fills."""
 FOLDED_VIEW: Final = PictureView(frame=0)
 
 

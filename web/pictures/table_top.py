@@ -14,31 +14,27 @@ from foldback.web.pictures.meshes import Mesh, hull_mesh
 Array = NDArray[np.float64]
 TABLE_RGB: Final = (206, 190, 166)
 """Colour of the displayed table top in the light theme, sRGB; ``js/viewer/sketch.js`` has that of
-the dark theme. Chosen."""
+the dark theme."""
 TABLE_MARGIN_PITCH: Final = 2.5
 """Width of the displayed table beyond the space that the chain's motion covers, on each side, in
-pitches. A larger value shows the chain smaller relative to the table. Chosen."""
+pitches."""
 MIN_TABLE_SIDE_PITCH: Final = 10.0
-"""Minimum width and length of the displayed table, in pitches. A larger value shows a larger table
-under short chains. Chosen."""
+"""Minimum width and length of the displayed table, in pitches."""
 CORNER_RADIUS_FRACTION: Final = 0.12
-"""Radius of the displayed table's rounded corners, as a fraction of its shorter side. A larger
-value makes the table rounder. Chosen."""
+"""Radius of the displayed table's rounded corners, as a fraction of its shorter side."""
 TABLE_BEVEL: Final = 0.12
 """Width of the bevel along the displayed table's upper edge, as a fraction of twice the table's
-thickness; it is at most half a pitch. A larger value rounds the edge more. Chosen."""
+thickness; it is at most half a pitch."""
 THICKNESS_FRACTION: Final = 0.025
 """Thickness of the displayed table, as a fraction of its longer side, but not less than
-``MIN_THICKNESS_PITCH``. A larger value makes the table look heavier. Chosen."""
+``MIN_THICKNESS_PITCH``."""
 MIN_THICKNESS_PITCH: Final = 0.45
-"""Minimum thickness of the displayed table, in pitches. A smaller value makes the table under short
-chains look like a sheet of paper. Chosen."""
+"""Minimum thickness of the displayed table, in pitches."""
 CORNER_STEPS: Final = 12
-"""Number of points of the arc at each of the displayed table's corners. More are rounder.
-Chosen."""
+"""Number of points of the arc at each of the displayed table's corners."""
 DISC_SIDES: Final = 48
 """Number of sides of the polygon that approximates the disc under a module that presses on the
-table. More are rounder. Chosen."""
+table."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

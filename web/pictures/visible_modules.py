@@ -15,12 +15,10 @@ Ints = NDArray[np.int64]
 
 MAX_FULLY_DRAWN_MODULES: Final = 4000
 """Maximum number of modules of a chain that are drawn in pictures and movies. Of longer chains
-hidden modules, then those farthest from the camera's target, are left out. A larger value takes
-longer and more memory. Chosen."""
+hidden modules, then those farthest from the camera's target, are left out."""
 FACE_CONTACT_DISTANCE_PITCH: Final = 1.02
 """Largest distance between the centres of two cubes that share a face, in pitches: 1 and a
-tolerance for rounding. A cube with such neighbours on all sides is hidden and need not be drawn.
-Chosen."""
+tolerance for rounding. A cube with such neighbours on all sides is hidden and need not be drawn."""
 
 
 def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:

@@ -6,7 +6,7 @@
   if (customElements.get(NAME)) return;
   /**
    * Time in ms for the page of a loaded frame to answer; after that a message is
-   * shown until it does. A larger value leaves an empty frame for longer. Chosen.
+   * shown until it does.
    */
   const PATIENCE_MS = 5000;
   const MAX_TEXT = 300;

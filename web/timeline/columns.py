@@ -28,8 +28,7 @@ ALIGNMENT_BYTES: Final = 8
 """Multiple of bytes at which each array in a binary message to the browser starts, so that
 JavaScript can use it as a typed array without copying."""
 COLUMN_DEFLATE_LEVEL: Final = 6
-"""Compression level of arrays in a binary message to the browser, from 1 to 9 (zlib). A larger
-value makes smaller messages and takes more processor time. Chosen."""
+"""Compression level of arrays in a binary message to the browser, from 1 to 9 (zlib)."""
 MAX_STEP_COUNT: Final = 2**28
 """Largest absolute value, in quantisation steps, up to which numbers are sent to the browser as
 integers; larger ones are sent as floating-point numbers. Third differences of such values fit into

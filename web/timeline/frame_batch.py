@@ -31,21 +31,19 @@ from foldback.web.timeline.window_columns import (
 
 MAX_BATCH_BYTES: Final = 2**20
 """Maximum size of a batch of a motion's frames that a browser gets in one response, in bytes before
-compression. A larger value needs fewer requests, and each one takes longer. Chosen."""
+compression."""
 UNLIMITED_BYTES: Final = 2**40
 """Limit for the size of a batch of frames that is to hold a whole motion, in bytes: larger than any
-motion. Chosen."""
+motion."""
 WINDOW_HEADER_BYTES: Final = 80
 """Number of bytes of one frame of a long chain besides the angles and errors of its moving section,
 the only ones that such a frame stores. A batch of frames ends when their estimated size reaches its
 limit; a larger value makes the estimate larger."""
 WINDOWS_PER_READ: Final = 512
 """Number of frames of a long chain that are read at once until a batch is full; each frame stores
-only the section that moves, so their sizes are not known in advance. A larger value reads more
-frames that are then not used. Chosen."""
+only the section that moves, so their sizes are not known in advance."""
 SIZE_SAMPLES: Final = 64
-"""Number of frames, spread over a motion, from which its size in bytes is estimated. A larger value
-is more accurate and slower. Chosen."""
+"""Number of frames, spread over a motion, from which its size in bytes is estimated."""
 _BATCHES: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 
 

@@ -35,14 +35,12 @@ from foldback.web.timeline.cache import Cache, version_of
 from foldback.web.timeline.columns import encode
 
 MAX_PLOT_ANSWER_NUMBERS: Final = 2**18
-"""Maximum count of numbers in one response with the data of a fold's plots. A larger value needs
-fewer requests, and each one takes longer. Chosen."""
+"""Maximum count of numbers in one response with the data of a fold's plots."""
 MAX_PLOT_ANSWER_FRAMES: Final = 128
-"""Maximum number of frames in one response with the data of a fold's plots. A larger value needs
-fewer requests, and each one takes longer. Chosen."""
+"""Maximum number of frames in one response with the data of a fold's plots."""
 ERROR_SAMPLES: Final = 48
 """Approximate number of frames, spread over a fold's motion, from which the largest position error
-is computed for the scale of its plot. A larger value is more accurate and slower. Chosen."""
+is computed for the scale of its plot."""
 Array = NDArray[np.float64]
 _REFERENCES: Final[Cache[Motion]] = Cache(128 * 2**20, lambda motion: motion.nbytes)
 _FORCES: Final[Cache[TableForces]] = Cache(

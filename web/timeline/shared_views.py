@@ -14,11 +14,10 @@ from foldback.planner.errors import DamagedError, TimelineError
 from foldback.web.timeline.view import TimelineView
 
 MAX_CACHED_VIEWS: Final = 512
-"""Maximum number of motions that stay open in memory; the least recently used one is closed. A
-smaller value reads summaries again more often. Chosen."""
+"""Maximum number of motions that stay open in memory; the least recently used one is closed."""
 MAX_VIEW_CACHE_BYTES: Final = 192 * 2**20
 """Maximum memory of all opened motions, in bytes. To open one again its summary of all frames has
-to be read, so a smaller value makes pages slower. Chosen."""
+to be read, so a smaller value makes pages slower."""
 
 
 @contextmanager

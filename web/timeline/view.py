@@ -37,27 +37,23 @@ Floats = NDArray[np.float32]
 
 CACHED_CHUNK_FRAMES: Final = 64
 """Number of frames of a motion that are read from its file and cached at once, if each frame holds
-all joint angles. A larger value reads less often, and single frames take longer. Chosen."""
+all joint angles."""
 CACHED_CHUNK_WINDOWS: Final = 512
 """Number of frames of a long chain's motion that are read from its file and cached at once; each
-frame holds only the section that moves. A larger value reads less often, and single frames take
-longer. Chosen."""
+frame holds only the section that moves."""
 MAX_CHUNK_CACHE_BYTES: Final = 48 * 2**20
-"""Maximum size of the cached frames of one motion, in bytes. A smaller value reads the motion's
-file more often. Chosen."""
+"""Maximum size of the cached frames of one motion, in bytes."""
 REFRESH_INTERVAL_S: Final = 0.1
-"""Minimum time between two checks of a running fold's motion for new frames, in s. A larger value
-shows new frames later; a smaller one reads files more often. Chosen."""
+"""Minimum time between two checks of a running fold's motion for new frames, in s."""
 OUTLINE_COLUMNS: Final = 320
 """Default number of columns of the progress bar below the 3D view; each shows the phase and the
-largest joint error of its frames. A larger value is finer and sends more data. Chosen."""
+largest joint error of its frames."""
 TABLE_EXTENT_SAMPLES: Final = 256
 """Approximate number of frames, spread over a motion, from which the size of the displayed table is
-computed. A larger value is more accurate and slower. Chosen."""
+computed."""
 VIEW_OVERHEAD_BYTES: Final = 2**18
 """Approximate memory of an opened motion without its per-frame summary and cached frames, in bytes.
-The memory limit of all opened motions counts it; a larger value keeps fewer of them open.
-Chosen."""
+The memory limit of all opened motions counts it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

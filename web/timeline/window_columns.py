@@ -22,8 +22,7 @@ from foldback.planner.motion.motion import Motion
 
 Ints = NDArray[np.int64]
 SENT_ANGLE_STEP_RAD: Final = 2.0**-20
-"""Quantisation step of the joint angles that browsers receive, in rad. A larger value makes
-messages smaller and the displayed motion less accurate. Chosen."""
+"""Quantisation step of the joint angles that browsers receive, in rad."""
 PLANE_COLUMNS: Final = frozenset(
     {
         *("time_s", "phase", "root_position", "root_wxyz"),

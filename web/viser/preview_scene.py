@@ -35,40 +35,33 @@ Bytes = NDArray[np.uint8]
 
 SCENE_SIZE: Final = 4.0
 """Length to which the longest side of the shape is scaled in a 3D preview, in units of the viser
-scene, so that shapes of all sizes fit into it. A larger value shows the shape larger. Chosen."""
+scene, so that shapes of all sizes fit into it."""
 PATH_WIDTH_PITCH: Final = 0.3
-"""Width of the rods that show the chain's path through the cells in a 3D preview, in pitches. A
-larger value hides more of the path behind. Chosen."""
+"""Width of the rods that show the chain's path through the cells in a 3D preview, in pitches."""
 PATH_END_SIZE_PITCH: Final = 0.46
-"""Size of the cubes that mark the two ends of the chain's path in a 3D preview, in pitches. A
-larger value hides more of the path behind. Chosen."""
+"""Size of the cubes that mark the two ends of the chain's path in a 3D preview, in pitches."""
 SOLID_RGB: Final[Rgb] = (92, 120, 164)
 GHOST_RGB: Final[Rgb] = (110, 120, 134)
 GHOST_OPACITY: Final = 0.13
 """Opacity (0 to 1) of the modules in a 3D preview around the chain's path, which remains visible
-through them. A larger value hides more of the path. Chosen."""
+through them."""
 SOLID_OPACITY: Final = 0.34
-"""Opacity (0 to 1) of the uploaded mesh in a 3D preview that also shows a chain's path. A larger
-value hides more of the modules. Chosen."""
+"""Opacity (0 to 1) of the uploaded mesh in a 3D preview that also shows a chain's path."""
 MISSING_OPACITY: Final = 0.6
 """Opacity (0 to 1) of the uploaded mesh in a 3D preview where no module is behind its surface."""
 SOLID_OPACITY_NO_PATH: Final = 0.1
-"""Opacity (0 to 1) of the uploaded mesh in a 3D preview of cells without a path, which are opaque.
-A larger value hides more of the cells. Chosen."""
+"""Opacity (0 to 1) of the uploaded mesh in a 3D preview of cells without a path, which are
+opaque."""
 PREVIEW_SKY_LIGHT: Final = 1.9
-"""Intensity of the light from the sky, in viser's units; a larger value makes cells brighter.
-Chosen."""
+"""Intensity of the light from the sky, in viser's units."""
 ADDED_OPACITY: Final = 0.55
-"""Opacity (0 to 1) of the cells in a 3D preview that a repair adds to the shape. A larger value
-hides more of the shape behind. Chosen."""
+"""Opacity (0 to 1) of the cells in a 3D preview that a repair adds to the shape."""
 PREVIEW_AZIMUTH_RAD: Final = np.deg2rad(-54.0)
-"""Initial azimuth of a 3D preview's camera, in rad from the x axis around the vertical z axis.
-Chosen."""
+"""Initial azimuth of a 3D preview's camera, in rad from the x axis around the vertical z axis."""
 PREVIEW_ELEVATION_RAD: Final = np.deg2rad(26.0)
-"""Initial elevation of a 3D preview's camera above the horizontal plane, in rad. Chosen."""
+"""Initial elevation of a 3D preview's camera above the horizontal plane, in rad."""
 PREVIEW_FILL: Final = (0.84, 0.76)
-"""Fractions of a 3D preview's width and height that the shape fills. Smaller values leave a wider
-margin. Chosen."""
+"""Fractions of a 3D preview's width and height that the shape fills."""
 IDENTITY_WXYZ: Final = (1.0, 0.0, 0.0, 0.0)
 
 

@@ -17,15 +17,13 @@ if TYPE_CHECKING:
     from viser._messages import Message
 
 MAX_RECORDED_FRAMES: Final = 1200
-"""Maximum number of frames in a file for the viser player; of longer motions frames are left out. A
-larger value plays more smoothly and makes larger files. Chosen."""
+"""Maximum number of frames in a file for the viser player; of longer motions frames are left
+out."""
 MAX_RECORDED_NUMBERS: Final = 12_000_000
 """Maximum count of numbers in a file for the viser player: frames × modules × 8 numbers of a pose,
-as it stores every pose. A larger value plays long chains more smoothly and makes larger files.
-Chosen."""
+as it stores every pose."""
 RECORDING_S: Final = 24.0
-"""Duration for which a file for the viser player plays at normal speed, in s. A larger value plays
-the motion more slowly. Chosen."""
+"""Duration for which a file for the viser player plays at normal speed, in s."""
 
 
 def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes:

@@ -24,33 +24,28 @@ Array = NDArray[np.float64]
 
 MAX_SCENE_LENGTH: Final = 14.0
 """Maximum length of the straight chain, or of its part in view, in units of the viser scene.
-viser's shadows reach 20 units from the camera, so a larger value would cut them off. Chosen."""
+viser's shadows reach 20 units from the camera, so a larger value would cut them off."""
 SCENE_STRETCH_FACTOR: Final = 3
 """Length of a long chain that must fit into the viser scene, as a multiple of the straight part in
-view, so that the folded part beside it fits as well. A larger value shows modules smaller.
-Chosen."""
+view, so that the folded part beside it fits as well."""
 MAX_SCENE_PITCH: Final = 0.25
-"""Maximum length of a pitch in units of the viser scene. With a larger value the modules of short
-chains would fill the screen. Chosen."""
+"""Maximum length of a pitch in units of the viser scene."""
 PATH_THICKNESS_PITCH: Final = 0.18
-"""Thickness of the line through the modules' centres in the viser scene, in pitches. A larger value
-is easier to see from afar and hides more of the modules. Chosen."""
+"""Thickness of the line through the modules' centres in the viser scene, in pitches."""
 TABLE_DISC_OPACITY: Final = 0.85
-"""Opacity (0 to 1) of the discs in the viser scene that show the forces of modules on the table. A
-larger value hides more of the table top. Chosen."""
+"""Opacity (0 to 1) of the discs in the viser scene that show the forces of modules on the table."""
 TABLE_NODES: Final = ("/table", "/pressed")
 """Names of the nodes of a table and of the discs on it; the page's scripts use them, too."""
 SKY_LIGHT: Final = 1.7
-"""Intensity of the light from the sky, in viser's units; a larger value makes shadows lighter.
-Chosen."""
+"""Intensity of the light from the sky, in viser's units."""
 SHADOWS: Final = {"cast_shadow": True, "receive_shadow": True}
 """Options of viser for meshes that cast and receive shadows."""
 GROUND_SINK_S: Final = 0.05
 """Time constant with which the displayed ground follows the lowest module downwards, in s of
-playing time. With a larger value the chain dips below the ground for longer. Chosen."""
+playing time."""
 GROUND_RISE_S: Final = 0.5
 """Time constant with which the displayed ground follows the lowest module upwards, in s of playing
-time. With a smaller value the ground moves more restlessly. Chosen."""
+time."""
 
 
 def path_colours(modules: int) -> NDArray[np.uint8]:

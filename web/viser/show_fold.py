@@ -21,7 +21,7 @@ from foldback.web.viser.viewer import Shown
 DEFAULT_HOST: Final = "127.0.0.1"
 DEFAULT_PORT: Final = 8080
 """Default TCP port of the web server that shows a fold from Python; if it is occupied, the next
-free one is used. Chosen: viser's default."""
+free one is used. Viser's default."""
 LAST_STAGE: Final = STAGES[-1]
 
 

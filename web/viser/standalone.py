@@ -49,10 +49,10 @@ THEME_SCRIPT: Final = "js/theme.js"
 STYLES: Final = ("css/base.css", "css/fold.css", "css/tour.css")
 UNESCAPED_CHARACTERS: Final = " !$&'()*+,-./:;=?@[]^_`{|}~"
 """Characters, besides letters and digits, that stay unescaped in the data URLs of a single HTML
-file with a fold. Fewer make the file larger."""
+file with a fold."""
 MAX_STANDALONE_BYTES: Final = 48 * 2**20
 """Maximum size of the frames in a single HTML file with a fold, in bytes before compression. Of
-larger motions frames are left out, and so are the plots and the plan. Chosen."""
+larger motions frames are left out, and so are the plots and the plan."""
 WINDOW_ANGLES: Final = frozenset({"first", "counts", "steps"})
 """Columns of a batch of windows that a page can take from the plan."""
 MODULE_WORDS: Final = re.compile(r"^import [^;]*;\n|^export ", re.MULTILINE)

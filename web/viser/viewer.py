@@ -34,19 +34,17 @@ if TYPE_CHECKING:
 
 DEFAULT_DURATION_S: Final = 20.0
 """Time for which a fold shown from Python plays at speed 1, in s, unless it has very few or very
-many frames. A larger value plays the motion more slowly. Chosen."""
+many frames."""
 MIN_PLAYED_FPS: Final = 12.0
 """Minimum number of the motion's frames that are played per second at speed 1, so that motions of
-few frames do not stutter; they are therefore shorter. A larger value plays them faster. Chosen."""
+few frames do not stutter; they are therefore shorter."""
 MAX_PLAYED_FPS: Final = 240.0
 """Maximum number of the motion's frames that are played per second at speed 1, so that long motions
-can be followed; they therefore take longer. A larger value plays them faster. Chosen."""
+can be followed; they therefore take longer."""
 DRAW_INTERVAL_S: Final = 1 / 30
-"""Time between two updates of the 3D view while a motion plays, in s. A smaller value is smoother
-and sends more data to the browser. Chosen."""
+"""Time between two updates of the 3D view while a motion plays, in s."""
 FRAME_POLL_S: Final = 0.1
-"""Time between two checks for new frames of a running fold while nothing plays, in s. A larger
-value shows new frames later. Chosen."""
+"""Time between two checks for new frames of a running fold while nothing plays, in s."""
 SPEEDS: Final = {"0.25×": 0.25, "0.5×": 0.5, "1×": 1.0, "2×": 2.0, "4×": 4.0}
 NO_MODULE_TEXT: Final = "Click on a module."
 COLOUR_BY_ERROR: Final = "Joint error"
@@ -56,7 +54,7 @@ MAX_PORT: Final = 65_535
 GROUND_SETTLING_S: Final = 10.0
 """Time by which the motion of the displayed ground is advanced when the view jumps to another
 frame, in s; it exceeds the ground's time constants, so that the ground is in its final position at
-once. Chosen."""
+once."""
 
 
 @dataclass(slots=True, kw_only=True)

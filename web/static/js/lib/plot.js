@@ -1,7 +1,7 @@
 // Axes and lines of plots.
 import { svg } from "./text.js";
 
-/** Approximate number of ticks of an axis. Labels of more ticks overlap. Chosen. */
+/** Approximate number of ticks of an axis. Labels of more ticks overlap. */
 const MAX_TICKS = 5;
 const DIGITS = 3;
 

@@ -323,9 +323,7 @@ export function frameFolded(timeline, wanted) {
   return low + (high - low) * Math.min(1, Math.max(0, share));
 }
 
-/**
- * Duration of the fade-in of the correction when a timeline is completed on an open page. Chosen.
- */
+/** Duration of the fade-in of the correction when a timeline is completed on an open page. */
 const FADE_S = 0.8;
 const MIN_SINE = 1e-9; // of half the angle of a correction; smaller corrections are ignored
 

@@ -5,26 +5,26 @@
 // plays or pauses ends the story. If the visitor turns the view or selects a module,
 // the motion continues, without a jump back to the straight chain at the end.
 
-// Duration of a phase in seconds, independent of its number of frames. Chosen.
+// Duration of a phase in seconds, independent of its number of frames.
 const EXPLOSION_S = 5;
 const FOLD_S = 8;
 /** Minimum pace in frames per second; phases of few frames, such as turns, take less time. */
 const MIN_FPS = 4;
-/** Maximum pace of a long timeline, whose frames are fetched while they are played. Chosen. */
+/** Maximum pace of a long timeline, whose frames are fetched while they are played. */
 const MAX_WINDOWED_FPS = 240;
 /**
  * Seconds before the newest frame within which the pace
- * drops, so that the motion does not stop abruptly. Chosen.
+ * drops, so that the motion does not stop abruptly.
  */
 const SLOWING_S = 0.4;
-/** Time constant of changes of the pace, in seconds. Chosen. */
+/** Time constant of changes of the pace, in seconds. */
 const SMOOTHING_S = 0.3;
-/** Seconds for which the straight chain rests before it folds. Chosen. */
+/** Seconds for which the straight chain rests before it folds. */
 const REST_S = 0.6;
 const END = 1e-6; // tolerance in frames
 /**
  * Distance in frames to the newest frame at which the motion
- * stops, so that nothing is drawn while it waits. Chosen.
+ * stops, so that nothing is drawn while it waits.
  */
 const STILL = 0.05;
 const ENDING = new Set(["seek", "step", "pass", "change", "fold", "play", "pause", "toggle"]);

@@ -10,15 +10,9 @@ export const PHASES = { explosion: "Unfolding", unfolding: "Unfolding", playback
 const AT_ONCE = 2; // concurrent requests
 const COARSE = 64; // frames to fetch first, spread over the whole timeline
 const RETRY_MS = 300;
-/**
- * Pause between requests for the first frames of a new
- * fold. A larger value delays the first motion. Chosen.
- */
+/** Pause between requests for the first frames of a new fold. */
 const QUICK_RETRY_MS = 50;
-/**
- * Number of such requests, after which the fold is assumed to
- * wait in the queue. A larger value costs requests. Chosen.
- */
+/** Number of such requests, after which the fold is assumed to wait in the queue. */
 const MAX_QUICK_TRIES = 40;
 const LOOK_MS = 1000;
 const MOST_LOOKS = 1800; // half an hour

@@ -5,11 +5,11 @@ export const FORMAT = "foldback-tour/1";
 export const MAX_STOPS = 50;
 export const MAX_CAPTION = 300;
 const MAX_UNDONE = 100;
-// Reading time of a caption: a constant, and a time for each character. Chosen.
+// Reading time of a caption: a constant, and a time for each character.
 const READING_S = 1;
 const READING_CHARACTER_S = 0.055;
 // Minimum and maximum duration of the motion between two
-// stops, and its frames per second in between. Chosen.
+// stops, and its frames per second in between.
 const MOVING_S = [1, 6];
 const MOVING_FPS = 90;
 

@@ -15,18 +15,14 @@ const FLAT = "foldback:flat"; // stored once the visitor has read that WebGL is 
 const START_DELAY_MS = 1500;
 /**
  * Number of processor cores up to which the 3D view waits while a fold is computed, because
- * service and browser may share them. Chosen: starting the view takes 3 of 11 s on two cores.
+ * service and browser may share them: starting the view takes 3 of 11 s on two cores.
  */
 const MAX_SHARED_CORES = 4;
-/**
- * Maximum wait; the page shows its own drawing meanwhile.
- * A larger value leaves all cores to a long fold. Chosen.
- */
+/** Maximum wait; the page shows its own drawing meanwhile. */
 const MAX_WAIT_3D_MS = 15_000;
 /**
- * Minimum time between two pictures while a fold is computed on so few cores.
- * A larger value leaves more time to the computation but makes the motion
- * jerky. Chosen: 60 pictures a second take more time than the computation.
+ * Minimum time between two pictures while a fold is computed on so few cores:
+ * 60 pictures a second would take more time than the computation.
  */
 const COMPUTING_PICTURE_MS = 66;
 export const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
