@@ -13,6 +13,7 @@ UV := uv==0.13.9
 PIP_INSTALL := $(BIN)/python -m pip install --quiet --no-compile --disable-pip-version-check
 PINNED := --constraint constraints.txt --editable
 PARALLEL := -n auto --dist worksteal
+FAST := -n logical --dist worksteal -m "not processes and not slow and not browser and not long and not benchmark"
 NODE_MODULES := node_modules/.installed
 PRETTIER := $(BIN)/node node_modules/prettier/bin/prettier.cjs --log-level warn
 SCRIPTS := "web/static/**/*.js" "tests/web/js/*.js" eslint.config.js web/types.d.ts
@@ -22,15 +23,15 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-fast test-long faults coverage load audit compose-check deploy-check docs texts lint format bench success-map reproduction constraints clean tools test-foreign
+.PHONY: help run test test-fast test-lowest test-long faults coverage load audit compose-check deploy-check docs texts lint format bench success-map reproduction constraints clean tools test-foreign
 
 help: ## List the targets of make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
 
-# What to install: `.`, or `.[dev]` with what tests and tools need besides. uv takes a sixth of pip's
-# processor time (decision 0021) and is removed again; pip is for machines without it, or with an
-# index that only pip knows. Python compiles what it imports: all that is there would take as long as
-# the rest of the installation.
+# What to install: `.[service]`, or `.[dev]` with what tests and tools need besides. uv takes a sixth
+# of pip's processor time (decision 0021) and is removed again; pip is for machines without it, or
+# with an index that only pip knows. Python compiles what it imports: all that is there would take as
+# long as the rest of the installation.
 define install
 @if [ -z "$(PYTHON)" ]; then \
 	echo "foldback needs Python 3.11 or newer with its venv module, and found none." >&2; \
@@ -47,7 +48,7 @@ define install
 endef
 
 $(RUNS): pyproject.toml constraints.txt
-	$(call install,.,its dependencies)
+	$(call install,.[service],its dependencies)
 	@touch $@
 
 $(STAMP): pyproject.toml constraints.txt
@@ -64,7 +65,7 @@ test: $(STAMP) tools ## Run all tests, also in a real browser: about 6 minutes o
 	@$(BIN)/python -m pytest -q $(PARALLEL) --durations=20 $(ARGS)
 
 test-fast: $(STAMP) ## Run the tests that start no other program: about a minute
-	@$(BIN)/python -m pytest -q -n logical --dist worksteal -m "not processes and not slow and not browser and not long and not benchmark" $(ARGS)
+	@$(BIN)/python -m pytest -q $(FAST) $(ARGS)
 
 $(NODE_MODULES): $(STAMP) package.json package-lock.json .npmrc
 	@echo "Installing the tools for the pages' scripts into node_modules, once …"
@@ -87,6 +88,16 @@ format: $(STAMP) $(NODE_MODULES) ## Format the code with ruff, and the pages' sc
 test-long: $(STAMP) tools ## Run long tests (crashes, replays of all shapes): an hour or more
 	@$(BIN)/python -m pytest -q -m "long or hypothesis" --hypothesis-profile=thorough -o timeout=0 \
 		--durations=20 $(ARGS)
+
+LOWEST := .venv-lowest
+LOWEST_PYTHON ?= python3.11
+
+test-lowest: ## Run the tests of test-fast with the lowest versions that pyproject.toml permits
+	@test -x $(LOWEST)/bin/uv || { $(LOWEST_PYTHON) -m venv $(LOWEST) && \
+		$(LOWEST)/bin/python -m pip install --quiet --disable-pip-version-check $(UV); }
+	@$(LOWEST)/bin/uv pip install --quiet --python $(LOWEST)/bin/python --upgrade \
+		--resolution lowest-direct --editable '.[dev]'
+	@$(LOWEST)/bin/python -m pytest -q $(FAST) $(ARGS)
 
 # Blender's package has wheels for Python 3.11 alone.
 FOREIGN := .venv-foreign

@@ -72,7 +72,7 @@ def rows() -> list[str]:
 def installed(root: str) -> dict[str, Distribution]:
     """Return a package and all that it needs at run time, by canonical name."""
     found: dict[str, Distribution] = {}
-    waiting = [(root, frozenset({"storage"}))]  # the image includes the extra
+    waiting = [(root, frozenset({"service", "storage"}))]  # the extras of the image
     seen: set[tuple[str, frozenset[str]]] = set()
     while waiting:
         name, extras = waiting.pop()

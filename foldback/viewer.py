@@ -6,8 +6,13 @@
     show(fold(shape))
     fold(shape, progress=show.live())
 
-It needs viser: ``pip install "foldback[viewer]"``.
+It needs viser: ``pip install 'foldback[viewer]'``.
 """
+
+from importlib.util import find_spec
+
+if find_spec("viser") is None:
+    raise ImportError("foldback.viewer needs viser: pip install 'foldback[viewer]'")
 
 from foldback.web.viser.show_fold import Live, Show, show
 from foldback.web.viser.viewer import Shown

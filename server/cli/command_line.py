@@ -113,13 +113,19 @@ def _not_imported() -> None:
 
 def imported(name: str) -> Command:
     """Return the command with a name, from the module of the same name."""
-    found: typer.Typer | Callable[..., None] = getattr(
-        import_module(f"{SERVICE_PACKAGES.get(name, 'foldback.cli')}.{name}"), name
-    )
-    if isinstance(found, typer.Typer):
-        return get_command(found)
+    package = SERVICE_PACKAGES.get(name, "foldback.cli")
+    try:
+        command: typer.Typer | Callable[..., None] = getattr(
+            import_module(f"{package}.{name}"), name
+        )
+    except ModuleNotFoundError as error:
+        if name not in SERVICE_PACKAGES or (error.name or "").startswith("foldback"):
+            raise
+        _refuse(_service_error(name))
+    if isinstance(command, typer.Typer):
+        return get_command(command)
     alone = typer.Typer(add_completion=False)
-    alone.command(name)(found)
+    alone.command(name)(command)
     return get_command(alone)
 
 
@@ -188,6 +194,15 @@ def _system_error(error: OSError) -> InputError:
         "disk-full" if full else "no-file",
         f"a file cannot be read or written ({reason}); {remedy}.",
         where=None if path is None else os.fsdecode(path),
+    )
+
+
+def _service_error(name: str) -> InputError:
+    """Return the error of a command of the service where only the planner is installed."""
+    from foldback.planner.errors import InputError
+
+    return InputError(
+        "no-service", f"foldback {name} needs the service: pip install 'foldback[service]'"
     )
 
 

@@ -50,7 +50,7 @@ def python(_: Settings) -> CheckResult:
     count = 0
     for line in requires("foldback") or ():
         needed = Requirement(line)
-        if needed.marker is not None and not needed.marker.evaluate({"extra": ""}):
+        if needed.marker is not None and not needed.marker.evaluate({"extra": "service"}):
             continue
         count += 1
         try:

@@ -83,9 +83,11 @@ def test_requirements_layer_lists_the_dependencies() -> None:
         text=True,
         check=True,
     )
-    project = PROJECT["project"]
-    storage = project["optional-dependencies"]["storage"]
-    assert done.stdout.splitlines() == [*project["dependencies"], *storage]
+    extras = PROJECT["project"]["optional-dependencies"]
+    of_viewer, *of_service = extras["service"]
+    assert of_viewer == "foldback[viewer]"
+    installed = [*PROJECT["project"]["dependencies"], *extras["viewer"], *of_service]
+    assert done.stdout.splitlines() == [*installed, *extras["storage"]]
 
 
 def test_image_runs_as_an_unprivileged_user() -> None:

@@ -3,10 +3,17 @@
 import re
 import subprocess
 import sys
+import tomllib
 import zipfile
+from importlib.metadata import packages_distributions
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.utils import canonicalize_name
+
+from docs.make_licences import installed
+from foldback.server.cli.command_line import SERVICE_PACKAGES
 
 ROOT = Path(__file__).parents[3]
 TYPES = ".d.ts"
@@ -56,25 +63,64 @@ def test_wheel_carries_data_and_types(wheel: Path) -> None:
     assert not [name for name in carried if name.endswith((TYPES, "package.json"))]
 
 
-def test_library_needs_no_service_no_viewer_and_no_checkout(wheel: Path, tmp_path: Path) -> None:
+def import_names_of_extras() -> set[str]:
+    """Return what Python imports of packages that only extras install."""
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    extras = project["optional-dependencies"].values()
+    of_extras = {Requirement(line).name for lines in extras for line in lines} - {"foldback"}
+    of_planner = {Requirement(line).name for line in project["dependencies"]}
+    only_extras = set(map(canonicalize_name, of_extras)).difference(*map(installed, of_planner))
+    return {
+        name
+        for name, owners in packages_distributions().items()
+        if only_extras & set(map(canonicalize_name, owners))
+    }
+
+
+def test_planner_and_its_commands_need_no_extra(wheel: Path, tmp_path: Path) -> None:
     zipfile.ZipFile(wheel).extractall(tmp_path)
-    unwanted = ("fastapi", "starlette", "uvicorn", "viser", "sqlalchemy", "typer")
+    extras = import_names_of_extras()
+    assert {"fastapi", "viser"} <= extras
     code = f"""
 import sys
 sys.path.insert(0, {str(tmp_path)!r})
-for name in {unwanted}:
+for name in {sorted(extras)}:
     sys.modules[name] = None  # whoever imports it fails
 import foldback
 assert not {{"numpy", "mujoco", "numba"}} & set(sys.modules), "they are for who uses them"
 for name in foldback.__all__:
     getattr(foldback, name)
-from foldback.viewer import Show, show
-assert isinstance(show, Show)
+from importlib import import_module
+from pkgutil import walk_packages
+for package in map(import_module, ("foldback.planner", "foldback.words", "foldback.cli")):
+    for module in walk_packages(package.__path__, f"{{package.__name__}}."):
+        import_module(module.name)
 from foldback.planner.readers.gallery import gallery
 print(foldback.__file__, *(shape.name for shape in gallery()))
+
+from typer.testing import CliRunner
+from foldback.server.cli.command_line import SERVICE_PACKAGES, application
+for command in SERVICE_PACKAGES:
+    done = CliRunner().invoke(application(), [command, "--help"])
+    print(done.exit_code, done.output, end="")
+for name in ("viewer", "client"):
+    try:
+        import_module(f"foldback.{{name}}")
+    except ImportError as error:
+        print(error)
 """
     library = [sys.executable, "-P", "-c", code]
-    done = subprocess.run(library, cwd=tmp_path, check=True, capture_output=True, text=True)
-    where, *names = done.stdout.split()
+    done = subprocess.run(library, cwd=tmp_path, check=False, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    first, *refusals = done.stdout.splitlines()
+    where, *names = first.split()
     assert Path(where).is_relative_to(tmp_path)
     assert sorted(names) == sorted(p.stem for p in (ROOT / "examples" / "shapes").glob("*.json"))
+    assert refusals == [
+        *(
+            f"2 foldback {command} needs the service: pip install 'foldback[service]'"
+            for command in SERVICE_PACKAGES
+        ),
+        "foldback.viewer needs viser: pip install 'foldback[viewer]'",
+        "foldback.client needs httpx: pip install 'foldback[client]'",
+    ]
