@@ -18,7 +18,7 @@ from bench.measured_tables import Section
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path
 from foldback.planner.clearance.sweep import sweep
-from foldback.planner.explosion.peeling import peel
+from foldback.planner.explosion.peeling.peeling import peel
 from foldback.planner.parameters.explosion import PeelingParameters
 from foldback.planner.pathfinding.assembly import assembly_path, layered_snake
 from foldback.planner.pathfinding.path_search import find_paths

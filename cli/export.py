@@ -16,12 +16,12 @@ from foldback.cli.options import AsJson, FoldDirectory
 from foldback.planner.errors import InputError
 from foldback.planner.exports.export import Export
 from foldback.planner.exports.formats import EXPORTS, export_named, exports_of
-from foldback.planner.file_names import PLAN
-from foldback.planner.files import write_whole
-from foldback.planner.output_directory import replacing_listed
 from foldback.planner.pipeline.fold_layout import holds_fold
 from foldback.planner.plan.plan import Plan
-from foldback.planner.plan.steps import rest_frames
+from foldback.planner.plan.rests import rest_frames
+from foldback.planner.storage.file_names import PLAN
+from foldback.planner.storage.files import write_whole
+from foldback.planner.storage.output_directory import replacing_listed
 
 
 def export(

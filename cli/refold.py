@@ -15,7 +15,6 @@ from foldback.cli.progress_bars import compute
 from foldback.cli.summary import finish
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import InputError
-from foldback.planner.file_names import CHAIN, FIRST_FOLD_DIR, PLAN
 from foldback.planner.motion.timeline import chain_from_attributes
 from foldback.planner.pipeline.fold_layout import replacing_fold
 from foldback.planner.pipeline.request import FoldRequest
@@ -25,6 +24,7 @@ from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_chain
 from foldback.planner.progress import STAGES
 from foldback.planner.readers.gallery import Gallery
+from foldback.planner.storage.file_names import CHAIN, FIRST_FOLD_DIR, PLAN
 
 
 @takes("preset", "settings", "seed", "module_size", "strategy", "at_once")

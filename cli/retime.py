@@ -28,11 +28,11 @@ from foldback.planner.exports.trajectory import (
     export,
     sufficient_rate,
 )
-from foldback.planner.files import written_aside
 from foldback.planner.plan.plan import Plan
 from foldback.planner.robot.motors import Build, MotorTable, motor_table
 from foldback.planner.robot.retiming import retime as retime_plan
 from foldback.planner.robot.trajectory import Trajectory
+from foldback.planner.storage.files import written_aside
 from foldback.words import certificate as certificate_words
 from foldback.words.messages import nearest_frame, verdict_for_people
 from foldback.words.quantities import spacings

@@ -17,12 +17,12 @@ from foldback.cli.inputs import read_input, refuse
 from foldback.cli.options import PATH_OPTIONS, AsJson, takes
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.errors import InputError
-from foldback.planner.files import write_whole
 from foldback.planner.pathfinding.path_options import table_warning
 from foldback.planner.pipeline.prepare import Preparation, prepare_in_any_order
 from foldback.planner.pipeline.request import PATH_SEED_MODULUS, FoldRequest
 from foldback.planner.plan.shape_writers import write_chain, write_path
 from foldback.planner.shapes.shape import MAX_CELLS
+from foldback.planner.storage.files import write_whole
 from foldback.words.likeness import likeness_words, reach_words
 from foldback.words.messages import count_from_one
 

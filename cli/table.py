@@ -16,10 +16,10 @@ from foldback.cli.options import AsJson
 from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.certificate.table_figures import TableCertificate
 from foldback.planner.errors import InputError
-from foldback.planner.file_names import PLAN, TABLE_FILE
-from foldback.planner.files import write_whole
 from foldback.planner.parameters.explosion import Base
 from foldback.planner.plan.plan import Plan
+from foldback.planner.storage.file_names import PLAN, TABLE_FILE
+from foldback.planner.storage.files import write_whole
 from foldback.words.messages import assumption_for_people, verdict_for_people
 
 MM_PER_M = 1000.0

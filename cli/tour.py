@@ -13,12 +13,12 @@ from rich.table import Table
 from foldback.cli.inputs import read_plan, refuse
 from foldback.cli.options import AsJson, FoldDirectory
 from foldback.planner.errors import InputError, TimelineError
-from foldback.planner.file_names import TIMELINE, TOUR
-from foldback.planner.files import json_of, write_whole
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline.fold_layout import result_path, stored_moments
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.tour import Tour
+from foldback.planner.storage.file_names import TIMELINE, TOUR
+from foldback.planner.storage.files import json_of, write_whole
 from foldback.words.fold import ShownFold
 from foldback.words.tour import draft_tour
 

@@ -16,10 +16,10 @@ from foldback.cli.options import AsJson, FoldDirectory
 from foldback.planner.certificate.swept_motions import followed
 from foldback.planner.clearance.margins import largest_size as find_largest
 from foldback.planner.errors import InputError, TimelineError
-from foldback.planner.file_names import PLAN, PLAYBACK
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.plan.plan import Plan
 from foldback.planner.playback.playback import Playback
+from foldback.planner.storage.file_names import PLAN, PLAYBACK
 from foldback.planner.verification.verify import Verification
 from foldback.planner.verification.verify import verify as verify_files
 from foldback.words import certificate as certificate_words

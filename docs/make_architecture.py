@@ -19,6 +19,7 @@ PICTURE: Final = HERE / "pictures" / "architecture.svg"
 BEGIN, END = "<!-- components -->\n", "<!-- end of components -->\n"
 LAYERS: Final = (
     ("planner",),
+    ("planner.compilation", "planner.storage"),
     ("planner.kernels",),
     ("planner.chain",),
     ("planner.parameters",),
@@ -28,7 +29,10 @@ LAYERS: Final = (
     ("planner.pathfinding", "planner.playback", "planner.turns"),
     ("planner.table_paths",),
     ("planner.path_fit",),
-    ("planner.explosion", "planner.certificate"),
+    ("planner.explosion.loop", "planner.certificate"),
+    ("planner.explosion.peeling",),
+    ("planner.explosion.table",),
+    ("planner.explosion",),
     ("planner.plan",),
     ("planner.robot",),
     ("planner.exports",),
@@ -49,6 +53,12 @@ LAYERS: Final = (
     ("server.processes",),
     ("server.files",),
     ("server.jobs",),
+    ("server.schemas",),
+    ("server.viewing", "server.robots"),
+    ("server.live_class",),
+    ("server.context",),
+    ("server.dependencies",),
+    ("server.submission",),
     ("server.api",),
     ("server.pages",),
     ("server.app",),
@@ -102,12 +112,14 @@ def component_of(module: str) -> str | None:
     """
     if module.startswith(ELSEWHERE):
         return None
-    package, _, rest = module.partition(".")
-    component = f"{package}.{rest.partition('.')[0]}"
+    path = modules()[module]
+    component = module if path.name == "__init__.py" else module.rpartition(".")[0]
+    if module in LAYER_OF:
+        return module
     if component in LAYER_OF:
         return component
-    if modules()[module].parent == ROOT / package:
-        return package if package in LAYER_OF else None
+    if path.parent == ROOT / component:
+        return None
     raise KeyError(
         f"{module} is in no component: add its folder to LAYERS in {Path(__file__).name}"
     )

@@ -8,10 +8,10 @@ from __future__ import annotations
 import tempfile
 from pathlib import Path
 
-from foldback.planner.file_names import TIMELINE
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.storage.file_names import TIMELINE
 from foldback.web.timeline.frame_batch import thinned
 from foldback.web.timeline.view import TimelineView
 

@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 
 from foldback.planner.certificate.metrics_store import Figures, write
-from foldback.planner.file_names import FIGURES, PLAN, PLAYBACK, RECORD, START_CHAIN, TIMELINE
 from foldback.planner.motion.angle_encoding import PLAN_STEP_RAD
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
@@ -36,7 +35,15 @@ from foldback.planner.plan.packed_fold import (
 from foldback.planner.plan.plan import Plan
 from foldback.planner.playback.playback import Playback
 from foldback.planner.readers.gallery import Gallery
-from foldback.server.api.shipped_folds import SHIPPED_FOLDS_DIR
+from foldback.planner.storage.file_names import (
+    FIGURES,
+    PLAN,
+    PLAYBACK,
+    RECORD,
+    START_CHAIN,
+    TIMELINE,
+)
+from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 
 SHAPES = Path(__file__).parent / "shapes"
 FOLDS: tuple[tuple[str, str | None], ...] = (

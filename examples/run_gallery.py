@@ -21,11 +21,11 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from foldback.planner.errors import InputError
-from foldback.planner.file_names import ATTEMPTS
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.storage.file_names import ATTEMPTS
 
 HERE = FilePath(__file__).parent
 SHAPES, RESULTS, TABLE_RESULTS = (

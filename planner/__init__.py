@@ -1,1 +1,1 @@
-"""Planner: chains, explosion, playback, certificates, plans; ``foldback`` holds what is public."""
+"""Planner: names of array types, errors and progress, which all its components share."""

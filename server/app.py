@@ -23,8 +23,7 @@ from foldback.server.api import (
     shapes,
     tours,
 )
-from foldback.server.api.context import Context
-from foldback.server.api.shipped_folds import import_shipped_folds
+from foldback.server.context import Context
 from foldback.server.http import problems
 from foldback.server.http.access_log import Access
 from foldback.server.http.base_path import BelowPath
@@ -48,10 +47,10 @@ from foldback.server.http.upload_limits import (
     UploadsAtOnce,
 )
 from foldback.server.limits.fair_threads import FairThreads
+from foldback.server.live_class import class_connections
 from foldback.server.ops.metrics import Metrics
 from foldback.server.ops.readiness import Readiness
 from foldback.server.pages import (
-    class_connections,
     fold,
     gallery,
     kiosk,
@@ -68,6 +67,7 @@ from foldback.server.pages import (
 from foldback.server.pages.problem_page import problem_page
 from foldback.server.settings import Settings
 from foldback.server.store.stats import Stats
+from foldback.server.submission.shipped_folds import import_shipped_folds
 
 WARM_UP_DELAY_S: Final = 1.5
 """Time between the start of the web process and the preparation of its landing page, in s, so that

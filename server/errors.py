@@ -9,8 +9,8 @@ from collections.abc import Iterable
 from typing import Final, Self
 
 from foldback.planner.errors import DamagedError, InputError
-from foldback.planner.file_names import CHAIN, PLAN, PLAN_TEXT, TIMELINE
-from foldback.planner.files import READ_ONLY_ERRORS
+from foldback.planner.storage.file_names import CHAIN, PLAN, PLAN_TEXT, TIMELINE
+from foldback.planner.storage.files import READ_ONLY_ERRORS
 
 MOTION_FILES: Final = (TIMELINE, CHAIN, PLAN, PLAN_TEXT)
 """Files with the motion of a fold. If one of them is damaged, error messages say that the motion is

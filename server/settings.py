@@ -23,7 +23,7 @@ from pydantic import (
 )
 from pydantic_settings import BaseSettings, NoDecode, SettingsConfigDict
 
-from foldback.planner.files import MAX_FILE_BYTES, refuses_writing
+from foldback.planner.storage.files import MAX_FILE_BYTES, refuses_writing
 
 MIB_BYTES = 1024 * 1024
 """Number of bytes in a MiB."""

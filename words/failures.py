@@ -17,8 +17,8 @@ from foldback.planner.certificate.figures import (
     FoldSummary,
 )
 from foldback.planner.errors import DamagedError
-from foldback.planner.file_names import ATTEMPTS
 from foldback.planner.motion.failure_schemas import EvidenceFigures
+from foldback.planner.storage.file_names import ATTEMPTS
 from foldback.planner.verification.integrity import check
 from foldback.web.pictures.knot_drawing import KnotDrawing, drawing_of
 from foldback.words.fold import ShownFold

@@ -11,7 +11,7 @@ from foldback.planner.certificate.figures import Fault, FoldSummary
 from foldback.planner.chain.module import CUBE
 from foldback.planner.parameters.parameters import AUTO, FLOATING
 from foldback.planner.pipeline.preference import COMPUTING
-from foldback.planner.plan.steps import rest_frames
+from foldback.planner.plan.rests import rest_frames
 
 RUNNING_STATUSES: Final = ("queued", "running")
 """Statuses of folds that wait or are being computed."""

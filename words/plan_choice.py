@@ -9,7 +9,6 @@ from typing import Final, TypedDict, cast
 
 from foldback.planner.certificate.figures import AttemptFigures
 from foldback.planner.errors import DamagedError
-from foldback.planner.file_names import ATTEMPTS, CHAIN, PLANS_DIR
 from foldback.planner.pipeline.preference import (
     CALM,
     COMPUTING,
@@ -18,6 +17,7 @@ from foldback.planner.pipeline.preference import (
     Preference,
 )
 from foldback.planner.robot import RECORDED, SMOOTHED, SOFTENED
+from foldback.planner.storage.file_names import ATTEMPTS, CHAIN, PLANS_DIR
 from foldback.planner.verification.integrity import check
 from foldback.words.certificate import degrees_down, rounded_down
 from foldback.words.quantities import STRATEGY_LABELS, number, quantity

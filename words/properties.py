@@ -20,12 +20,12 @@ from foldback.planner.certificate.figures import (
 )
 from foldback.planner.chain.module import CUBE, MODULES
 from foldback.planner.errors import UNREADABLE, TimelineError
-from foldback.planner.file_names import CHAIN, PLAN, TIMELINE
-from foldback.planner.files import json_of
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import FLOATING, TURN_STRATEGIES
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.pipeline.preference import COMPUTING, preference_named
+from foldback.planner.storage.file_names import CHAIN, PLAN, TIMELINE
+from foldback.planner.storage.files import json_of
 from foldback.planner.verification.integrity import damaged_among
 from foldback.words import certificate as certificate_words
 from foldback.words.failures import reason_for_people

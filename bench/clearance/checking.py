@@ -24,11 +24,11 @@ from bench.measured_tables import Section
 from bench.scaling import CASES
 from examples.run_gallery import PROCESSES, SHAPES
 from foldback import foldback_check
-from foldback.planner.file_names import PLAN
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
+from foldback.planner.storage.file_names import PLAN
 
 MAX_CHECK_S: Final = {
     "wrench-160": 2.0,

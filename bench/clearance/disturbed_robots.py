@@ -23,12 +23,12 @@ from bench.measured_tables import Section
 from examples.run_gallery import SHAPES
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import sweep
-from foldback.planner.file_names import PLAN
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
+from foldback.planner.storage.file_names import PLAN
 
 Array = NDArray[np.float64]
 PLANS: Final = (

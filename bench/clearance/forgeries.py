@@ -28,12 +28,12 @@ from examples.run_gallery import PROCESSES, SHAPES
 from foldback import foldback_check
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.errors import InputError
-from foldback.planner.file_names import PLAN
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
+from foldback.planner.storage.file_names import PLAN
 from tests.planner.verification.forged_plans import MOTIONS, forge
 from tests.web.node import JavaScriptChecker
 

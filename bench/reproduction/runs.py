@@ -21,11 +21,11 @@ from bench.reproduction.pictures import Moment, keep_pictures
 from bench.success_map.stored import version_of
 from examples.run_gallery import SHAPES
 from foldback.planner.errors import InputError
-from foldback.planner.files import write_whole
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
+from foldback.planner.storage.files import write_whole
 from foldback.web.timeline.view import TimelineView
 
 STARTS_DIR: Final = Path(__file__).parents[2] / "out" / "reproduction"

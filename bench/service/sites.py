@@ -19,8 +19,8 @@ from bench.command import fold
 from bench.measured_tables import Section
 from bench.page_speed import MOVING
 from foldback.planner.readers.gallery import Gallery
-from foldback.server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from foldback.server.cli.site import site
+from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 from tests.browser.conftest import FLAGS
 from tests.tools import CHROMIUM
 

@@ -28,8 +28,6 @@ from bench.measured_tables import Section
 from examples.run_gallery import PROCESSES, SHAPES
 from foldback.cli.tour import drafted
 from foldback.planner.chain.chain import Chain
-from foldback.planner.file_names import CERTIFICATE, FIGURES, TIMELINE
-from foldback.planner.files import json_of
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pipeline.fold_layout import result_path
@@ -38,6 +36,8 @@ from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.tour import Stop, Tour
+from foldback.planner.storage.file_names import CERTIFICATE, FIGURES, TIMELINE
+from foldback.planner.storage.files import json_of
 
 Array = NDArray[np.float64]
 MAX_DRAFT_S: Final = 1.0

@@ -20,7 +20,7 @@ from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path
 from foldback.planner.clearance.sweep import sweep
-from foldback.planner.explosion.table_explosion import explode_on_table
+from foldback.planner.explosion.table.table_explosion import explode_on_table
 from foldback.planner.parameters.explosion import Base, TableParameters
 from tests.planner.table_search import table_paths
 

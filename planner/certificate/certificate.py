@@ -30,9 +30,9 @@ from foldback.planner.errors import InputError
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
 from foldback.planner.parameters.parameters import Parameters
-from foldback.planner.plain_values import from_plain
 from foldback.planner.playback.playback import Playback
 from foldback.planner.progress import Cancelled, Progress, Report, never, silent
+from foldback.planner.storage.plain_values import from_plain
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

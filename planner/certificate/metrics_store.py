@@ -15,15 +15,15 @@ from typing import TYPE_CHECKING, Any, Final, Self, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from foldback.planner.checked_zarr import (
+from foldback.planner.errors import UNREADABLE, DamagedError, TimelineError
+from foldback.planner.storage.checked_zarr import (
     checksums_of,
     create_array,
     create_group,
     read_group,
     sealed,
 )
-from foldback.planner.errors import UNREADABLE, DamagedError, TimelineError
-from foldback.planner.files import temporary_path
+from foldback.planner.storage.files import temporary_path
 
 if TYPE_CHECKING:
     import zarr

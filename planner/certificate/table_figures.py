@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.explosion import Base
-from foldback.planner.plain_values import from_plain, plain_lists
+from foldback.planner.storage.plain_values import from_plain, plain_lists
 
 TABLE_FORMAT: Final = "foldback-table/1"
 FRICTIONLESS: Final = "frictionless"

@@ -9,7 +9,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.module import Module
-from foldback.planner.cpu_cores import cores
+from foldback.planner.compilation.cpu_cores import cores
 from foldback.planner.kernels.dynamics import many_floating_torques
 from foldback.planner.kernels.module import Lumps
 

@@ -9,8 +9,8 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.module import Module
 from foldback.planner.chain.rotations import matrix_from_wxyz, wxyz_from_matrix
+from foldback.planner.compilation.may_compile import may_compile
 from foldback.planner.kernels.module import Joint
-from foldback.planner.may_compile import may_compile
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

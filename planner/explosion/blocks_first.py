@@ -16,7 +16,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
-from foldback.planner.explosion.explosion_loop import Watch, run
+from foldback.planner.explosion.loop.explosion_loop import Watch, run
 from foldback.planner.explosion.simultaneous import Simultaneous
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record

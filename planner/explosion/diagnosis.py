@@ -24,7 +24,7 @@ from foldback.planner.explosion.failure_evidence import (
     Point,
     evidence_from,
 )
-from foldback.planner.explosion.peeling_window import MIN_LAST_UNIT_MODULES
+from foldback.planner.explosion.peeling.window import MIN_LAST_UNIT_MODULES
 from foldback.planner.kernels.folded_core import FIXED
 from foldback.planner.kernels.pairs import near_pairs
 from foldback.planner.motion.failure_schemas import StuckFigures

@@ -20,7 +20,7 @@ from foldback.planner.motion.failure_schemas import (
     QuarterTurnFigures,
     SpentKind,
 )
-from foldback.planner.plain_values import from_plain, plain_lists
+from foldback.planner.storage.plain_values import from_plain, plain_lists
 
 Point = tuple[float, float, float]
 MAX_NAMED_PAIRS: Final = 3

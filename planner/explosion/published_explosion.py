@@ -16,8 +16,8 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import DEFAULT_MODULE_SIZE, Module
-from foldback.planner.explosion.checkpoint import Checkpoint, Pulses
-from foldback.planner.explosion.explosion_loop import (
+from foldback.planner.explosion.loop.checkpoint import Checkpoint, Pulses
+from foldback.planner.explosion.loop.explosion_loop import (
     STRAIGHT,
     UNREPELLED_LINKS,
     End,
@@ -25,9 +25,9 @@ from foldback.planner.explosion.explosion_loop import (
     Watch,
     run,
 )
-from foldback.planner.explosion.recorder import FrameRule, Recorder, Step
-from foldback.planner.explosion.step_control import StepControl
-from foldback.planner.explosion.whole_chain import chain_at_rest, unfolded_share
+from foldback.planner.explosion.loop.recorder import FrameRule, Recorder, Step
+from foldback.planner.explosion.loop.step_control import StepControl
+from foldback.planner.explosion.loop.whole_chain import chain_at_rest, unfolded_share
 from foldback.planner.kernels.pairs import near_pairs, repulsion
 from foldback.planner.motion.angle_encoding import quantised
 from foldback.planner.motion.motion import Motion

@@ -20,14 +20,14 @@ import numpy as np
 from foldback.planner.arrays import Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import MAX_SMOOTH_CURVE_MODULES
-from foldback.planner.explosion.checkpoint import (
+from foldback.planner.explosion.loop.checkpoint import (
     MAX_CHECKPOINT_RETRIES,
     MAX_STALLED_PULSES,
     Checkpoint,
     JamDetector,
     Pulses,
 )
-from foldback.planner.explosion.explosion_loop import (
+from foldback.planner.explosion.loop.explosion_loop import (
     COMMIT_EVERY_STEPS,
     STOP_COMPLIANCE_RAD,
     STRAIGHT,
@@ -37,11 +37,11 @@ from foldback.planner.explosion.explosion_loop import (
     return_to_checkpoint,
     run,
 )
-from foldback.planner.explosion.radial_forces import RadialForces, radial_weights
-from foldback.planner.explosion.recorder import FrameRule, Recorder, Step
-from foldback.planner.explosion.step_control import ContactDepth, StepControl
-from foldback.planner.explosion.straightening import straightening
-from foldback.planner.explosion.whole_chain import WholeChain, body_cap_scale
+from foldback.planner.explosion.loop.radial_forces import RadialForces, radial_weights
+from foldback.planner.explosion.loop.recorder import FrameRule, Recorder, Step
+from foldback.planner.explosion.loop.step_control import ContactDepth, StepControl
+from foldback.planner.explosion.loop.straightening import straightening
+from foldback.planner.explosion.loop.whole_chain import WholeChain, body_cap_scale
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record, Spent
 from foldback.planner.parameters.explosion import ExplosionParameters

@@ -19,11 +19,11 @@ from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import InputError
 from foldback.planner.explosion.blocks_first import explode_blocks_first
-from foldback.planner.explosion.peeling import peel
+from foldback.planner.explosion.peeling.peeling import peel
 from foldback.planner.explosion.published_explosion import explode_as_published
 from foldback.planner.explosion.simultaneous import explode
 from foldback.planner.explosion.strategy_cost import by_cost
-from foldback.planner.explosion.table_explosion import explode_on_table
+from foldback.planner.explosion.table.table_explosion import explode_on_table
 from foldback.planner.explosion.turning import MAX_TURNING_MODULES, unfold_in_turns
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record

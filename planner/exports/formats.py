@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Final
 
 from foldback.planner.errors import InputError
 from foldback.planner.exports.export import Export, Write, write_json, write_npz
-from foldback.planner.file_names import MODEL, PLAN, PLAN_TEXT
+from foldback.planner.storage.file_names import MODEL, PLAN, PLAN_TEXT
 
 if TYPE_CHECKING:
     from foldback.planner.plan.plan import Plan

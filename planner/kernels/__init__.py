@@ -46,8 +46,8 @@ def __getattr__(name: str) -> Any:
     """
     if name not in _OPTIONS:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    from foldback.planner.inner_kernels import leave_inner_kernels_to_callers
-    from foldback.planner.kernel_cache import compare_all_sources, find_cache
+    from foldback.planner.compilation.inner_kernels import leave_inner_kernels_to_callers
+    from foldback.planner.compilation.kernel_cache import compare_all_sources, find_cache
 
     compare_all_sources()
     leave_inner_kernels_to_callers()

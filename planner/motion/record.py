@@ -13,10 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Ints
-from foldback.planner.files import written_aside
 from foldback.planner.motion.angle_encoding import packed_frames, unpacked_frames
 from foldback.planner.motion.failure_schemas import SpentKind
 from foldback.planner.motion.motion import Motion
+from foldback.planner.storage.files import written_aside
 
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
 PROBE_HALF_WIDTH_VALUES: Final = 8192

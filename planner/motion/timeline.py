@@ -23,7 +23,9 @@ from numpy.typing import NDArray
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import module_named
-from foldback.planner.checked_zarr import (
+from foldback.planner.errors import UNREADABLE, DamagedError, InputError, TimelineError
+from foldback.planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
+from foldback.planner.storage.checked_zarr import (
     ROOT_FILE,
     checksums_of,
     create_array,
@@ -33,8 +35,6 @@ from foldback.planner.checked_zarr import (
     read_group,
     sealed,
 )
-from foldback.planner.errors import UNREADABLE, DamagedError, InputError, TimelineError
-from foldback.planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
 
 if TYPE_CHECKING:
     import zarr

@@ -11,7 +11,6 @@ import json
 import os
 import subprocess
 import sys
-import threading
 import time
 from collections.abc import Callable, Sequence
 from contextlib import suppress
@@ -20,14 +19,11 @@ from pathlib import Path as FilePath
 from shutil import rmtree
 from typing import Any, Final
 
-from foldback.planner.file_names import RECORD, TIMELINE, TRIALS_DIR
-from foldback.planner.files import write_json
 from foldback.planner.motion.record import Record
 from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
-from foldback.planner.pipeline.job import Watch
 from foldback.planner.pipeline.retry_policy import RetryPolicy
-from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.progress import Cancelled, Progress, Report
+from foldback.planner.storage.file_names import RECORD, TIMELINE, TRIALS_DIR
 
 SPECULATION_PULSES: Final = 2
 """Consecutive pulses (weakened tension and stronger repulsion, to loosen a jam) without progress,
@@ -37,9 +33,9 @@ ATTEMPT_POLL_S: Final = 0.05
 ATTEMPT_STOP_GRACE_S: Final = 1.0
 """Time, in s, that a process that computes an attempt may take to write its result after it is told
 to stop; then it is killed."""
-_PROGRESS: Final = "progress.json"
+PROGRESS_FILE: Final = "progress.json"
 """Name of the file in which a process that computes an attempt reports its progress."""
-_OUTCOME: Final = "attempt.json"
+OUTCOME_FILE: Final = "attempt.json"
 """Name of the file with the outcome of an attempt that another process has computed; written last,
 so that its presence marks the result as complete."""
 
@@ -159,7 +155,7 @@ class AttemptPool:
 
 
 class _AttemptProcess:
-    """One try in a process of its own, which runs ``_compute_attempt``."""
+    """One try in a process of its own, which runs ``attempt_process``."""
 
     def __init__(self, exchange: FilePath, trial: Trial) -> None:
         self.place = exchange / "-".join(map(str, astuple(trial)))
@@ -171,7 +167,7 @@ class _AttemptProcess:
                 sys.executable,
                 "-P",
                 "-m",
-                "foldback.planner.pipeline.attempt_pool",
+                "foldback.planner.pipeline.attempt_process",
                 json.dumps(asdict(trial)),
             ],
             cwd=self.place,
@@ -190,12 +186,12 @@ class _AttemptProcess:
 
     def progress(self) -> Progress | None:
         """Return its progress; None before it has begun."""
-        told = _read(self.place / _PROGRESS)
+        told = _read(self.place / PROGRESS_FILE)
         return None if told is None else Progress(**told)
 
     def attempt(self) -> Attempt | None:
         """Return its outcome; None before that is written."""
-        told = None if self.running else _read(self.place / _OUTCOME)
+        told = None if self.running else _read(self.place / OUTCOME_FILE)
         return None if told is None else Attempt.from_dict(told)
 
     def record(self) -> Record | None:
@@ -222,40 +218,3 @@ class _AttemptProcess:
 
 def _read(path: FilePath) -> dict[str, Any] | None:
     return json.loads(path.read_bytes()) if path.exists() else None
-
-
-def _compute_attempt() -> None:
-    """Compute the attempt in this process's argument, in the folder that it is started in.
-
-    The process ends when its standard input does: its result is not needed any more, or the fold's
-    process is gone.
-    """
-    from foldback.planner.pipeline.exploding import explode  # late: it imports this module
-
-    unwanted = threading.Event()
-    threading.Thread(target=_wait_for_end, args=(unwanted,), daemon=True).start()
-    place = FilePath.cwd()
-    fold = Workspace(place.parent.parent)
-    trial = Trial(**json.loads(sys.argv[1]))
-    parameters, chain = fold.read_request().parameters(), fold.read_candidates().chain_of(trial)
-    watch = Watch(
-        progress=lambda progress: write_json(place / _PROGRESS, asdict(progress)),
-        cancelled=unwanted.is_set,
-        timeline=place / TIMELINE,
-    )
-    record = explode(chain, trial, parameters, watch)
-    record.save(place / RECORD)
-    write_json(place / _OUTCOME, Attempt.of_record(trial, chain, record, parameters).as_dict())
-
-
-def _wait_for_end(unwanted: threading.Event) -> None:
-    # Not sys.stdin: a thread that reads that holds it when the process ends.
-    while os.read(0, 1):
-        pass
-    unwanted.set()
-    time.sleep(ATTEMPT_STOP_GRACE_S)
-    os._exit(1)
-
-
-if __name__ == "__main__":
-    _compute_attempt()

@@ -16,17 +16,17 @@ from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path as FilePath
 
-from foldback.planner import file_names as names
 from foldback.planner.certificate.figures import CertificateFigures
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import UNREADABLE, InputError, TimelineError
-from foldback.planner.files import json_of
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.timeline import Timeline
-from foldback.planner.output_directory import foreign_file, listed_files, replacing
 from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.pipeline.preference import judgement
 from foldback.planner.plan.moments import Moments
+from foldback.planner.storage import file_names as names
+from foldback.planner.storage.files import json_of
+from foldback.planner.storage.output_directory import foreign_file, listed_files, replacing
 
 
 def attempt_numbers(directory: FilePath) -> list[int]:

@@ -15,11 +15,11 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from foldback.planner.checked_zarr import DIGEST, read_group, unsealed
 from foldback.planner.errors import UNREADABLE, DamagedError
-from foldback.planner.file_names import DESCRIBED
-from foldback.planner.file_names import MANIFEST as FILE
-from foldback.planner.files import write_json, zarr_group
+from foldback.planner.storage.checked_zarr import DIGEST, read_group, unsealed
+from foldback.planner.storage.file_names import DESCRIBED
+from foldback.planner.storage.file_names import MANIFEST as FILE
+from foldback.planner.storage.files import write_json, zarr_group
 
 MANIFEST_FORMAT: Final = "foldback-manifest/1"
 FILE_CONTENT: Final = "content"

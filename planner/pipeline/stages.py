@@ -15,7 +15,6 @@ from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any, Final
 
-from foldback.planner.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
 from foldback.planner.motion.record import Record
 from foldback.planner.pipeline import manifest
 from foldback.planner.pipeline.attempt import Attempt
@@ -39,6 +38,7 @@ from foldback.planner.pipeline.retry_policy import RetryPolicy
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import STAGES, Cancelled, Progress, Report, never, silent
+from foldback.planner.storage.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
 
 STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
 """Stages of a fold that process the attempt that the stage ``explode`` made last; their progress

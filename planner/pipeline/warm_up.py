@@ -19,7 +19,19 @@ from foldback.planner.chain.module import CUBE, DEFAULT_MODULE_SIZE, TETRAHEDRON
 from foldback.planner.chain.path import Path
 from foldback.planner.clearance.exempt_pairs import exempt_pairs
 from foldback.planner.clearance.sweep import sweep
-from foldback.planner.cpu_cores import cores
+from foldback.planner.compilation.compiling import (
+    Compiling,
+    beside,
+    end_with_parent,
+    second_process,
+)
+from foldback.planner.compilation.compiling_lock import (
+    FIRST_LOCK,
+    PATHS_LOCK,
+    REST_LOCK,
+    CompilingLock,
+)
+from foldback.planner.compilation.cpu_cores import cores
 from foldback.planner.explosion.published_explosion import explode_as_published
 from foldback.planner.explosion.simultaneous import explode
 from foldback.planner.kernels.articulated import Accelerations, ArticulatedBodies
@@ -30,13 +42,6 @@ from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.parameters.playback import RobotParameters
 from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.pathfinding.assembly import layered_snake
-from foldback.planner.pipeline.compiling import Compiling, beside, end_with_parent, second_process
-from foldback.planner.pipeline.compiling_lock import (
-    FIRST_LOCK,
-    PATHS_LOCK,
-    REST_LOCK,
-    CompilingLock,
-)
 from foldback.planner.pipeline.fold import fold, smooth_plan
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages

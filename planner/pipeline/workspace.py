@@ -18,13 +18,11 @@ from typing import Any, Final
 
 import numpy as np
 
-from foldback.planner import file_names as names
 from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.certificate.frame_metrics import write_figures
 from foldback.planner.chain.chain import Chain
 from foldback.planner.explosion.diagnosis import stopped
 from foldback.planner.exports import mjcf
-from foldback.planner.files import write_json, write_whole
 from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import Timeline, chain_attributes, chain_from_attributes
 from foldback.planner.pipeline import fold_layout as layout
@@ -41,6 +39,8 @@ from foldback.planner.plan.prepared_chains import PreparedChains, key_of
 from foldback.planner.plan.steps import find_steps
 from foldback.planner.playback.playback import Playback
 from foldback.planner.playback.unfolding import Unfolding
+from foldback.planner.storage import file_names as names
+from foldback.planner.storage.files import write_json, write_whole
 
 MAX_PLANS_BYTES: Final = 64 * 2**20
 """Maximum size, in bytes, of all stored plans of one fold that were not chosen; plans beyond it are

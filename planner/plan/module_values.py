@@ -9,10 +9,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, cast
 
-from foldback.planner.display_names import clean_name
 from foldback.planner.errors import InputError, unexpected
-from foldback.planner.file_names import OWN_VALUES
-from foldback.planner.files import json_of
+from foldback.planner.readers.display_names import clean_name
+from foldback.planner.storage.file_names import OWN_VALUES
+from foldback.planner.storage.files import json_of
 
 _bad: Final = partial(unexpected, "bad-values")
 VALUES_FORMAT: Final = "foldback-values/1"

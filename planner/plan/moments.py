@@ -9,7 +9,7 @@ from dataclasses import asdict, dataclass
 from typing import Any, Final
 
 from foldback.planner.errors import InputError
-from foldback.planner.plain_values import from_plain, plain_lists
+from foldback.planner.storage.plain_values import from_plain, plain_lists
 
 MOMENTS_FORMAT: Final = "foldback-moments/1"
 CONTACT_PITCH: Final = 0.1

@@ -16,11 +16,9 @@ from typing import Any, Final, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from foldback.planner import file_names as names
 from foldback.planner.arrays import Array
 from foldback.planner.certificate.metrics_store import Curves, Figures, write
 from foldback.planner.errors import InputError
-from foldback.planner.files import write_json, write_whole, zarr_group
 from foldback.planner.motion.angle_encoding import (
     PLAN_STEP_RAD,
     byte_planes,
@@ -30,6 +28,8 @@ from foldback.planner.motion.angle_encoding import (
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import save_npz
 from foldback.planner.motion.timeline import TimelineWriter, chain_from_attributes
+from foldback.planner.storage import file_names as names
+from foldback.planner.storage.files import write_json, write_whole, zarr_group
 
 Ints = NDArray[np.signedinteger[Any]]
 Arrays = dict[str, NDArray[Any]]

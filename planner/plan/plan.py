@@ -20,7 +20,6 @@ from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import UNREADABLE, InputError, named
 from foldback.planner.explosion.diagnosis import stuck_of
-from foldback.planner.files import write_whole
 from foldback.planner.motion.angle_encoding import (
     MAX_PLAIN_ANGLES,
     PLANES_NAME,
@@ -36,10 +35,11 @@ from foldback.planner.motion.record import Record, save_npz
 from foldback.planner.motion.timeline import chain_attributes, chain_from_attributes
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.plan.claim import claim_of
-from foldback.planner.plan.steps import rest_frames
+from foldback.planner.plan.rests import rest_frames
 from foldback.planner.playback.playback import Playback
 from foldback.planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
 from foldback.planner.shapes.likeness import Likeness
+from foldback.planner.storage.files import write_whole
 
 PLAN_FORMAT: Final = "foldback-plan/3"
 MAX_DENSE_ANGLES: Final = 2**25

@@ -15,11 +15,11 @@ from typing import Any, Self
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import UNREADABLE
-from foldback.planner.file_names import PREPARED
-from foldback.planner.files import write_json
 from foldback.planner.motion.timeline import chain_attributes, chain_from_attributes
 from foldback.planner.pathfinding.path_options import PathOptions
 from foldback.planner.shapes.likeness import Likeness
+from foldback.planner.storage.file_names import PREPARED
+from foldback.planner.storage.files import write_json
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

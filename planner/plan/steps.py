@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Final
+from typing import Final
 
 import numpy as np
 
@@ -14,9 +14,8 @@ from foldback.planner.chain.kinematics import Poses, forward_kinematics
 from foldback.planner.chain.module import Module
 from foldback.planner.chain.rotations import wxyz_from_matrix
 from foldback.planner.errors import InputError
-
-if TYPE_CHECKING:
-    from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.plan import Plan
+from foldback.planner.plan.rests import rest_frames
 
 MIN_TURN_RAD: Final = 1e-3
 """Smallest difference of a hinge's angle between two rests that counts as a turn, in radians; a
@@ -208,13 +207,3 @@ def steps_of(plan: Plan) -> Steps:
 def find_steps(plan: Plan) -> Steps | None:
     """Return the steps of a plan; None if it does not rest between steps."""
     return steps_of(plan) if len(rest_frames(plan.playback)) > 1 else None
-
-
-def rest_frames(playback: Mapping[str, object] | None) -> tuple[int, ...]:
-    """Return the frames of a plan at which the whole chain rests, in order; none if it never does.
-
-    Args:
-        playback: Summary of the plan's playback; None without one.
-    """
-    frames = (playback or {}).get("rest_frames")
-    return tuple(map(int, frames)) if isinstance(frames, list | tuple) else ()

@@ -12,12 +12,11 @@ from typing import Final
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.path import Path
-from foldback.planner.display_names import clean_name
 from foldback.planner.errors import InputError
-from foldback.planner.files import MAX_FILE_BYTES
 from foldback.planner.readers.angle_strings import is_angle_string, read_angle_string, refuse_digits
 from foldback.planner.readers.binvox import is_binvox, read_binvox
 from foldback.planner.readers.csv_cells import is_csv, read_csv
+from foldback.planner.readers.display_names import clean_name
 from foldback.planner.readers.gltf import is_glb, read_glb
 from foldback.planner.readers.json_formats import is_json, read_json
 from foldback.planner.readers.limits import (
@@ -38,6 +37,7 @@ from foldback.planner.readers.vox import is_vox, read_vox
 from foldback.planner.readers.xyz import is_xyz, read_xyz
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.shapes.solid import MAX_TRIANGLES, Solid
+from foldback.planner.storage.files import MAX_FILE_BYTES
 
 READABLE_FORMATS: Final = (
     "a mesh (STL, OBJ, PLY, OFF, GLB, glTF, 3MF), voxels (.vox, .binvox, .npy, "

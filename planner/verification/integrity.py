@@ -15,7 +15,6 @@ from pathlib import Path as FilePath
 from typing import Any, Final
 from zipfile import ZipFile
 
-from foldback.planner.checked_zarr import check_chunks, is_sealed, read_group
 from foldback.planner.errors import UNREADABLE, DamagedError
 from foldback.planner.pipeline.manifest import (
     FILE,
@@ -24,6 +23,7 @@ from foldback.planner.pipeline.manifest import (
     digests_of,
     digests_of_texts,
 )
+from foldback.planner.storage.checked_zarr import check_chunks, is_sealed, read_group
 
 MAX_RESULTS: Final = 4096
 """Maximum number of files whose integrity check (comparison with the manifest) is remembered, so

@@ -14,7 +14,6 @@ import numpy as np
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import UNREADABLE, PlannerError
-from foldback.planner.file_names import CANDIDATES, INPUT, REQUEST, START_CHAIN
 from foldback.planner.motion.timeline import chain_attributes
 from foldback.planner.pipeline.attempt import Attempt, Candidates
 from foldback.planner.pipeline.next_step import Explode, PlayBack, next_step
@@ -26,6 +25,7 @@ from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.value_differences import Differences, value_differences
 from foldback.planner.shapes.likeness import Likeness
+from foldback.planner.storage.file_names import CANDIDATES, INPUT, REQUEST, START_CHAIN
 
 CELL_TOLERANCE_PITCH: Final = 1e-6
 """Maximum distance between the places of modules of two chains through the same cells, pitches:

@@ -7,7 +7,6 @@ from typing import Any, cast
 
 import numpy as np
 
-from foldback.planner.file_names import PLAN, PLAN_TEXT
 from foldback.planner.motion.record import Record
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.value_differences import (
@@ -17,6 +16,7 @@ from foldback.planner.plan.value_differences import (
     versus_plan,
 )
 from foldback.planner.playback.playback import Playback
+from foldback.planner.storage.file_names import PLAN, PLAN_TEXT
 
 
 def formats_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:

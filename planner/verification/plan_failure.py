@@ -10,10 +10,10 @@ from pathlib import Path as FilePath
 
 from foldback import foldback_check_refusals
 from foldback.planner.explosion.diagnosis import Diagnosis, stuck_of
-from foldback.planner.file_names import PLAN, RECORD
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.value_differences import Differences, value_differences
+from foldback.planner.storage.file_names import PLAN, RECORD
 from foldback.planner.verification.failure_evidence import ReasonCheck, check_reason
 
 

@@ -7,7 +7,6 @@ from pathlib import Path as FilePath
 from typing import Any, get_args
 
 from foldback.planner.errors import UNREADABLE, InputError, PlannerError, named
-from foldback.planner.file_names import PLAN, REQUEST
 from foldback.planner.parameters.explosion import Base
 from foldback.planner.parameters.parameters import (
     FLOATING,
@@ -20,6 +19,7 @@ from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan, versions
 from foldback.planner.plan.value_differences import Differences, value_differences, versus_plan
+from foldback.planner.storage.file_names import PLAN, REQUEST
 
 
 def playback_number(plan: Plan, name: str) -> float:

@@ -16,17 +16,6 @@ from foldback.planner.arrays import Array
 from foldback.planner.certificate.frame_metrics import write_figures
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.errors import UNREADABLE, InputError, PlannerError
-from foldback.planner.file_names import (
-    FIGURES,
-    FORCES,
-    MOMENTS,
-    PLAYBACK,
-    RECORD,
-    RECORDED_PLAN,
-    REQUEST,
-    TIMELINE,
-)
-from foldback.planner.files import json_of, zarr_group
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline.job import Watch, is_smoothing
 from foldback.planner.pipeline.playing_back import play_back
@@ -42,6 +31,17 @@ from foldback.planner.plan.value_differences import (
 )
 from foldback.planner.playback.playback import Playback
 from foldback.planner.robot.smoothed_plan import before_and_after
+from foldback.planner.storage.file_names import (
+    FIGURES,
+    FORCES,
+    MOMENTS,
+    PLAYBACK,
+    RECORD,
+    RECORDED_PLAN,
+    REQUEST,
+    TIMELINE,
+)
+from foldback.planner.storage.files import json_of, zarr_group
 from foldback.planner.verification.origin import own_attempt
 from foldback.planner.verification.plan_parameters import plan_parameters
 

@@ -9,7 +9,6 @@ from typing import Any, Final
 
 import numpy as np
 
-from foldback.planner import file_names as names
 from foldback.planner.errors import UNREADABLE, PlannerError
 from foldback.planner.explosion.published_explosion import FRAME_SPACING_RAD
 from foldback.planner.motion.angle_encoding import PLAN_STEP_RAD
@@ -26,6 +25,7 @@ from foldback.planner.plan.value_differences import (
     versus_plan,
 )
 from foldback.planner.playback.playback import Playback
+from foldback.planner.storage import file_names as names
 
 Check = Callable[[], Differences]
 

@@ -9,7 +9,6 @@ from typing import Final
 import numpy as np
 
 from foldback.planner.errors import UNREADABLE, InputError, TimelineError
-from foldback.planner.file_names import PLAN, TIMELINE
 from foldback.planner.motion.motion import PHASES, Motion
 from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import Timeline, chain_attributes
@@ -23,6 +22,7 @@ from foldback.planner.plan.value_differences import (
     versus_plan,
 )
 from foldback.planner.playback.playback import Playback
+from foldback.planner.storage.file_names import PLAN, TIMELINE
 from foldback.planner.verification.plan_parameters import is_on_table, plan_parameters
 
 ROOT_POSE_TOLERANCE: Final = 1e-6

@@ -17,13 +17,10 @@ from foldback.planner.arrays import Array
 from foldback.planner.certificate.certificate import Certificate, certify
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.clearance.margins import Margin, limit_at, unproved_margins
-from foldback.planner.display_names import escaped
 from foldback.planner.errors import UNREADABLE, InputError, TimelineError, named
 from foldback.planner.exports import mjcf
-from foldback.planner.file_names import FORCES, MODEL, PLAN, PLAN_TEXT, RECORDED_PLAN, TIMELINE
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
-from foldback.planner.output_directory import finish_replacement
 from foldback.planner.pipeline import manifest
 from foldback.planner.plan.model_differences import model_differences
 from foldback.planner.plan.plan import Plan, read_values
@@ -34,6 +31,16 @@ from foldback.planner.plan.value_differences import (
 )
 from foldback.planner.playback.playback import Playback
 from foldback.planner.progress import Report, silent
+from foldback.planner.readers.display_names import escaped
+from foldback.planner.storage.file_names import (
+    FORCES,
+    MODEL,
+    PLAN,
+    PLAN_TEXT,
+    RECORDED_PLAN,
+    TIMELINE,
+)
+from foldback.planner.storage.output_directory import finish_replacement
 from foldback.planner.verification.certificate_figures import ReportedFigures
 from foldback.planner.verification.failure_evidence import ReasonCheck
 from foldback.planner.verification.origin import attempts_differ, input_differs

@@ -20,7 +20,7 @@ from typing import Final
 import sqlalchemy as sa
 from sqlalchemy.exc import DBAPIError, SQLAlchemyError
 
-from foldback.planner.files import settle
+from foldback.planner.storage.files import settle
 from foldback.server.admin.backup_manifest import (
     MANIFEST,
     MAX_MANIFEST_BYTES,

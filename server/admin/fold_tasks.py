@@ -9,16 +9,16 @@ from typing import Any, Final
 
 import sqlalchemy as sa
 
-from foldback.planner.file_names import DESCRIBED
+from foldback.planner.storage.file_names import DESCRIBED
 from foldback.planner.verification.integrity import damaged_among
 from foldback.server.admin.errors import AdminError
 from foldback.server.admin.migration import schema_of
-from foldback.server.api.parent_folds import COPIED_NAMES
 from foldback.server.processes.scratch import Scratch
 from foldback.server.settings import Settings
 from foldback.server.store.fold_files import size_of
 from foldback.server.store.folds import DAY_S, NoSuchFoldError, Store
 from foldback.server.store.tables import ENDED, FoldRow, MovieRow, WorkerRow, missing_database
+from foldback.server.submission.parent_folds import COPIED_NAMES
 
 INPUT_FILES: Final = ("input", "request.json", "cells.json", *COPIED_NAMES)
 """Files of a fold that exist before its computation. They stay if an operator lets the fold be

@@ -1,1 +1,1 @@
-"""The API: one file for each resource, and shared code."""
+"""The API: one file of routes for each resource."""

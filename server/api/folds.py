@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator
 from dataclasses import replace
-from typing import Annotated, Any, Final
+from typing import Annotated
 
 import msgspec
 from fastapi import APIRouter, Depends, Request
@@ -12,44 +12,43 @@ from fastapi.responses import Response
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from msgspec import Meta
 
-from foldback.planner.display_names import clean_name
 from foldback.planner.pipeline.request import FoldRequest
-from foldback.server.api.context import Context, context_of, in_list_rate
-from foldback.server.api.fold_inputs import Origin
-from foldback.server.api.owner_tokens import (
+from foldback.planner.readers.display_names import clean_name
+from foldback.server.context import Here, in_list_rate
+from foldback.server.dependencies.described_answers import problems
+from foldback.server.dependencies.owner_tokens import (
     AnyClaim,
     NewToken,
     OptionalOwner,
     RequiredOwner,
     not_owner,
 )
-from foldback.server.api.request_bodies import described, form_of, json_body
-from foldback.server.api.schemas import (
+from foldback.server.dependencies.request_bodies import described, form_of, json_body
+from foldback.server.dependencies.requested_folds import (
+    NOT_FOLD_OWNER,
+    ExistingFold,
+    OwnedFold,
+    check_private,
+)
+from foldback.server.errors import Unusable
+from foldback.server.http.client_address import address_of
+from foldback.server.http.response_cache import mark
+from foldback.server.jobs.housekeeping import limit_cancelled
+from foldback.server.schemas import (
     MAX_FOLD_NAME,
     Accepted,
     Fold,
     Folds,
     Links,
-    ProblemBody,
     Shape,
     Shapes,
 )
-from foldback.server.api.submit import fold_origin
-from foldback.server.errors import Forbidden, Unusable
-from foldback.server.http.client_address import address_of
-from foldback.server.http.response_cache import mark
-from foldback.server.jobs.housekeeping import limit_cancelled
 from foldback.server.store.owned_items import change_fold
 from foldback.server.store.owner import Owner
-from foldback.server.store.tables import FoldRow
+from foldback.server.submission.fold_inputs import Origin
+from foldback.server.submission.submit import fold_origin
 
 router = APIRouter(prefix="/api/folds", tags=["folds"])
-NOT_FOLD_OWNER: Final = (
-    "This is not the token of the fold's owner. A gallery fold that several clients requested "
-    "has no owner, so no client can change it."
-)
-
-Here = Annotated[Context, Depends(context_of)]
 
 
 class FoldChanges(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
@@ -60,44 +59,6 @@ class FoldChanges(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fiel
         Meta(description="New name. Characters that cannot be printed are removed."),
     ] = None
     owner_token: Annotated[NewToken | None, Meta(description="New owner token.")] = None
-
-
-def existing_fold(fold_id: str, context: Here) -> FoldRow:
-    """Return the row of the fold in the address."""
-    return context.store.fold(fold_id)
-
-
-ExistingFold = Annotated[FoldRow, Depends(existing_fold)]
-
-
-def owned_fold(fold: ExistingFold, context: Here, owner: RequiredOwner) -> FoldRow:
-    """Return the row of the fold in the address; refuse others than its owner."""
-    check_private(fold, "it cannot be changed")
-    if not context.store.owns(fold.id, owner):
-        raise not_owner(NOT_FOLD_OWNER)
-    return fold
-
-
-OwnedFold = Annotated[FoldRow, Depends(owned_fold)]
-
-
-def check_private(fold: FoldRow, denied: str) -> None:
-    """Raise Forbidden for a gallery fold, with a clause that says what is denied."""
-    if fold.public:
-        detail = f"This is a gallery fold, which everyone can see; {denied}."
-        raise Forbidden("public", detail)
-
-
-def problems(*statuses: int) -> dict[int | str, dict[str, Any]]:
-    """Return the problems that a route may answer with, as OpenAPI describes them."""
-    content = {"application/problem+json": {"schema": ProblemBody.model_json_schema()}}
-    return {status: {"description": "A problem", "content": content} for status in statuses}
-
-
-def file_or_problems(about: str, *kinds: str, problem: tuple[int, ...]) -> dict[int | str, Any]:
-    """Return the answers of a route that sends a file of one of some media types."""
-    content = {kind: dict[str, Any]() for kind in kinds}
-    return {200: {"description": about, "content": content}, **problems(*problem)}
 
 
 @router.post(

@@ -12,14 +12,14 @@ from fastapi.responses import JSONResponse, PlainTextResponse, Response
 from fastapi.security import HTTPAuthorizationCredentials
 from sqlalchemy.exc import SQLAlchemyError
 
-from foldback.server.api.context import Context
-from foldback.server.api.folds import Here, problems
-from foldback.server.api.owner_tokens import Bearer
-from foldback.server.api.schemas import Body, PreparingBody
+from foldback.server.context import Context, Here
+from foldback.server.dependencies.described_answers import problems
+from foldback.server.dependencies.owner_tokens import Bearer
 from foldback.server.errors import Forbidden, NotFound
 from foldback.server.http.base_path import BELOW
 from foldback.server.ops.metrics import METRICS_MEDIA_TYPE
 from foldback.server.ops.readiness import Readiness
+from foldback.server.schemas import Body, PreparingBody
 from foldback.server.store.stats import Stats
 
 router = APIRouter(tags=["operation"])

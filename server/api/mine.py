@@ -11,11 +11,13 @@ from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import Response
 from msgspec import Meta
 
-from foldback.server.api.folds import Here, problems
 from foldback.server.api.movies import MovieBody
-from foldback.server.api.owner_tokens import NewToken, RequiredOwner, not_owner
-from foldback.server.api.request_bodies import described, json_body
-from foldback.server.api.schemas import (
+from foldback.server.context import Here
+from foldback.server.dependencies.described_answers import problems
+from foldback.server.dependencies.owner_tokens import NewToken, RequiredOwner, not_owner
+from foldback.server.dependencies.request_bodies import described, json_body
+from foldback.server.errors import Malformed
+from foldback.server.schemas import (
     Body,
     Fold,
     FoldsMade,
@@ -24,7 +26,6 @@ from foldback.server.api.schemas import (
     PreviewsMade,
     moment,
 )
-from foldback.server.errors import Malformed
 from foldback.server.store.owned_items import folds_made, hand_over_all
 from foldback.server.store.owner import Claim, Owner
 from foldback.words.fold import ShownFold, shown_name

@@ -9,16 +9,23 @@ from fastapi.responses import JSONResponse, Response
 from pydantic import ConfigDict
 
 from foldback.planner.plan.module_values import checked_values
-from foldback.server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
-from foldback.server.api.owner_tokens import RequiredOwner, not_owner
-from foldback.server.api.request_bodies import described, json_body
-from foldback.server.api.schemas import Body
-from foldback.server.api.tours import NOTHING_STORED, frames_of_own
+from foldback.server.context import Here
+from foldback.server.dependencies.described_answers import problems
+from foldback.server.dependencies.owner_tokens import RequiredOwner, not_owner
+from foldback.server.dependencies.request_bodies import described, json_body
+from foldback.server.dependencies.requested_folds import (
+    NOT_FOLD_OWNER,
+    NOTHING_STORED,
+    ExistingFold,
+    check_private,
+    frames_of_own,
+)
 from foldback.server.errors import NotFound
-from foldback.server.store.fold_source import FoldSource, Found
+from foldback.server.schemas import Body
 from foldback.server.store.folds import NoSuchFoldError
 from foldback.server.store.owned_items import write_beside
 from foldback.server.store.tables import ValuesRow
+from foldback.server.viewing.fold_notes import values_of
 
 router = APIRouter(prefix="/api/folds/{fold_id}/values", tags=["values"])
 
@@ -95,8 +102,3 @@ def delete_values(fold: ExistingFold, context: Here, owner: RequiredOwner) -> Re
     if not write_beside(context.store, fold.id, owner, ValuesRow, None):
         raise not_owner(NOT_FOLD_OWNER)
     return Response(status_code=204)
-
-
-def values_of(store: FoldSource, found: Found) -> dict[str, Any] | None:
-    """Return the numbers that are stored with a fold as plain values; None without any."""
-    return None if found.alternative_to else store.values(found.row.id)

@@ -9,17 +9,19 @@ from fastapi import APIRouter, Depends, Request
 from fastapi.responses import FileResponse, Response
 from msgspec import Meta
 
-from foldback.planner.file_names import TIMELINE
+from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.verification.integrity import check
-from foldback.server.api.folds import Here, existing_fold, file_or_problems, problems
-from foldback.server.api.owner_tokens import AnyClaim, OptionalOwner, not_owner
-from foldback.server.api.request_bodies import described, json_body
-from foldback.server.api.schemas import Body, Fault
-from foldback.server.api.tours import tour_of
+from foldback.server.context import Here
+from foldback.server.dependencies.described_answers import file_or_problems, problems
+from foldback.server.dependencies.owner_tokens import AnyClaim, OptionalOwner, not_owner
+from foldback.server.dependencies.request_bodies import described, json_body
+from foldback.server.dependencies.requested_folds import existing_fold
 from foldback.server.errors import Conflict, Unusable
 from foldback.server.http.downloads import download
 from foldback.server.processes.movie_task import movie_formats
+from foldback.server.schemas import Body, Fault
 from foldback.server.store.tables import MovieRow
+from foldback.server.viewing.fold_notes import tour_of
 from foldback.web.movies.movie import Movie
 
 router = APIRouter(prefix="/api/folds/{fold_id}/movies", tags=["movies"])

@@ -10,22 +10,21 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from functools import cache
-from typing import Annotated, Any, Final
+from typing import Annotated, Final
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
 
-from foldback.planner.file_names import TIMELINE
 from foldback.planner.parameters.parameters import FLOATING
-from foldback.planner.pipeline.fold_layout import result_path, stored_moments
+from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.verification.integrity import check
-from foldback.server.api.fold_lookup import found_fold, viewing_of
-from foldback.server.api.module_values import values_of
-from foldback.server.api.tours import tour_of
 from foldback.server.http.client_address import address_of
 from foldback.server.http.downloads import BINARY_MEDIA_TYPE, Asset, revalidated
 from foldback.server.http.response_cache import mark
 from foldback.server.store.fold_source import FoldSource, Found
+from foldback.server.viewing.fold_lookup import found_fold, viewing_of
+from foldback.server.viewing.fold_notes import steps_in, tour_of, values_of
 from foldback.web.timeline.frame_batch import cached_batch
 from foldback.web.timeline.metrics import FIGURES, cached_figures
 from foldback.web.timeline.shared_views import unless_replaced
@@ -143,12 +142,6 @@ async def values(request: Request, fold_id: str) -> Response:
 async def steps(request: Request, fold_id: str) -> Response:
     """Return the steps of a fold for its pages; 204 if its plan does not rest between steps."""
     return await asyncio.to_thread(_stored, request, fold_id, lambda _, found: steps_in(found))
-
-
-def steps_in(found: Found) -> list[dict[str, Any]] | None:
-    """Return the steps of a fold as plain values; None without steps."""
-    moments = stored_moments(found.directory)
-    return None if moments is None else moments.as_dict().get("steps")
 
 
 def _stored(request: Request, fold_id: str, of: Callable[[FoldSource, Found], object]) -> Response:

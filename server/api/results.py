@@ -12,17 +12,25 @@ from numpy.typing import NDArray
 
 from foldback.planner.errors import DamagedError, InputError, TimelineError
 from foldback.planner.exports.formats import EXPORTS, export_named, exports_of
-from foldback.planner.file_names import CERTIFICATE, MODEL, PLAN, PLAN_TEXT, RECORD, TIMELINE
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.storage.file_names import (
+    CERTIFICATE,
+    MODEL,
+    PLAN,
+    PLAN_TEXT,
+    RECORD,
+    TIMELINE,
+)
 from foldback.planner.verification.integrity import check
-from foldback.server.api.context import Context
-from foldback.server.api.folds import Here, file_or_problems, problems
-from foldback.server.api.schemas import ExportBody, ExportList, FramesBody
-from foldback.server.errors import Conflict, NotFound, Unusable
+from foldback.server.context import Context, Here
+from foldback.server.dependencies.described_answers import file_or_problems, problems
+from foldback.server.dependencies.requested_folds import not_there
+from foldback.server.errors import NotFound, Unusable
 from foldback.server.files.exports import export_file
 from foldback.server.http.client_address import address_of
 from foldback.server.http.downloads import download
+from foldback.server.schemas import ExportBody, ExportList, FramesBody
 from foldback.server.store.folds import FoldRow
 from foldback.words.fold import has_motion, step_count
 
@@ -203,21 +211,6 @@ def _finished(context: Context, fold_id: str) -> FoldRow:
     if not row.over or not (context.store.directory(fold_id) / PLAN).is_file():
         raise not_there(row, "plan")
     return row
-
-
-def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
-    """Return the problem that a fold does not have a file, or not yet."""
-    if row.over:
-        reason = f" ({row.error['detail']})" if row.error else ""
-        return NotFound(
-            "no-such-artifact",
-            f"This fold has ended with the status '{row.status}' and has no {what}{reason}.",
-        )
-    return Conflict(
-        "not-ready",
-        f"The {what} does not exist yet: the fold is {row.status}. Try again later.",
-        retry_after_s=1,
-    )
 
 
 def _short(values: NDArray[Any]) -> Any:

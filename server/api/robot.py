@@ -15,14 +15,28 @@ from fastapi.responses import Response, StreamingResponse
 from numpy.typing import NDArray
 
 from foldback.planner.errors import DamagedError, InputError
-from foldback.planner.file_names import PLAN
+from foldback.planner.storage.file_names import PLAN
 from foldback.planner.verification.integrity import check
-from foldback.server.api.context import Context, context_of
-from foldback.server.api.fold_lookup import ADDRESS_ID
-from foldback.server.api.folds import Here, file_or_problems
-from foldback.server.api.results import not_there
-from foldback.server.api.robot_clock import MAX_CLOCK_STEP_S, Reason, RobotClock
-from foldback.server.api.robot_messages import (
+from foldback.server.context import Context, Here, context_of
+from foldback.server.dependencies.described_answers import file_or_problems
+from foldback.server.dependencies.requested_folds import not_there
+from foldback.server.errors import (
+    Conflict,
+    ServiceError,
+    TooLarge,
+    TooMany,
+    TooSlow,
+    Unavailable,
+    Unusable,
+    WebsocketNeeded,
+    refusal_of,
+)
+from foldback.server.files.trajectories import MotorsWanted, Retimed, Wanted
+from foldback.server.http.client_address import address_of
+from foldback.server.http.limited_stream import LimitedStream
+from foldback.server.http.websockets import close, first_of, receive
+from foldback.server.robots.robot_clock import MAX_CLOCK_STEP_S, Reason, RobotClock
+from foldback.server.robots.robot_messages import (
     DECODER,
     ENCODER,
     PLAY_FORMAT,
@@ -40,22 +54,8 @@ from foldback.server.api.robot_messages import (
     Wrong,
     schema,
 )
-from foldback.server.errors import (
-    Conflict,
-    ServiceError,
-    TooLarge,
-    TooMany,
-    TooSlow,
-    Unavailable,
-    Unusable,
-    WebsocketNeeded,
-    refusal_of,
-)
-from foldback.server.files.trajectories import MotorsWanted, Retimed, Wanted
-from foldback.server.http.client_address import address_of
-from foldback.server.http.limited_stream import LimitedStream
-from foldback.server.http.websockets import close, first_of, receive
 from foldback.server.store.folds import FoldRow, NoSuchFoldError
+from foldback.server.viewing.fold_lookup import ADDRESS_ID
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
 schemas = APIRouter(prefix="/api", tags=["robots"])

@@ -16,19 +16,13 @@ from fastapi.responses import Response
 
 from foldback.planner.parameters.option import options_of
 from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
-from foldback.server.api.context import Context
-from foldback.server.api.fold_inputs import (
-    GalleryShape,
-    Origin,
-    Uploaded,
-    check_readable,
-    id_field,
-    open_input,
-)
-from foldback.server.api.folds import Here, problems
-from foldback.server.api.owner_tokens import OptionalOwner
-from foldback.server.api.request_bodies import field, form_of
-from foldback.server.api.schemas import (
+from foldback.server.context import Context, Here
+from foldback.server.dependencies.described_answers import problems
+from foldback.server.dependencies.owner_tokens import OptionalOwner
+from foldback.server.dependencies.request_bodies import field, form_of
+from foldback.server.errors import NotFound, Unusable
+from foldback.server.files.preview_reports import Asker
+from foldback.server.schemas import (
     MAX_FOLD_NAME,
     Preview,
     Shape,
@@ -36,8 +30,14 @@ from foldback.server.api.schemas import (
     TableOffers,
     expected_times,
 )
-from foldback.server.errors import NotFound, Unusable
-from foldback.server.files.preview_reports import Asker
+from foldback.server.submission.fold_inputs import (
+    GalleryShape,
+    Origin,
+    Uploaded,
+    check_readable,
+    id_field,
+    open_input,
+)
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
 DISCONNECT_POLL_S: Final = 0.1

@@ -2,30 +2,32 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Final
+from typing import Annotated, Any
 
-from fastapi import APIRouter, Depends, Query
+from fastapi import APIRouter, Query
 from fastapi.responses import JSONResponse, Response
 from pydantic import ConfigDict, Field
 
-from foldback.planner.pipeline.fold_layout import stored_moments
 from foldback.planner.plan.tour import Tour
-from foldback.server.api.folds import NOT_FOLD_OWNER, ExistingFold, Here, check_private, problems
-from foldback.server.api.owner_tokens import RequiredOwner, not_owner
-from foldback.server.api.request_bodies import described, json_body
-from foldback.server.api.results import not_there
-from foldback.server.api.schemas import Body
-from foldback.server.errors import Conflict
-from foldback.server.store.fold_files import frames_promised
-from foldback.server.store.fold_source import FoldSource, Found
+from foldback.server.context import Here
+from foldback.server.dependencies.described_answers import problems
+from foldback.server.dependencies.owner_tokens import RequiredOwner, not_owner
+from foldback.server.dependencies.request_bodies import described, json_body
+from foldback.server.dependencies.requested_folds import (
+    NOT_FOLD_OWNER,
+    NOTHING_STORED,
+    ExistingFold,
+    OwnFrames,
+    check_private,
+    not_there,
+)
+from foldback.server.schemas import Body
 from foldback.server.store.folds import NoSuchFoldError
 from foldback.server.store.owned_items import write_beside
 from foldback.server.store.tables import TourRow
-from foldback.words.fold import RUNNING_STATUSES
-from foldback.words.tour import draft_tour
+from foldback.server.viewing.fold_notes import tour_of
 
 router = APIRouter(prefix="/api/folds/{fold_id}/tour", tags=["tours"])
-NOTHING_STORED: Final = "no tour and no numbers can be stored with it"
 
 
 class TourStop(Body):
@@ -89,31 +91,6 @@ def get_tour(
     return JSONResponse(tour, headers={"Cache-Control": "private, no-cache"})
 
 
-def frames_of_own(fold: ExistingFold, context: Here, owner: RequiredOwner) -> int:
-    """Return the number of frames of a fold with which its owner stores something.
-
-    Raises:
-        ServiceError: If the fold is public, has another owner, runs, or has no frames.
-    """
-    check_private(fold, NOTHING_STORED)
-    if not context.store.owns(fold.id, owner):
-        raise not_owner(NOT_FOLD_OWNER)
-    if not fold.over:
-        raise Conflict(
-            "not-ready",
-            f"The fold is {fold.status}. A tour, or numbers for the modules, can be stored when "
-            "the fold has ended.",
-            retry_after_s=1,
-        )
-    frames = frames_promised(context.store.directory(fold.id))
-    if not frames:
-        raise not_there(fold, "frames")
-    return frames
-
-
-OwnFrames = Annotated[int, Depends(frames_of_own)]
-
-
 @router.put(
     "",
     summary="Store the tour of a fold",
@@ -143,24 +120,3 @@ def delete_tour(fold: ExistingFold, context: Here, owner: RequiredOwner) -> Resp
     if not write_beside(context.store, fold.id, owner, TourRow, None):
         raise not_owner(NOT_FOLD_OWNER)
     return Response(status_code=204)
-
-
-def tour_of(store: FoldSource, found: Found, *, draft: bool = False) -> dict[str, Any] | None:
-    """Return the tour of a fold as plain values; None while it runs, or without frames.
-
-    Args:
-        store: Store of the fold.
-        found: The fold.
-        draft: True for a draft even if its owner has stored a tour.
-    """
-    if found.row.status in RUNNING_STATUSES:
-        return None
-    kept = None if draft or found.alternative_to else store.tour(found.row.id)
-    return kept if kept is not None else draft_of(found)
-
-
-def draft_of(found: Found) -> dict[str, Any] | None:
-    """Return the draft for a fold that is over as plain values; None without frames."""
-    moments = stored_moments(found.directory)
-    drafted = draft_tour(found.row, frames_promised(found.directory), moments)
-    return None if drafted is None else drafted.as_dict()

@@ -20,9 +20,9 @@ from foldback.cli.inputs import refuse
 from foldback.cli.options import AsJson, FoldDirectory, with_parameters
 from foldback.cli.tour import drafted, stored_tour
 from foldback.planner.errors import InputError
-from foldback.planner.file_names import TIMELINE
-from foldback.planner.files import written_aside
 from foldback.planner.pipeline.fold_layout import is_on_table, result_path
+from foldback.planner.storage.file_names import TIMELINE
+from foldback.planner.storage.files import written_aside
 from foldback.planner.verification.stored_fold import check_fold
 from foldback.server.ops.startup_errors import settings_of
 from foldback.server.processes.children import ChildError

@@ -20,25 +20,25 @@ from foldback.cli.exit_statuses import INVALID_INPUT
 from foldback.cli.tour import stored_tour
 from foldback.planner.certificate.earlier_certificates import told_honestly
 from foldback.planner.certificate.figures import CertificateFigures, FoldSummary
-from foldback.planner.display_names import escaped
 from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.explosion.diagnosis import stuck_of
-from foldback.planner.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE
-from foldback.planner.files import json_of
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.module_values import values_in
+from foldback.planner.readers.display_names import escaped
+from foldback.planner.storage.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE
+from foldback.planner.storage.files import json_of
 from foldback.planner.verification.stored_fold import check_fold
 from foldback.server.api import player_data as timelines
-from foldback.server.api.fold_lookup import Viewing
-from foldback.server.api.frame_waits import FrameWaits
 from foldback.server.files.artifacts import Artifacts
 from foldback.server.http.security import AllowedHosts, SameOrigin, SecurityHeaders, hosts_of
 from foldback.server.pages import fold, share, static
 from foldback.server.store.fold_source import Found
+from foldback.server.viewing.fold_lookup import Viewing
+from foldback.server.viewing.frame_waits import FrameWaits
 from foldback.web.timeline.shared_views import TimelineViews
 from foldback.words.fold import ShownFold
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from foldback.planner.may_compile import forbid_compiling
+from foldback.planner.compilation.may_compile import forbid_compiling
 from foldback.server.errors import READ_ONLY_WORDS
 from foldback.server.limits.open_files import BACKLOG, OpenFiles
 from foldback.server.ops.logs import set_up_logs
@@ -27,7 +27,7 @@ log = logging.getLogger("foldback.serve")
 if TYPE_CHECKING:
     import uvicorn
 
-    from foldback.server.api.context import Context
+    from foldback.server.context import Context
     from foldback.server.settings import Settings
 
 
@@ -174,11 +174,11 @@ def _within_open_files(settings: Settings) -> tuple[Settings, OpenFiles]:
 def _fold_first(context: Context, name: str) -> str:
     from foldback.planner.errors import InputError
     from foldback.planner.pipeline.request import FoldRequest
-    from foldback.server.api.fold_inputs import Origin
-    from foldback.server.api.shipped_folds import SERVICE_VISITOR
-    from foldback.server.api.submit import fold_origin
     from foldback.server.errors import Unusable
     from foldback.server.store.owner import Claim
+    from foldback.server.submission.fold_inputs import Origin
+    from foldback.server.submission.shipped_folds import SERVICE_VISITOR
+    from foldback.server.submission.submit import fold_origin
 
     try:
         receipt = fold_origin(

@@ -20,15 +20,15 @@ from rich.console import Console
 from foldback.cli.inputs import refuse
 from foldback.cli.options import AsJson
 from foldback.planner.errors import InputError, PlannerError
-from foldback.planner.file_names import TIMELINE
-from foldback.planner.output_directory import replacing_listed
 from foldback.planner.pipeline.fold_layout import holds_fold, result_path
 from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.storage.file_names import TIMELINE
+from foldback.planner.storage.output_directory import replacing_listed
 from foldback.planner.verification.stored_fold import check_fold
-from foldback.server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from foldback.server.cli.play import row_of
 from foldback.server.pages.site import write_site
 from foldback.server.store.fold_source import Found
+from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 
 
 def site(

@@ -12,7 +12,7 @@ import psutil
 import sqlalchemy as sa
 from sqlalchemy.exc import SQLAlchemyError
 
-from foldback.planner.files import READ_ONLY_ERRORS
+from foldback.planner.storage.files import READ_ONLY_ERRORS
 from foldback.server.doctor.check_result import CheckResult, ok, problem, warning
 from foldback.server.errors import READ_ONLY_WORDS
 from foldback.server.limits.disk_space import free_space

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Final, TypeVar
 
-from foldback.planner.files import write_whole
+from foldback.planner.storage.files import write_whole
 from foldback.server.errors import not_stored
 from foldback.server.limits.disk_space import check_space
 from foldback.server.limits.single_flight import SingleFlight

@@ -9,9 +9,9 @@ from zipfile import BadZipFile
 
 from foldback.planner.errors import InputError
 from foldback.planner.exports.export import Export
-from foldback.planner.file_names import PLAN
 from foldback.planner.motion.angle_encoding import unpacked_bytes
 from foldback.planner.readers.limits import megabytes
+from foldback.planner.storage.file_names import PLAN
 from foldback.planner.verification.integrity import check
 from foldback.server.errors import NotFound, TooLarge
 from foldback.server.files.artifacts import Artifacts

@@ -13,7 +13,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from foldback.planner.file_names import CHAIN
+from foldback.planner.storage.file_names import CHAIN
 from foldback.server.processes.children import Pool
 from foldback.server.processes.scratch import MOMENT_FILE, PICTURE, Scratch
 from foldback.server.settings import Settings

@@ -12,10 +12,10 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Final
 
-from foldback.planner.file_names import REQUEST
-from foldback.planner.files import sealed_json_of
 from foldback.planner.parameters.option import OPTIONS_KEY_CHARS
 from foldback.planner.pipeline.request import PreviewRequest
+from foldback.planner.storage.file_names import REQUEST
+from foldback.planner.storage.files import sealed_json_of
 from foldback.server.errors import ServiceError, TooMany, TooSlow, Unavailable
 from foldback.server.files.uploads import Upload, not_read
 from foldback.server.limits.disk_space import check_space

@@ -14,8 +14,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final, Literal
 from zipfile import BadZipFile, ZipFile
 
-from foldback.planner.file_names import PLAN
 from foldback.planner.readers.limits import megabytes
+from foldback.planner.storage.file_names import PLAN
 from foldback.server.errors import NotFound, ServiceError, TooLarge, Unavailable, Unusable, no_room
 from foldback.server.limits.concurrency_quota import Permit, Quota
 from foldback.server.limits.single_flight import SingleFlight

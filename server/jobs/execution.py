@@ -15,11 +15,11 @@ from typing import Any, Final
 from sqlalchemy.exc import SQLAlchemyError
 
 from foldback.planner.errors import InputError, TimelineError
-from foldback.planner.file_names import START_CHAIN, TIMELINE
 from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.pipeline.fold_layout import any_verified, result_path
 from foldback.planner.progress import STAGES
 from foldback.planner.readers.gallery import Gallery
+from foldback.planner.storage.file_names import START_CHAIN, TIMELINE
 from foldback.server.errors import UNEXPECTED_WORDS
 from foldback.server.jobs.housekeeping import limit_cancelled
 from foldback.server.jobs.processor_wait import ProcessorWait

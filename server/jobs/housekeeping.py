@@ -24,7 +24,7 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import aliased
 
-from foldback.planner.files import remove_temporary
+from foldback.planner.storage.files import remove_temporary
 from foldback.server.limits.disk_space import free_space
 from foldback.server.settings import Settings
 from foldback.server.store.fold_files import DERIVED_DIRS, EXPORTS_DIR, size_of

@@ -16,8 +16,8 @@ from typing import Any, Final
 import sqlalchemy as sa
 
 from foldback.planner.errors import DamagedError, InputError
-from foldback.planner.file_names import TIMELINE
 from foldback.planner.pipeline.fold_layout import is_on_table, result_path
+from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.verification.integrity import check
 from foldback.server.errors import UNEXPECTED_WORDS, Damaged
 from foldback.server.jobs.movies import INTERRUPTED

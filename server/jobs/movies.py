@@ -17,8 +17,8 @@ import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
-from foldback.planner.file_names import TIMELINE
 from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.verification.integrity import check
 from foldback.server.errors import Conflict, NoSuch, NotFound, TooMany, Unavailable
 from foldback.server.limits.concurrency_quota import Holder, network_share

@@ -15,7 +15,7 @@ from typing import Final
 
 from sqlalchemy.exc import SQLAlchemyError
 
-from foldback.planner.pipeline.compiling_lock import compiling_fraction
+from foldback.planner.compilation.compiling_lock import compiling_fraction
 from foldback.server.errors import READ_ONLY_WORDS
 from foldback.server.limits.disk_space import free_space
 from foldback.server.settings import Settings

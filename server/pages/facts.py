@@ -16,8 +16,6 @@ from foldback.planner.certificate.figures import (
 )
 from foldback.planner.errors import UNREADABLE
 from foldback.planner.exports.formats import exports_of
-from foldback.planner.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMELINE
-from foldback.planner.files import json_of
 from foldback.planner.motion.record import TableRecord
 from foldback.planner.parameters.parameters import FLOATING, TURN_STRATEGIES
 from foldback.planner.parameters.settings_text import TABLE_SETTINGS
@@ -26,11 +24,13 @@ from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.pipeline.preference import COMPUTING, Preference, preference_named
 from foldback.planner.pipeline.request import MAX_SEED, FoldRequest
 from foldback.planner.robot import MAX_SMOOTHED_ANGLES
+from foldback.planner.storage.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLAN, RECORD, TIMELINE
+from foldback.planner.storage.files import json_of
 from foldback.planner.verification.integrity import damaged_among
-from foldback.server.api.schemas import export_href
 from foldback.server.errors import MOTION_FILES, damage_words
 from foldback.server.pages.table_check import ruled_out_on_table
 from foldback.server.processes.movie_task import movie_formats
+from foldback.server.schemas import export_href
 from foldback.server.store.estimates import expected_of_cost, plain_fold
 from foldback.server.store.fold_files import frames_promised
 from foldback.server.store.fold_source import Found

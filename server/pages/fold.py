@@ -14,12 +14,11 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
 from foldback.planner.errors import UNREADABLE, PlannerError
-from foldback.planner.file_names import CHAIN
 from foldback.planner.motion.timeline import chain_from_attributes
 from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.storage.file_names import CHAIN
 from foldback.planner.verification.integrity import damaged_among
-from foldback.server.api.context import Context, context_of
-from foldback.server.api.fold_lookup import find_now, viewing_of
+from foldback.server.context import Context, context_of
 from foldback.server.http.response_cache import mark
 from foldback.server.pages.facts import FoldFacts, fold_facts, script_facts
 from foldback.server.pages.page import origin_of, page, script_json
@@ -27,6 +26,7 @@ from foldback.server.pages.privacy import visibility
 from foldback.server.pages.problem_page import no_such_page
 from foldback.server.store.fold_source import Found
 from foldback.server.store.tables import FoldRow
+from foldback.server.viewing.fold_lookup import find_now, viewing_of
 from foldback.web.pictures.isometric import isometric_svg
 from foldback.web.pictures.isometric_modules import chain_svg
 from foldback.web.pictures.picture_view import PictureView

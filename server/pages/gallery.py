@@ -10,9 +10,8 @@ from fastapi.responses import HTMLResponse, RedirectResponse, Response
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.parameters import World
 from foldback.planner.pipeline.request import FoldRequest
-from foldback.server.api.context import context_of, in_list_rate
-from foldback.server.api.fold_inputs import Origin
 from foldback.server.api.folds import post_fold
+from foldback.server.context import context_of, in_list_rate
 from foldback.server.errors import ServiceError, refusal_of
 from foldback.server.http.problems import Problem
 from foldback.server.http.security import INDEXED_HEADERS
@@ -27,6 +26,7 @@ from foldback.server.pages.cards import (
 from foldback.server.pages.page import drawing, origin_of, page
 from foldback.server.pages.problem_page import not_found_page
 from foldback.server.store.owner import Claim
+from foldback.server.submission.fold_inputs import Origin
 from foldback.web.pictures.shipped_pictures import shipped_pictures
 from foldback.words.gallery import (
     CARD_STATUS_LABELS,

@@ -8,12 +8,12 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Depends, Query, Request
 from fastapi.responses import HTMLResponse, Response
 
-from foldback.server.api.context import context_of, in_list_rate
-from foldback.server.api.fold_lookup import find_now
+from foldback.server.context import context_of, in_list_rate
 from foldback.server.http.base_path import at
 from foldback.server.pages.cards import included_folds
 from foldback.server.pages.page import page, script_json
 from foldback.server.pages.problem_page import not_found_page
+from foldback.server.viewing.fold_lookup import find_now
 from foldback.words.fold import ShownFold
 from foldback.words.missing_pages import NO_FOLD
 

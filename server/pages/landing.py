@@ -9,7 +9,7 @@ from typing import Final
 from fastapi import APIRouter, Depends, Request
 from fastapi.responses import HTMLResponse, Response
 
-from foldback.server.api.context import context_of, in_list_rate
+from foldback.server.context import context_of, in_list_rate
 from foldback.server.errors import READ_ONLY_WORDS
 from foldback.server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from foldback.server.pages.cards import selected

@@ -9,8 +9,8 @@ from typing import Annotated, Final
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
 
-from foldback.server.api.fold_lookup import find_fold, viewing_of
 from foldback.server.pages.page import origin_of
+from foldback.server.viewing.fold_lookup import find_fold, viewing_of
 
 router = APIRouter(include_in_schema=False)
 

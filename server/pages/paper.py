@@ -11,8 +11,8 @@ from typing import Final, TypedDict
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
-from foldback.planner.file_names import CHAIN
 from foldback.planner.motion.timeline import chain_from_attributes
+from foldback.planner.storage.file_names import CHAIN
 from foldback.server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from foldback.server.http.security import INDEXED_HEADERS
 from foldback.server.pages.page import not_found, origin_of, page

@@ -10,11 +10,10 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 
 from foldback.planner.errors import DamagedError, InputError, TimelineError
-from foldback.planner.file_names import CHAIN, TIMELINE
 from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.storage.file_names import CHAIN, TIMELINE
 from foldback.planner.verification.integrity import check
-from foldback.server.api.context import Context, context_of
-from foldback.server.api.fold_lookup import find_fold
+from foldback.server.context import Context, context_of
 from foldback.server.errors import read_only
 from foldback.server.files.pictures import moment_of
 from foldback.server.http.client_address import address_of
@@ -23,6 +22,7 @@ from foldback.server.pages.fold import drawing_in
 from foldback.server.pages.page import drawing, not_found
 from foldback.server.processes.children import ChildError
 from foldback.server.store.fold_source import Found
+from foldback.server.viewing.fold_lookup import find_fold
 from foldback.web.pictures.picture_view import MAX_SHORT_FORM_LENGTH, SHORT_FORM_PATTERN
 from foldback.words.fold import RUNNING_STATUSES
 from foldback.words.verdict import COMPUTING_VERDICT, PICTURE_VERDICTS

@@ -7,7 +7,7 @@ from functools import cache
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, RedirectResponse, Response
 
-from foldback.server.api.context import context_of
+from foldback.server.context import context_of
 from foldback.server.http.base_path import BASE_PATH
 from foldback.server.http.downloads import Asset
 from foldback.server.http.security import INDEXED_HEADERS

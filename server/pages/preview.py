@@ -11,9 +11,8 @@ from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
 from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES
-from foldback.server.api.context import Context, context_of
-from foldback.server.api.fold_inputs import stored_options
 from foldback.server.api.shapes import texts_of
+from foldback.server.context import Context, context_of
 from foldback.server.errors import NotFound
 from foldback.server.files.preview_reports import OPTIONS_KEY, cells_of_repair, read_report
 from foldback.server.http.client_address import address_of
@@ -22,6 +21,7 @@ from foldback.server.pages.page import drawing, not_found, page, script_addresse
 from foldback.server.pages.problem_page import not_found_page
 from foldback.server.store.fold_files import NoSuchFoldError
 from foldback.server.store.previews import NoSuchPreviewError, Previews
+from foldback.server.submission.fold_inputs import stored_options
 from foldback.web.pictures.preview_drawing import preview_svg
 from foldback.web.viser.preview_scene import preview_scene_of
 from foldback.words.fold import ShownFold, shown_name

@@ -5,7 +5,7 @@ from __future__ import annotations
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
-from foldback.server.api.context import context_of
+from foldback.server.context import context_of
 from foldback.server.jobs.housekeeping import CANCELLED_FOLD_S, MIN_UNUSED_S
 from foldback.server.pages.page import page
 from foldback.server.settings import Settings

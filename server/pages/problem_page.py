@@ -7,9 +7,9 @@ from typing import Final
 from fastapi import Request
 from fastapi.responses import Response
 
-from foldback.server.api.fold_lookup import viewing_of
 from foldback.server.http.problems import Problem
 from foldback.server.pages.page import page
+from foldback.server.viewing.fold_lookup import viewing_of
 from foldback.web.pictures.isometric import isometric_svg
 from foldback.words.messages import message_for_people
 

@@ -15,14 +15,11 @@ from fastapi import APIRouter, Query, Request
 from fastapi.responses import HTMLResponse, Response
 
 from foldback.planner.errors import DamagedError, TimelineError
-from foldback.planner.file_names import PLAN, TIMELINE
 from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.storage.file_names import PLAN, TIMELINE
 from foldback.planner.verification.integrity import check
-from foldback.server.api.fold_lookup import find_fold, found_fold, viewing_of
-from foldback.server.api.module_values import values_of
-from foldback.server.api.player_data import steps_in, view_page
-from foldback.server.api.tours import tour_of
+from foldback.server.api.player_data import view_page
 from foldback.server.errors import Conflict
 from foldback.server.http.client_address import address_of
 from foldback.server.http.downloads import download
@@ -32,6 +29,8 @@ from foldback.server.pages.problem_page import no_such_page
 from foldback.server.store.fold_files import NoSuchFoldError
 from foldback.server.store.fold_source import FoldSource, Found
 from foldback.server.store.object_store import TIMELINE_HEAD
+from foldback.server.viewing.fold_lookup import find_fold, found_fold, viewing_of
+from foldback.server.viewing.fold_notes import steps_in, tour_of, values_of
 from foldback.web.pictures.table_top import TableTop
 from foldback.web.timeline.metrics import FIGURES, curves_of, table_forces
 from foldback.web.timeline.shared_views import unless_replaced

@@ -15,12 +15,10 @@ from typing import Final
 
 from markupsafe import Markup
 
-from foldback.planner.file_names import TIMELINE
-from foldback.planner.files import write_whole
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.plan.module_values import values_in
-from foldback.server.api.player_data import steps_in
-from foldback.server.api.tours import draft_of
+from foldback.planner.storage.file_names import TIMELINE
+from foldback.planner.storage.files import write_whole
 from foldback.server.pages.facts import fold_facts
 from foldback.server.pages.fold import drawing_in
 from foldback.server.pages.kiosk import exhibits
@@ -29,6 +27,7 @@ from foldback.server.pages.paper import paper_data, paper_files, paper_values
 from foldback.server.pages.share import standalone_page
 from foldback.server.pages.static import ELEMENT
 from foldback.server.store.fold_source import Found
+from foldback.server.viewing.fold_notes import draft_of, steps_in
 from foldback.web.static_files import STATIC, code_of
 from foldback.web.timeline.view import TimelineView
 from foldback.web.viser.client import client

@@ -25,8 +25,8 @@ import psutil
 from setproctitle import setproctitle
 
 from foldback.planner.errors import InputError
-from foldback.planner.files import settle
 from foldback.planner.progress import Cancelled, Progress, Report
+from foldback.planner.storage.files import settle
 from foldback.server.errors import UNEXPECTED_WORDS
 from foldback.server.processes.landlock import Allowed, no_new_rights
 from foldback.server.processes.limits import memory_words

@@ -25,8 +25,8 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, Final, NoReturn
 
-from foldback.planner.pipeline.compiling import Compiling, beside
-from foldback.planner.pipeline.compiling_lock import compiling_fraction
+from foldback.planner.compilation.compiling import Compiling, beside
+from foldback.planner.compilation.compiling_lock import compiling_fraction
 from foldback.planner.progress import Progress, silent
 from foldback.server.errors import UNEXPECTED_WORDS
 from foldback.server.processes.child import Task, serve, task_of

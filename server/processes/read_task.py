@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import CUBE
 from foldback.planner.chain.path import Path as CellPath
-from foldback.planner.file_names import START_PLAN
-from foldback.planner.files import write_sealed_json
 from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
 from foldback.planner.playback.unfolding import check_fits
 from foldback.planner.readers import read
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.shapes.solid import Solid
+from foldback.planner.storage.file_names import START_PLAN
+from foldback.planner.storage.files import write_sealed_json
 from foldback.server.processes.scratch import READ_CONTENT, request_in
 
 MAX_STORED_CELLS: Final = 4000
@@ -95,9 +95,9 @@ def _begins(directory: Path) -> Chain:
 
 def _smoothed(directory: Path, request: FoldRequest) -> dict[str, Any]:
     """Return ``name``, ``module`` and ``modules`` of a plan to be smoothed."""
-    from foldback.planner.file_names import RECORDED_PLAN
     from foldback.planner.plan.plan import Plan
     from foldback.planner.robot.smoothed_plan import check_smoothable
+    from foldback.planner.storage.file_names import RECORDED_PLAN
 
     request.check()
     plan = Plan.load(directory / RECORDED_PLAN)

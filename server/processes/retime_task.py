@@ -12,12 +12,12 @@ import numpy as np
 from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
 from foldback.planner.exports.trajectory import MAX_TOUCH_DEPTH_PITCH, sufficient_rate
 from foldback.planner.exports.trajectory import clearance as clearance_of_rows
-from foldback.planner.file_names import PLAN
 from foldback.planner.plan.plan import Plan
 from foldback.planner.robot.motors import Build, motor_table
 from foldback.planner.robot.retiming import retime as retime_plan
 from foldback.planner.robot.retiming import retimed
 from foldback.planner.robot.trajectory import Trajectory
+from foldback.planner.storage.file_names import PLAN
 from foldback.server.processes.scratch import MOTORS_FILE, request_in
 
 MAX_CLEARANCE_CPU_S: Final = 5.0

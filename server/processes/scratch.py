@@ -12,7 +12,7 @@ from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
 from typing import Any, Final
 
-from foldback.planner.file_names import REQUEST
+from foldback.planner.storage.file_names import REQUEST
 
 MOTORS_FILE: Final = "motors"
 """Name of the file with the table of motor torques in the scratch directory of a task that computes

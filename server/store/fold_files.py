@@ -20,9 +20,9 @@ from pathlib import Path
 from typing import Final
 
 from foldback.planner.errors import UNREADABLE
-from foldback.planner.file_names import TIMELINE
-from foldback.planner.files import written_aside
 from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.storage.file_names import TIMELINE
+from foldback.planner.storage.files import written_aside
 from foldback.server.errors import NoSuch
 from foldback.server.settings import Settings
 from foldback.server.store.object_store import FETCHED_INDEX, Storage, open_storage

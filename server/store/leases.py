@@ -19,7 +19,7 @@ from typing import Final
 import sqlalchemy as sa
 from cachetools import TTLCache, cachedmethod
 
-from foldback.planner.pipeline.compiling_lock import IMPORTS_FRACTION
+from foldback.planner.compilation.compiling_lock import IMPORTS_FRACTION
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store, rows_of
 from foldback.server.store.tables import CounterRow, WorkerRow

@@ -18,7 +18,7 @@ from datetime import timedelta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, BinaryIO, Final, TypeVar
 
-from foldback.planner.files import write_whole, written_aside
+from foldback.planner.storage.files import write_whole, written_aside
 from foldback.server.settings import Settings
 
 if TYPE_CHECKING:  # the extra `storage`

@@ -22,7 +22,7 @@ from typing import Any, Final
 import sqlalchemy as sa
 from sqlalchemy.exc import IntegrityError, SQLAlchemyError
 
-from foldback.planner.file_names import INPUT
+from foldback.planner.storage.file_names import INPUT
 from foldback.server.errors import NoSuch, not_stored
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store, new_id

@@ -19,7 +19,7 @@ from typing import BinaryIO, Final
 
 import sqlalchemy as sa
 
-from foldback.planner.files import settle
+from foldback.planner.storage.files import settle
 from foldback.server.settings import Settings
 from foldback.server.store.object_store import Storage, StorageError
 from foldback.server.store.tables import CounterRow, changing_alone, is_read_only

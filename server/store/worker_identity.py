@@ -17,7 +17,7 @@ from fcntl import F_OFD_GETLK, F_OFD_SETLK, F_UNLCK, F_WRLCK, LOCK_EX, fcntl, fl
 from pathlib import Path
 from typing import IO, Final
 
-from foldback.planner.files import write_whole
+from foldback.planner.storage.files import write_whole
 from foldback.server.settings import Settings
 
 MAX_WORKERS_PER_MACHINE: Final = 256

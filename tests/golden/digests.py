@@ -11,7 +11,7 @@ from typing import Any, Final, cast
 
 import numpy as np
 
-from foldback.planner.files import zarr_group
+from foldback.planner.storage.files import zarr_group
 
 RESULTS: Final = (
     *("chain.json", "attempts.json", "record.npz", "playback.npz", "certificate.json"),

@@ -10,8 +10,6 @@ import numpy as np
 import pytest
 
 from foldback.planner.certificate.certificate import Certificate
-from foldback.planner.file_names import CERTIFICATE, MOMENTS, PLAN, PLAN_TEXT, TIMELINE
-from foldback.planner.files import write_json
 from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.pipeline import certifying
 from foldback.planner.pipeline.request import FoldRequest
@@ -21,6 +19,8 @@ from foldback.planner.plan.moment_search import moments_of
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_path
 from foldback.planner.plan.steps import find_steps
+from foldback.planner.storage.file_names import CERTIFICATE, MOMENTS, PLAN, PLAN_TEXT, TIMELINE
+from foldback.planner.storage.files import write_json
 from tests.planner.chains import COIL
 
 

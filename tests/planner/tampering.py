@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 import zarr
 
-from foldback.planner import checked_zarr
-from foldback.planner.checked_zarr import checksums_of, open_for_writing
 from foldback.planner.pipeline.manifest import write_manifest
+from foldback.planner.storage import checked_zarr
+from foldback.planner.storage.checked_zarr import checksums_of, open_for_writing
 
 ZARR = ("timeline.zarr", "figures.zarr")
 SMALLEST = 1e-6

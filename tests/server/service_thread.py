@@ -16,7 +16,7 @@ import httpx
 import psutil
 import uvicorn
 
-from foldback.server.api import context
+from foldback.server import context
 from foldback.server.cli.serve import server_of
 from foldback.server.jobs import runner
 from foldback.server.ops.logs import TextLines

@@ -24,13 +24,13 @@ from foldback.planner.certificate.metrics_store import Curves, Figures
 from foldback.planner.certificate.table_figures import TableCertificate
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.errors import UNREADABLE, InputError
-from foldback.planner.file_names import CERTIFICATE, FIGURES, FORCES, PLAN, RECORD, TIMELINE
-from foldback.planner.files import json_of
 from foldback.planner.motion.angle_encoding import plan_columns
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import TableRecord
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline.fold_layout import result_path
+from foldback.planner.storage.file_names import CERTIFICATE, FIGURES, FORCES, PLAN, RECORD, TIMELINE
+from foldback.planner.storage.files import json_of
 from foldback.web.timeline.cache import Cache, version_of
 from foldback.web.timeline.columns import encode
 

@@ -7,11 +7,11 @@ from pathlib import Path as FilePath
 from typing import Final
 
 from foldback.planner.errors import InputError, TimelineError
-from foldback.planner.file_names import TIMELINE
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline.fold_layout import is_on_table, result_path
 from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import STAGES, Progress
+from foldback.planner.storage.file_names import TIMELINE
 from foldback.planner.verification.plan_parameters import is_on_table as plan_on_table
 from foldback.planner.verification.stored_fold import check_fold
 from foldback.web.timeline.shared_views import TimelineViews

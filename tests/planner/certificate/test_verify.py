@@ -15,7 +15,6 @@ from foldback.planner.certificate.certificate import Place, certify
 from foldback.planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
 from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.exports import mjcf
-from foldback.planner.files import write_json
 from foldback.planner.motion.inverse_dynamics import inverse_dynamics
 from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.parameters.playback import PlaybackParameters
@@ -24,6 +23,7 @@ from foldback.planner.pipeline.manifest import write_manifest
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan, read_values
 from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.storage.files import write_json
 from foldback.planner.verification.plan_consistency import lacking
 from foldback.planner.verification.replay import replay
 from foldback.planner.verification.verify import verify

@@ -6,7 +6,6 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.spatial.transform import Rotation
 
-from foldback.planner import may_compile
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.chain.module import CUBE, TETRAHEDRON, Module
 from foldback.planner.chain.rotations import (
@@ -15,6 +14,7 @@ from foldback.planner.chain.rotations import (
     motion_in_plane,
     wxyz_from_matrix,
 )
+from foldback.planner.compilation import may_compile
 from tests.planner.chains import Array, random_rotation
 
 

@@ -2,7 +2,7 @@ import numpy as np
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.explosion.blocks_first import TETHER_CHECK_STEPS, Tethers, block_starts
-from foldback.planner.explosion.explosion_loop import Watch
+from foldback.planner.explosion.loop.explosion_loop import Watch
 from foldback.planner.explosion.simultaneous import Simultaneous
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.pathfinding.assembly import assembly_path

@@ -9,12 +9,12 @@ import pytest
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.errors import InputError
-from foldback.planner.explosion.explosion_loop import Watch, return_to_checkpoint, step
-from foldback.planner.explosion.peeling import floating_peeling, peel
-from foldback.planner.explosion.peeling_recorder import Proof
-from foldback.planner.explosion.peeling_run import Peeling
-from foldback.planner.explosion.peeling_window import WindowConfiguration
-from foldback.planner.explosion.step_control import ContactDepth
+from foldback.planner.explosion.loop.explosion_loop import Watch, return_to_checkpoint, step
+from foldback.planner.explosion.loop.step_control import ContactDepth
+from foldback.planner.explosion.peeling.peeling import floating_peeling, peel
+from foldback.planner.explosion.peeling.recorder import Proof
+from foldback.planner.explosion.peeling.run import Peeling
+from foldback.planner.explosion.peeling.window import WindowConfiguration
 from foldback.planner.kernels.folded_core import CoreCells
 from foldback.planner.kernels.module import ModuleStates
 from foldback.planner.kernels.pairs import PairLimits

@@ -1,7 +1,7 @@
 import numpy as np
 
 from foldback.planner.chain.chain import Chain
-from foldback.planner.explosion.recorder import FrameRule, Recorder, Step
+from foldback.planner.explosion.loop.recorder import FrameRule, Recorder, Step
 from foldback.planner.motion.motion import Motion
 from foldback.planner.simulation.reduced_state import State
 from tests.planner.chains import line

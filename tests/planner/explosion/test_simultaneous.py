@@ -8,8 +8,8 @@ import pytest
 
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.errors import SimulationError
+from foldback.planner.explosion.loop.whole_chain import WholeChain
 from foldback.planner.explosion.simultaneous import explode
-from foldback.planner.explosion.whole_chain import WholeChain
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.pathfinding.knots import knot_of

@@ -9,10 +9,10 @@ import pytest
 
 from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.chain.chain import Chain
-from foldback.planner.explosion.peeling_window import Peelable, WindowConfiguration
-from foldback.planner.explosion.recorder import Refusal
-from foldback.planner.explosion.table_explosion import explode_on_table
-from foldback.planner.explosion.table_guard import MAX_TABLE_PENETRATION_PITCH, Guard
+from foldback.planner.explosion.loop.recorder import Refusal
+from foldback.planner.explosion.peeling.window import Peelable, WindowConfiguration
+from foldback.planner.explosion.table.guard import MAX_TABLE_PENETRATION_PITCH, Guard
+from foldback.planner.explosion.table.table_explosion import explode_on_table
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
 from foldback.planner.parameters.explosion import TableParameters

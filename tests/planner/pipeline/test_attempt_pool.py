@@ -12,13 +12,13 @@ import psutil
 import pytest
 
 from foldback.planner.explosion.diagnosis import Diagnosis, Kind
-from foldback.planner.file_names import TIMELINE, TRIALS_DIR
 from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
 from foldback.planner.pipeline.attempt_pool import SPECULATION_PULSES, AttemptPool
 from foldback.planner.pipeline.retry_policy import RetryPolicy
 from foldback.planner.pipeline.stages import run_stage
 from foldback.planner.plan.shape_writers import write_chain, write_path
 from foldback.planner.progress import Progress, never, silent
+from foldback.planner.storage.file_names import TIMELINE, TRIALS_DIR
 from tests.planner.chains import COIL, knotted
 from tests.planner.folds import write_request
 

@@ -15,12 +15,15 @@ from numba import njit
 from numba.core.caching import IndexDataCacheFile
 from numba.core.dispatcher import Dispatcher
 
-from foldback.planner import kernel_cache
-from foldback.planner.inner_kernels import InnerLibrary
-from foldback.planner.kernel_cache import KERNELS, sources, sources_digest
-from foldback.planner.pipeline import compiling_lock
-from foldback.planner.pipeline.compiling import GC_THRESHOLD_OBJECTS, Compiling
-from foldback.planner.pipeline.compiling_lock import FIRST_LOCK, CompilingLock, compiling_fraction
+from foldback.planner.compilation import compiling_lock, kernel_cache
+from foldback.planner.compilation.compiling import GC_THRESHOLD_OBJECTS, Compiling
+from foldback.planner.compilation.compiling_lock import (
+    FIRST_LOCK,
+    CompilingLock,
+    compiling_fraction,
+)
+from foldback.planner.compilation.inner_kernels import InnerLibrary
+from foldback.planner.compilation.kernel_cache import KERNELS, sources, sources_digest
 from tests.case import case
 
 ROOT = Path(__file__).parents[3]

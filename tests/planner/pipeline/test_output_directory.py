@@ -9,10 +9,14 @@ from typing import Any
 
 import pytest
 
-from foldback.planner import output_directory
 from foldback.planner.errors import InputError
-from foldback.planner.output_directory import finish_replacement, replacing, replacing_listed
 from foldback.planner.pipeline.fold_layout import replacing_fold
+from foldback.planner.storage import output_directory
+from foldback.planner.storage.output_directory import (
+    finish_replacement,
+    replacing,
+    replacing_listed,
+)
 from tests.refusal import refused
 
 CHANGES = ("rename", "replace", "unlink", "rmdir", "mkdir", "open")

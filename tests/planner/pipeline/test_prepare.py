@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from foldback.planner.file_names import CANDIDATES, PREPARED
 from foldback.planner.pathfinding.path_options import PathOptions
 from foldback.planner.pipeline import reading
 from foldback.planner.pipeline.prepare import Preparation, prepare
@@ -15,6 +14,7 @@ from foldback.planner.pipeline.stages import run_stage
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.prepared_chains import PreparedChains, key_of
 from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.storage.file_names import CANDIDATES, PREPARED
 from tests.planner.chains import coil
 from tests.planner.conftest import SHAPES
 from tests.refusal import refused

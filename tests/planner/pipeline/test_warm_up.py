@@ -10,8 +10,8 @@ import pytest
 from numba import njit
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.compilation.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK
 from foldback.planner.pipeline import warm_up as module
-from foldback.planner.pipeline.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK
 from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.progress import COMPILING
 from tests.compiled_later import compiled_later
@@ -88,7 +88,7 @@ def test_process_beside_ends_when_its_parent_is_killed(tmp_path: FilePath) -> No
     script = """
 import os, signal, sys
 from pathlib import Path
-from foldback.planner.pipeline.compiling import beside
+from foldback.planner.compilation.compiling import beside
 print(beside("all", Path(sys.argv[1])).pid, flush=True)
 os.kill(os.getpid(), signal.SIGKILL)
 """

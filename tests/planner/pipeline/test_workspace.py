@@ -13,8 +13,6 @@ import pytest
 from foldback.planner.certificate.certificate import Certificate, Place
 from foldback.planner.chain.chain import Chain
 from foldback.planner.explosion import strategies
-from foldback.planner.file_names import CERTIFICATE, PLANS_DIR, PLAYABLE, RESULT_FILES, TIMELINE
-from foldback.planner.files import write_json
 from foldback.planner.motion.motion import Phase
 from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
@@ -26,6 +24,14 @@ from foldback.planner.pipeline.stages import next_stage, run_stage
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.storage.file_names import (
+    CERTIFICATE,
+    PLANS_DIR,
+    PLAYABLE,
+    RESULT_FILES,
+    TIMELINE,
+)
+from foldback.planner.storage.files import write_json
 from tests.case import case
 from tests.planner.chains import COIL, SQUARE, anchored
 from tests.planner.folds import intercept, write_request

@@ -7,7 +7,7 @@ import pytest
 
 from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.chain.chain import Chain
-from foldback.planner.explosion.table_explosion import explode_on_table
+from foldback.planner.explosion.table.table_explosion import explode_on_table
 from foldback.planner.motion.motion import Motion
 from foldback.planner.parameters.explosion import TableParameters
 from foldback.planner.parameters.playback import TablePlaybackParameters

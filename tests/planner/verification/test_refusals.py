@@ -14,7 +14,7 @@ from foldback.planner.certificate.certificate import certify
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
 from foldback.planner.explosion.diagnosis import diagnose
-from foldback.planner.explosion.peeling import peel
+from foldback.planner.explosion.peeling.peeling import peel
 from foldback.planner.explosion.simultaneous import explode
 from foldback.planner.explosion.turning import unfold_in_turns
 from foldback.planner.motion.record import Record

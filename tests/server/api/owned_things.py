@@ -8,10 +8,10 @@ from typing import Any
 import httpx
 import sqlalchemy as sa
 
-from foldback.planner.file_names import TIMELINE
-from foldback.planner.files import write_json
 from foldback.planner.plan.module_values import VALUES_FORMAT
 from foldback.planner.plan.tour import TOUR_FORMAT
+from foldback.planner.storage.file_names import TIMELINE
+from foldback.planner.storage.files import write_json
 from foldback.server.store.folds import Store, new_id
 from foldback.server.store.owned_items import write_beside
 from foldback.server.store.owner import Owner, new_token

@@ -11,13 +11,13 @@ import pytest
 
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.readers.gallery import Gallery
-from foldback.server.api import fold_inputs as source_module
-from foldback.server.api.context import Context
-from foldback.server.api.fold_inputs import Origin, Source, open_source
 from foldback.server.api.folds import post_fold
-from foldback.server.api.parent_folds import ParentFold
+from foldback.server.context import Context
 from foldback.server.errors import Unusable
 from foldback.server.store.tables import FoldRow
+from foldback.server.submission import fold_inputs as source_module
+from foldback.server.submission.fold_inputs import Origin, Source, open_source
+from foldback.server.submission.parent_folds import ParentFold
 from tests.case import case
 from tests.refusal import refused
 

@@ -10,8 +10,8 @@ from websockets.sync.client import ClientConnection, connect
 from websockets.sync.connection import Connection
 
 from foldback.server.errors import NoSuch, TooMany
-from foldback.server.http.live_classes import CODE_LENGTH, MAX_FOLLOWERS, LiveClasses, is_view
-from foldback.server.pages.class_connections import MAX_VIEWS_PER_SECOND
+from foldback.server.live_class.class_connections import MAX_VIEWS_PER_SECOND
+from foldback.server.live_class.live_classes import CODE_LENGTH, MAX_FOLLOWERS, LiveClasses, is_view
 from foldback.server.settings import Settings
 from tests.server.service_process import SNAKE, Service
 

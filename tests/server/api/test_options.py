@@ -11,7 +11,7 @@ from docs import make_options
 from foldback.cli.options import AsJson, takes
 from foldback.planner.parameters.option import Choice, option, options_of
 from foldback.planner.pipeline.request import FoldRequest
-from foldback.server.api.request_bodies import form_of
+from foldback.server.dependencies.request_bodies import form_of
 from foldback.server.pages.page import rendered
 from foldback.server.store.tables import REQUESTED_COLUMNS, FoldRow
 from tests.server.asgi import send_request

@@ -5,9 +5,9 @@ from collections.abc import Iterator
 
 import pytest
 
-from foldback.planner.file_names import PLANS_DIR, PLAYABLE
 from foldback.planner.pipeline.expected_cost import expected_cost
 from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.storage.file_names import PLANS_DIR, PLAYABLE
 from foldback.words.plan_choice import choice_of
 from tests.server.service_process import FinishedFold, Service
 

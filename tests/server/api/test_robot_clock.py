@@ -1,6 +1,6 @@
 import pytest
 
-from foldback.server.api.robot_clock import MAX_CLOCK_STEP_S, RobotClock
+from foldback.server.robots.robot_clock import MAX_CLOCK_STEP_S, RobotClock
 
 TICK = 0.01
 

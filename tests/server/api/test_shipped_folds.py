@@ -13,11 +13,11 @@ from foldback.planner.plan.plan import Plan
 from foldback.planner.readers.gallery import Gallery
 from foldback.planner.verification.plan_parameters import request_differs
 from foldback.planner.verification.verify import verify
-from foldback.server.api.shipped_folds import SHIPPED_FOLDS_DIR, import_shipped_folds
 from foldback.server.pages.cards import included_folds
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
 from foldback.server.store.tables import CounterRow
+from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR, import_shipped_folds
 from tests.planner.later_parameters import later
 
 NAMES = sorted(path.stem for path in SHIPPED_FOLDS_DIR.glob("*.fold"))
@@ -35,7 +35,7 @@ def test_finished_folds_are_imported_once_and_unchanged(
     for name in (SMALL, REFOLD):
         (folder / f"{name}.fold").symlink_to(SHIPPED_FOLDS_DIR / f"{name}.fold")
     (folder / "broken.fold").write_bytes(b"no archive")
-    monkeypatch.setattr("foldback.server.api.shipped_folds.SHIPPED_FOLDS_DIR", folder)
+    monkeypatch.setattr("foldback.server.submission.shipped_folds.SHIPPED_FOLDS_DIR", folder)
     settings = Settings(data_dir=tmp_path / "data")
     with closing(Store(settings)) as store:
         assert import_shipped_folds(settings, store, Gallery()) == [SMALL, REFOLD]

@@ -12,7 +12,6 @@ from typer.testing import CliRunner
 
 from foldback.planner.readers.gallery import Gallery
 from foldback.server.admin.fold_tasks import AdminTasks
-from foldback.server.api.shipped_folds import import_shipped_folds
 from foldback.server.cli.admin import admin
 from foldback.server.jobs.housekeeping import Housekeeping
 from foldback.server.settings import Settings
@@ -20,6 +19,7 @@ from foldback.server.store.folds import NoSuchFoldError, Store
 from foldback.server.store.leases import Leases
 from foldback.server.store.owner import Owner
 from foldback.server.store.tables import FoldRow, MovieRow
+from foldback.server.submission.shipped_folds import import_shipped_folds
 from tests.server.rows import a_fold, a_movie
 
 DAY_S = 86400.0

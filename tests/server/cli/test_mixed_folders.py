@@ -13,8 +13,8 @@ from pathlib import Path
 import pytest
 
 from foldback.planner.errors import InputError
-from foldback.planner.files import json_of
 from foldback.planner.plan.plan import Plan
+from foldback.planner.storage.files import json_of
 from foldback.planner.verification.stored_fold import check_fold
 from foldback.viewer import show
 from tests.case import case

@@ -5,11 +5,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from foldback.planner.files import settle
 from foldback.planner.plan.packed_fold import unpack
-from foldback.server.api.shipped_folds import SHIPPED_FOLDS_DIR
+from foldback.planner.storage.files import settle
 from foldback.server.errors import UNEXPECTED_WORDS
 from foldback.server.store.folds import Store
+from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 from tests.server.rows import a_fold
 from tests.server.service_process import SNAKE
 from tests.words.test_certificate import SIMULATED

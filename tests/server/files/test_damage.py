@@ -16,13 +16,13 @@ from fastapi.routing import APIRoute
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from foldback.planner.checked_zarr import CHECKSUMS, DIGEST, create_group
 from foldback.planner.errors import DamagedError
-from foldback.planner.files import zarr_group
 from foldback.planner.plan.packed_fold import unpack
+from foldback.planner.storage.checked_zarr import CHECKSUMS, DIGEST, create_group
+from foldback.planner.storage.files import zarr_group
 from foldback.planner.verification.integrity import check
-from foldback.server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from foldback.server.app import ROUTERS
+from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 from tests.server.service_process import SNAKE, FinishedFold, Service, check_problem
 from tests.server.service_thread import ServiceThread
 
@@ -170,7 +170,7 @@ def service_with_shipped_fold(place: Path, **settings: object) -> Iterator[Servi
     """Yield a service that came with one finished fold."""
     shutil.copy(SMALL, place)
     with (
-        patch("foldback.server.api.shipped_folds.SHIPPED_FOLDS_DIR", place),
+        patch("foldback.server.submission.shipped_folds.SHIPPED_FOLDS_DIR", place),
         ServiceThread(place / "data", finished_folds=True, **settings).start() as service,
     ):
         yield service

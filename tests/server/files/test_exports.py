@@ -14,8 +14,8 @@ import pytest
 
 from foldback.planner.exports import leaflet
 from foldback.planner.exports.formats import EXPORTS, export_named
-from foldback.planner.file_names import PLAN
-from foldback.planner.output_directory import FILE_LIST
+from foldback.planner.storage.file_names import PLAN
+from foldback.planner.storage.output_directory import FILE_LIST
 from foldback.server.errors import NoRoom, NotFound, TooLarge, Unavailable
 from foldback.server.files import exports as exports_module
 from foldback.server.files.artifacts import FILES_AT_ONCE, MAX_PENDING_FILES, Artifacts

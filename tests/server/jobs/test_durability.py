@@ -10,18 +10,18 @@ from typing import Any
 
 import pytest
 
-from foldback.planner.file_names import TIMELINE
 from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import STAGES
-from foldback.server.api.schemas import PAUSED_MESSAGE
+from foldback.planner.storage.file_names import TIMELINE
 from foldback.server.jobs import execution
 from foldback.server.jobs.execution import Execution, PausedError
 from foldback.server.jobs.queue import MAX_LOSSES, FoldClaim
 from foldback.server.jobs.runner import Runner
 from foldback.server.jobs.slices import Slice
 from foldback.server.processes.children import CRASHED, LOST, Child, ChildError
+from foldback.server.schemas import PAUSED_MESSAGE
 from foldback.server.store.folds import Store
 from tests.server.service_process import SNAKE, STAIRS, Service, over
 from tests.server.service_thread import ServiceThread, ServiceWith

@@ -8,8 +8,8 @@ import pytest
 
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.progress import COMPILING
-from foldback.server.api.schemas import expected_times, progress_of
 from foldback.server.jobs.eta import EtaEstimator, left_s
+from foldback.server.schemas import expected_times, progress_of
 from foldback.server.settings import Settings
 from foldback.server.store.estimates import (
     MIN_SIMILAR_FOLDS,

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from foldback.planner.motion.timeline import TimelineWriter
-from foldback.server.api.frame_waits import FrameWaits
+from foldback.server.viewing.frame_waits import FrameWaits
 from foldback.web.timeline.view import TimelineView
 from tests.planner.chains import chain_of
 from tests.server.service_process import SNAKE

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from foldback.server.api.robot import _RobotSession
-from foldback.server.api.robot_messages import Ask
 from foldback.server.limits.networks import visitor_at
-from foldback.server.limits.robot_rates import NUMBERS_PER_SECOND_OF_VISITOR, robot_rates
+from foldback.server.robots.robot_messages import Ask
+from foldback.server.robots.robot_rates import NUMBERS_PER_SECOND_OF_VISITOR, robot_rates
 
 JOINTS = 3
 

@@ -7,7 +7,11 @@ from pathlib import Path
 
 import httpx
 
-from foldback.planner.pipeline.compiling_lock import FIRST_KERNELS_BYTES, FIRST_LOCK, CompilingLock
+from foldback.planner.compilation.compiling_lock import (
+    FIRST_KERNELS_BYTES,
+    FIRST_LOCK,
+    CompilingLock,
+)
 from foldback.server.ops.readiness import Readiness
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store

@@ -14,11 +14,11 @@ from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.parameters.parameters import PRESETS, preset
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.parameters.published import PaperExplosionParameters
-from foldback.server.api.context import Context
-from foldback.server.api.schemas import Fold
+from foldback.server.context import Context
 from foldback.server.jobs.eta import EtaEstimator
 from foldback.server.pages.facts import fold_facts
 from foldback.server.pages.fold import takes
+from foldback.server.schemas import Fold
 from foldback.server.settings import Settings
 from foldback.server.store.estimates import Estimates
 from foldback.server.store.fold_source import Found

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from foldback.server.api.shipped_folds import SHIPPED_FOLDS_DIR
 from foldback.server.pages import landing
+from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 from tests.run_python import run_python
 
 PROGRAM = """
@@ -14,8 +14,8 @@ from pathlib import Path
 
 sys.modules["numba"] = None  # an import of the compiler fails
 from fastapi.testclient import TestClient
-from foldback.planner.may_compile import forbid_compiling
-from foldback.server.api import shipped_folds
+from foldback.planner.compilation.may_compile import forbid_compiling
+from foldback.server.submission import shipped_folds
 from foldback.server.app import create_app
 from foldback.server.cli.serve import _fold_first
 from foldback.server.settings import Settings

@@ -162,7 +162,7 @@ def test_progress_of_compiling_is_passed_on(tmp_path: Path, directory: Path) -> 
 
 LATE = """
 import os, subprocess
-from foldback.planner.pipeline import compiling
+from foldback.planner.compilation import compiling
 finding.warm_up_paths = lambda: os.mkdir({place!r})
 reading.check = lambda _: {whole}
 compiling.Compiling.told = property(lambda self: True, lambda self, value: None)

@@ -12,8 +12,8 @@ from typing import Any, cast
 import pytest
 import sqlalchemy as sa
 
-from foldback.planner.files import write_sealed_json
 from foldback.planner.pipeline.request import PreviewRequest
+from foldback.planner.storage.files import write_sealed_json
 from foldback.server.errors import TooMany, Unusable
 from foldback.server.files import preview_reports
 from foldback.server.files.preview_reports import Asker, PreviewReports, read_report

@@ -2,7 +2,7 @@
 // and robots so that it never decreases within a stage.
 import { STAGES } from "../lib/text.js";
 
-const SMOOTHING = "smoothing"; // message of that state, defined in server/api/schemas.py
+const SMOOTHING = "smoothing"; // message of that state, defined in server/schemas.py
 const ORDER = Object.keys(STAGES);
 
 export class OverallProgress {

@@ -1,5 +1,5 @@
 // The leader of a class: followers see the view of this page live; see
-// server/pages/class_connections.py.
+// server/live_class/class_connections.py.
 import { at, copyText, get, toast } from "../lib/text.js";
 import { addStyle } from "../lib/lazy_styles.js";
 import { hashOf } from "../player/address.js";

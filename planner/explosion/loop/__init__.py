@@ -1,0 +1,1 @@
+"""The loop of all strategies: steps, forces, snapshots, restarts and the end of a run."""

@@ -1,0 +1,151 @@
+"""Forces of the paper on a whole chain (eq. 1 and 3), with adapted gains, and its creep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+
+from foldback.planner.arrays import Array, Ints
+from foldback.planner.explosion.loop.checkpoint import Pulses
+from foldback.planner.explosion.loop.explosion_loop import (
+    PULSE_REPULSION_SCALE,
+    PULSE_TENSION_SCALE,
+    RADIAL_GAIN_JITTER,
+)
+from foldback.planner.explosion.loop.step_control import StepControl
+from foldback.planner.kernels.pairs import repulsion
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.simulation.reduced_state import State
+
+REPTATION_FORCE: Final = 0.1
+"""Force on each module along the chain, in module weights, that makes a knotted or jammed chain
+creep along its own curve, so that one end slides out through every loop."""
+REPULSION_RAMP: Final = (0.05, 0.25)
+"""Progress, 0 (folded) … 1 (straight), at which the repulsion between modules begins to grow, and
+at which it is largest."""
+
+
+class PlacedModules(Protocol):
+    """Modules whose poses and velocities have been computed."""
+
+    @property
+    def positions(self) -> Array:
+        """(n, 3) centres of the modules, pitches."""
+        ...
+
+    @property
+    def velocities(self) -> Array:
+        """(n, 3) velocities of the centres, pitches/s."""
+        ...
+
+
+class PlacedChain(Protocol):
+    """A chain that forces act on, as placed last.
+
+    Attributes:
+        state: Reduced state of the chain.
+        pairs: (P, 2) pairs of modules that repel each other.
+    """
+
+    state: State
+    pairs: Ints
+
+    @property
+    def engine(self) -> PlacedModules:
+        """Poses and velocities of the modules."""
+        ...
+
+    @property
+    def all_joints_free(self) -> bool:
+        """True unless blocks are rigid."""
+        ...
+
+    def unfolded(self) -> float:
+        """Return the progress: 0 when folded, 1 when straight."""
+        ...
+
+
+@dataclass(slots=True)
+class RadialForces:
+    """Forces on a whole chain: eq. 1 with the gain that gives the wanted tension, and eq. 3.
+
+    Attributes:
+        parameters: Gains.
+        weights: (n,) relative radial gains of the modules.
+        pulses: Pulses of weak tension and strong repulsion.
+        tension: Largest force that may add up along the chain, as a multiple of the springs'
+            stiffness.
+        looseness: State of the chain at the last step: 0 while it is packed, 1 once it has come
+            apart.
+        is_knotted: True if the last test found a knot: then the chain creeps along itself.
+        creep_direction: Direction of the creep: 1 towards the last module, −1 the other way, 0
+            while it is to be chosen.
+        creep_distance: Distance that it has crept, pitches.
+    """
+
+    parameters: ExplosionParameters
+    weights: Array
+    pulses: Pulses
+    tension: float
+    looseness: float = 0.0
+    is_knotted: bool = False
+    creep_direction: int = 0
+    creep_distance: float = 0.0
+
+    def reset_creep(self) -> None:
+        """Choose the direction of the creep anew."""
+        self.creep_direction, self.creep_distance = 0, 0.0
+
+    def forces(self, world: PlacedChain, control: StepControl) -> Array:
+        """Return (n, 3) forces on the modules of a placed chain, and go on with the pulse."""
+        p, pulses, positions = self.parameters, self.pulses, world.engine.positions
+        weak = pulses.is_weak
+        pulses.advance()
+        creeps = self._creeps(world)
+        arms = positions - positions.mean(axis=0)
+        diameter = 2.0 * float(np.sqrt((arms**2).sum(axis=1).max()))
+        radial = self.weights[:, None] * arms / diameter
+        radial -= radial.mean(axis=0)
+        summed = float(np.sqrt((np.cumsum(radial, axis=0) ** 2).sum(axis=1).max()))
+        gain = self.tension * p.spring * control.tension / summed
+        forces = gain * (PULSE_TENSION_SCALE if weak or creeps else 1.0) * radial
+        if creeps:
+            forces += self._creep(world, control.step_s)
+        low, high = REPULSION_RAMP
+        self.looseness = float(np.clip((world.unfolded() - low) / (high - low), 0.0, 1.0))
+        push = p.repulsion_gain * (1.0 + (p.loose_repulsion - 1.0) * self.looseness)
+        push *= PULSE_REPULSION_SCALE if weak and not creeps else 1.0
+        repulsion(positions, world.pairs, push, forces)
+        return forces
+
+    def _creeps(self, world: PlacedChain) -> bool:
+        """Return True if the chain creeps: while it is knotted, and in every other pulse."""
+        pulses = self.pulses
+        pulse = pulses.remaining_steps > 0 and pulses.count % 2 == 0 and world.all_joints_free
+        return self.is_knotted or pulse
+
+    def _creep(self, world: PlacedChain, step_s: float) -> Array:
+        """Return (n, 3) forces along the chain, from the end that its sharpest bends are nearer to.
+
+        They reverse once the chain has crept its own length without success.
+        """
+        positions = world.engine.positions
+        along = np.gradient(positions, axis=0)
+        along /= np.linalg.norm(along, axis=1, keepdims=True)
+        if not self.creep_direction:
+            bends = np.abs(world.state.angles)
+            sharp = np.flatnonzero(bends > 0.5 * bends.max())
+            self.creep_direction = 1 if sharp.mean() < 0.5 * len(bends) else -1
+        speed = self.creep_direction * float((world.engine.velocities * along).sum(axis=1).mean())
+        self.creep_distance += step_s * speed
+        if self.creep_distance > len(positions):
+            self.creep_direction, self.creep_distance = -self.creep_direction, 0.0
+        return REPTATION_FORCE * self.creep_direction * along
+
+
+def radial_weights(seed: int, modules: int) -> Array:
+    """Return (n,) relative radial gains, slightly uneven."""
+    spread = np.random.default_rng(seed).uniform(-1.0, 1.0, modules)
+    return 1.0 + RADIAL_GAIN_JITTER * spread

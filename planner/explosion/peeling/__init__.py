@@ -1,0 +1,1 @@
+"""Peeling: modules leave a folded chain from its ends, in a window that moves along it."""

@@ -1,0 +1,138 @@
+"""Snapshots of a peeling: windows of hinges, proved as the certificate proves them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import ClassVar, Final
+
+import numpy as np
+
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.clearance.sweep import windows_shape
+from foldback.planner.explosion.loop.recorder import MIN_CLEARANCE_LOSS_PITCH
+from foldback.planner.explosion.peeling.window import Peelable, WindowConfiguration
+from foldback.planner.kernels.sweep import Angles, sweep_frames
+from foldback.planner.motion.angle_encoding import quantised
+from foldback.planner.motion.motion import Motion
+
+CLEARANCE_CAP_PITCH: Final = 0.02
+"""Cap of the clearance that is computed for snapshots of a peeling, pitches; larger clearances are
+reported as this value."""
+MIN_SNAPSHOT_CLEARANCE_PITCH: Final = 0.002
+"""Minimum clearance between modules, pitches, at which the snapshots of a peeling are recorded;
+modules have the size at which the plan is verified."""
+CLEARANCE_ROUNDING_PITCH: Final = 1e-9
+"""Maximum amount, pitches, by which the clearance of a snapshot may fall short of half the gap
+between neighbours in the folded shape (the pitch less the module size): rounding."""
+MIN_SNAPSHOT_COSINE: Final = float(np.cos(0.1))
+"""While a chain unfolds by peeling, the next snapshot is recorded at the latest when its straight
+unfolded part (tail) has turned by 0.1 rad: the cosine of that angle."""
+
+
+class Proof:
+    """Proof of the clearance at and between snapshots, as in the certificate, at one module size.
+
+    Folded modules are not checked against each other, nor are straight ones: they do not change.
+    """
+
+    def __init__(self, chain: Chain, size: float) -> None:
+        # Folded neighbours are no farther apart than the module size leaves.
+        self.least = min(
+            MIN_SNAPSHOT_CLEARANCE_PITCH, 0.5 * (1.0 - size) - CLEARANCE_ROUNDING_PITCH
+        )
+        """Minimum clearance of snapshots, pitches."""
+        self._hinges = chain.module.hinges_per_joint
+        self._shape = windows_shape(chain, size)
+
+    def is_clear(self, configurations: Sequence[WindowConfiguration]) -> bool:
+        """Return True if configurations, and the motion between them, keep that clearance."""
+        return self.keeps(configurations, self.least)[0] >= self.least
+
+    def keeps(self, bends: Sequence[WindowConfiguration], enough: float) -> tuple[float, Array]:
+        """Return the least clearance of configurations and of the linear motion between them.
+
+        Args:
+            bends: F configurations, in their order; their angles count in single precision.
+            enough: Cap of the clearances, pitches: larger ones count as this.
+
+        Returns:
+            The least of all, not above 0 where the motion between two could not be proved, and
+            (F,) that of each configuration; pitches.
+        """
+        count = len(bends)
+        lengths = [len(bend.angles) for bend in bends]
+        values = np.concatenate([bend.angles for bend in bends])
+        angles = Angles(
+            first=np.array([self._hinges * bend.first for bend in bends], dtype=np.int64),
+            offsets=np.concatenate([[0], np.cumsum(lengths)]).astype(np.int64),
+            shift=0,
+            values=values.astype(np.float32).astype(np.float64),
+        )
+        per_frame = np.full(count, enough)
+        found = sweep_frames(
+            self._shape, angles, 0, count, enough, np.full(count, enough), per_frame, 0.0
+        )
+        proved = found.lower_bound > 0.0
+        return (found.clearance if proved else min(found.clearance, 0.0)), per_frame
+
+
+@dataclass(frozen=True, slots=True)
+class WindowRule:
+    """Rule for configurations that are folded, bent, then straight.
+
+    Snapshots are chosen by a proof of clearance, at and between them, as in the certificate.
+
+    Attributes:
+        peelable: The chain.
+        proof: Proof of its clearance.
+        snapshot_rad: Maximum turn of a hinge from one snapshot to the next, rad.
+        snapshot_distance: Maximum distance that a module of both windows moves, pitches.
+    """
+
+    peelable: Peelable
+    proof: Proof
+    snapshot_rad: float
+    snapshot_distance: float
+    commits_all: ClassVar[bool] = True
+
+    def are_far(self, a: WindowConfiguration, b: WindowConfiguration) -> bool:
+        """Return True if two snapshots are farther apart than allowed."""
+        _, one, other = self.peelable.together(a, b)
+        if np.abs(one - other).max(initial=0.0) >= self.snapshot_rad:
+            return True
+        if a.along is not None and b.along is not None and a.along @ b.along < MIN_SNAPSHOT_COSINE:
+            return True
+        return _moved(a, b) >= self.snapshot_distance
+
+    def clearance(
+        self, a: WindowConfiguration, b: WindowConfiguration, *, more: bool
+    ) -> float | None:
+        """Return the proved clearance; None if it is less between two snapshots than at them."""
+        least, each = self.proof.keeps((a, b), CLEARANCE_CAP_PITCH)
+        closer = more and least < each.min() - MIN_CLEARANCE_LOSS_PITCH
+        return None if closer else least
+
+    def motion(self, snapshots: list[WindowConfiguration]) -> Motion:
+        """Return snapshots as a windowed motion."""
+        chain, hinges, count = self.peelable.chain, self.peelable.hinges, len(snapshots)
+        return Motion.from_windows(
+            time_s=np.array([s.time_s for s in snapshots]),
+            phase="explosion",
+            first=np.array([hinges * s.first for s in snapshots], dtype=np.int64),
+            offsets=np.concatenate([[0], np.cumsum([len(s.angles) for s in snapshots])]),
+            angles_rad=quantised(np.concatenate([s.angles for s in snapshots])).astype(np.float32),
+            base_position=np.tile(chain.folded_position, (count, 1)),
+            base_wxyz=np.tile(chain.folded_wxyz, (count, 1)),
+        )
+
+
+def _moved(a: WindowConfiguration, b: WindowConfiguration) -> float:
+    """Return the largest distance of a module of both windows, pitches; 0 if unknown."""
+    if a.centres is None or b.centres is None:
+        return 0.0
+    low = max(a.first, b.first)
+    high = min(a.first + len(a.centres), b.first + len(b.centres))
+    moved = a.centres[low - a.first : high - a.first] - b.centres[low - b.first : high - b.first]
+    return float(np.sqrt((moved**2).sum(axis=1).max(initial=0.0)))

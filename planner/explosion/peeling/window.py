@@ -1,0 +1,426 @@
+"""Peeling window: the moving modules between the folded core and the straight rod.
+
+The modules before the window are held as boxes that do not move, the modules after it are one rod
+on its last module. A release widens the window, a retirement shortens it; both build a new model.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import ClassVar, Final, Protocol
+
+import numpy as np
+
+from foldback.planner.arrays import Array
+from foldback.planner.chain.chain import Chain
+from foldback.planner.explosion.loop.step_control import StepControl
+from foldback.planner.explosion.peeling.core import Core, CoreOnTable
+from foldback.planner.kernels.folded_core import FIXED, CoreCells
+from foldback.planner.kernels.kinematics import chain_poses
+from foldback.planner.kernels.pairs import PairLimits
+from foldback.planner.kernels.window_forces import StepLimits, window_inverse_step_limit
+from foldback.planner.parameters.explosion import PeelingParameters
+from foldback.planner.simulation.contact_finder import ContactFinder
+from foldback.planner.simulation.fixed_base_window import FixedBaseWindow
+from foldback.planner.simulation.mujoco_models import Material
+from foldback.planner.simulation.reduced_state import Acceleration, State
+
+MIN_LAST_UNIT_MODULES: Final = 6
+"""Minimum number of modules of the last group that is released from the folded core; if fewer would
+remain, they are released together with the group before."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WindowConfiguration:
+    """A configuration of a chain that is folded, then bent, then straight.
+
+    Attributes:
+        time_s: Simulated time, s.
+        first: First module of the window; it and the next one belong to the core.
+        angles: (H,) angles of the window's hinges, rad; the modules after them are straight.
+        centres: (m, 3) centres of the window's modules, pitches; None if unknown.
+        along: (3,) unit vector of the rod; None if unknown.
+    """
+
+    time_s: float
+    first: int
+    angles: Array
+    centres: Array | None = None
+    along: Array | None = None
+
+
+class Peelable:
+    """A chain that is peeled: its core, and the poses of its windows."""
+
+    def __init__(self, chain: Chain) -> None:
+        self.chain = chain
+        self.core = Core(chain)
+        self.hinges = chain.module.hinges_per_joint
+        self._bent = np.concatenate([[0.0], np.cumsum(np.abs(chain.folded_rad))])
+
+    def __len__(self) -> int:
+        """Return the number of modules."""
+        return len(self.chain)
+
+    def modules(self, angles: Array) -> int:
+        """Return the number of modules of a window with these hinges."""
+        return len(angles) // self.hinges + 2
+
+    def bent_below(self, first: int) -> float:
+        """Return the sum of the folded angles before a window, rad."""
+        return float(self._bent[self.hinges * first])
+
+    def widened(self, bend: WindowConfiguration, first: int, hinges: int) -> Array:
+        """Return the (hinges,) angles of a wider window that begins with an earlier module."""
+        k = self.hinges
+        found = np.zeros(hinges)
+        lead = k * (bend.first - first)
+        found[:lead] = self.chain.folded_rad[k * first : k * bend.first]
+        found[lead : lead + len(bend.angles)] = bend.angles
+        return found
+
+    def together(self, a: WindowConfiguration, b: WindowConfiguration) -> tuple[int, Array, Array]:
+        """Return the first module and the angles of two configurations in their common window."""
+        k = self.hinges
+        first = min(a.first, b.first)
+        end = max(k * a.first + len(a.angles), k * b.first + len(b.angles))
+        count = end - k * first
+        return first, self.widened(a, first, count), self.widened(b, first, count)
+
+    def base(self, first: int) -> tuple[Array, Array]:
+        """Return the (3,) and (3, 3) pose of a window's first module, straight behind its second.
+
+        The joint between them is folded, so this is not the pose of that module in the chain.
+        """
+        rotation = self.core.rotations[first + 1]
+        return self.core.cells[first + 1] - rotation[:, 0], rotation
+
+    def poses(self, first: int, angles: Array) -> tuple[Array, Array]:
+        """Return (m, 3) centres and (m, 3, 3) orientations of a window's modules, see ``base``."""
+        module = self.chain.module
+        m = self.modules(angles)
+        positions, rotations = np.empty((m, 3)), np.empty((m, 3, 3))
+        chain_poses(
+            angles,
+            module.joint,
+            0,
+            *self.base(first),
+            positions,
+            rotations,
+        )
+        return positions, rotations
+
+
+@dataclass(frozen=True, slots=True)
+class Heading:
+    """Direction of the rod; all vectors in the frame of the core.
+
+    Attributes:
+        aim: (3,) present direction, a unit vector; it turns towards the target.
+        target: (3,) wanted direction, a unit vector.
+        centre: (3,) centre of the unit that was released last, pitches.
+    """
+
+    aim: Array
+    target: Array
+    centre: Array
+
+
+@dataclass(frozen=True, slots=True)
+class Held:
+    """Modules that are held.
+
+    Attributes:
+        unit: Number of modules of the unit that was released last.
+        cells: Cells of the core, and the first module of the window.
+        field: Distance of each cell of the padded grid to the nearest folded one, pitches.
+    """
+
+    unit: int
+    cells: CoreCells
+    field: Array
+
+
+class WindowForces(Protocol):
+    """Forces on a window, of the place where it is peeled: afloat or on a table."""
+
+    stiffness_period: ClassVar[int]
+    """Number of steps for which the springs keep their stiffness."""
+
+    def forces(self, window: Window, control: StepControl) -> Array:
+        """Return (m, 3) forces on the modules of a placed window."""
+        ...
+
+    def end_torque(self, window: Window) -> Array:
+        """Return the (3,) torque on the last module, which turns the rod."""
+        ...
+
+    def stiffness(self, window: Window) -> Array:
+        """Return the (H,) stiffness of the springs."""
+        ...
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class WindowSetting:
+    """Parts of a window that do not change when it does.
+
+    Attributes:
+        peelable: The chain.
+        parameters: Parameters of the peeling.
+        material: Joints and surfaces of the modules.
+        finder: Finds contacts, with the boxes of the core.
+        forces: Forces on the window.
+        surroundings: Obstacles.
+    """
+
+    peelable: Peelable
+    parameters: PeelingParameters
+    material: Material
+    finder: ContactFinder
+    forces: WindowForces
+    surroundings: Core | CoreOnTable
+
+    def next_first(self, first: int) -> int:
+        """Return the first module of a window after the next release."""
+        after = first - self.parameters.unit
+        return after if after >= MIN_LAST_UNIT_MODULES else 0
+
+    def folded_between(self, first: int, end: int) -> Array:
+        """Return the folded angles of the joints of some modules, rad."""
+        hinges = self.peelable.hinges
+        return self.peelable.chain.folded_rad[hinges * first : hinges * end]
+
+    def hold(self, first: int, unit: int) -> Held:
+        """Hold the modules 0 to ``first`` still, ``unit`` modules having been released after it."""
+        core = self.peelable.core
+        field = core.distances(first)
+        self.finder.set_boxes(*self.surroundings.boxes(first))
+        box = core.extent(first + FIXED - 1)
+        return Held(unit, CoreCells(core.grid, core.low, box, first), field)
+
+    def heading(self, held: Held, before: Heading | None) -> Heading:
+        """Return the heading after a release."""
+        core, first = self.peelable.core, held.cells.first
+        if first:
+            centre = core.cells[first + FIXED : first + FIXED + held.unit].mean(axis=0)
+            target = self.surroundings.exit_direction(
+                held.field, centre, first + 1, None if before is None else before.target
+            )
+        else:
+            # Nothing is left in the way: all goes where the first link points.
+            centre = core.cells[1]
+            target = core.rotations[1][:, 0].copy()  # contiguous, as kernels take it
+        return Heading(target if before is None else before.aim, target, centre)
+
+    def model(self, first: int, angles: Array) -> FixedBaseWindow:
+        """Build the model of the window that begins at a module and has (H,) angles, rad."""
+        chain = self.peelable.chain
+        window = Chain(
+            name=chain.name,
+            module=chain.module,
+            folded_rad=angles,
+            folded_position=self.peelable.base(first)[0],
+            folded_wxyz=np.array([1.0, 0.0, 0.0, 0.0]),
+        )
+        return FixedBaseWindow(
+            window,
+            self.material,
+            self.finder,
+            rod=len(chain) - first - self.peelable.modules(angles),
+            heaviest_rod=self.parameters.rod_modules,
+        )
+
+    def step_limits(self) -> tuple[StepLimits, StepLimits]:
+        """Return the limits of a step of a packed window, and of a loose one."""
+        p = self.parameters
+        radius = self.peelable.chain.module.radius
+        packed = StepLimits(
+            joint_rad=p.joint_cap_rad,
+            body=p.body_cap,
+            tail_turn_rad=p.turn_rad,
+            pair=PairLimits(radius, p.pair_cap, p.slide_cap),
+        )
+        return packed, packed._replace(pair=packed.pair._replace(approach=p.pair_cap_loose))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ReleasePoint:
+    """State of a window at the release of a unit: a run may return there."""
+
+    held: Held
+    heading: Heading
+    state: State
+    time_s: float
+
+
+class Window:
+    """World of a window, which begins with the chain's last unit.
+
+    Args:
+        setting: Parts that do not change.
+    """
+
+    def __init__(self, setting: WindowSetting) -> None:
+        last = len(setting.peelable) - FIXED
+        first = setting.next_first(last)
+        angles = setting.folded_between(first, last)
+        self.setting = setting
+        self.held = setting.hold(first, last - first)
+        self.heading = setting.heading(self.held, None)
+        self.model = setting.model(first, angles)
+        self.state = State.at_rest(angles, *setting.peelable.base(first))
+        self.time_s = 0.0
+        self._limits = setting.step_limits()
+        self.model.place(self.state)
+        self.model.set_stiffness(setting.forces.stiffness(self))
+
+    @property
+    def first(self) -> int:
+        """First module of the window; it and the next one belong to the core."""
+        return self.held.cells.first
+
+    @property
+    def modules(self) -> int:
+        """Number of modules of the window."""
+        return self.setting.peelable.modules(self.state.angles)
+
+    @property
+    def rod_modules(self) -> int:
+        """Number of modules of the rod."""
+        return len(self.setting.peelable) - self.first - self.modules
+
+    @property
+    def rod_direction(self) -> Array:
+        """(3,) unit vector of the rod, as placed last."""
+        return self.model.rotations[-1][:, 0]
+
+    @property
+    def bends_rad(self) -> Array:
+        """(J,) largest bend of each joint of the window, rad."""
+        return np.abs(self.state.angles).reshape(-1, self.setting.peelable.hinges).max(axis=1)
+
+    @property
+    def remaining_rad(self) -> float:
+        """Sum of all bends that remain, rad."""
+        bent = self.setting.peelable.bent_below(self.first)
+        return float(np.abs(self.state.angles).sum()) + bent
+
+    def heights(self, points: Array) -> Array:
+        """Return rough (...,) distances of (..., 3) points to the core, pitches."""
+        return self.setting.peelable.core.distance_at(self.held.field, points)
+
+    def place(self) -> None:
+        """Compute the poses of the present state."""
+        self.model.place(self.state)
+
+    def snapshot(self) -> WindowConfiguration:
+        """Return the present state as a snapshot."""
+        return WindowConfiguration(
+            time_s=self.time_s,
+            first=self.first,
+            angles=self.state.angles.copy(),
+            centres=self.model.positions.copy(),
+            along=self.rod_direction.copy(),
+        )
+
+    def bent_to(self, angles: Array, time_s: float) -> WindowConfiguration:
+        """Return a configuration of the window that was not simulated."""
+        positions, rotations = self.setting.peelable.poses(self.first, angles)
+        return WindowConfiguration(
+            time_s=time_s,
+            first=self.first,
+            angles=angles,
+            centres=positions,
+            along=rotations[-1][:, 0],
+        )
+
+    def accelerations(self, control: StepControl) -> Acceleration:
+        """Return the acceleration of the placed state under all forces."""
+        setting, forces = self.setting, self.setting.forces
+        setting.finder.set_contact_time_constant(control.contact_time_constant_s)
+        heading = self.heading
+        aim = rotate_towards(heading.aim, heading.target, setting.parameters.turn_rad)
+        self.heading = Heading(aim, heading.target, heading.centre)
+        loads = forces.forces(self, control)
+        if control.steps % forces.stiffness_period == 0:
+            self.model.set_stiffness(forces.stiffness(self))
+        return self.model.accelerations(self.state, loads, forces.end_torque(self))
+
+    def inverse_step_limit(self) -> float:
+        """Return 1/Δt_max, 1/s, of hinges, modules near each other, and the rod."""
+        p, state, model = self.setting.parameters, self.state, self.model
+        model.place_velocities(state)
+        loose = bool(np.abs(state.angles).max() < p.loose_rad)
+        return window_inverse_step_limit(
+            state.rates,
+            model.modules,
+            self.held.cells,
+            self.rod_modules,
+            p.repulsion_cutoff,
+            self._limits[loose],
+        )
+
+    def limit_hinges(self) -> None:
+        """Leave no hinge beyond its stop."""
+        setting = self.setting
+        self.state.stop_at(setting.material.stop_of(setting.peelable.chain.module))
+
+    def unfolded(self) -> float:
+        """Return the progress, 0 to 1, by the bends that remain."""
+        peelable = self.setting.peelable
+        return 1.0 - self.remaining_rad / max(peelable.bent_below(len(peelable) - 2), 1e-9)
+
+    def widened_angles(self) -> Array:
+        """Return the (H,) angles of the window after the next release, rad."""
+        first = self.setting.next_first(self.first)
+        fresh = self.setting.folded_between(first, self.first)
+        return np.concatenate([fresh, self.state.angles])
+
+    def release(self) -> None:
+        """Widen the window by the next unit."""
+        setting, first = self.setting, self.setting.next_first(self.first)
+        angles = self.widened_angles()
+        rates = np.concatenate([np.zeros(len(angles) - len(self.state.rates)), self.state.rates])
+        self.held = setting.hold(first, self.first - first)
+        self._rebuild(angles, rates)
+        self.heading = setting.heading(self.held, self.heading)
+
+    def retire(self, angles: Array) -> None:
+        """Make all joints part of the rod but those with (H,) angles, rad."""
+        self._rebuild(angles.copy(), self.state.rates[: len(angles)].copy())
+
+    def release_point(self) -> ReleasePoint:
+        """Return the present state, for ``return_to``."""
+        return ReleasePoint(
+            held=self.held, heading=self.heading, state=self.state.copy(), time_s=self.time_s
+        )
+
+    def return_to(self, point: ReleasePoint) -> None:
+        """Hold units again that were released after a state, and rest there."""
+        self.held = self.setting.hold(point.held.cells.first, point.held.unit)
+        self.heading = point.heading
+        self._rebuild(point.state.angles.copy(), np.zeros_like(point.state.rates))
+        self.time_s = point.time_s + 2e-6
+
+    def _rebuild(self, angles: Array, rates: Array) -> None:
+        """Build the model of another number of modules."""
+        self.model = self.setting.model(self.first, angles)
+        self.state = State.at_rest(angles, *self.setting.peelable.base(self.first))
+        self.state.rates = rates
+        self.model.place(self.state)
+        self.model.set_stiffness(self.setting.forces.stiffness(self))
+
+
+def rotate_towards(a: Array, b: Array, most_rad: float) -> Array:
+    """Return the (3,) unit vector ``a`` turned towards ``b`` by ``most_rad`` at most."""
+    if a is b:
+        return b
+    angle = float(np.arccos(np.clip(a @ b, -1.0, 1.0)))
+    if angle <= most_rad:
+        return b
+    side = b - (a @ b) * a
+    length = float(np.linalg.norm(side))
+    if length < 1e-6:
+        side = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
+        length = float(np.linalg.norm(side))
+    return np.cos(most_rad) * a + np.sin(most_rad) * side / length

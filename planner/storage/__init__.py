@@ -1,0 +1,1 @@
+"""Storage: names of files, whole writes, checked zarr groups, and directories of output."""

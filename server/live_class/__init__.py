@@ -1,0 +1,1 @@
+"""Live classes: the view of a leader, shared with followers."""

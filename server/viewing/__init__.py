@@ -1,0 +1,1 @@
+"""Viewing: folds found by their address, their progress, and waits for their next frames."""

@@ -1,0 +1,66 @@
+"""Alternatives: verified plans of a fold that were not selected, displayed like folds.
+
+The id of an alternative is the fold's id with the number of the attempt, from 0: ``abc-3``. It can
+be viewed and compared, but has no files to download and no jobs.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from typing import Final, cast
+
+from foldback.planner.certificate.figures import AttemptFigures, CertificateFigures, FoldSummary
+from foldback.planner.errors import UNREADABLE
+from foldback.planner.pipeline.preference import COMPUTING
+from foldback.planner.storage.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PLANS_DIR
+from foldback.planner.storage.files import json_of
+from foldback.server.store.fold_source import Found
+from foldback.words.fold import RUNNING_STATUSES
+
+MAX_ATTEMPT_DIGITS: Final = 3
+"""Maximum number of digits of the number in an address that selects one of a fold's attempts (plans
+computed for the same shape). A longer number selects nothing, so a smaller value could hide
+attempts; folds have at most a few dozen."""
+
+
+def alternative(found: Found, number: str) -> Found | None:
+    """Return another plan of a fold as something to show; None if it is not stored.
+
+    Args:
+        found: The fold.
+        number: Number of the attempt as a text, counted from 0.
+    """
+    if (
+        found.row.status in RUNNING_STATUSES
+        or not number.isdecimal()
+        or len(number) > MAX_ATTEMPT_DIGITS
+    ):
+        return None
+    directory = found.directory / PLANS_DIR / str(int(number))
+    if not (directory / CHAIN).is_file():
+        return None
+    try:
+        attempts = json.loads((found.directory / ATTEMPTS).read_bytes())
+        attempt = cast("AttemptFigures", attempts[int(number)])
+    except (IndexError, *UNREADABLE):
+        return None
+    certificate = cast("CertificateFigures", json_of(directory / CERTIFICATE))
+    summary: FoldSummary = {
+        "seed": attempt["seed"],
+        "explosion": {"strategy": attempt["strategy"]},
+        "playback": {"kind": "dynamic" if certificate.get("simulated") else "kinematic"},
+        "certificate": certificate,
+    }
+    row = replace(
+        found.row,
+        id=f"{found.row.id}-{int(number)}",
+        name=f"{found.row.title}, plan {int(number) + 1}",
+        renamed=True,
+        status="verified",
+        prefer=COMPUTING,
+        refold=None,
+        smooths=None,
+        summary=summary,
+    )
+    return Found(row, directory, alternative_to=found.row.id)

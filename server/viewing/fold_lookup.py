@@ -1,0 +1,76 @@
+"""Fold lookup: folds and alternative plans by the id in an address."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from dataclasses import dataclass
+from typing import Final
+
+from fastapi import Request
+from starlette.requests import HTTPConnection
+
+from foldback.server.files.artifacts import Artifacts
+from foldback.server.settings import Settings
+from foldback.server.store.fold_files import NoSuchFoldError
+from foldback.server.store.fold_source import FoldSource, Found, id_of_fold
+from foldback.server.viewing.alternatives import alternative
+from foldback.server.viewing.frame_waits import FrameWaits
+from foldback.web.timeline.shared_views import TimelineViews
+
+ADDRESS_ID: Final = re.compile(r"[A-Za-z0-9_-]{1,64}")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Viewing:
+    """Resources that a fold's pages need, in the service or in a viewer of one directory.
+
+    Attributes:
+        store: Source of folds.
+        timelines: Open timelines.
+        waits: Requests that wait for frames.
+        artifacts: Files that are computed on request.
+        settings: Settings of the service; None in a viewer.
+    """
+
+    store: FoldSource
+    timelines: TimelineViews
+    waits: FrameWaits
+    artifacts: Artifacts
+    settings: Settings | None
+
+
+def viewing_of(request: HTTPConnection) -> Viewing:
+    """Return the application's ``Viewing`` for a request of a fold's page."""
+    viewing: Viewing = request.app.state.context
+    return viewing
+
+
+def find_now(request: Request, fold_id: str) -> Found | None:
+    """Return the fold of that id, or an alternative to its plan, or None.
+
+    It asks the database, so it must not run in the event loop's own thread.
+    """
+    if not ADDRESS_ID.fullmatch(fold_id):
+        return None
+    found = viewing_of(request).store.find(id_of_fold(fold_id))
+    if found is None or fold_id == found.row.id:
+        return found
+    return alternative(found, fold_id.removeprefix(f"{found.row.id}-"))
+
+
+def found_fold(request: Request, fold_id: str) -> Found:
+    """Return the fold of that id.
+
+    Raises:
+        NoSuchFoldError: If there is none.
+    """
+    found = find_now(request, fold_id)
+    if found is None:
+        raise NoSuchFoldError(fold_id)
+    return found
+
+
+async def find_fold(request: Request, fold_id: str) -> Found | None:
+    """Return the fold of that id, or None."""
+    return await asyncio.to_thread(find_now, request, fold_id)
