@@ -45,7 +45,7 @@ def attempt_processes() -> list[psutil.Process]:
     return [
         child
         for child in psutil.Process().children()
-        if "foldback.planner.pipeline.attempt_pool" in _command(child)
+        if "foldback.planner.pipeline.attempt_process" in _command(child)
     ]
 
 
