@@ -85,7 +85,7 @@ def test_embed_zooms_after_a_click_and_accepts_dropped_files(
     )
     reader = visit(blog.origin, width=640, height=480)
     frame = reader.frames[1]
-    frame.wait_for_function("() => window.foldback?.player.standIn?.opened")
+    frame.wait_for_function("() => window.foldback?.player.standIn?.state.is === 'viewing'")
     frame.evaluate(WAIT_FOR_REST)
     distance = (
         "() => { const { position: p, target: t } = foldback.player.standIn.stage.eye;"

@@ -71,7 +71,7 @@ export class Player extends PlayerState {
   // reduced motion (`calm`), the camera jumps to the goal of a frame that was sought.
   /**
    * @param {Timeline} timeline
-   * @param {{ usual?: string, stage?: Stage | null, standIn?: import("../viewer/stage.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean, pauseMs?: () => number }} shownOn
+   * @param {{ usual?: string, stage?: Stage | null, standIn?: import("../viewer/stand_in.js").StandIn | null, sketch?: Sketch | null, aspect?: () => number, calm?: boolean, pauseMs?: () => number }} shownOn
    *   `usual` is the first colouring; `pauseMs` returns the minimum time between two pictures of an automatic motion
    */
   constructor(
@@ -324,7 +324,7 @@ export class Player extends PlayerState {
     } = this;
     const now = performance.now();
     if (
-      this.standIn?.latest &&
+      this.standIn?.covers &&
       playing &&
       told.playing &&
       now - told.atMs < TELL_MS &&

@@ -3,7 +3,8 @@ import { get } from "../lib/text.js";
 import { Player } from "../player/player.js";
 import { Hand } from "./scene.js";
 import { Sketch } from "./sketch.js";
-import { Stage, StandIn } from "./stage.js";
+import { Stage } from "./stage.js";
+import { StandIn } from "./stand_in.js";
 
 const QUARTER = Math.PI / 2;
 /** @type {Record<string, [azimuth: number, elevation: number]>} */

@@ -1,6 +1,5 @@
-// The 3D scene of a fold, which receives poses, colours and a camera for each frame; and the
-// fallback to the page's own drawing while the scene is not ready or too slow.
-import { Scene, cameraTo, isSoftware, linear, update, visibility } from "./scene.js";
+// The 3D scene of a fold, which receives poses, colours and a camera for each frame.
+import { Scene, cameraTo, linear, update, visibility } from "./scene.js";
 import { buriedBy } from "../player/kinematics.js";
 import { floorUnder, tableColours } from "./sketch.js";
 
@@ -9,10 +8,6 @@ const RISE_S = 0.5;
 const LEVEL = 0.01; // distance in pitches at which the ground snaps to its target
 const SEEN_THROUGH = 0.22;
 const NOWHERE = -1e6;
-const SLOW_MS = 70; // for a picture; below it the view is fast enough
-const MEASURED = 4; // pictures; the slowest is ignored, because it may have compiled shaders
-const MANY = 300; // modules; software rendering of so many is always too slow
-const REST_MS = 400;
 
 // Discs on the table that show the contact forces of modules.
 const ABOVE = 0.02; // height of the lowest disc above the table, in pitches
@@ -278,157 +273,4 @@ export function discs(pressed, positions, height, pitch) {
     scales[i] = AREA * Math.sqrt(pressed[i]);
   }
   return { places, scales };
-}
-
-// Chooses between the 3D view and the page's own drawing on top of it. The drawing is visible until
-// the view has started and, if the view is too slow, during every motion.
-export class StandIn {
-  /**
-   * @param {HTMLCanvasElement} canvas
-   * @param {Stage} stage
-   * @param {import("./sketch.js").Sketch} sketch
-   */
-  constructor(canvas, stage, sketch) {
-    this.canvas = canvas;
-    this.stage = stage;
-    this.sketch = sketch;
-    this.opened = false; // true once the view has taken over
-    this.begun = false; // true once the view has a picture
-    /** @type {Picture | null} */
-    this.given = null; // latest picture before the view took over
-    this.asked = false; // true once the view was asked to report its first picture
-    this.onOpen = () => {};
-    /** @type {number[]} */
-    this.times = [];
-    this.measuring = false;
-    /** @type {Picture | null} */
-    this.latest = null;
-    /** @type {ReturnType<typeof setTimeout> | undefined} */
-    this.timer = undefined;
-    this.painted = () => {};
-    this.busy = () => false; // true during automatic motion
-    sketch.onDrawn = () => {
-      if (this.latest) {
-        canvas.classList.remove("gone");
-        stage.frame.classList.add("behind");
-      }
-      this.painted();
-    };
-  }
-
-  get slow() {
-    const { times, stage } = this;
-    const sum = times.reduce((a, b) => a + b, 0);
-    if (times.length < MEASURED)
-      return stage.bundle !== null && stage.bundle.header.chain.modules >= MANY && isSoftware();
-    return (sum - Math.max(...times)) / (MEASURED - 1) > SLOW_MS;
-  }
-
-  // Let the view take over once its first picture is visible.
-  takeOver() {
-    if (this.asked || !this.given || !this.stage.open) return;
-    this.asked = true;
-    this.stage.painted(() => this.open());
-  }
-
-  // Show the drawing again until the view has restarted.
-  fallBack() {
-    this.opened = this.begun = this.asked = false;
-    this.given = this.stage.latest;
-    this.canvas.classList.remove("gone", "fading");
-  }
-
-  open() {
-    this.opened = true;
-    this.onOpen();
-    if (!this.slow || !this.given) {
-      this.leave();
-      return;
-    }
-    this.latest = this.given;
-    this.canvas.classList.add("standing-in");
-    this.rest();
-  }
-
-  /**
-   * @param {Snapshot} shown
-   * @param {Uint8Array} colours
-   * @param {Eye} eye
-   */
-  draw(shown, colours, eye) {
-    const { stage, sketch } = this;
-    stage.eye = eye;
-    if (!this.opened) {
-      this.given = [shown, colours, eye];
-      // The view needs a first picture; a slow view gets no more of them.
-      if (!this.slow || !this.begun) {
-        stage.draw(shown, colours, eye);
-        this.begun = stage.open;
-      }
-      sketch.draw(shown, colours, eye, stage.ground);
-      this.takeOver();
-      return;
-    }
-    this.canvas.classList.remove("fading");
-    if (!this.slow || stage.through) {
-      stage.draw(shown, colours, eye);
-      this.measure();
-      if (this.latest) this.yield();
-      return;
-    }
-    this.latest = [shown, colours, eye];
-    stage.rest();
-    sketch.draw(shown, colours, eye, stage.ground);
-    this.canvas.classList.add("standing-in");
-    clearTimeout(this.timer);
-    this.timer = setTimeout(() => this.rest(), REST_MS);
-  }
-
-  // Hide the drawing, with a fade if nothing moves:
-  // during a motion a fade would leave a ghost image.
-  leave() {
-    this.canvas.classList.toggle("fading", !this.busy());
-    this.canvas.classList.add("gone");
-  }
-
-  // Hand over to the view after some time without motion.
-  rest() {
-    if (this.busy()) {
-      this.timer = setTimeout(() => this.rest(), REST_MS);
-      return;
-    }
-    if (this.latest) this.stage.draw(...this.latest);
-    this.measure();
-    this.yield();
-  }
-
-  // Hide the drawing once the view shows the same
-  // picture, unless the drawing is needed again by then.
-  yield() {
-    const { latest } = this;
-    clearTimeout(this.timer);
-    this.stage.frame.classList.remove("behind");
-    this.stage.painted(() => {
-      if (this.latest !== latest) return;
-      this.latest = null;
-      this.stage.frame.classList.remove("behind");
-      this.canvas.classList.remove("standing-in");
-      this.leave();
-    });
-  }
-
-  // Measure the time in which the view shows its latest picture.
-  measure() {
-    const begun = performance.now();
-    const told = !this.measuring;
-    this.measuring = true;
-    this.stage.ask("pass", () => {
-      if (told) {
-        this.measuring = false;
-        if (!document.hidden)
-          this.times = [...this.times, performance.now() - begun].slice(-MEASURED);
-      }
-      this.painted();
-    });
-  }
 }
