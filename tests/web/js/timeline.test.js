@@ -231,3 +231,46 @@ test("the bundle is fetched once, before the first frame", async ({ mock: { time
   assert.ok(timeline.chain);
   assert.deepEqual([before, bundles], [2, 2]); // at the first poll, and when it existed without frames
 });
+
+test("the bundle of a timeline without frames is not used for the one that replaces it", async ({
+  mock: { timers },
+}) => {
+  timers.enable({ apis: ["setTimeout"] });
+  const source = begunAnew([], "complete");
+  const { bundle, batch } = source;
+  let id = "empty";
+  const bundles = [];
+  source.bundle = async () => {
+    bundles.push(id);
+    return { ...(await bundle()), of: id };
+  };
+  source.batch = async (range) => {
+    const result = await batch.call(source, range);
+    Object.assign(result.header, { id, total: id === "empty" ? 0 : TOTAL });
+    return result;
+  };
+  const timeline = new Timeline(source, { over: false });
+  await pass(timers, 300);
+  id = "replacement";
+  await pass(timers, 100);
+  timeline.stop();
+  assert.deepEqual([timeline.id, timeline.bundle.of], ["replacement", "replacement"]);
+  assert.deepEqual(bundles, ["empty", "empty", "replacement"]);
+});
+
+for (const [status, requests] of [
+  ["growing", 1],
+  ["complete", 2],
+]) {
+  test(`before a ${status} timeline begins, its batches are requested ${requests} times`, async () => {
+    const source = begunAnew([], status);
+    const timeline = new Timeline(source, { over: false });
+    let asked = 0;
+    timeline.on("begun", () => {
+      asked = source.asked;
+      timeline.stop();
+    });
+    while (!timeline.ended) await turnOfEvents();
+    assert.equal(asked, requests); // frames spread over a timeline that grows would be outdated
+  });
+}

@@ -10,12 +10,10 @@ export const PHASES = { explosion: "Unfolding", unfolding: "Unfolding", playback
 const AT_ONCE = 2; // concurrent requests
 const COARSE = 64; // frames to fetch first, spread over the whole timeline
 const RETRY_MS = 300;
-/** Pause between requests for the first frames of a new fold. */
-const QUICK_RETRY_MS = 50;
-/** Number of such requests, after which the fold is assumed to wait in the queue. */
-const MAX_QUICK_TRIES = 40;
+const QUICK_RETRY_MS = 50; // pause between requests for the first frames of a new fold
+const MAX_QUICK_TRIES = 40; // such requests, after which the fold is assumed to wait in the queue
 const LOOK_MS = 1000;
-const MOST_LOOKS = 1800; // half an hour
+const MAX_LOOKS = 1800; // half an hour
 const WAIT_S = 1;
 const DAMAGED = 500; // stored data is corrupt
 
@@ -40,6 +38,11 @@ export class Emitter extends EventTarget {
     this.addEventListener(name, (event) => heard(/** @type {CustomEvent<Told>} */ (event).detail));
   }
 }
+
+/**
+ * What a timeline begins with; `first` holds at least its first frame.
+ * @typedef {{ bundle: Bundle, first: Batch }} Opening
+ */
 
 class DamagedError extends Error {}
 
@@ -69,17 +72,17 @@ export class Source {
   }
 
   /**
-   * @param {BatchAsked} asked
+   * @param {BatchAsked} range
    * @returns {Promise<Batch | null>}
    */
   batch({ from = 0, to = null, stride = 1, wait = 0 } = {}) {
-    const asked = new URLSearchParams({
+    const query = new URLSearchParams({
       from: String(from),
       stride: String(stride),
       wait: String(wait),
     });
-    if (to !== null) asked.set("to", String(to));
-    return this.get(`batch?${asked}`);
+    if (to !== null) query.set("to", String(to));
+    return this.get(`batch?${query}`);
   }
 
   // Return a decoded message; null while there is no data.
@@ -210,7 +213,7 @@ export class Timeline extends Emitter {
         else if (this.growing) {
           this.grown = true;
           await this.fetchNext(WAIT_S);
-        } else if (this.unsure && this.looks < MOST_LOOKS) await this.look();
+        } else if (this.unsure && this.looks < MAX_LOOKS) await this.look();
         else break;
       } catch (error) {
         if (error instanceof DamagedError) this.damaged(error.message);
@@ -259,38 +262,18 @@ export class Timeline extends Emitter {
     this.run();
   }
 
+  // Begin with the first frame, or wait for it.
   async begin() {
-    // While a new fold has no frames, only batches are requested.
-    const waited = this.tries ? await this.source.batch({ to: 1 }) : null;
-    const none = this.tries && !waited?.header.total;
-    if (waited && none && this.early?.id !== waited.header.id) {
-      this.early = { id: waited.header.id, bundle: this.source.bundle().catch(() => null) };
-    }
-    const early = this.early?.id === waited?.header.id ? await this.early?.bundle : null;
-    const [bundle, first] = none
-      ? [null, null]
-      : await Promise.all([early ?? this.source.bundle(), waited ?? this.source.batch({ to: 1 })]);
-    if (!bundle || !first || !first.header.total) {
+    const opening = this.tries ? await this.openWithFrames() : await this.openAtOnce();
+    if (!opening) {
       this.tell("waiting");
       await pause(this.tries++ < MAX_QUICK_TRIES ? QUICK_RETRY_MS : RETRY_MS);
       return;
     }
-    // Fetch frames spread over the whole timeline,
-    // including the last, so that scrubbing works at once.
-    const stride = Math.ceil(first.header.total / COARSE);
-    const from = (first.header.total - 1) % stride;
+    const { bundle, first } = opening;
     this.windowed = "first" in first.arrays;
-    const spread =
-      stride > 1 && (this.windowed || first.header.status !== "growing")
-        ? await this.source.batch({ from, stride })
-        : null;
-    const { header } = bundle;
-    this.bundle = bundle;
-    this.chain = header.chain;
-    this.kinematics = new Kinematics(header.chain, this.foldedRad);
-    if (this.windowed) bundle.neighbours = touching(header, this.kinematics.folded);
-    this.store = new FrameStore(this.joints, this.windowed);
-    this.id = first.header.id;
+    const spread = await this.spreadFrames(first.header);
+    this.openWith(bundle, first.header.id);
     this.take(first);
     const start = this.row(0);
     if (start)
@@ -298,6 +281,53 @@ export class Timeline extends Emitter {
     if (spread?.header.id === this.id) this.take(spread);
     this.tell("begun");
     this.load();
+  }
+
+  // Fetch what a timeline begins with, in one round trip. Return null if it has no frames yet.
+  /** @returns {Promise<Opening | null>} */
+  async openAtOnce() {
+    const [bundle, first] = await Promise.all([this.source.bundle(), this.source.batch({ to: 1 })]);
+    return bundle && first?.header.total ? { bundle, first } : null;
+  }
+
+  // The same for a timeline that had no frames at the last try: only a batch
+  // is requested until it has some, and the bundle once it exists without any.
+  /** @returns {Promise<Opening | null>} */
+  async openWithFrames() {
+    const first = await this.source.batch({ to: 1 });
+    if (!first) return null;
+    const { id, total } = first.header;
+    if (!total) {
+      if (this.early?.id !== id)
+        this.early = { id, bundle: this.source.bundle().catch(() => null) };
+      return null;
+    }
+    const early = this.early?.id === id ? await this.early.bundle : null;
+    const bundle = early ?? (await this.source.bundle());
+    return bundle && { bundle, first };
+  }
+
+  // Fetch frames spread over the whole timeline, including the last, so that scrubbing
+  // works at once. Return null if the first batch holds all, or if there is no last frame yet.
+  /** @param {BatchHeader} header of the first batch */
+  async spreadFrames({ total, status }) {
+    const stride = Math.ceil(total / COARSE);
+    if (stride === 1 || (status === "growing" && !this.windowed)) return null;
+    return this.source.batch({ from: (total - 1) % stride, stride });
+  }
+
+  /**
+   * @param {Bundle} bundle
+   * @param {string} id
+   */
+  openWith(bundle, id) {
+    const { header } = bundle;
+    this.bundle = bundle;
+    this.chain = header.chain;
+    this.kinematics = new Kinematics(header.chain, this.foldedRad);
+    if (this.windowed) bundle.neighbours = touching(header, this.kinematics.folded);
+    this.store = new FrameStore(this.joints, this.windowed);
+    this.id = id;
   }
 
   // Store the frames and the header of a batch.
@@ -404,9 +434,9 @@ export class Timeline extends Emitter {
     const { store } = this;
     const before = store.here;
     store.focus = Math.floor(Math.min(Math.max(frame, 0), this.last));
-    const found = this.peek(frame);
-    if (!found?.exact || store.here !== before) this.load();
-    return found;
+    const moment = this.peek(frame);
+    if (!moment?.exact || store.here !== before) this.load();
+    return moment;
   }
 
   // Return the same moment without changing the order of fetches.
@@ -416,10 +446,10 @@ export class Timeline extends Emitter {
    */
   peek(frame) {
     const at = Math.min(Math.max(frame, 0), this.last);
-    const there = this.row(Math.floor(at));
-    const exact = there !== null;
+    const exactRow = this.row(Math.floor(at));
+    const exact = exactRow !== null;
     const low = exact ? Math.floor(at) : this.nearest(Math.floor(at));
-    let row = there ?? (low === null ? null : this.row(low));
+    let row = exactRow ?? (low === null ? null : this.row(low));
     if (low === null || !row) return null;
     const share = at - low;
     const after = exact && share > 1e-6 ? this.row(low + 1) : null;
@@ -429,15 +459,15 @@ export class Timeline extends Emitter {
     const poses = this.windowed
       ? this.kinematics.windowPoses(row)
       : this.kinematics.poses(row.angles, row.position, row.wxyz);
-    const told = row;
+    const shown = row;
     return {
       frame: at,
       exact,
       low,
       time_s: time,
-      phase: this.outline.names[told.phase],
-      angle: (j) => angleIn(told, j),
-      errors: told.errors,
+      phase: this.outline.names[shown.phase],
+      angle: (j) => angleIn(shown, j),
+      errors: shown.errors,
       framed: this.framed(poses),
       ...poses,
     };
@@ -464,12 +494,12 @@ export class Timeline extends Emitter {
   speeds(frame) {
     const low = Math.min(Math.max(Math.floor(frame), 0), Math.max(0, this.last - 1));
     const [a, b] = [this.row(low), this.row(low + 1)];
-    const found = new Float32Array(this.joints);
-    if (!a || !b || a.phase !== b.phase || !(b.time_s > a.time_s)) return found.fill(NaN);
+    const speeds = new Float32Array(this.joints);
+    if (!a || !b || a.phase !== b.phase || !(b.time_s > a.time_s)) return speeds.fill(NaN);
     const [begin, end] = differing(a, b);
     for (let j = begin; j < end; j++)
-      found[j] = (angleIn(b, j) - angleIn(a, j)) / (b.time_s - a.time_s);
-    return found;
+      speeds[j] = (angleIn(b, j) - angleIn(a, j)) / (b.time_s - a.time_s);
+    return speeds;
   }
 
   // Convert values per hinge to values per module: the
@@ -478,13 +508,13 @@ export class Timeline extends Emitter {
   perModule(values) {
     const { modules, rigid_links: rigid, hinges } = this.chain;
     const joints = Math.max(1, this.joints / hinges);
-    const found = new Float32Array(modules);
+    const largest = new Float32Array(modules);
     for (let i = 0; i < modules; i++) {
       const first = Math.min(Math.max(i - rigid, 0), joints - 1) * hinges;
       for (let j = first; j < first + hinges; j++)
-        found[i] = Math.max(found[i], Math.abs(values[j]));
+        largest[i] = Math.max(largest[i], Math.abs(values[j]));
     }
-    return found;
+    return largest;
   }
 }
 
