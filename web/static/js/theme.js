@@ -13,8 +13,8 @@
 
   function recall() {
     try {
-      const kept = localStorage.getItem(KEPT) ?? "";
-      return Object.hasOwn(WORDS, kept) ? kept : "";
+      const theme = localStorage.getItem(KEPT) ?? "";
+      return Object.hasOwn(WORDS, theme) ? theme : "";
     } catch {
       return "";
     }
@@ -71,9 +71,9 @@
   });
   dark.addEventListener("change", apply);
   addEventListener("hashchange", () => {
-    const asked = addressed();
-    if (asked && asked !== chosen) {
-      chosen = asked;
+    const theme = addressed();
+    if (theme && theme !== chosen) {
+      chosen = theme;
       apply();
     }
   });

@@ -9,14 +9,14 @@ const FEWEST = 3;
  * @param {number} size
  */
 export function neighbours(key, size) {
-  const found = [];
+  const adjacent = [];
   for (let step = 1; step < size ** 3; step *= size) {
     // along rows, columns and layers
     const place = Math.floor(key / step) % size;
-    if (place > 0) found.push(key - step);
-    if (place < size - 1) found.push(key + step);
+    if (place > 0) adjacent.push(key - step);
+    if (place < size - 1) adjacent.push(key + step);
   }
-  return found;
+  return adjacent;
 }
 
 /**

@@ -96,11 +96,12 @@ export function visible(keys, size) {
     cover(a - 1, b - 1, 1, depth, first + 5);
   }
   /** @type {Map<number, number>} */
-  const found = new Map();
+  const halves = new Map();
   owner.forEach((half, place) => {
-    if (nearest[place] >= 0) found.set(half >> 1, (found.get(half >> 1) ?? 0) | (1 << (half & 1)));
+    if (nearest[place] >= 0)
+      halves.set(half >> 1, (halves.get(half >> 1) ?? 0) | (1 << (half & 1)));
   });
-  return found;
+  return halves;
 }
 
 // Return the colour of a module along the path, shaded by side.

@@ -185,19 +185,19 @@ const packed = ({ size, cells, path }) => ({ size, filled: keysOf(cells), path }
 
 // Return a stored painting; null for values that are none.
 /**
- * @param {{ size?: unknown, filled?: unknown, path?: unknown } | null} kept
+ * @param {{ size?: unknown, filled?: unknown, path?: unknown } | null} data
  * @returns {Painted | null}
  */
-export function unpacked(kept) {
-  const size = Number(kept?.size);
+export function unpacked(data) {
+  const size = Number(data?.size);
   if (!SIZES.includes(size)) return null;
   const keys = (/** @type {unknown} */ list) =>
     (Array.isArray(list) ? list : []).filter(
       (key) => Number.isInteger(key) && key >= 0 && key < size ** 3,
     );
   const cells = new Uint8Array(size ** 3);
-  for (const key of keys(kept?.filled)) cells[key] = 1;
-  return { size, cells, path: keys(kept?.path).filter((key) => cells[key]) };
+  for (const key of keys(data?.filled)) cells[key] = 1;
+  return { size, cells, path: keys(data?.path).filter((key) => cells[key]) };
 }
 
 // The rest of the draft: the conversion of cells to modules, the tool, and the name of the shape.
@@ -247,7 +247,7 @@ export class Draft {
 export function parts(cells, size) {
   const left = cells.slice();
   /** @type {number[][]} */
-  const found = [];
+  const pieces = [];
   for (let start = 0; start < left.length; start++) {
     if (!left[start]) continue;
     const piece = [start];
@@ -259,9 +259,9 @@ export function parts(cells, size) {
           piece.push(next);
         }
     }
-    found.push(piece);
+    pieces.push(piece);
   }
-  return found;
+  return pieces;
 }
 
 // Return the cells for a voxel file or a path file; with `doubled`, each becomes 2×2×2.

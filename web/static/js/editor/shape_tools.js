@@ -32,12 +32,12 @@ export function region({ cells, size }, start) {
 
 // Return all cells of the box between two corner cells.
 /**
- * @param {number} one
+ * @param {number} corner
  * @param {number} other
  * @param {number} size
  */
-export function box(one, other, size) {
-  const [a, b] = [cellOf(one, size), cellOf(other, size)];
+export function box(corner, other, size) {
+  const [a, b] = [cellOf(corner, size), cellOf(other, size)];
   const [low, high] = [a.map((v, k) => Math.min(v, b[k])), a.map((v, k) => Math.max(v, b[k]))];
   const keys = [];
   for (let z = low[2]; z <= high[2]; z++) {
@@ -201,15 +201,15 @@ export function imported(cells, { ordered, least }) {
  * @param {Iterable<Axis>} axes
  */
 export function symmetric(keys, size, axes) {
-  let found = keys;
+  let allKeys = keys;
   for (const axis of axes) {
-    const opposite = found.map((key) => {
+    const opposite = allKeys.map((key) => {
       const [x, y, z] = cellOf(key, size).with(axis, size - 1 - cellOf(key, size)[axis]);
       return keyOf(x, y, z, size);
     });
-    found = [...new Set([...found, ...opposite])];
+    allKeys = [...new Set([...allKeys, ...opposite])];
   }
-  return found;
+  return allKeys;
 }
 
 // Return the cells of a layer on the straight line between two cells, both included. With
@@ -224,19 +224,19 @@ export function passed([x, y], [i, j], bySides = false) {
     ? Math.abs(i - x) + Math.abs(j - y)
     : Math.max(Math.abs(i - x), Math.abs(j - y));
   /** @type {[x: number, y: number][]} */
-  const found = [[x, y]];
+  const points = [[x, y]];
   for (let k = 1; k <= count; k++) {
     const share = k / count;
     if (!bySides) {
-      found.push([Math.round(x + share * (i - x)), Math.round(y + share * (j - y))]);
+      points.push([Math.round(x + share * (i - x)), Math.round(y + share * (j - y))]);
       continue;
     }
-    const [a, b] = found[k - 1];
+    const [a, b] = points[k - 1];
     const [behindX, behindY] = [
       Math.abs(i - x) * share - Math.abs(a - x),
       Math.abs(j - y) * share - Math.abs(b - y),
     ];
-    found.push(behindX >= behindY ? [a + Math.sign(i - x), b] : [a, b + Math.sign(j - y)]);
+    points.push(behindX >= behindY ? [a + Math.sign(i - x), b] : [a, b + Math.sign(j - y)]);
   }
-  return found;
+  return points;
 }

@@ -166,17 +166,17 @@ export class Editor {
     }
   }
 
-  /** @param {boolean} kept */
-  lift(kept) {
+  /** @param {boolean} completed */
+  lift(completed) {
     const { painting, from, to } = this;
-    if (this.tool === "box" && kept) {
+    if (this.tool === "box" && completed) {
       if (this.corner === null && from === to) this.corner = from;
       else {
         this.paint(box(this.corner ?? from, to, painting.size));
         this.corner = null;
       }
     }
-    if (kept) painting.end();
+    if (completed) painting.end();
     else painting.cancel();
   }
 

@@ -263,12 +263,12 @@ export class Sheet {
     this.changed(false);
   }
 
-  /** @param {boolean} kept */
-  lift(kept) {
+  /** @param {boolean} completed */
+  lift(completed) {
     if (!this.stroke) return;
     this.stroke = null;
     this.squares[this.focused[0]][this.focused[1]].focus({ preventScroll: true });
-    this.editor.lift(kept);
+    this.editor.lift(completed);
     this.changed(true);
   }
 

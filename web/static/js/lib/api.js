@@ -165,10 +165,10 @@ export const isKey = (text) => KEY.test(text);
 // Return the browser's own key, created on first use; null if
 // storage is refused. The same key and file give the same fold.
 export function ownKey() {
-  const known = stored(OWN);
-  if (known) return known;
-  const made = newKey();
-  return store(OWN, made) ? made : null;
+  const existing = stored(OWN);
+  if (existing) return existing;
+  const created = newKey();
+  return store(OWN, created) ? created : null;
 }
 
 export const newKey = () =>
@@ -178,21 +178,21 @@ export const newKey = () =>
 
 // Replace the browser's own key, and its tokens of
 // folds, by a new key that was stored as an added one.
-/** @param {string} made */
-export function replaceOwn(made) {
+/** @param {string} key */
+export function replaceOwn(key) {
   const old = stored(OWN);
-  for (const [id, token] of ofFolds()) if (token === old) keepToken(id, made);
-  storeBrought(broughtExcept(made));
-  store(OWN, made);
+  for (const [id, token] of ofFolds()) if (token === old) keepToken(id, key);
+  storeBrought(broughtExcept(key));
+  store(OWN, key);
 }
 
 // Return the keys that were added from other browsers.
 /** @returns {string[]} */
 export function broughtKeys() {
   try {
-    const told = JSON.parse(stored(BROUGHT) ?? "[]");
-    return Array.isArray(told)
-      ? told.filter((key) => typeof key === "string" && isKey(key)).slice(0, MOST_KEYS)
+    const keys = JSON.parse(stored(BROUGHT) ?? "[]");
+    return Array.isArray(keys)
+      ? keys.filter((key) => typeof key === "string" && isKey(key)).slice(0, MOST_KEYS)
       : [];
   } catch {
     return [];

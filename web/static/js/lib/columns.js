@@ -23,8 +23,8 @@ export async function decode(buffer) {
   /** @type {Record<string, Column>} */
   const arrays = {};
   await Promise.all(
-    columns.map(async (told) => {
-      arrays[told.name] = await column(told, buffer, 4 + length);
+    columns.map(async (description) => {
+      arrays[description.name] = await column(description, buffer, 4 + length);
     }),
   );
   return /** @type {Told} */ (/** @type {unknown} */ ({ header, arrays }));
@@ -47,18 +47,18 @@ async function column({ dtype, shape, at, size, step, differences = 0, short }, 
     for (let i = 0, from = b * count; i < count; i++) bytes[i * width + b] = planes[from + i];
   const values = new Type(bytes.buffer);
   if (!short && step === undefined) return values;
-  const found = new Float32Array(count);
+  const floats = new Float32Array(count);
   if (short) {
-    const bits = new Uint32Array(found.buffer);
+    const bits = new Uint32Array(floats.buffer);
     for (let i = 0; i < count; i++) bits[i] = values[i] << 16;
-    return found;
+    return floats;
   }
   const row = shape.length > 1 ? count / (shape[0] || 1) : 1;
   for (let i = 0; i < count; i++) values[i] = (values[i] >>> 1) ^ -(values[i] & 1);
   for (let d = 0; d < differences; d++)
     for (let i = row; i < count; i++) values[i] += values[i - row];
-  for (let i = 0; i < count; i++) found[i] = values[i] * (step ?? 1);
-  return found;
+  for (let i = 0; i < count; i++) floats[i] = values[i] * (step ?? 1);
+  return floats;
 }
 
 /** @param {Uint8Array<ArrayBuffer>} bytes */

@@ -18,10 +18,10 @@ export const round = (/** @type {number} */ value) => Number(value.toPrecision(D
 export function ticks(low, high, log, most = MAX_TICKS) {
   if (log) {
     const [first, last] = [low, high].map((value) => Math.floor(Math.log10(value)));
-    const found = Array.from({ length: last - first + 1 }, (_, k) =>
+    const decades = Array.from({ length: last - first + 1 }, (_, k) =>
       [1, 2, 5].map((digit) => round(digit * 10 ** (first + k))),
     );
-    const inside = found.flat().filter((value) => value >= low && value <= high);
+    const inside = decades.flat().filter((value) => value >= low && value <= high);
     const tens = inside.filter((value) => Number.isInteger(round(Math.log10(value))));
     return inside.length > most && tens.length > 1 ? tens : inside;
   }

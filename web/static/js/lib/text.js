@@ -121,16 +121,16 @@ export const at = (path) => `${globalThis.document?.documentElement?.dataset?.ba
  * @param {(Node | string | null)[]} children
  */
 export function element(name, attributes = {}, ...children) {
-  const made = document.createElement(name);
+  const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
     if (value !== null && value !== undefined && value !== false)
-      made.setAttribute(
+      node.setAttribute(
         key,
         value === true ? "" : String(value).startsWith("/") ? at(String(value)) : String(value),
       );
   }
-  made.append(...children.filter((child) => child !== null));
-  return made;
+  node.append(...children.filter((child) => child !== null));
+  return node;
 }
 
 // Return a button with a click handler.
@@ -141,9 +141,9 @@ export function element(name, attributes = {}, ...children) {
  * @param {Parameters<typeof element>[1]} attributes
  */
 export function button(look, text, press, attributes = {}) {
-  const made = element("button", { type: "button", class: look, ...attributes }, text);
-  made.onclick = press;
-  return made;
+  const control = element("button", { type: "button", class: look, ...attributes }, text);
+  control.onclick = press;
+  return control;
 }
 
 // Return an SVG element with children or text.
@@ -153,10 +153,10 @@ export function button(look, text, press, attributes = {}) {
  * @param {(SVGElement | string)[]} children
  */
 export function svg(name, attributes = {}, ...children) {
-  const made = document.createElementNS("http://www.w3.org/2000/svg", name);
-  for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, String(value));
-  made.append(...children);
-  return made;
+  const node = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, String(value));
+  node.append(...children);
+  return node;
 }
 
 /** @typedef {"localStorage" | "sessionStorage"} StorageArea of the browser, or of the tab until it is closed */

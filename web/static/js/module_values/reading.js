@@ -39,7 +39,7 @@ function cellsOf(text) {
     below.some((line) => !line.includes(",")) &&
     (mayBeDecimal(first) || below.some((line) => line.includes(",")));
   const separator =
-    [";", "\t", ...(decimal ? [] : [","])].find((one) => text.includes(one)) ?? / +/;
+    [";", "\t", ...(decimal ? [] : [","])].find((mark) => text.includes(mark)) ?? / +/;
   const read = (/** @type {string} */ cell) => {
     if (NOTHING.test(cell)) return NaN;
     const number = Number(separator === "," ? cell : cell.replace(",", "."));
@@ -54,7 +54,7 @@ function cellsOf(text) {
     below.some((line) => numbers(line).length > 1) ||
     (numbers(first).length > 1 && !numbers(first).includes(null));
   /** @type {Cells} */
-  const found = { rows: [], header: [], places: [] };
+  const table = { rows: [], header: [], places: [] };
   /** @type {Error | null} */
   let unread = null; // about the first line that is no numbers
   lines.forEach((line, k) => {
@@ -70,42 +70,42 @@ function cellsOf(text) {
     const row = cells.map(read);
     const wrong = row.indexOf(null);
     if (line.startsWith("#")) {
-      found.header = [line.replace(/^#\s*/, "")];
+      table.header = [line.replace(/^#\s*/, "")];
       return;
     }
     if (wrong >= 0) {
       const error = new Error(
         `Line ${k + 1}: "${cells[wrong].slice(0, 40)}" is not a number. Leave the field empty if a value is missing.`,
       );
-      if (found.rows.length) throw error;
+      if (table.rows.length) throw error;
       unread ??= error;
-      found.header = cells;
+      table.header = cells;
       return;
     }
-    found.rows.push(/** @type {number[]} */ (row));
-    found.places.push(k + 1);
+    table.rows.push(/** @type {number[]} */ (row));
+    table.places.push(k + 1);
   });
-  if (unread && !found.rows.length) throw unread;
-  return found;
+  if (unread && !table.rows.length) throw unread;
+  return table;
 }
 
 // Parse JSON: a list of numbers, a list of lists, or either in an object with a name and a unit.
 /**
  * @param {string} text
- * @returns {{ told: Record<string, unknown>, cells: Cells }}
+ * @returns {{ data: Record<string, unknown>, cells: Cells }}
  */
 function jsonOf(text) {
-  let told;
+  let data;
   try {
-    told = JSON.parse(text.replace(/\bNaN\b|-?\bInfinity\b/g, "null")); // written by Python
+    data = JSON.parse(text.replace(/\bNaN\b|-?\bInfinity\b/g, "null")); // written by Python
   } catch (error) {
     throw new Error(`The file is not valid JSON: ${/** @type {Error} */ (error).message}.`, {
       cause: error,
     });
   }
-  if (Array.isArray(told)) told = { values: told };
-  const { values } = told;
-  if (told.format !== FORMAT && !Array.isArray(values))
+  if (Array.isArray(data)) data = { values: data };
+  const { values } = data;
+  if (data.format !== FORMAT && !Array.isArray(values))
     throw new Error(
       'This JSON file has no list of numbers. Use a list, or an object with "values", "name" and "unit".',
     );
@@ -124,7 +124,7 @@ function jsonOf(text) {
       });
     },
   );
-  return { told, cells: { rows, header: [], places: rows.map((_, k) => k + 1) } };
+  return { data, cells: { rows, header: [], places: rows.map((_, k) => k + 1) } };
 }
 
 const counts = (/** @type {number[]} */ row) =>
@@ -180,19 +180,22 @@ function arranged(cells, { modules, frames }) {
     return byNumber(cells, modules);
   // The first row may contain module numbers, and the first column frame numbers.
   const below = counts(rows[0] ?? []) ? rows.slice(1) : rows;
-  for (const found of [
+  for (const candidate of [
     rows,
     below,
     ...(rises(below) ? [rows, below].map((all) => all.map((row) => row.slice(1))) : []),
   ]) {
-    const wide = found[0]?.length ?? 0;
-    if (wide === modules && (found.length === 1 || found.length === frames)) return found;
-    if (found.length === modules && wide === frames)
-      return Array.from({ length: frames }, (_, frame) => found.map((row) => row[frame]));
+    const wide = candidate[0]?.length ?? 0;
+    if (wide === modules && (candidate.length === 1 || candidate.length === frames))
+      return candidate;
+    if (candidate.length === modules && wide === frames)
+      return Array.from({ length: frames }, (_, frame) => candidate.map((row) => row[frame]));
   }
-  const each = frames ? `, or ${frames} rows of ${modules} numbers, one row for each frame` : "";
+  const perFrame = frames
+    ? `, or ${frames} rows of ${modules} numbers, one row for each frame`
+    : "";
   throw new Error(
-    `This file has ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ${width} ${width === 1 ? "number" : "numbers"} each. This fold needs ${modules} numbers, one for each module${each}. Check that the file belongs to this fold.`,
+    `This file has ${rows.length} ${rows.length === 1 ? "row" : "rows"} with ${width} ${width === 1 ? "number" : "numbers"} each. This fold needs ${modules} numbers, one for each module${perFrame}. Check that the file belongs to this fold.`,
   );
 }
 
@@ -214,15 +217,15 @@ function named(text) {
  */
 export function readValues(text, file, expected) {
   const clean = text.replace(/^\uFEFF/, "");
-  const { told, cells } = /^\s*[[{]/.test(clean)
+  const { data, cells } = /^\s*[[{]/.test(clean)
     ? jsonOf(clean)
-    : { told: /** @type {Record<string, unknown>} */ ({}), cells: cellsOf(clean) };
-  if (told.format === FORMAT) return unpacked(/** @type {any} */ (told), expected.modules);
+    : { data: /** @type {Record<string, unknown>} */ ({}), cells: cellsOf(clean) };
+  if (data.format === FORMAT) return unpacked(/** @type {any} */ (data), expected.modules);
   const rows = arranged(cells, expected);
   const { header } = cells;
   const above = header.length <= 2 ? header.findLast(Boolean) : "";
   const [name, unit] = named(
-    typeof told.name === "string" && told.name ? told.name : above || file.replace(/\.[^.]*$/, ""),
+    typeof data.name === "string" && data.name ? data.name : above || file.replace(/\.[^.]*$/, ""),
   );
   const values = Float32Array.from(rows.flat(), (value) => (Number.isFinite(value) ? value : NaN));
   let [low, high] = [Infinity, -Infinity];
@@ -233,7 +236,7 @@ export function readValues(text, file, expected) {
   if (low > high) throw new Error("This file contains no numbers.");
   return {
     name: name || "Numbers from a file",
-    unit: typeof told.unit === "string" ? told.unit.slice(0, 20) : unit,
+    unit: typeof data.unit === "string" ? data.unit.slice(0, 20) : unit,
     rows: rows.length,
     values,
     low,
@@ -255,10 +258,10 @@ export const keptRows = ({ rows, values }) =>
 export function packed(own) {
   const { name, unit, rows, values, low, high } = own;
   const modules = values.length / rows;
-  const kept = keptRows(own);
+  const keptCount = keptRows(own);
   let data = "";
-  for (let row = 0; row < kept; row++) {
-    const from = modules * (kept === 1 ? 0 : Math.round((row / (kept - 1)) * (rows - 1)));
+  for (let row = 0; row < keptCount; row++) {
+    const from = modules * (keptCount === 1 ? 0 : Math.round((row / (keptCount - 1)) * (rows - 1)));
     for (let i = 0; i < modules; i++) {
       const value = values[from + i];
       data += String.fromCharCode(
@@ -266,7 +269,7 @@ export function packed(own) {
       );
     }
   }
-  return { format: FORMAT, name, unit, low, high, rows: kept, data: btoa(data) };
+  return { format: FORMAT, name, unit, low, high, rows: keptCount, data: btoa(data) };
 }
 
 /**

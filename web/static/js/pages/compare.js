@@ -15,8 +15,8 @@ const calm = matchMedia("(prefers-reduced-motion: reduce)").matches;
 /** @type {Facts[]} */
 const facts = JSON.parse(get("facts").textContent);
 /** @type {Promise<boolean>} */
-const webgl = new Promise((told) => {
-  setTimeout(() => told(hasWebGL()), START_MS);
+const webgl = new Promise((resolve) => {
+  setTimeout(() => resolve(hasWebGL()), START_MS);
 });
 
 /**

@@ -11,7 +11,7 @@ const asking = later(() => import("../lib/fold_request.js"), say);
 
 // Return the values of the filter by name, as in the query of the address.
 /** @returns {Record<string, string>} */
-const wanted = () =>
+const readFilter = () =>
   Object.fromEntries(
     Array.from(new FormData(sieve), ([name, value]) => [name, String(value).trim()]).filter(
       ([, value]) => value,
@@ -39,13 +39,14 @@ function lets({ type, kind, status, world, q = "", least, most }, { dataset }) {
 }
 
 function sift() {
-  const filter = wanted();
+  const filter = readFilter();
   for (const card of [...cards, ...finished]) card.hidden = !lets(filter, card);
   const [count, others] = [cards, finished].map(
     (list) => list.filter(({ hidden }) => !hidden).length,
   );
-  const found = count === cards.length ? `${count} shapes` : `${count} of ${cards.length} shapes`;
-  if (get("found").textContent !== found) get("found").textContent = found;
+  const countText =
+    count === cards.length ? `${count} shapes` : `${count} of ${cards.length} shapes`;
+  if (get("found").textContent !== countText) get("found").textContent = countText;
   get("nothing").hidden = count + others > 0;
   if (finished.length) get("finished").hidden = !others;
   const query = String(new URLSearchParams(filter));
@@ -63,7 +64,7 @@ for (const card of /** @type {NodeListOf<HTMLElement>} */ (
   document.querySelectorAll("[data-shape]")
 )) {
   card.onclick = async (event) => {
-    const { world } = wanted();
+    const { world } = readFilter();
     if (card.dataset.fold && world !== "table") return; // its fold in zero gravity exists
     if (opensElsewhere(event)) return;
     event.preventDefault();

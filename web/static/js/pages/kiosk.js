@@ -11,8 +11,8 @@ const IDLE_MS = 1000 * (idleSeconds(location.search) ?? idleSeconds("?kiosk") ??
 
 /** @type {{ id: string, name: string, src: string }[]} */
 const all = JSON.parse(get("exhibits").textContent);
-const asked = new URLSearchParams(location.search).get("folds")?.split(",") ?? [];
-const chosen = asked.flatMap((id) => all.filter((fold) => fold.id === id));
+const ids = new URLSearchParams(location.search).get("folds")?.split(",") ?? [];
+const chosen = ids.flatMap((id) => all.filter((fold) => fold.id === id));
 const exhibits = chosen.length ? chosen : all;
 let at = -1; // index of the exhibit that is shown or loading
 let failures = 0; // in a row

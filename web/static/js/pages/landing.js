@@ -45,14 +45,14 @@ function chosen() {
 for (const field of [get("preset"), get("seed")]) {
   field.addEventListener("input", () => {
     const { preset, seed } = chosen();
-    const told = [
+    const settings = [
       preset && `the preset “${get("preset").selectedOptions[0].textContent}”`,
       seed && `the seed ${seed}`,
     ]
       .filter(Boolean)
       .join(" and ");
-    get("with").hidden = !told;
-    get("with").textContent = `These shapes are folded with ${told}, as chosen in Options.`;
+    get("with").hidden = !settings;
+    get("with").textContent = `These shapes are folded with ${settings}, as chosen in Options.`;
   });
 }
 

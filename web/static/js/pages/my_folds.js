@@ -37,9 +37,9 @@ async function more() {
   const mine = turn;
   get("more").disabled = true;
   try {
-    const found = await list.more(PAGE);
+    const folds = await list.more(PAGE);
     if (mine !== turn) return; // the keys may have changed meanwhile
-    const cards = found.map(({ fold, key }) => {
+    const cards = folds.map(({ fold, key }) => {
       if (!fold.public) keepToken(fold.id, key); // its page lets the owner cancel it
       return new FoldCard(fold, key, () => {
         list.forget(key);
@@ -66,11 +66,11 @@ async function load() {
     const movies = await Promise.all(keys.map((token) => ask("/api/mine/movies", { token })));
     if (mine !== turn) return;
     list = new FoldList(keys);
-    const shapes = previews.flatMap((told, n) =>
-      told.previews.map((each) => new PreviewCard(each, keys[n], counted)),
+    const shapes = previews.flatMap((body, n) =>
+      body.previews.map((preview) => new PreviewCard(preview, keys[n], counted)),
     );
-    const lines = movies.flatMap((told, n) =>
-      told.movies.map((each) => new MovieLine(each, keys[n], counted)),
+    const lines = movies.flatMap((body, n) =>
+      body.movies.map((movie) => new MovieLine(movie, keys[n], counted)),
     );
     get("folds").replaceChildren();
     get("previews").replaceChildren(...shapes.map(({ item }) => item));

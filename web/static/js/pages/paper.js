@@ -106,8 +106,8 @@ class Showing {
       time === null ? null : seconds(time),
       error === null ? null : `joint error ${radians(error)}`,
     ];
-    const told = words.filter(Boolean).join(" · ");
-    within(this.figure, ".run-now").textContent = told;
+    const caption = words.filter(Boolean).join(" · ");
+    within(this.figure, ".run-now").textContent = caption;
     this.scrub.setAttribute(
       "aria-valuetext",
       `${LABELS[phase]}, frame ${Math.round(frame) + 1} of ${frames}`,

@@ -28,10 +28,10 @@ export function compare({ id, compare: others }) {
   );
   get("compare-form").onsubmit = (event) => {
     event.preventDefault();
-    const found = /(?:folds\/|^)([a-z0-9]{8,64})(?:[#?].*)?$/.exec(
+    const match = /(?:folds\/|^)([a-z0-9]{8,64})(?:[#?].*)?$/.exec(
       get("compare-link").value.trim(),
     );
-    if (found) location.href = at(`/compare?a=${id}&b=${found[1]}`);
+    if (match) location.href = at(`/compare?a=${id}&b=${match[1]}`);
     else toast("This is not a link to a fold. Open the fold and copy the link under Share");
   };
   get("compare-dialog").showModal();

@@ -139,16 +139,16 @@ async function follow(movie, token) {
  */
 export async function checkMotors(id, form) {
   const fields = fieldsOf(form);
-  const wanted = new URLSearchParams({
+  const query = new URLSearchParams({
     ...fields,
     ...(fields.floating === "true" && { gravity: "0" }),
   });
   get("motors").textContent = "Computing…";
   try {
-    get("motors").textContent = motorWords(await ask(`/api/folds/${id}/motors?${wanted}`));
+    get("motors").textContent = motorWords(await ask(`/api/folds/${id}/motors?${query}`));
     get("torque-table").hidden = false;
     /** @type {HTMLAnchorElement} */ (get("torque-table").querySelector("a")).href = at(
-      `/api/folds/${id}/motors?${wanted}&format=csv`,
+      `/api/folds/${id}/motors?${query}&format=csv`,
     );
   } catch (error) {
     get("motors").textContent = wordsOf(error);

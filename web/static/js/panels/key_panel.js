@@ -81,8 +81,10 @@ export class KeyPanel {
     this.say("Checking…");
     try {
       /** @type {{ total?: number, folds?: [], previews?: [], movies?: [] }[]} */
-      const told = await Promise.all(LISTS.map((list) => ask(`/api/mine/${list}`, { token: key })));
-      const count = told.reduce(
+      const bodies = await Promise.all(
+        LISTS.map((list) => ask(`/api/mine/${list}`, { token: key })),
+      );
+      const count = bodies.reduce(
         (sum, { total, previews, movies }) =>
           sum + (total ?? 0) + (previews?.length ?? 0) + (movies?.length ?? 0),
         0,
@@ -168,14 +170,14 @@ export class KeyPanel {
       "New key",
     );
     if (!sure) return;
-    const made = newKey();
-    bring(made);
+    const key = newKey();
+    bring(key);
     try {
-      await ask("/api/mine/key", { token: old, body: { owner_token: made } });
-      replaceOwn(made);
+      await ask("/api/mine/key", { token: old, body: { owner_token: key } });
+      replaceOwn(key);
       this.say("Done. The old key no longer works.");
     } catch (error) {
-      if (error instanceof Refusal && error.final) dropKey(made);
+      if (error instanceof Refusal && error.final) dropKey(key);
       this.say(`The old key may still work. ${wordsOf(error)}`);
     }
     await this.again();

@@ -60,9 +60,9 @@ export class Legend {
   fill() {
     const { plots } = this.figures;
     const before = this.menu.value;
-    const known = colouringsOf(Boolean(plots?.table));
+    const colourings = colouringsOf(Boolean(plots?.table));
     this.menu.replaceChildren(
-      ...known.map(([key, label]) =>
+      ...colourings.map(([key, label]) =>
         element(
           "option",
           { value: key, disabled: !isOffered(key, this.player.timeline, this.figures) },

@@ -62,12 +62,12 @@ export class ModulePanel {
     return this.module?.index ?? null;
   }
 
-  /** @param {Told} told */
-  show(told) {
+  /** @param {Told} detail */
+  show(detail) {
     const before = this.index;
-    const module = told.index === null ? null : told;
+    const module = detail.index === null ? null : detail;
     this.module = module;
-    if (before !== told.index || !module) this.number();
+    if (before !== detail.index || !module) this.number();
     get("no-module").hidden = Boolean(module);
     get("module").hidden = !module;
     if (!module) return;
@@ -105,11 +105,11 @@ export class ModulePanel {
   }
 
   // Select the module whose number was typed; with `asked`, report an invalid number.
-  /** @param {boolean} asked */
-  choose(asked) {
+  /** @param {boolean} submitted */
+  choose(submitted) {
     const module = frameIn(this.field.value, this.modules);
     if (module !== null) this.player.send({ do: "select", module });
-    else if (asked) refuse(this.field, `Type a whole number from 1 to ${this.modules}.`);
+    else if (submitted) refuse(this.field, `Type a whole number from 1 to ${this.modules}.`);
   }
 
   // Arrow up and down step along the chain.

@@ -160,14 +160,14 @@ class Card {
   /**
    * @param {string} label name of the item, for screen readers
    * @param {string} address
-   * @param {[question: string, consequence: string]} asked
+   * @param {[question: string, consequence: string]} question
    */
-  deletion(label, address, asked) {
+  deletion(label, address, question) {
     return way(
       "Delete",
       label,
       async () => {
-        if (!(await confirmed(...asked, "Delete", true))) return;
+        if (!(await confirmed(...question, "Delete", true))) return;
         const beside = this.item.nextElementSibling ?? this.item.previousElementSibling;
         try {
           await remove(address, this.key);
@@ -268,12 +268,12 @@ export class PreviewCard extends Card {
    * @param {() => void} gone
    */
   constructor(
-    { id, title, module, modules, created_at: made, expires_at: end, page, drawing },
+    { id, title, module, modules, created_at: createdAt, expires_at: end, page, drawing },
     key,
     gone,
   ) {
     super(element("li", { class: "made", "data-id": id }, art(page, drawing)), key, gone);
-    const facts = `${whole(modules)} ${PLURALS[module] ?? "modules"} · ${ago(made)} · ${expiryOf(end)}`;
+    const facts = `${whole(modules)} ${PLURALS[module] ?? "modules"} · ${ago(createdAt)} · ${expiryOf(end)}`;
     this.item.append(
       element("h3", { class: "card-title" }, element("a", { href: page }, title)),
       element("p", { class: "card-count" }, facts),

@@ -56,24 +56,24 @@ function scale(values, places, log) {
  * @returns {{ dots: Dot[], across: Tick[], up: Tick[] }}
  */
 export function layout(plans, axis) {
-  const known = plans.flatMap((plan) => {
+  const points = plans.flatMap((plan) => {
     const [time, value] = [plan.time_s, plan[axis]];
     const { log } = AXES[axis];
     return time === null || value === null || (log && value <= 0) ? [] : [{ plan, time, value }];
   });
-  if (!known.length) return { dots: [], across: [], up: [] };
+  if (!points.length) return { dots: [], across: [], up: [] };
   const x = scale(
-    known.map(({ time }) => time),
+    points.map(({ time }) => time),
     [INSET.left, WIDE - INSET.right],
     false,
   );
   const y = scale(
-    known.map(({ value }) => value),
+    points.map(({ value }) => value),
     [HIGH - INSET.bottom, INSET.top],
     AXES[axis].log,
   );
   return {
-    dots: known.map(({ plan, time, value }) => ({ x: x.at(time), y: y.at(value), plan })),
+    dots: points.map(({ plan, time, value }) => ({ x: x.at(time), y: y.at(value), plan })),
     across: x.ticks.map(({ at, value }) => ({ at, text: String(value) })),
     up: y.ticks.map(({ at, value }) => ({ at, text: AXES[axis].text(value) })),
   };
@@ -83,18 +83,18 @@ export function layout(plans, axis) {
 /** @param {Dot[]} dots */
 export function labels(dots) {
   /** @type {{ x: number, y: number, text: string }[]} */
-  const found = [];
+  const texts = [];
   for (const { x, y, plan } of dots) {
     const number = plan.label.split(".")[0];
-    const near = found.find(
+    const near = texts.find(
       (label) => Math.abs(label.x - x) < NEAR.x && Math.abs(label.y - y) < NEAR.y,
     );
     if (near) {
       near.text += `, ${number}`;
       near.x = Math.max(near.x, x);
-    } else found.push({ x, y, text: number });
+    } else texts.push({ x, y, text: number });
   }
-  return found;
+  return texts;
 }
 
 const endOf = (/** @type {PlanDot} */ { chosen, verified }) =>
@@ -167,7 +167,7 @@ export function showChoice(choice, drawer, player) {
   }));
   const show = (/** @type {Axis} */ axis) => {
     plot.replaceChildren(...picture(choice, axis));
-    for (const each of buttons) each.chip.setAttribute("aria-pressed", String(each.axis === axis));
+    for (const item of buttons) item.chip.setAttribute("aria-pressed", String(item.axis === axis));
   };
   chips.append(...buttons.map(({ chip }) => chip));
   show(FIRST_AXIS[choice.prefer] ?? "torque_mnm");

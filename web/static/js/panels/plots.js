@@ -87,8 +87,8 @@ function columns(values, worst) {
   const count = Math.min(COLUMNS, values.length);
   return Array.from({ length: count }, (_, k) => {
     const [begin, end] = [k, k + 1].map((column) => Math.floor((column * values.length) / count));
-    const known = Array.from(values.subarray(begin, end)).filter(Number.isFinite);
-    return known.length ? known.reduce((a, b) => worst(a, b)) : NaN;
+    const finite = Array.from(values.subarray(begin, end)).filter(Number.isFinite);
+    return finite.length ? finite.reduce((a, b) => worst(a, b)) : NaN;
   });
 }
 
@@ -134,9 +134,9 @@ function framed(picture, { up, across }) {
     /** @type {{ at: number, text: string }[]} */ list,
   ) =>
     list.map(({ at, text }) => {
-      const made = element("span", {}, text);
-      made.style[side] = `${100 * at}%`;
-      return made;
+      const label = element("span", {}, text);
+      label.style[side] = `${100 * at}%`;
+      return label;
     });
   return element(
     "div",
@@ -176,8 +176,8 @@ export class Plots {
     if (!plots) return;
     this.made = [...onTable(plots.table), ...PLOTS].flatMap((plot) => {
       const values = plots[plot.name];
-      const made = values ? this.plot(plot, values) : null;
-      return made ? [made] : [];
+      const drawn = values ? this.plot(plot, values) : null;
+      return drawn ? [drawn] : [];
     });
     this.panel.replaceChildren(...this.made.map(({ box }) => box));
     if (this.player.shown) this.show({ frame: this.player.playhead.frame });
@@ -190,10 +190,10 @@ export class Plots {
   plot(plot, values) {
     const { label, text, worst, bounds = [] } = plot;
     const drawn = columns(values, worst);
-    const known = drawn.filter(Number.isFinite);
-    if (!known.length) return null;
-    const high = HEADROOM * Math.max(...known, ...bounds.map(({ at }) => at), 0);
-    const low = HEADROOM * Math.min(...known, 0);
+    const finite = drawn.filter(Number.isFinite);
+    if (!finite.length) return null;
+    const high = HEADROOM * Math.max(...finite, ...bounds.map(({ at }) => at), 0);
+    const low = HEADROOM * Math.min(...finite, 0);
     const y = scaleOf([low, high], [HIGH, 0]);
     const [line, hair] = [
       rule("plot-head", { x: 0 }, [0, HIGH]),
@@ -243,7 +243,7 @@ export class Plots {
       element(
         "div",
         { class: "plot-foot" },
-        element("small", {}, this.scaleWords(plot, known)),
+        element("small", {}, this.scaleWords(plot, finite)),
         larger,
         sheet,
       ),
@@ -260,20 +260,20 @@ export class Plots {
           )
         : null,
     );
-    const made = { box, values, text, now, where, line, hair, label, picture };
-    this.listen(made);
-    return made;
+    const drawnPlot = { box, values, text, now, where, line, hair, label, picture };
+    this.listen(drawnPlot);
+    return drawnPlot;
   }
 
   // Return the text beside a plot: its range and the origin of its values.
   /**
    * @param {Plot} plot
-   * @param {number[]} known
+   * @param {number[]} finite
    */
-  scaleWords({ name, text, said = "" }, known) {
+  scaleWords({ name, text, said = "" }, finite) {
     const origin = this.figures.plots?.torque_at_some_frames ? SOME_FRAMES : ALL_FRAMES;
     return [
-      `${text(Math.min(...known, 0))} to ${text(Math.max(...known, 0))}`,
+      `${text(Math.min(...finite, 0))} to ${text(Math.max(...finite, 0))}`,
       said,
       name === "peak_torque_nm" ? origin : "",
     ]
@@ -282,9 +282,9 @@ export class Plots {
   }
 
   // Show the value under the pointer; a press goes to its frame.
-  /** @param {Made} made */
-  listen(made) {
-    const { picture, values } = made;
+  /** @param {Made} plot */
+  listen(plot) {
+    const { picture, values } = plot;
     const frameAt = (/** @type {MouseEvent} */ event) =>
       Math.round(Math.min(1, Math.max(0, shareAt(event.clientX, picture))) * (values.length - 1));
     const go = (/** @type {MouseEvent} */ event) =>
@@ -294,24 +294,24 @@ export class Plots {
       go(event);
     });
     picture.addEventListener("pointermove", (event) => {
-      this.point(made, frameAt(event));
+      this.point(plot, frameAt(event));
       if (event.buttons) go(event);
     });
-    picture.addEventListener("pointerleave", () => this.point(made, null));
+    picture.addEventListener("pointerleave", () => this.point(plot, null));
     picture.addEventListener("keydown", (event) => this.key(event));
   }
 
   // Show the value at the pointer instead of that at the playhead; null after the pointer has left.
   /**
-   * @param {Made} made
+   * @param {Made} plot
    * @param {number | null} frame
    */
-  point(made, frame) {
-    made.hair.setAttribute("visibility", frame === null ? "hidden" : "visible");
-    const last = made.values.length - 1;
+  point(plot, frame) {
+    plot.hair.setAttribute("visibility", frame === null ? "hidden" : "visible");
+    const last = plot.values.length - 1;
     const shown = frame ?? Math.min(last, Math.round(this.player.playhead.frame));
-    moveRule(made.hair, (WIDE * shown) / Math.max(1, last));
-    this.read(made, shown);
+    moveRule(plot.hair, (WIDE * shown) / Math.max(1, last));
+    this.read(plot, shown);
   }
 
   // Show the value at a frame and its time.
@@ -355,16 +355,16 @@ export class Plots {
     if (!frames) return;
     const x = (WIDE * Math.min(frame, frames - 1)) / Math.max(1, frames - 1);
     const shown = Math.min(frames - 1, Math.round(frame));
-    for (const made of this.made) {
-      const { values, text, line, hair, label, picture } = made;
+    for (const plot of this.made) {
+      const { values, text, line, hair, label, picture } = plot;
       moveRule(line, x);
       const value = values[shown];
-      const told = Number.isFinite(value) ? text(value) : null;
-      if (hair.getAttribute("visibility") === "hidden") this.read(made, shown);
+      const valueText = Number.isFinite(value) ? text(value) : null;
+      if (hair.getAttribute("visibility") === "hidden") this.read(plot, shown);
       picture.setAttribute("aria-valuenow", String(shown + 1));
       picture.setAttribute(
         "aria-valuetext",
-        `Frame ${shown + 1}, ${label.toLowerCase()} ${told ?? "unknown"}`,
+        `Frame ${shown + 1}, ${label.toLowerCase()} ${valueText ?? "unknown"}`,
       );
     }
   }
@@ -383,19 +383,19 @@ export class Plots {
   /** @param {string} name */
   worst(name) {
     const { plots } = this.figures;
-    const wanted = TORQUES.includes(name)
-      ? TORQUES.find((one) => plots?.[/** @type {PlotName} */ (one)])
+    const plotName = TORQUES.includes(name)
+      ? TORQUES.find((torque) => plots?.[/** @type {PlotName} */ (torque)])
       : name;
-    const plot = [...onTable(plots?.table), ...PLOTS].find((p) => p.name === wanted);
+    const plot = [...onTable(plots?.table), ...PLOTS].find((p) => p.name === plotName);
     const values = plot && plots?.[plot.name];
     if (!plot || !values) return null;
     const begin =
       this.player.timeline.outline?.phases.find(({ name: phase }) => phase !== "explosion")?.from ??
       0;
-    const known = Array.from(values.subarray(begin)).filter(Number.isFinite);
-    return known.length
+    const finite = Array.from(values.subarray(begin)).filter(Number.isFinite);
+    return finite.length
       ? values.indexOf(
-          known.reduce((a, b) => plot.worst(a, b)),
+          finite.reduce((a, b) => plot.worst(a, b)),
           begin,
         )
       : null;

@@ -263,11 +263,14 @@ export function verdictOf({ module, modules, iou, has_path: path, final = true }
  * @param {Preview} preview
  * @param {Api.Preview} report
  */
-export function nearby({ bound, onTable, maxModules }, { asked, modules, below, above }) {
+export function nearby(
+  { bound, onTable, maxModules },
+  { asked: requested, modules, below, above },
+) {
   const nearest =
-    (asked ?? modules) === modules
+    (requested ?? modules) === modules
       ? ""
-      : `${whole(modules)} is the closest possible number to ${whole(asked ?? modules)}`;
+      : `${whole(modules)} is the closest possible number to ${whole(requested ?? modules)}`;
   // On a table, a neighbouring count may have no path; the checked versions are offered instead.
   const counts = onTable
     ? []
@@ -399,6 +402,6 @@ export function offerOf({ kind, modules, change, added }, place) {
     modules: `Use ${whole(modules)} modules, one for each cell`,
     blocks: `Use ${whole(modules)} modules, 2×2×2 for each cell`,
   };
-  const known = Object.fromEntries(Object.entries(change).filter(([, value]) => value !== null));
-  return { text: words[kind], primary: place === 0, change: known };
+  const settings = Object.fromEntries(Object.entries(change).filter(([, value]) => value !== null));
+  return { text: words[kind], primary: place === 0, change: settings };
 }

@@ -202,10 +202,10 @@ export class Place {
     const view = this.page.view();
     const query = new URLSearchParams(location.search);
     query.delete("view");
-    const asked = query.size ? `?${query}` : "";
+    const search = query.size ? `?${query}` : "";
     return (
       location.pathname +
-      asked +
+      search +
       (view
         ? hashOf({ ...view, stop: this.stop }, document.documentElement.dataset.theme)
         : location.hash)
@@ -215,11 +215,11 @@ export class Place {
   // Return the same link with the query value that link previews need.
   shared() {
     const view = this.page.view();
-    const here = this.here();
-    const hash = here.indexOf("#");
+    const address = this.here();
+    const hash = address.indexOf("#");
     return view?.frame === null || view === null || hash < 0
-      ? here
-      : `${here.slice(0, hash)}?view=${shortOf(view)}${here.slice(hash)}`;
+      ? address
+      : `${address.slice(0, hash)}?view=${shortOf(view)}${address.slice(hash)}`;
   }
 }
 

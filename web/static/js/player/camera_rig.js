@@ -362,16 +362,16 @@ export class CameraRig {
    */
   among(shown, nearest) {
     const { timeline } = this;
-    const here = shown.frame / this.goalEvery;
+    const position = shown.frame / this.goalEvery;
     const end = timeline.last / this.goalEvery;
     // Near both ends of a complete timeline the range
     // shrinks, so that the end frames are framed exactly.
-    const reach = timeline.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, here, end - here);
+    const reach = timeline.growing ? GOALS_ASIDE : Math.min(GOALS_ASIDE, position, end - position);
     this.approximate = false;
     if (reach <= 1e-6) return nearest;
     const views = [nearest];
     const weights = [1];
-    const middle = Math.round(here);
+    const middle = Math.round(position);
     for (
       let k = Math.max(middle - GOALS_ASIDE, 0);
       k <= Math.min(middle + GOALS_ASIDE, Math.floor(end));
@@ -380,7 +380,7 @@ export class CameraRig {
       const view = this.goalAt(k);
       if (!view) continue;
       views.push(view);
-      weights.push(Math.exp(-((((k - here) / reach) * GOAL_SPREAD) ** 2)));
+      weights.push(Math.exp(-((((k - position) / reach) * GOAL_SPREAD) ** 2)));
     }
     return blended(views, weights, nearest);
   }

@@ -195,11 +195,11 @@ export function colouring(key, timeline, figures) {
   const per = (values, text, more = {}) =>
     new Colouring(key, timeline, { values, text, high: () => scale(), ...more });
   // Computed on first use, and again after new frames.
-  let [known, version] = [0, -1];
+  let [high, version] = [0, -1];
   const scale = () => {
     if (version !== timeline.version)
-      [known, version] = [scaled(timeline, made.scale.values), timeline.version];
-    return known;
+      [high, version] = [scaled(timeline, selected.scale.values), timeline.version];
+    return high;
   };
   const errors = (/** @type {Snapshot} */ shown) => timeline.perModule(shown.errors);
   /**
@@ -250,9 +250,9 @@ export function colouring(key, timeline, figures) {
         { high: chain.modules - 1, none: null },
       ),
   };
-  const made = (makers[key] ?? makers[USUAL_COLOURING])();
-  made.figures = figures ?? null;
-  return made;
+  const selected = (makers[key] ?? makers[USUAL_COLOURING])();
+  selected.figures = figures ?? null;
+  return selected;
 }
 
 // Return a torque as text: in module weight × pitch, and in N·m.

@@ -31,12 +31,12 @@ export class Figures extends Emitter {
   // Fetch the curves of the plots; report "missing" if there are no figures.
   async begin() {
     if (this.plots) return;
-    const found = await this.get("").catch(() => null);
-    if (!found) {
+    const plots = await this.get("").catch(() => null);
+    if (!plots) {
       this.tell("missing");
       return;
     }
-    this.plots = { ...found.header, ...found.arrays };
+    this.plots = { ...plots.header, ...plots.arrays };
     this.tell("begun");
   }
 
@@ -80,14 +80,14 @@ export class Figures extends Emitter {
     if (this.loading.has(index) || this.loading.size >= AT_ONCE) return;
     this.loading.add(index);
     /** @type {Promise<FigurePart | null>} */
-    const asked = this.get(`?part=${index}`);
-    const found = await asked.catch(() => null);
-    if (!found) {
+    const request = this.get(`?part=${index}`);
+    const part = await request.catch(() => null);
+    if (!part) {
       setTimeout(() => this.loading.delete(index), RETRY_MS);
       return;
     }
     this.loading.delete(index);
-    this.parts.set(index, found);
+    this.parts.set(index, part);
     if (this.parts.size > KEPT) this.parts.delete([...this.parts.keys()][0]);
     this.tell("loaded");
   }

@@ -38,8 +38,8 @@ export const differing = (a, b) => [Math.min(a.first, b.first), Math.max(a.last,
 export function between(a, b, share) {
   const [first, last] = differing(a, b);
   const angles = Float64Array.from({ length: last - first }, (_, k) => {
-    const one = angleIn(a, first + k);
-    return one + (angleIn(b, first + k) - one) * share;
+    const angle = angleIn(a, first + k);
+    return angle + (angleIn(b, first + k) - angle) * share;
   });
   const same = Array.from(a.wxyz).reduce((sum, v, k) => sum + v * b.wxyz[k], 0) >= 0;
   const wxyz = mix(a.wxyz, same ? b.wxyz : Array.from(b.wxyz, (v) => -v), share);
@@ -64,12 +64,12 @@ const part = (values, k, width) => values.subarray(k * width, (k + 1) * width);
  * @returns {WindowArrays}
  */
 function asWindows(
-  { root_position, root_wxyz, joint_angles_rad, joint_error_rad, ...kept },
+  { root_position, root_wxyz, joint_angles_rad, joint_error_rad, ...columns },
   joints,
 ) {
-  const rows = kept.time_s.length;
+  const rows = columns.time_s.length;
   return {
-    ...kept,
+    ...columns,
     base_position: root_position,
     base_wxyz: root_wxyz,
     angles: joint_angles_rad,
@@ -91,14 +91,18 @@ export class Rows {
    * @param {Floats} foldedRad
    */
   constructor({ arrays }, foldedRad) {
-    const { counts, steps, ...kept } =
+    const { counts, steps, ...columns } =
       "first" in arrays ? arrays : asWindows(arrays, foldedRad.length);
     this.rows = arrays.time_s.length;
     this.foldedRad = foldedRad;
     this.noErrors = new Float32Array(foldedRad.length).fill(NaN);
     let end = 0;
     const ends = Uint32Array.from(counts, (count) => (end += count));
-    this.arrays = { ...kept, ends, angles: kept.angles ?? this.unpack(kept.first, counts, steps) };
+    this.arrays = {
+      ...columns,
+      ends,
+      angles: columns.angles ?? this.unpack(columns.first, counts, steps),
+    };
     this.bytes = bytesOf(this.arrays);
   }
 
@@ -151,11 +155,11 @@ export class Rows {
    * @param {number} begin
    */
   errors(k, begin) {
-    const { ends, first, errors_rad: told, recorded } = this.arrays;
-    if (!told || !recorded?.[k]) return this.noErrors;
-    const found = new Float32Array(this.foldedRad.length);
-    found.set(told.subarray(begin, ends[k]), first[k]);
-    return found;
+    const { ends, first, errors_rad: errors, recorded } = this.arrays;
+    if (!errors || !recorded?.[k]) return this.noErrors;
+    const jointErrors = new Float32Array(this.foldedRad.length);
+    jointErrors.set(errors.subarray(begin, ends[k]), first[k]);
+    return jointErrors;
   }
 }
 
@@ -223,7 +227,7 @@ export class FrameStore {
   }
 
   // Index of the chunk at the focus.
-  get here() {
+  get focusChunk() {
     return this.indexOf(this.focus);
   }
 
@@ -246,8 +250,8 @@ export class FrameStore {
    * @returns {Row | null}
    */
   row(frame) {
-    const found = this.frames.get(frame);
-    return found ? found.batch.row(found.k) : null;
+    const location = this.frames.get(frame);
+    return location ? location.batch.row(location.k) : null;
   }
 
   // Return the nearest loaded frame.
@@ -289,10 +293,10 @@ export class FrameStore {
 
   /** @param {boolean} end */
   *near(end) {
-    const { here, count } = this;
+    const { focusChunk, count } = this;
     for (let away = 0; away <= AHEAD; away++) {
-      if (here + away < count) yield here + away;
-      if (away && away <= BEHIND && here >= away) yield here - away;
+      if (focusChunk + away < count) yield focusChunk + away;
+      if (away && away <= BEHIND && focusChunk >= away) yield focusChunk - away;
     }
     if (end && this.nearest(this.last) !== this.last) yield count - 1;
   }
@@ -300,14 +304,14 @@ export class FrameStore {
   *onward() {
     const most = Math.max(FEWEST_CHUNKS, Math.floor(MAX_BYTES / (this.rows * this.rowBytes)));
     for (let away = 0; away < Math.min(this.count, most); away++)
-      yield (this.here + away) % this.count;
+      yield (this.focusChunk + away) % this.count;
   }
 
   // Drop the chunks that are farthest from the focus while memory use exceeds the limit.
   spare() {
-    const { here, count, windowed } = this;
+    const { focusChunk, count, windowed } = this;
     const away = (/** @type {number} */ index) =>
-      windowed ? Math.abs(index - here) : (index - here + count) % count;
+      windowed ? Math.abs(index - focusChunk) : (index - focusChunk + count) % count;
     while (this.bytes > (windowed ? MAX_WINDOW_BYTES : MAX_BYTES)) {
       const chunks = new Set([...this.frames.keys()].map((frame) => this.indexOf(frame)));
       if (chunks.size <= FEWEST_CHUNKS) return;

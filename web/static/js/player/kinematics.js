@@ -61,16 +61,16 @@ export class Kinematics {
    * @returns {Poses}
    */
   poses(angles, position, wxyz) {
-    const found = this.room(Float32Array);
+    const poses = this.room(Float32Array);
     moved(
       this.table((j) => angles[j]),
       this.chain.root,
       [0, this.chain.modules],
       vectorOf(position),
       quaternionOf(wxyz),
-      found,
+      poses,
     );
-    return found;
+    return poses;
   }
 
   // Return the poses of a chain that is folded before the hinge `first` and straight from `last`
@@ -80,22 +80,22 @@ export class Kinematics {
   /** @param {Row} row */
   windowPoses(row) {
     const { modules: n, rigid_links: rigid, hinges } = this.chain;
-    const found = this.room(Float32Array);
+    const poses = this.room(Float32Array);
     const core = Math.min(n, rigid + Math.floor(row.first / hinges) + 1);
     const rod = Math.min(n - 1, Math.max(core - 1, rigid + Math.ceil(row.last / hinges)));
     const folded = this.rested(row.position, row.wxyz);
-    found.positions.set(folded.positions.subarray(0, 3 * core));
-    found.wxyzs.set(folded.wxyzs.subarray(0, 4 * core));
+    poses.positions.set(folded.positions.subarray(0, 3 * core));
+    poses.wxyzs.set(folded.wxyzs.subarray(0, 4 * core));
     const [p, q] = this.ahead(
       (j) => angleIn(row, j),
       core - 1,
       rod + 1,
       vectorOf(folded.positions, core - 1),
       quaternionOf(folded.wxyzs, core - 1),
-      found,
+      poses,
     );
-    moved(this.straight, rod, [rod, n], p, q, found);
-    return { ...found, core, rod };
+    moved(this.straight, rod, [rod, n], p, q, poses);
+    return { ...poses, core, rod };
   }
 
   // Compute the poses of modules `begin` to `end` − 1. Return the last one.
@@ -105,20 +105,20 @@ export class Kinematics {
    * @param {number} end
    * @param {Numbers} position
    * @param {Numbers} wxyz
-   * @param {Poses} found
+   * @param {Poses} poses
    * @returns {[Vector, Quaternion]}
    */
-  ahead(angle, begin, end, position, wxyz, found) {
+  ahead(angle, begin, end, position, wxyz, poses) {
     const { anchor, offset } = this.chain;
     const p = vectorOf(position);
     let q = quaternionOf(wxyz);
-    put(begin, p, q, found);
+    put(begin, p, q, poses);
     for (let i = begin + 1; i < end; i++) {
       const a = turned(q, anchor);
       q = times(q, this.step(angle, i - 1));
       const b = turned(q, offset);
       for (let k = 0; k < 3; k++) p[k] += a[k] + b[k];
-      put(i, p, q, found);
+      put(i, p, q, poses);
     }
     return [p, q];
   }
@@ -158,9 +158,9 @@ export class Kinematics {
 
   /** @param {(hinge: number) => number} angle */
   table(angle) {
-    const found = this.room(Float64Array);
-    this.ahead(angle, 0, this.chain.modules, [0, 0, 0], [1, 0, 0, 0], found);
-    return found;
+    const poses = this.room(Float64Array);
+    this.ahead(angle, 0, this.chain.modules, [0, 0, 0], [1, 0, 0, 0], poses);
+    return poses;
   }
 
   /**
@@ -189,22 +189,22 @@ function put(i, p, q, { positions, wxyzs }) {
 // in the shape of `table`, where module `known` has the pose p, q.
 /**
  * @param {Poses} table
- * @param {number} known
+ * @param {number} reference
  * @param {[begin: number, end: number]} span
  * @param {Vector} p
  * @param {Quaternion} q
- * @param {Poses} found
+ * @param {Poses} poses
  */
-function moved({ positions: from, wxyzs: turns }, known, [begin, end], p, q, found) {
-  const turn = times(q, back(quaternionOf(turns, known)));
-  const [u, v, o] = vectorOf(from, known);
+function moved({ positions: from, wxyzs: turns }, reference, [begin, end], p, q, poses) {
+  const turn = times(q, back(quaternionOf(turns, reference)));
+  const [u, v, o] = vectorOf(from, reference);
   for (let i = begin; i < end; i++) {
     const off = turned(turn, [from[3 * i] - u, from[3 * i + 1] - v, from[3 * i + 2] - o]);
     put(
       i,
       [p[0] + off[0], p[1] + off[1], p[2] + off[2]],
       times(turn, quaternionOf(turns, i)),
-      found,
+      poses,
     );
   }
 }
@@ -241,7 +241,7 @@ export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
   const middles = faces.map((face) =>
     [0, 1, 2].map((c) => face.reduce((sum, v) => sum + corners[v][c], 0) / face.length / size),
   );
-  const found = new Int32Array(n * faces.length).fill(n);
+  const neighbours = new Int32Array(n * faces.length).fill(n);
   const seen = new Map();
   for (let i = 0; i < n; i++) {
     const turn = quaternionOf(wxyzs, i);
@@ -256,11 +256,11 @@ export function touching({ sketch, shown_size: size }, { positions, wxyzs }) {
         seen.set(key, i * faces.length + f);
         return;
       }
-      found[i * faces.length + f] = Math.floor(other / faces.length);
-      found[other] = i;
+      neighbours[i * faces.length + f] = Math.floor(other / faces.length);
+      neighbours[other] = i;
     });
   }
-  return found;
+  return neighbours;
 }
 
 // Return, for each module, the number of folded modules from which on all its faces are hidden.
@@ -288,9 +288,9 @@ export function foldedness(angle, goal) {
   let reached = 0;
   let all = 0;
   for (let j = 0; j < goal.length; j++) {
-    const wanted = Math.abs(goal[j]);
-    all += wanted;
-    if (wanted) reached += Math.min(wanted, Math.max(0, angle(j) * Math.sign(goal[j])));
+    const goalRad = Math.abs(goal[j]);
+    all += goalRad;
+    if (goalRad) reached += Math.min(goalRad, Math.max(0, angle(j) * Math.sign(goal[j])));
   }
   return all > 0 ? reached / all : 1;
 }
@@ -299,9 +299,9 @@ export function foldedness(angle, goal) {
 // of folding, by bisection over the loaded frames.
 /**
  * @param {import("./timeline.js").Timeline} timeline
- * @param {number} wanted
+ * @param {number} targetShare
  */
-export function frameFolded(timeline, wanted) {
+export function frameFolded(timeline, targetShare) {
   const folding = timeline.outline.phases.findLast(({ name }) => name === "playback");
   if (!folding) return null;
   const value = (/** @type {number} */ frame) => {
@@ -309,17 +309,17 @@ export function frameFolded(timeline, wanted) {
     return row && foldedness((j) => angleIn(row, j), timeline.foldedRad);
   };
   let [low, high] = [folding.from, folding.to - 1];
-  if (wanted <= 0) return low;
-  if (wanted >= 1) return high;
+  if (targetShare <= 0) return low;
+  if (targetShare >= 1) return high;
   let [less, more] = [value(low) ?? 0, value(high) ?? 1];
   while (high - low > 1) {
     const middle = timeline.nearest(Math.ceil((low + high) / 2));
     if (middle === null || middle <= low || middle >= high) break; // no loaded frame in between
-    const found = value(middle) ?? 0;
-    if (found < wanted) [low, less] = [middle, found];
-    else [high, more] = [middle, found];
+    const folded = value(middle) ?? 0;
+    if (folded < targetShare) [low, less] = [middle, folded];
+    else [high, more] = [middle, folded];
   }
-  const share = more > less ? (wanted - less) / (more - less) : 1;
+  const share = more > less ? (targetShare - less) / (more - less) : 1;
   return low + (high - low) * Math.min(1, Math.max(0, share));
 }
 

@@ -28,7 +28,7 @@ export class Pair extends Emitter {
       player.on("outline", () => this.begin());
       player.on("camera", () => this.turned(player));
       player.on("state", () => this.sync()); // a frame was loaded
-      player.on("module", (told) => this.tell("module", told));
+      player.on("module", (detail) => this.tell("module", detail));
     }
   }
 
@@ -39,7 +39,7 @@ export class Pair extends Emitter {
   // Remove a fold that has no frames; the other one then plays alone.
   /** @param {Player} player */
   leave(player) {
-    this.players = this.players.filter((each) => each !== player);
+    this.players = this.players.filter((other) => other !== player);
     this.begin();
   }
 
@@ -198,10 +198,10 @@ export class Pair extends Emitter {
   }
 
   // Return the frame at which the first fold has this progress of folding.
-  /** @param {number} wanted */
-  frameFolded(wanted) {
+  /** @param {number} share */
+  frameFolded(share) {
     const [first] = this.players;
-    const frame = frameFolded(first.timeline, wanted);
+    const frame = frameFolded(first.timeline, share);
     return frame === null ? this.playhead.frame : this.frameAt(first, frame);
   }
 

@@ -97,7 +97,7 @@ export class Player extends PlayerState {
     }
     this.rig = new CameraRig(timeline, this.playhead, { aspect, calm });
     this.ticker = new Ticker((passed, now) => this.tick(passed, now), pauseMs);
-    this.told = { text: "", atMs: 0, playing: false }; // the last state
+    this.reported = { text: "", atMs: 0, playing: false }; // the last state
     this.gliding = false;
     this.changed = false;
     /** @type {Command[]} */
@@ -126,18 +126,18 @@ export class Player extends PlayerState {
   // Messages.
 
   /**
-   * @param {Command} asked
+   * @param {Command} command
    * @returns {boolean}
    */
-  send(asked) {
+  send(command) {
     if (!this.colouring) return false;
-    this.story.heard(asked);
-    this.tell("asked", asked);
+    this.story.heard(command);
+    this.tell("asked", command);
     if (!this.timeline.chain) {
-      this.unheard.push(asked);
+      this.unheard.push(command);
       return true;
     }
-    const message = this.sought(asked);
+    const message = this.sought(command);
     const { follow, turn } = this.is;
     if (message.do === "orbit" || message.do === "camera") return this.look(message);
     if (message.do === "set" && "follow" in message) this.lookAt([]);
@@ -316,7 +316,7 @@ export class Player extends PlayerState {
   /** @param {Snapshot} shown */
   tellState(shown) {
     const {
-      told,
+      reported,
       playhead: {
         frame,
         is: { playing },
@@ -326,15 +326,15 @@ export class Player extends PlayerState {
     if (
       this.standIn?.covers &&
       playing &&
-      told.playing &&
-      now - told.atMs < TELL_MS &&
+      reported.playing &&
+      now - reported.atMs < TELL_MS &&
       frame < this.timeline.last
     )
       return;
     const state = this.report(shown);
     const text = JSON.stringify(state);
-    this.told = { text, atMs: now, playing };
-    if (text !== told.text) this.tell("state", state);
+    this.reported = { text, atMs: now, playing };
+    if (text !== reported.text) this.tell("state", state);
   }
 
   draw() {

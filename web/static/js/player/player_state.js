@@ -106,9 +106,9 @@ export class PlayerState extends Emitter {
    * @param {Row | null} start row where a continued search began
    */
   changeFrom(frame, way, start = null) {
-    const { frame: found, from } = nextChange(this.timeline, frame, way, start);
+    const { frame: changeFrame, from } = nextChange(this.timeline, frame, way, start);
     this.search = from && { way, from };
-    return found;
+    return changeFrame;
   }
 
   // Continue a search whose frame is now loaded. Return true if there was one.

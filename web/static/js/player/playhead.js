@@ -190,20 +190,20 @@ export class Playhead {
 export function after(timeline, frame, seconds) {
   const way = Math.sign(seconds);
   const end = way > 0 ? timeline.last : 0;
-  let here = frame;
+  let position = frame;
   let left = Math.abs(seconds);
   let length = 0; // duration of a frame, in seconds
-  while (left > 1e-9 && here !== end) {
-    const low = way > 0 ? Math.floor(here) : Math.ceil(here) - 1;
+  while (left > 1e-9 && position !== end) {
+    const low = way > 0 ? Math.floor(position) : Math.ceil(position) - 1;
     const [a, b] = [timeline.row(low), timeline.row(low + 1)];
     if (a && b) length = b.time_s - a.time_s;
-    else if (!length) return Math.min(Math.max(here + way, 0), timeline.last); // durations are unknown
-    const share = way > 0 ? low + 1 - here : here - low; // fraction of this frame that is still ahead
-    if (share * length > left) return here + (way * left) / length;
+    else if (!length) return Math.min(Math.max(position + way, 0), timeline.last); // durations are unknown
+    const share = way > 0 ? low + 1 - position : position - low; // fraction of this frame that is still ahead
+    if (share * length > left) return position + (way * left) / length;
     left -= share * length;
-    here = way > 0 ? low + 1 : low;
+    position = way > 0 ? low + 1 : low;
   }
-  return here;
+  return position;
 }
 
 // Return the next frame (`way` 1: forward, −1: back) at which a hinge has visibly turned or another

@@ -432,10 +432,10 @@ export class Timeline extends Emitter {
   /** @param {number} frame */
   snapshot(frame) {
     const { store } = this;
-    const before = store.here;
+    const before = store.focusChunk;
     store.focus = Math.floor(Math.min(Math.max(frame, 0), this.last));
     const moment = this.peek(frame);
-    if (!moment?.exact || store.here !== before) this.load();
+    if (!moment?.exact || store.focusChunk !== before) this.load();
     return moment;
   }
 

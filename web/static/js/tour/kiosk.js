@@ -12,9 +12,9 @@ const INPUTS = ["pointerdown", "keydown", "input", "wheel"];
 // Return the idle time in seconds that an address requests with `kiosk`; null without it.
 /** @param {string} search */
 export function idleSeconds(search) {
-  const asked = new URLSearchParams(search).get("kiosk");
-  if (asked === null) return null;
-  const seconds = Number(/^\d{1,4}$/.test(asked) ? asked : USUAL_S);
+  const text = new URLSearchParams(search).get("kiosk");
+  if (text === null) return null;
+  const seconds = Number(/^\d{1,4}$/.test(text) ? text : USUAL_S);
   return seconds >= RANGE_S[0] && seconds <= RANGE_S[1] ? seconds : USUAL_S;
 }
 

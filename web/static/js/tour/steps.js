@@ -225,11 +225,11 @@ export class StepsPanel {
       distance,
       target: across({ ...middle, distance }, 0, down),
     });
-    let wanted = placed(middle.distance);
+    let camera = placed(middle.distance);
     for (let round = 0; round < 4; round++)
-      wanted = placed((wanted.distance * size(wanted)) / EXTENT);
+      camera = placed((camera.distance * size(camera)) / EXTENT);
     player.send({ do: "set", follow: false });
-    player.send({ do: "camera", camera: rig.relative(wanted, shown), gently: !this.calm });
+    player.send({ do: "camera", camera: rig.relative(camera, shown), gently: !this.calm });
   }
 
   say() {

@@ -374,10 +374,10 @@ export function picked(hull, { positions, wxyzs }, origin, direction) {
     for (const [n, low, high] of spans) {
       const along = way[0] * n[0] + way[1] * n[1] + way[2] * n[2];
       const at = start[0] * n[0] + start[1] * n[1] + start[2] * n[2];
-      const one = (low - at) / along;
+      const toLow = (low - at) / along;
       const two = (high - at) / along;
-      enter = Math.max(enter, Math.min(one, two));
-      leave = Math.min(leave, Math.max(one, two));
+      enter = Math.max(enter, Math.min(toLow, two));
+      leave = Math.min(leave, Math.max(toLow, two));
     }
     if (enter <= leave && leave > 0 && enter < nearest) {
       nearest = enter;

@@ -8,8 +8,8 @@
  */
 export function answer({ player, timeline, open }) {
   const host = window.parent;
-  const tell = (/** @type {string} */ foldback, told = {}) =>
-    host.postMessage({ foldback, ...told }, "*");
+  const tell = (/** @type {string} */ foldback, fields = {}) =>
+    host.postMessage({ foldback, ...fields }, "*");
   const number = (/** @type {unknown} */ value) =>
     typeof value === "number" && value >= 1 && value <= timeline.total ? Math.round(value) : null;
   /** @type {Record<string, (value: unknown) => void>} */

@@ -218,9 +218,11 @@ function offerTour(touring) {
       if (panel.box.hidden) panel.open({ playing: !calm });
       else panel.close();
     });
-  const open = (/** @type {number | null} */ asked = null) => {
+  const open = (/** @type {number | null} */ stopNumber = null) => {
     get("tour").hidden = false; // frames are loaded
-    const { stop, named, frame } = viewIn(asked === null ? location.hash : `#stop=${asked}`);
+    const { stop, named, frame } = viewIn(
+      stopNumber === null ? location.hash : `#stop=${stopNumber}`,
+    );
     if (stop !== null)
       touring((panel) => panel.open({ stop: stop + 1, view: !named && frame === null }));
     return stop !== null;

@@ -208,9 +208,9 @@ export class Scene {
     this.heard.pick?.(origin, direction);
   }
 
-  /** @param {ViewTold | null | undefined} told */
-  hear(told) {
-    switch (told?.is) {
+  /** @param {ViewTold | null | undefined} message */
+  hear(message) {
+    switch (message?.is) {
       case "open":
         if (this.open) return;
         this.open = true;
@@ -221,9 +221,9 @@ export class Scene {
         this.reload();
         return;
       case "done": {
-        const asked = this.asked.get(told.id);
-        this.asked.delete(told.id);
-        asked?.then();
+        const request = this.asked.get(message.id);
+        this.asked.delete(message.id);
+        request?.then();
       }
     }
   }
@@ -388,8 +388,8 @@ export function hasWebGL() {
   try {
     const canvas = document.createElement("canvas");
     const context = canvas.getContext("webgl2");
-    const told = context?.getExtension("WEBGL_debug_renderer_info");
-    if (context && told) renderer = String(context.getParameter(told.UNMASKED_RENDERER_WEBGL));
+    const info = context?.getExtension("WEBGL_debug_renderer_info");
+    if (context && info) renderer = String(context.getParameter(info.UNMASKED_RENDERER_WEBGL));
     context?.getExtension("WEBGL_lose_context")?.loseContext();
     return Boolean(context);
   } catch {

@@ -107,10 +107,10 @@ export class Sketch {
   // compositing, which would take longer than all the rest with software rendering.
   ground() {
     this.canvas.style.background = "";
-    const found = gradientOf(this.canvas);
-    this.painted = found;
-    if (found) this.canvas.style.background = "none";
-    return found;
+    const gradient = gradientOf(this.canvas);
+    this.painted = gradient;
+    if (gradient) this.canvas.style.background = "none";
+    return gradient;
   }
 
   /** @param {Bundle} bundle */

@@ -67,15 +67,15 @@ onmessage = (/** @type {MessageEvent<SketchTold>} */ { data }) => {
 };
 
 // Draw one frame as a PNG, on a separate canvas of any size, with or without background.
-/** @param {SketchTold & { is: "picture" }} asked */
-async function picture(asked) {
+/** @param {SketchTold & { is: "picture" }} request */
+async function picture(request) {
   const own = { paper, pen, size, ground, back };
-  ({ size, ground } = asked);
+  ({ size, ground } = request);
   paper = new OffscreenCanvas(1, 1);
   pen = penOf(paper, !ground);
   back = null;
   clear();
-  if (outline) draw(outline, asked.frame);
+  if (outline) draw(outline, request.frame);
   const drawn = paper;
   ({ paper, pen, size, ground, back } = own);
   postMessage(await drawn.convertToBlob({ type: "image/png" }));
@@ -92,9 +92,9 @@ const penOf = (canvas, alpha) =>
   );
 
 let owed = false;
-/** @param {boolean} told */
-function ask(told) {
-  owed ||= told;
+/** @param {boolean} reports */
+function ask(reports) {
+  owed ||= reports;
   if (due) return;
   due = true;
   requestAnimationFrame(() => {
@@ -132,8 +132,8 @@ function clear() {
  * @param {number} height
  */
 function painted({ place, stops }, width, height) {
-  const found = new OffscreenCanvas(width, height);
-  const brush = penOf(found, false);
+  const canvas = new OffscreenCanvas(width, height);
+  const brush = penOf(canvas, false);
   const [wide, tall, x, y] = place;
   brush.translate(x * width, y * height);
   brush.scale(wide * width, tall * height);
@@ -141,7 +141,7 @@ function painted({ place, stops }, width, height) {
   for (const [at, colour] of stops) gradient.addColorStop(at, colour);
   brush.fillStyle = gradient;
   brush.fillRect(-x / wide, -y / tall, 1 / wide, 1 / tall);
-  return found;
+  return canvas;
 }
 
 /**
@@ -343,21 +343,21 @@ function inFront(points, eye, out) {
   const depth = (/** @type {Vector} */ p) =>
     -dot([p[0] - eye[0], p[1] - eye[1], p[2] - eye[2]], out) - NEAREST;
   /** @type {Vector[]} */
-  const found = [];
+  const visible = [];
   points.forEach((p, k) => {
     const q = points[(k + 1) % points.length];
     const [a, b] = [depth(p), depth(q)];
-    if (a >= 0) found.push(p);
+    if (a >= 0) visible.push(p);
     if (a < 0 !== b < 0) {
       const share = a / (a - b);
-      found.push([
+      visible.push([
         p[0] + share * (q[0] - p[0]),
         p[1] + share * (q[1] - p[1]),
         p[2] + share * (q[2] - p[2]),
       ]);
     }
   });
-  return found;
+  return visible;
 }
 
 // Return the visible pieces: single modules, and runs of `many` small modules of the straight tail.
@@ -368,7 +368,7 @@ function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, 
   const rod = rods ? Math.min(frame.rod, modules) : modules; // a straight run looks like one long module
   const all = 2 ** faces.length - 1;
   /** @type {Piece[]} */
-  const found = [];
+  const pieces = [];
   const at = [0, 0];
   const inside = (/** @type {number} */ depth) => {
     const around = (zoom * radius) / Math.max(NEAREST, depth);
@@ -401,9 +401,9 @@ function piecesOf({ modules, faces, neighbours, rods, frame, see, zoom, radius, 
       )
         next++;
     }
-    found.push({ i, many: next - i, hidden, far: farOf(frame, (i + next - 1) >> 1) });
+    pieces.push({ i, many: next - i, hidden, far: farOf(frame, (i + next - 1) >> 1) });
   }
-  return found;
+  return pieces;
 }
 
 /**

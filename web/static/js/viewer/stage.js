@@ -168,10 +168,10 @@ export class Stage extends Scene {
   // out of sight, because viser draws only what is in view.
   /** @param {WindowPoses} poses */
   positions({ positions, core = 0 }) {
-    const found = positions.map((v) => v * this.pitch);
-    if (!this.buried || this.through) return found;
-    for (let i = 0; i < core; i++) if (this.buried[i] <= core) found[3 * i + 2] = NOWHERE;
-    return found;
+    const centres = positions.map((v) => v * this.pitch);
+    if (!this.buried || this.through) return centres;
+    for (let i = 0; i < core; i++) if (this.buried[i] <= core) centres[3 * i + 2] = NOWHERE;
+    return centres;
   }
 
   // Make the modules transparent and show the path of the chain, or reverse this.
