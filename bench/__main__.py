@@ -9,6 +9,7 @@ from bench.baselines import direct, paper
 from bench.calm import calm
 from bench.clearance.checking import checking
 from bench.clearance.sweeps import sweeps
+from bench.constants.varying import constants
 from bench.first_minutes import first_minutes
 from bench.folds import folds, gallery
 from bench.hard_paths import hard_paths
@@ -68,6 +69,7 @@ SECTIONS = {
     "hard": hard_paths,
     "sweeps": sweeps,
     "checking": checking,
+    "constants": constants,
     "table-folds": table_folds,
     "table-long-folds": table_long_folds,
     "table-meshes": table_meshes,

@@ -1,0 +1,1 @@
+"""Constants: how many there are, and which of them change results."""
