@@ -51,7 +51,7 @@ BOX_SIDES: Final = (10, 10, 10)
 """Sides of the box of 1000 modules, in cells."""
 SIMULATE_ALL_MODULES: Final = 10**6
 """Maximum number of modules up to which the measured folds are simulated with motors and contacts
-(``dynamic_up_to``). It exceeds every chain, so that none is computed by kinematics only."""
+(``simulated_modules``). It exceeds every chain, so that none is computed by kinematics only."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -228,7 +228,7 @@ def _steps(section: Section) -> None:
         results = {stage: run_stage(stage, directory) for stage in STAGES[:3]}
     modules = results["read"]["modules"]
     explosion = 1e6 * results["explode"]["seconds"] / results["explode"]["steps"] / modules
-    robots = Parameters().playback.robot.runs
+    robots = Parameters().playback.robot.robots
     steps = robots * results["play_back"]["steps"]
     playback = 1e6 * results["play_back"]["seconds"] / steps / modules
     section.add(
@@ -256,14 +256,14 @@ def _simulated(
     playback = play_back(
         chain,
         record,
-        replace(parameters.playback, dynamic_up_to=SIMULATE_ALL_MODULES),
+        replace(parameters.playback, simulated_modules=SIMULATE_ALL_MODULES),
         module_size=parameters.module_size,
     )
     references = playback.seconds / reference_seconds
     error = playback.max_angle_error_rad
     each = 1e6 * playback.seconds / max(1, playback.steps) / len(chain)
     section.add(
-        f"playback simulated, {len(chain)} modules, {parameters.playback.robot.runs} robots",
+        f"playback simulated, {len(chain)} modules, {parameters.playback.robot.robots} robots",
         f"{references:.0f} r ({playback.seconds:.1f} s), {playback.status}, "
         f"joint error {'–' if error is None else f'{1e3 * error:.2f} mrad'}, "
         f"{playback.steps} steps of {each:.1f} µs a module",

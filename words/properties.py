@@ -21,7 +21,14 @@ from foldback.planner.certificate.figures import (
 from foldback.planner.chain.module import CUBE, MODULES
 from foldback.planner.errors import UNREADABLE, TimelineError
 from foldback.planner.motion.timeline import Timeline
+from foldback.planner.parameters.explosion import (
+    ExplosionParameters,
+    PeelingParameters,
+    TableParameters,
+)
 from foldback.planner.parameters.parameters import FLOATING, TURN_STRATEGIES
+from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
+from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.pipeline.preference import COMPUTING, preference_named
 from foldback.planner.storage.file_names import CHAIN, PLAN, TIMELINE
@@ -55,11 +62,18 @@ TRACKING_PARAMETERS: Final = (
     "distance_weight",
     "steps_per_rad",
     "step_s",
-    "dynamic_up_to",
+    "simulated_modules",
 )
 """Names of the playback parameters that all controllers share which follow the smooth curve through
 the recorded joint angles; a fold's page lists them."""
-SERVO_PARAMETERS: Final = ("step_s", "friction", "damping", "gain", "stiffness", "torque_limit")
+SERVO_PARAMETERS: Final = (
+    "step_s",
+    "friction",
+    "damping",
+    "motor_gain",
+    "stiffness",
+    "motor_max_force",
+)
 """Names of the playback parameters that all simulated servos without feed-forward share; a fold's
 page lists them."""
 CONTROLLER_PARAMETERS: Final[dict[str, tuple[str, ...]]] = {
@@ -68,12 +82,11 @@ CONTROLLER_PARAMETERS: Final[dict[str, tuple[str, ...]]] = {
         *TRACKING_PARAMETERS,
         "paced_by",
         "bandwidth",
-        "encoder_rad",
         "friction",
         "damping",
     ),
-    "paper": (*SERVO_PARAMETERS, "threshold_rad2", "least_steps", "dynamic_up_to"),
-    "direct": (*SERVO_PARAMETERS, "direct_steps", "dynamic_up_to"),
+    "paper": (*SERVO_PARAMETERS, "threshold", "steps_per_snapshot", "simulated_modules"),
+    "direct": (*SERVO_PARAMETERS, "direct_steps", "simulated_modules"),
 }
 """Names of the playback parameters that a fold's page lists, by the controller of the simulated
 joints."""
@@ -195,8 +208,8 @@ def properties(
         ("Certificate", fold.certificate_rows()),
         ("Computation", fold.computation_rows()),
         *[
-            (heading, [*parameters_in_words(values)])
-            for heading, values in used_parameters(
+            (heading, [*parameters_in_words(values, kind)])
+            for heading, kind, values in used_parameters(
                 plan.get("parameters", {}),
                 strategy=str(fold.explosion.get("strategy")),
                 simulated=fold.playback.get("kind") != "kinematic",
@@ -210,8 +223,8 @@ def properties(
 
 def used_parameters(
     parameters: Values, *, strategy: str, simulated: bool
-) -> list[tuple[str, Values]]:
-    """Return headings and values of those parameters that a fold has used.
+) -> list[tuple[str, type[Any], Values]]:
+    """Return headings, classes and values of those parameters that a fold has used.
 
     Args:
         parameters: All parameters in a plan, nested as in ``Parameters.as_dict``.
@@ -219,12 +232,14 @@ def used_parameters(
         simulated: False for a kinematic playback, which has no controller.
     """
     on_table = parameters.get("world") == "table"
-    groups: list[tuple[str, Values]] = []
+    groups: list[tuple[str, type[Any], Values]] = []
     if strategy in EXPLOSION_STRATEGIES:
-        groups.append(("Explosion parameters", parameters.get("explosion") or {}))
+        published = parameters.get("preset") == "paper"
+        kind = PaperExplosionParameters if published else ExplosionParameters
+        groups.append(("Explosion parameters", kind, parameters.get("explosion") or {}))
     elif strategy == "peel":
-        name = "table" if on_table else "peeling"
-        groups.append((f"{name.capitalize()} parameters", parameters.get(name) or {}))
+        name, kind = ("table", TableParameters) if on_table else ("peeling", PeelingParameters)
+        groups.append((f"{name.capitalize()} parameters", kind, parameters.get(name) or {}))
     playback = parameters.get("playback")
     if on_table or not playback:
         return groups
@@ -233,15 +248,16 @@ def used_parameters(
     if simulated:
         used = ("controller", *used, "max_steps")
         # A motor either has a stiffness or a limit: planner.playback.reference_trajectory.
-        limited = playback.get("torque_limit") is not None
-        used = [name for name in used if name != ("stiffness" if limited else "torque_limit")]
-    groups.append(
-        ("Playback parameters", {name: playback[name] for name in used if name in playback})
-    )
+        limited = playback.get("motor_max_force") is not None
+        used = [name for name in used if name != ("stiffness" if limited else "motor_max_force")]
+    values = {name: playback[name] for name in used if name in playback}
+    groups.append(("Playback parameters", PlaybackParameters, values))
     robot = playback.get("robot")
-    if simulated and controller == "robot" and robot:
-        heading = "Simulated robots (torques relative to the largest torque of the plan)"
-        groups.append((heading, robot))
+    if simulated and robot and controller == "robot":
+        groups.append(("Simulated robots", RobotParameters, robot))
+    elif simulated and robot and controller == "computed-torque":
+        encoder = {name: robot[name] for name in ("encoder_step",) if name in robot}
+        groups.append(("Simulated robot", RobotParameters, encoder))
     return groups
 
 

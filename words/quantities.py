@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
-from dataclasses import dataclass
 from decimal import ROUND_HALF_UP, Context, Decimal
-from typing import Final, cast
+from typing import Any, Final, cast
 
 from foldback.planner.parameters.parameters import PRESET_CHOICES, STRATEGY_CHOICES
+from foldback.planner.parameters.setting import Description, descriptions
 
 SIGNIFICANT_DIGITS: Final = 3
 """Default number of significant digits to which displayed numbers are rounded."""
@@ -37,77 +36,6 @@ CONTROLLER_LABELS: Final = {
     "computed-torque": "Computed torque (an ideal robot)",
     "paper": "Threshold rule from the paper",
     "direct": "Direct servoing",
-}
-
-
-@dataclass(frozen=True, slots=True)
-class Words:
-    """Label and unit of a parameter."""
-
-    label: str
-    unit: str = ""
-
-
-PARAMETER_WORDS: Final = {
-    "armature": Words("Rotor inertia of a hinge"),
-    "bandwidth": Words("Bandwidth", "per s"),
-    "body_cap": Words("Largest module movement per step", "pitch"),
-    "controller": Words("Controller"),
-    "damping": Words("Speed damping", "per step"),
-    "damping_s": Words("Servo damping relative to stiffness", "s"),
-    "density_kg_m3": Words("Density", "kg/m³"),
-    "direct_steps": Words("Duration of the target motion", "steps"),
-    "distance_weight": Words("Weight of displacements in the path length", "rad/pitch"),
-    "drag": Words("Drag", "per s"),
-    "dynamic_up_to": Words("Longest simulated chain", "modules"),
-    "encoder_rad": Words("Encoder step", "rad"),
-    "finish_rad": Words("Hinge angle below which hinges are straightened directly", "rad"),
-    "friction": Words("Friction"),
-    "gain": Words("Servo gain", "per s"),
-    "give_rad": Words("Angle error at the torque limit", "rad"),
-    "geom_size": Words("Size of the collision hull", "pitch"),
-    "joint_cap_rad": Words("Largest hinge rotation per step", "rad"),
-    "least_steps": Words("Minimum steps per snapshot"),
-    "loose_rad": Words("Hinge angle below which the chain counts as loosened", "rad"),
-    "loose_repulsion": Words("Repulsion factor of the loosened chain"),
-    "mass_error": Words("Mass error"),
-    "noise_rad": Words("Encoder noise", "rad"),
-    "max_steps": Words("Step limit"),
-    "pair_cap": Words("Maximum decrease of the distance between two modules per step", "pitch"),
-    "pair_cap_loose": Words(
-        "Maximum decrease of the distance between two modules per step, loosened chain", "pitch"
-    ),
-    "pitch_cm": Words("Module diameter", "cm"),
-    "radial_gain": Words("Radial gain λ", "dyn"),
-    "repulsion_cutoff": Words("Repulsion range", "pitch"),
-    "repulsion_gain": Words("Repulsion gain γ"),
-    "runs": Words("Robots"),
-    "slide_cap": Words("Largest sliding between two modules per step", "pitch"),
-    "snapshot_distance": Words("Displacement between snapshots", "pitch"),
-    "snapshot_interval": Words("Steps between snapshots", "steps"),
-    "snapshot_rad": Words("Rotation between snapshots", "rad"),
-    "paced_by": Words("Quantity that limits the pace"),
-    "spacing_rad": Words("Control point spacing", "rad"),
-    "spring": Words("Hinge spring"),
-    "step_in_contact_s": Words("Longest time step in contact", "s"),
-    "step_s": Words("Time step", "s"),
-    "steps_per_rad": Words("Steps per radian"),
-    "stiffness": Words("Servo stiffness"),
-    "stop_deg": Words("Largest hinge angle", "°"),
-    "tension": Words("Spring tension"),
-    "threshold_rad2": Words("Error threshold for the next snapshot", "rad²"),
-    "torque_limit": Words("Torque limit"),
-    "verify_size": Words("Module size in the clearance check", "pitch"),
-}
-UNITS_BY_SUFFIX: Final = {
-    "_kg_m3": "kg/m³",
-    "_rad_s": "rad/s",
-    "_rad2": "rad²",
-    "_rad": "rad",
-    "_deg": "°",
-    "_nm": "N·m",
-    "_m": "m",
-    "_s": "s",
 }
 
 
@@ -194,23 +122,24 @@ def length_m(value: object) -> str | None:
     return quantity(value * 1000, "mm") if abs(value) < 1 else quantity(value, "m")
 
 
-def parameters(values: Mapping[str, object]) -> list[tuple[str, str | None]]:
-    """Return parameters as labels and values, in their order."""
-    return [_parameter(name, value) for name, value in values.items()]
+def parameters(values: Mapping[str, object], kind: type[Any]) -> list[tuple[str, str | None]]:
+    """Return parameters as labels and values, in their order.
+
+    Args:
+        values: Values by the names of fields; those of another version may have no description.
+        kind: Class of the parameters.
+    """
+    known = descriptions(kind)
+    return [
+        _parameter(known.get(name) or Description(sentence(name.replace("_", " "))), name, value)
+        for name, value in values.items()
+    ]
 
 
-def _parameter(name: str, value: object) -> tuple[str, str | None]:
+def _parameter(described: Description, name: str, value: object) -> tuple[str, str | None]:
     if name == "controller":
         value = CONTROLLER_LABELS.get(str(value), value)
-    words = PARAMETER_WORDS.get(name) or _words(name)
-    return words.label, quantity(value, words.unit)
-
-
-def _words(name: str) -> Words:
-    """Return words for a parameter without an entry, from its name and the unit at its end."""
-    unit = next((u for end, u in UNITS_BY_SUFFIX.items() if name.endswith(end)), "")
-    stem = re.sub(f"({'|'.join(UNITS_BY_SUFFIX)})$", "", name) if unit else name
-    return Words(sentence(stem.replace("_", " ")), unit)
+    return described.label, quantity(value, described.unit)
 
 
 def sentence(text: str) -> str:

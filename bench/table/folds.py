@@ -163,9 +163,9 @@ def explored(name: str, cells: Cells, seed: int, conditions: Conditions) -> Resu
     paths = table_paths(cells, seed=seed)
     parameters = replace(
         TableParameters(),
-        most_torque=conditions.limit,
-        friction=conditions.friction,
-        base=conditions.base,
+        table_torque=conditions.limit,
+        table_friction=conditions.friction,
+        table_base=conditions.base,
         verify_size=conditions.size,
     )
     reason = ""

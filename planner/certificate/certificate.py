@@ -277,10 +277,10 @@ def _on_table(
     return table_certificate(
         chain,
         frames,
-        friction=table.friction,
-        base=table.base,
+        friction=table.table_friction,
+        base=table.table_base,
         density_kg_m3=parameters.density_kg_m3,
-        bound=table.most_torque,
+        bound=table.table_torque,
         on_table=True,
         height=chain.table_height,
         sink=forces,

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
-from foldback.planner.parameters.setting import setting
+from foldback.planner.parameters.setting import described, setting, shared
 
 Base = Literal["clamped", "free"]
 
@@ -48,27 +48,37 @@ class ExplosionParameters:
         max_steps: Number of steps after which the explosion gives up.
     """
 
-    repulsion_gain: float = 1.0
-    loose_repulsion: float = 10.0
-    repulsion_cutoff: float = 2.5
-    spring: float = 3.0
-    armature: float = 10.0
-    tension: float = 12.0
-    geom_size: float = 0.9995
-    step_s: tuple[float, float] = (0.004, 0.1)
-    step_in_contact_s: float = 0.06
-    drag: tuple[float, float] = (0.05, 2.0)
-    joint_cap_rad: float = 0.02
-    pair_cap: float = 0.025
-    pair_cap_loose: float = 0.05
-    slide_cap: float = 0.1
-    body_cap: float = 0.4
-    loose_rad: float = 1.2
-    snapshot_rad: float = 0.015
-    snapshot_distance: float = 0.7
-    finish_rad: float = 0.6
-    verify_size: float = DEFAULT_MODULE_SIZE
-    max_steps: int = 60_000
+    repulsion_gain: float = described(1.0, "Repulsion gain γ")
+    loose_repulsion: float = described(10.0, "Repulsion factor of the loosened chain")
+    repulsion_cutoff: float = described(2.5, "Repulsion cutoff", "pitches")
+    spring: float = described(3.0, "Hinge spring")
+    armature: float = described(10.0, "Rotor inertia of a hinge")
+    tension: float = described(12.0, "Spring tension", "× the hinge spring")
+    geom_size: float = described(0.9995, "Size of the collision hull", "pitch")
+    step_s: tuple[float, float] = described((0.004, 0.1), "Time step", "s")
+    step_in_contact_s: float = described(0.06, "Longest time step in contact", "s")
+    drag: tuple[float, float] = described((0.05, 2.0), "Drag", "per s")
+    joint_cap_rad: float = described(0.02, "Largest hinge rotation per step", "rad")
+    pair_cap: float = described(
+        0.025, "Maximum decrease of the distance between two modules per step", "pitch"
+    )
+    pair_cap_loose: float = described(
+        0.05,
+        "Maximum decrease of the distance between two modules per step, loosened chain",
+        "pitch",
+    )
+    slide_cap: float = described(0.1, "Largest sliding between two modules per step", "pitch")
+    body_cap: float = described(0.4, "Largest module movement per step", "pitch")
+    loose_rad: float = described(1.2, "Hinge angle below which the chain counts as loosened", "rad")
+    snapshot_rad: float = described(0.015, "Rotation between snapshots", "rad")
+    snapshot_distance: float = described(0.7, "Displacement between snapshots", "pitch")
+    finish_rad: float = described(
+        0.6, "Hinge angle below which hinges are straightened directly", "rad"
+    )
+    verify_size: float = described(
+        DEFAULT_MODULE_SIZE, "Module size in the check of the explosion", "pitch"
+    )
+    max_steps: int = described(60_000, "Step limit", "steps")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,41 +131,49 @@ class PeelingParameters:
         max_steps_per_module: Number of steps for each module after which the peeling gives up.
     """
 
-    unit: int = 32
-    repulsion_gain: float = 1.0
-    repulsion_cutoff: float = 2.5
-    spring: float = 3.0
-    stiffening: float = 10.0
-    armature: float = 10.0
-    tension: float = 25.0
-    pull: float = 15.0
-    alignment: float = 15.0
-    turn_rad: float = 0.03
-    geom_size: float = 0.9995
-    step_s: tuple[float, float] = (0.004, 0.1)
-    step_in_contact_s: float = 0.06
-    drag: tuple[float, float] = (0.1, 2.0)
-    joint_cap_rad: float = 0.03
-    pair_cap: float = 0.03
-    pair_cap_loose: float = 0.05
-    slide_cap: float = 0.1
-    body_cap: float = 0.4
-    loose_rad: float = 1.2
-    release_rad: float = 1.3
-    skipped: int = 8
-    rod_modules: int = 4
-    release_contacts: int = 12
-    window: int = 64
-    most_modules: int = 160
-    retire_rad: float = 0.2
-    retire_step_rad: float = 0.12
-    retire_height: float = 4.0
-    snapshot_rad: float = 0.1
-    snapshot_distance: float = 0.7
-    finish_rad: float = 1.0
-    verify_size: float = 0.98
-    patience: int = 500
-    max_steps_per_module: int = 60
+    unit: int = described(32, "Modules that are released together", "modules")
+    repulsion_gain: float = shared(1.0, ExplosionParameters)
+    repulsion_cutoff: float = shared(2.5, ExplosionParameters)
+    spring: float = shared(3.0, ExplosionParameters)
+    stiffening: float = described(10.0, "Factor of the hinge spring far from the core")
+    armature: float = shared(10.0, ExplosionParameters)
+    tension: float = shared(25.0, ExplosionParameters)
+    pull: float = described(15.0, "Force on the last module", "× the hinge spring")
+    alignment: float = described(15.0, "Torque that turns the tail", "× the hinge spring")
+    turn_rad: float = described(0.03, "Largest change of the tail's heading per step", "rad")
+    geom_size: float = shared(0.9995, ExplosionParameters)
+    step_s: tuple[float, float] = shared((0.004, 0.1), ExplosionParameters)
+    step_in_contact_s: float = shared(0.06, ExplosionParameters)
+    drag: tuple[float, float] = shared((0.1, 2.0), ExplosionParameters)
+    joint_cap_rad: float = shared(0.03, ExplosionParameters)
+    pair_cap: float = shared(0.03, ExplosionParameters)
+    pair_cap_loose: float = shared(0.05, ExplosionParameters)
+    slide_cap: float = shared(0.1, ExplosionParameters)
+    body_cap: float = shared(0.4, ExplosionParameters)
+    loose_rad: float = shared(1.2, ExplosionParameters)
+    release_rad: float = described(
+        1.3, "Hinge angle below which the next modules are released", "rad"
+    )
+    skipped: int = described(8, "Joints next to the core without that condition", "joints")
+    rod_modules: int = described(4, "Largest inertia of the tail", "modules")
+    release_contacts: int = described(
+        12, "Largest number of contacts at which modules are released", "contacts"
+    )
+    window: int = described(64, "Size of the window below which modules are released", "modules")
+    most_modules: int = described(160, "Largest window", "modules")
+    retire_rad: float = described(0.2, "Hinge angle below which hinges join the tail", "rad")
+    retire_step_rad: float = described(
+        0.12, "Rotation per snapshot of hinges that join the tail", "rad"
+    )
+    retire_height: float = described(
+        4.0, "Smallest distance from the core at which hinges join the tail", "pitch"
+    )
+    snapshot_rad: float = shared(0.1, ExplosionParameters)
+    snapshot_distance: float = shared(0.7, ExplosionParameters)
+    finish_rad: float = shared(1.0, ExplosionParameters)
+    verify_size: float = shared(0.98, ExplosionParameters)
+    patience: int = described(500, "Steps without progress before a pulse of repulsion", "steps")
+    max_steps_per_module: int = described(60, "Step limit for each module", "steps")
 
     def most_steps(self, modules: int) -> int:
         """Return the number of steps after which the peeling of a chain gives up.
@@ -181,7 +199,7 @@ class TableParameters(PeelingParameters):
         turning: Initial torque that turns the tail towards its goal heading.
         first_bound: Initial limit of the static torque in a frame that is recorded.
         raised_by: Factor by which that limit grows when nothing else helps.
-        most_torque: Largest value of that limit; beyond it the explosion has stalled.
+        table_torque: Largest value of that limit; beyond it the explosion has stalled.
         refusals: Number of frames that are rejected before the limit grows.
         unbent: The next group may be released when the turns of the window, seen from above, add
             up to less than this (rad), except for ``skipped`` joints next to the core.
@@ -190,50 +208,49 @@ class TableParameters(PeelingParameters):
             back.
         most_returns: Number of such returns without progress after which the explosion has
             stalled.
-        friction: Coefficient of friction μ between modules and table.
-        base: ``clamped``: the first module is fixed to the table. ``free``: the chain lies on it
-            and moves as a whole so that it slides least.
+        table_friction: Coefficient of friction μ between modules and table.
+        table_base: ``clamped``: the first module is fixed to the table. ``free``: the chain lies
+            on it and moves as a whole so that it slides least.
     """
 
-    unit: int = 1
-    skipped: int = 2
-    window: int = 200
-    retire_height: float = 2.5
-    snapshot_rad: float = 0.05
-    verify_size: float = DEFAULT_MODULE_SIZE
-    patience: int = 400
-    max_steps_per_module: int = 1500
-    weight: float = 25.0
-    spring_torque: float = 3.0
-    largest_spring_torque: float = 2.0
-    pull: float = 0.3
-    turning: float = 1.0
-    first_bound: float = 2.0
-    raised_by: float = 1.15
-    most_torque: float = setting(
+    unit: int = shared(1, PeelingParameters)
+    skipped: int = shared(2, PeelingParameters)
+    window: int = shared(200, PeelingParameters)
+    retire_height: float = shared(2.5, PeelingParameters)
+    snapshot_rad: float = shared(0.05, PeelingParameters)
+    verify_size: float = shared(DEFAULT_MODULE_SIZE, PeelingParameters)
+    patience: int = shared(400, PeelingParameters)
+    max_steps_per_module: int = shared(1500, PeelingParameters)
+    weight: float = described(25.0, "Weight of a module in the simulation")
+    spring_torque: float = described(3.0, "Torque of the hinge spring at 1 rad", "w·p")
+    largest_spring_torque: float = described(
+        2.0, "Initial limit of the hinge spring's torque", "w·p"
+    )
+    pull: float = described(0.3, "Initial force on the last module", "module weights")
+    turning: float = described(1.0, "Initial torque that turns the tail", "w·p")
+    first_bound: float = described(2.0, "Initial limit of the static torque", "w·p")
+    raised_by: float = described(1.15, "Factor by which that limit grows")
+    table_torque: float = setting(
         8.0,
-        name="table_torque",
         label="Largest torque on a table",
         help="Largest torque that a hinge may need to hold the chain still, in w·p (module "
         "weight × pitch).",
         unit="w·p",
         range=(0.1, 1000.0),
     )
-    refusals: int = 8
-    unbent: float = 1.5
-    drawn_steps: int = 200
-    most_pushes: int = 9
-    most_returns: int = 1
-    friction: float = setting(
+    refusals: int = described(8, "Rejected frames before that limit grows", "frames")
+    unbent: float = described(1.5, "Sum of turns below which the next modules are released", "rad")
+    drawn_steps: int = described(200, "Steps under the same random forces", "steps")
+    most_pushes: int = described(9, "Pulses without progress before modules are taken back")
+    most_returns: int = described(1, "Returns without progress before the explosion stalls")
+    table_friction: float = setting(
         0.0,
-        name="table_friction",
         label="Friction of the table",
         help="Coefficient of friction μ between modules and table.",
         range=(0.0, 2.0),
     )
-    base: Base = setting(
+    table_base: Base = setting(
         "free",
-        name="table_base",
         label="Base",
         help="`free`: the chain lies on the table and may drift. `clamped`: its first module "
         "is fixed to the table. With friction, a clamped base needs several times the torque "
@@ -247,4 +264,4 @@ class TableParameters(PeelingParameters):
 
         A free chain without friction is held as well, because the least force would push it away.
         """
-        return self.base == "clamped" or self.friction == 0.0
+        return self.table_base == "clamped" or self.table_friction == 0.0

@@ -18,8 +18,8 @@ from foldback.planner.parameters.explosion import (
     TableParameters,
 )
 from foldback.planner.parameters.option import Choice, Choices
-from foldback.planner.parameters.playback import PlaybackParameters
-from foldback.planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
+from foldback.planner.parameters.playback import PUBLISHED_PLAYBACK, PlaybackParameters
+from foldback.planner.parameters.published import PaperExplosionParameters
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance

@@ -6,7 +6,8 @@ import math
 from dataclasses import dataclass, field
 from typing import Final
 
-from foldback.planner.parameters.setting import setting, shared
+from foldback.planner.parameters.published import PaperExplosionParameters
+from foldback.planner.parameters.setting import described, setting, shared
 
 ENCODER_STEP_RAD: Final = 2.0 * math.pi / 2**18
 """Resolution of a simulated joint encoder with 18 bits per turn, in rad."""
@@ -19,17 +20,25 @@ class RobotParameters:
     Torques are relative to the largest torque that the plan asks of a robot without errors.
 
     Attributes:
+        robots: Number of robots, each with errors of its own; 0 for one ideal robot.
         mass_error: Relative standard deviation of the modules' masses and inertias.
-        friction: Mean dry friction of the joints. Each joint has 0.5 to 1.5 times this value, and
-            its servo compensates the mean.
-        torque_limit: Largest torque of a motor.
-        give_rad: Error of a hinge at rest whose servo gives its largest torque.
+        joint_friction: Mean dry friction of the joints. Each joint has 0.5 to 1.5 times this
+            value, and its servo compensates the mean.
+        motor_limit: Largest torque of a motor.
+        servo_give: Error of a hinge at rest whose servo gives its largest torque.
         damping_s: Ratio kv / kp of the servos, in units of time.
-        encoder_rad: Resolution of the encoders. Each has an offset of up to half of it.
-        noise_rad: Standard deviation of a measured angle, drawn anew in each step of the servo.
-        runs: Number of robots, each with errors of its own; 0 for one ideal robot.
+        encoder_step: Resolution of the encoders, rad. Each has an offset of up to half of it.
+        encoder_noise: Standard deviation of a measured angle, rad, drawn anew in each step of the
+            servo.
     """
 
+    robots: int = setting(
+        3,
+        label="Robots",
+        help="Number of simulated robots with model errors; 0 means one ideal robot.",
+        range=(0, 20),
+        whole=True,
+    )
     mass_error: float = setting(
         0.03,
         label="Mass error",
@@ -37,55 +46,42 @@ class RobotParameters:
         unit="of the mean",
         range=(0.0, 0.2),
     )
-    friction: float = setting(
+    joint_friction: float = setting(
         0.02,
-        name="joint_friction",
         label="Joint friction",
         help="Mean dry friction of the joints; each joint has 0.5 to 1.5 times this value.",
         unit="× the plan's largest torque",
         range=(0.0, 0.5),
     )
-    torque_limit: float = setting(
+    motor_limit: float = setting(
         2.0,
-        name="motor_limit",
         label="Motor torque limit",
         help="Maximum torque of a motor.",
         unit="× the plan's largest torque",
         range=(0.1, 100.0),
     )
-    give_rad: float = setting(
+    servo_give: float = setting(
         0.01,
-        name="servo_give",
         label="Servo yield",
         help="Angle error of a motionless hinge whose motor is at its torque limit.",
         unit="rad",
         range=(1e-4, 0.5),
     )
-    damping_s: float = 0.2
-    encoder_rad: float = setting(
+    damping_s: float = described(0.2, "Servo damping relative to stiffness", "s")
+    encoder_step: float = setting(
         ENCODER_STEP_RAD,
-        name="encoder_step",
         label="Encoder step",
         help="Smallest angle that an encoder can measure. Default: an encoder with 18 bits per "
         "turn.",
         unit="rad",
         range=(0.0, 0.1),
     )
-    noise_rad: float = setting(
+    encoder_noise: float = setting(
         1e-5,
-        name="encoder_noise",
         label="Encoder noise",
         help="Standard deviation of the error of a measured angle.",
         unit="rad",
         range=(0.0, 0.01),
-    )
-    runs: int = setting(
-        3,
-        name="robots",
-        label="Robots",
-        help="Number of simulated robots with model errors; 0 means one ideal robot.",
-        range=(0, 20),
-        whole=True,
     )
 
 
@@ -98,7 +94,8 @@ class PlaybackParameters:
             ``computed-torque`` (an ideal robot; only the encoders' resolution is left),
             ``paper`` (the threshold rule) or ``direct`` (straight to the target: the baseline
             that fails).
-        robot: Model errors of the robots, for the controller ``robot``.
+        robot: Model errors of the robots, for the controller ``robot``. Only its ``encoder_step``
+            is left for ``computed-torque``.
         spacing_rad: Distance of the reference's control points along the record.
         distance_weight: Radians that a displacement of one pitch counts as, along the record.
         steps_per_rad: Simulation steps for each radian of the record's length.
@@ -107,36 +104,35 @@ class PlaybackParameters:
             fastest pace that the hinges' speed limit allows, whatever torque it needs. For
             simulated playbacks.
         bandwidth: Bandwidth w of computed torque, in 1/s.
-        encoder_rad: Resolution of the encoders for computed torque; 0 for exact ones.
         stiffness: Servo gain kp.
         friction: Coefficient of friction of contacts.
-        torque_limit: Largest torque of a motor in module masses · pitch²/s²; None for no limit.
+        motor_max_force: Largest torque of a motor in module masses · pitch²/s²; None for no limit.
             Motors of ``paper`` and ``direct`` are velocity constraints, as in ODE.
-        threshold_rad2: The published rule: the next snapshot is the target once every hinge's
-            squared error is below this.
-        gain: Speed of a motor per radian of error, kp / kv, in 1/s.
+        threshold: The published rule: the next snapshot is the target once every hinge's squared
+            error, rad², is below this.
+        motor_gain: Speed of a motor per radian of error, kp / kv, in 1/s.
         damping: Fraction of its velocity that the chain loses in each step.
-        least_steps: The published rule: smallest number of steps for each snapshot.
+        steps_per_snapshot: The published rule: smallest number of steps for each snapshot.
         direct_steps: Number of steps in which the baseline's target goes from straight to folded.
-        dynamic_up_to: Longest chain that is simulated, in modules; longer ones are played back by
-            kinematics.
+        simulated_modules: Longest chain that is simulated, in modules; longer ones are played back
+            by kinematics.
         max_steps: Number of steps after which the playback gives up.
     """
 
-    controller: str = "robot"
+    controller: str = described("robot", "Controller")
     robot: RobotParameters = field(default_factory=RobotParameters)
-    spacing_rad: float = 0.03
-    distance_weight: float = 0.03
-    steps_per_rad: float = 50.0
-    step_s: float = shared(0.08, "step_s")
-    paced_by: str = "torque"
-    bandwidth: float = 7.5
-    encoder_rad: float = ENCODER_STEP_RAD
-    stiffness: float = 1e7
-    friction: float = shared(0.0, "friction")
-    torque_limit: float | None = setting(
+    spacing_rad: float = described(0.03, "Control point spacing", "rad")
+    distance_weight: float = described(
+        0.03, "Weight of displacements in the path length", "rad/pitch"
+    )
+    steps_per_rad: float = described(50.0, "Steps per radian")
+    step_s: float = shared(0.08, PaperExplosionParameters)
+    paced_by: str = described("torque", "Quantity that limits the pace")
+    bandwidth: float = described(7.5, "Bandwidth", "per s")
+    stiffness: float = described(1e7, "Servo stiffness")
+    friction: float = shared(0.0, PaperExplosionParameters)
+    motor_max_force: float | None = setting(
         None,
-        name="motor_max_force",
         label="Joint motor maximum force",
         help="Maximum torque of a hinge's motor in playback; `none` means no limit.",
         unit="module mass · pitch²/s²",
@@ -145,9 +141,8 @@ class PlaybackParameters:
         optional=True,
         direct=True,
     )
-    threshold_rad2: float = setting(
+    threshold: float = setting(
         0.15,
-        name="threshold",
         label="Maximum squared error",
         help="The motors go on to the next snapshot when every hinge's squared error is below "
         "this value.",
@@ -155,9 +150,8 @@ class PlaybackParameters:
         source="published",
         range=(1e-6, 10.0),
     )
-    gain: float = setting(
+    motor_gain: float = setting(
         30.0,
-        name="motor_gain",
         label="Servo gain",
         help="Speed of a motor per radian of error.",
         unit="1/s",
@@ -165,10 +159,9 @@ class PlaybackParameters:
         range=(0.01, 100.0),
         direct=True,
     )
-    damping: float = shared(0.0, "damping")
-    least_steps: int = setting(
+    damping: float = shared(0.0, PaperExplosionParameters)
+    steps_per_snapshot: int = setting(
         1,
-        name="steps_per_snapshot",
         label="Steps for each snapshot",
         help="Minimum number of motor steps for each snapshot. With 0, only the maximum "
         "squared error decides when the next snapshot follows, except at the first snapshot.",
@@ -176,17 +169,29 @@ class PlaybackParameters:
         range=(0, 1000),
         whole=True,
     )
-    direct_steps: int = 4000
-    dynamic_up_to: int = setting(
+    direct_steps: int = described(4000, "Duration of the target motion", "steps")
+    simulated_modules: int = setting(
         500,
-        name="simulated_modules",
         label="Longest simulated chain",
         help="Longer chains are played back without a simulation of forces.",
         unit="modules",
         range=(2, 20_000),
         whole=True,
+        own=True,
     )
-    max_steps: int = 200_000
+    max_steps: int = described(200_000, "Step limit", "steps")
+
+
+PUBLISHED_PLAYBACK: Final = PlaybackParameters(
+    controller="paper",
+    step_s=0.01,
+    friction=0.1,
+    damping=0.1,
+    motor_gain=60.0,
+    simulated_modules=600,
+)
+"""Playback parameters of the presets ``paper`` and ``direct``: the values of the published method
+where the paper states them."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

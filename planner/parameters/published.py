@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 from foldback.planner.chain.module import DEFAULT_DENSITY_KG_M3, Module
-from foldback.planner.parameters.playback import PlaybackParameters
-from foldback.planner.parameters.setting import setting
+from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.parameters.setting import setting, shared
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,16 +126,9 @@ class PaperExplosionParameters:
         unit="°",
         range=(90.0, 92.0),
     )
-    geom_size: float = 0.99
-    max_steps: int = 400_000
+    geom_size: float = shared(0.99, ExplosionParameters)
+    max_steps: int = shared(400_000, ExplosionParameters)
 
     def module_mass_g(self, module: Module) -> float:
         """Return the mass of a module in grams."""
         return 1e-3 * self.density_kg_m3 * module.volume * self.pitch_cm**3
-
-
-PUBLISHED_PLAYBACK: Final = PlaybackParameters(
-    controller="paper", step_s=0.01, friction=0.1, damping=0.1, gain=60.0, dynamic_up_to=600
-)
-"""Playback parameters of the presets ``paper`` and ``direct``: the values of the published method
-where the paper states them."""

@@ -10,16 +10,16 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Iterator, Mapping
-from dataclasses import fields, replace
-from typing import Any, Final
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any, Final, get_args
 
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.explosion import TableParameters
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.parameters.published import PaperExplosionParameters
-from foldback.planner.parameters.setting import Setting, Value, setting_of
+from foldback.planner.parameters.setting import Setting, Source, Value, descriptions
 
 MAX_TEXT_CHARS: Final = 500
 """Maximum length, in characters, of a request's text of settings (``name=value`` pairs); a longer
@@ -45,43 +45,38 @@ IDEAL: Final = "robots=0"
 resolution of its encoders remains as an error."""
 
 
-def _described_fields() -> Iterator[tuple[str, str, Setting | str]]:
-    """Yield part, field and setting (or the name of a shared one) of each field with a setting."""
-    for part, parameters in PARTS.items():
-        for field in fields(parameters):
-            found = setting_of(field)
-            if found is not None:
-                yield part, field.name, found
-
-
-_BY_NAME: Final = {
-    found.name: found for _, _, found in _described_fields() if isinstance(found, Setting)
+_OF_PARTS: Final = {
+    part: {
+        name: described
+        for name, described in descriptions(kind).items()
+        if isinstance(described, Setting)
+    }
+    for part, kind in PARTS.items()
 }
-_FIELDS: Final[dict[str, dict[str, str]]] = {name: {} for name in _BY_NAME}
-"""Fields that each setting changes: by the name of the setting, then by the part of the parameters
-(``explosion`` or ``playback``) that has the field."""
-for _part, _field, _found in _described_fields():
-    _FIELDS[_found if isinstance(_found, str) else _found.name][_part] = _field
 
 
-def _named(*names: str) -> tuple[Setting, ...]:
-    return tuple(_BY_NAME[name] for name in names)
+def _settings(*parts: str) -> tuple[Setting, ...]:
+    """Return the settings of parts, each once, in the order of their fields."""
+    return tuple({name: each for part in parts for name, each in _OF_PARTS[part].items()}.values())
 
 
-SETTINGS: Final = _named(
-    *("radial_gain", "repulsion_gain", "threshold", "damping", "friction", "motor_max_force"),
-    *("step_s", "pitch_cm", "density_kg_m3", "snapshot_interval", "steps_per_snapshot"),
-    *("motor_gain", "repulsion_cutoff", "spring", "stop_deg"),
+SETTINGS: Final = tuple(
+    sorted(
+        (each for each in _settings("explosion", "playback") if not each.own),
+        key=lambda each: get_args(Source).index(each.source),
+    )
 )
-"""Settings of the published method, in the order in which pages and lists show them."""
-ROBOT_SETTINGS: Final = _named(
-    *("robots", "mass_error", "joint_friction", "motor_limit", "servo_give", "encoder_step"),
-    *("encoder_noise", "simulated_modules"),
+"""Settings of the published method, in the order in which pages and lists show them: first those of
+which the paper gives the value."""
+ROBOT_SETTINGS: Final = (
+    *_settings("robot"),
+    *(each for each in _settings("playback") if each.own),
 )
 """Settings of simulated robots, in the same order."""
-TABLE_SETTINGS: Final = _named("table_torque", "table_friction", "table_base")
+TABLE_SETTINGS: Final = _settings("table")
 """Settings of tables, in the same order."""
 ALL_SETTINGS: Final = (*SETTINGS, *ROBOT_SETTINGS, *TABLE_SETTINGS)
+_BY_NAME: Final = {each.name: each for each in ALL_SETTINGS}
 
 
 def names_with_units(settings: tuple[Setting, ...]) -> str:
@@ -99,9 +94,9 @@ def value_of(setting: Setting, parameters: Parameters) -> Value:
         "robot": parameters.playback.robot,
         "table": parameters.table,
     }
-    for part, field in _FIELDS[setting.name].items():
-        if isinstance(parts[part], PARTS[part]):
-            return getattr(parts[part], field)
+    for part, kind in PARTS.items():
+        if setting.name in _OF_PARTS[part] and isinstance(parts[part], kind):
+            return getattr(parts[part], setting.name)
     raise AssertionError(f"{parameters.preset} does not use {setting.name}")
 
 
@@ -155,7 +150,7 @@ def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Para
     parts, density = _parts(parameters), parameters.density_kg_m3
     for name, value in settings.items():
         setting = _BY_NAME[name]
-        used = [part for part in _FIELDS[name] if part in parts]
+        used = [part for part in parts if name in _OF_PARTS[part]]
         if name == "density_kg_m3" and parameters.explosion is None:
             used.append("density")
         if not used or not _is_used(setting, parameters):
@@ -165,15 +160,15 @@ def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Para
             raise _bad(f"got {name} for {where} not use it.")
         number = int(value) if setting.whole and isinstance(value, float) else value
         for part in set(used) & set(parts):
-            parts[part] = replace(parts[part], **{_FIELDS[name][part]: number})
+            parts[part] = replace(parts[part], **{name: number})
         if name == "density_kg_m3" and isinstance(value, float):
             density = value
     playback: PlaybackParameters = parts["playback"]
     if "robot" in parts:
         playback = replace(playback, robot=parts["robot"])
-    if not playback.robot.runs:
+    if not playback.robot.robots:
         playback = replace(playback, controller="computed-torque")
-    turned = playback.gain * playback.step_s
+    turned = playback.motor_gain * playback.step_s
     if playback.controller not in ("robot", "computed-torque") and turned > MAX_TURN_PER_STEP:
         raise _bad(
             f"got motor_gain · step_s = {turned:g}, expected at most {MAX_TURN_PER_STEP:g}; use "

@@ -14,8 +14,8 @@ from typing import Final
 from foldback.planner.chain.module import Module, module_named
 from foldback.planner.explosion.strategy_cost import COSTS_IN_LAYERS, COSTS_INTERLOCKED
 from foldback.planner.parameters.parameters import FLOATING, Parameters
-from foldback.planner.parameters.playback import PlaybackParameters
-from foldback.planner.parameters.published import PUBLISHED_PLAYBACK, PaperExplosionParameters
+from foldback.planner.parameters.playback import PUBLISHED_PLAYBACK, PlaybackParameters
+from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.pathfinding.expected_duration import expected_seconds
 from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.pipeline.request import FoldRequest
@@ -125,8 +125,8 @@ def _published(
     exploding_s = (
         min(steps, explosion.max_steps) * modules * (PACKED_STEP_S if packed else LOOSE_STEP_S)
     )
-    playing = steps / explosion.snapshot_interval * max(1, playback.least_steps)
-    simulated = modules <= playback.dynamic_up_to
+    playing = steps / explosion.snapshot_interval * max(1, playback.steps_per_snapshot)
+    simulated = modules <= playback.simulated_modules
     playing_s = simulated * min(playing, playback.max_steps) * modules * SERVO_STEP_S
     least_s = {
         "explode": LOWER_BOUND_FRACTION * steps * modules * LOOSE_STEP_S,
@@ -184,7 +184,7 @@ def _ours(modules: int, request: FoldRequest, parameters: Parameters) -> Expecte
         usual_s + max(0.0, robots_s - usual_robots_s),
         LOWER_BOUND_FRACTION * robots_s,
     )
-    stage, cause = "play_back", f"{modules} modules and {parameters.playback.robot.runs} robots"
+    stage, cause = "play_back", f"{modules} modules and {parameters.playback.robot.robots} robots"
     remedy = "Use fewer robots, or a lower value of simulated_modules."
     if request.world != FLOATING and LOWER_BOUND_FRACTION * usual_s > least_s:
         least_s, stage, cause = (
@@ -207,7 +207,7 @@ def _ours(modules: int, request: FoldRequest, parameters: Parameters) -> Expecte
 
 def _robots_s(modules: int, playback: PlaybackParameters) -> float:
     """Return the processor time of a playback that robots with faults are simulated in."""
-    if modules > playback.dynamic_up_to:
+    if modules > playback.simulated_modules:
         return 0.0
     linear_s, square_s = ROBOT_COST_S
-    return max(1, playback.robot.runs) * (linear_s * modules + square_s * modules**2)
+    return max(1, playback.robot.robots) * (linear_s * modules + square_s * modules**2)

@@ -122,8 +122,8 @@ def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: 
     standing = table_certificate(
         chain,
         record.frames[::-1],
-        friction=table.friction,
-        base=table.base,
+        friction=table.table_friction,
+        base=table.table_base,
         on_table=True,
         height=chain.table_height,
     )
@@ -135,7 +135,7 @@ def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: 
             chain,
             record.frames,
             torque_limit_wp=TABLE_MOTOR_RESERVE * max(asked, MIN_SIZING_TORQUE_WP),
-            friction=table.friction,
+            friction=table.table_friction,
             clamped=table.held,
             start_s=float(exploded.time_s[-1]),
             progress=watch.progress,

@@ -37,11 +37,11 @@ def build_plant(
         return robot, lambda target: drive_robot(robot, target, step_s)
     motors = None
     if p.controller != "computed-torque":
-        motors = Servos(stiffness=p.stiffness, damping=p.stiffness / p.gain)
-        if p.torque_limit is not None:
+        motors = Servos(stiffness=p.stiffness, damping=p.stiffness / p.motor_gain)
+        if p.motor_max_force is not None:
             # The torque of a stiff servo jumps from one limit to the other; a constraint's does
             # not.
-            motors = RateMotors(torque_limit=p.torque_limit)
+            motors = RateMotors(torque_limit=p.motor_max_force)
     material = Material(geom_size=trajectory.module_size, friction=p.friction)
     tree = Tree(trajectory.chain, material, step_s=step_s, motors=motors, damping=p.damping)
     if motors is None:
@@ -49,7 +49,7 @@ def build_plant(
     if isinstance(motors, RateMotors):
         # The rate is proportional to the remaining angle.
         return tree, lambda target: tree.set_rates(
-            target.rates + p.gain * (target.angles - tree.angles)
+            target.rates + p.motor_gain * (target.angles - tree.angles)
         )
     return tree, lambda target: tree.set_servo_targets(target.angles)
 
@@ -63,7 +63,7 @@ def drive_robot(robot: Robot, target: Target, step_s: float) -> None:
 
 def drive_by_computed_torque(tree: Tree, target: Target, p: PlaybackParameters) -> None:
     """Apply inverse dynamics of the floating chain: q̈ = q̈_ref + 2w ė + w² e."""
-    w, step = p.bandwidth, p.encoder_rad
+    w, step = p.bandwidth, p.robot.encoder_step
     angles = np.rint(tree.angles / step) * step if step else tree.angles
     wanted = (
         target.accelerations

@@ -256,7 +256,7 @@ def simulates(chain: Chain, recorded: Motion, parameters: PlaybackParameters) ->
         parameters: Parameters of the playback. With windows only robots are simulated.
     """
     able = not recorded.is_windowed or parameters.controller == "robot"
-    return able and len(chain) <= parameters.dynamic_up_to
+    return able and len(chain) <= parameters.simulated_modules
 
 
 def _followed(

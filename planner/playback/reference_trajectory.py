@@ -86,7 +86,7 @@ class ReferenceTrajectory:
         """Phases in which the chain rests between turns."""
         self.parts = self._all_parts(record, unfolding)
         folds_robots = parameters.controller == "robot"
-        self.robots = parameters.robot.runs if folds_robots else 1
+        self.robots = parameters.robot.robots if folds_robots else 1
         self.lost_rad = TRACKING_LOST_RAD if folds_robots else np.inf
         self.contacts: ContactFinder | None = None
         """Finder of the robots' contacts, which they share; None if no robots fold."""
@@ -167,7 +167,7 @@ class ReferenceTrajectory:
     def _snapshots(self, snapshots: Snapshots) -> SnapshotSetpoints:
         p = self.parameters
         return SnapshotSetpoints(
-            snapshots, threshold_rad2=p.threshold_rad2, least_steps=p.least_steps
+            snapshots, threshold_rad2=p.threshold, steps_per_snapshot=p.steps_per_snapshot
         )
 
     def _reference(self, chain: Chain, snapshots: Array, rests: Ints | None) -> Reference:

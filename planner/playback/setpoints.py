@@ -163,14 +163,16 @@ class SnapshotSetpoints:
     Args:
         snapshots: Snapshots to follow.
         threshold_rad2: Largest squared error, rad², below which the next snapshot is the target.
-        least_steps: Minimum number of steps for each snapshot. With 0 the threshold alone decides,
-            and snapshots that the chain is near to already are skipped.
+        steps_per_snapshot: Minimum number of steps for each snapshot. With 0 the threshold alone
+            decides, and snapshots that the chain is near to already are skipped.
     """
 
-    def __init__(self, snapshots: Snapshots, *, threshold_rad2: float, least_steps: int) -> None:
+    def __init__(
+        self, snapshots: Snapshots, *, threshold_rad2: float, steps_per_snapshot: int
+    ) -> None:
         self._snapshots = snapshots
         self._threshold = threshold_rad2
-        self._least_steps = least_steps
+        self._steps_per_snapshot = steps_per_snapshot
         self._next = 0
         self._steps = 0
         self._ending = _Ending()
@@ -183,14 +185,14 @@ class SnapshotSetpoints:
             self._steps = 0
         if self._next == last and self._ending.over(rates):
             return None
-        if self._steps >= self._least_steps + STALL_STEPS:
+        if self._steps >= self._steps_per_snapshot + STALL_STEPS:
             return None  # what is tangled stays so
         self._steps += 1
         return _still(self._snapshots[self._next], self._next / max(1, last))
 
     def _least(self) -> int:
         """Return the minimum steps of this snapshot; the first one is never skipped."""
-        return max(self._least_steps, int(self._next == 0))
+        return max(self._steps_per_snapshot, int(self._next == 0))
 
     def _near(self, angles: Array) -> bool:
         return float(((self._snapshots[self._next] - angles) ** 2).max()) < self._threshold

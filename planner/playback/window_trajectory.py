@@ -204,7 +204,7 @@ class WindowTrajectory:
         self.parameters = parameters
         self.module_size = module_size
         self._start_s = start_s
-        self.robots = parameters.robot.runs
+        self.robots = parameters.robot.robots
         self._backwards = record[::-1]
         self._ends = RigidEnds(chain, np.ones(len(chain)))
         # Some room is left for the robots' joint errors.

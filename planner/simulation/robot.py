@@ -63,15 +63,15 @@ class RobotErrors:
     ) -> None:
         n, hinges = len(chain), len(chain.folded_rad)
         self._rng = rng = np.random.default_rng(seed)
-        self.limit = parameters.torque_limit * peak_torque
-        self.stiffness = self.limit / parameters.give_rad
+        self.limit = parameters.motor_limit * peak_torque
+        self.stiffness = self.limit / parameters.servo_give
         self.damping = self.stiffness * parameters.damping_s
         self.masses = 1.0 + parameters.mass_error * rng.standard_normal(n)
-        self.expected_friction = parameters.friction * peak_torque
+        self.expected_friction = parameters.joint_friction * peak_torque
         self.friction = self.expected_friction * rng.uniform(0.5, 1.5, hinges)
-        self.encoder_rad = parameters.encoder_rad
+        self.encoder_rad = parameters.encoder_step
         self.offsets = self.encoder_rad * rng.uniform(-0.5, 0.5, hinges)
-        self._noise_rad = parameters.noise_rad
+        self._noise_rad = parameters.encoder_noise
 
     def drive(
         self,

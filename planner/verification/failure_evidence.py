@@ -173,7 +173,7 @@ def _spent_differs(
     if allowed != (allowed if limit is None else limit):
         yield f"allowed: got {allowed} {spent}, expected {limit}, as in the parameters"
     if spent == "refusals":
-        most = float(parameters["table"]["most_torque"])
+        most = float(parameters["table"]["table_torque"])
         if record.table is None or record.table.bound < most:
             bound = "none" if record.table is None else f"{record.table.bound:g} w·p"
             yield (

@@ -69,21 +69,20 @@ def _on_its_table(parameters: Parameters, plan: Plan) -> Parameters:
             f"{', '.join(WORLD_CHOICES)}.",
         )
     told = plan.parameters.get("table", {})
-    friction = told.get("friction", parameters.table.friction)
-    # Before there was a choice, a chain was clamped where there was friction.
-    base = told.get("base", "clamped" if friction else "free")
+    friction = told.get("table_friction", parameters.table.table_friction)
+    base = told.get("table_base", parameters.table.table_base)
     if base not in get_args(Base):
         raise InputError(
             "not-a-plan",
-            f"got {base!r} in parameters.table.base of plan.npz, expected one of: "
+            f"got {base!r} in parameters.table.table_base of plan.npz, expected one of: "
             f"{', '.join(get_args(Base))}.",
         )
     table = replace(
         parameters.table,
-        base=base,
-        friction=friction if friction == 0.0 else _checked_number(friction, "table.friction"),
-        most_torque=_checked_number(
-            told.get("most_torque", parameters.table.most_torque), "table.most_torque"
+        table_base=base,
+        table_friction=friction and _checked_number(friction, "table.table_friction"),
+        table_torque=_checked_number(
+            told.get("table_torque", parameters.table.table_torque), "table.table_torque"
         ),
     )
     return replace(parameters, world=world, table=table)

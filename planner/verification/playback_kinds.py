@@ -44,7 +44,7 @@ def kind_differs(plan: Plan, playback: Playback) -> Differences:
         need = "null, expected results" if wanted else "results, expected null"
         yield f"plan.npz explosion: got {need}, because the preset is {plan.preset}"
     direct = plan.explosion is None and not plan.motion.is_windowed
-    limit = int(playback_number(plan, "dynamic_up_to"))
+    limit = int(playback_number(plan, "simulated_modules"))
     simulated = direct or len(plan.chain) <= limit
     kind = "dynamic" if simulated else "kinematic"
     yield from value_differences(playback.kind, kind, "plan.npz playback.kind")

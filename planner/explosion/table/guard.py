@@ -121,11 +121,11 @@ class Guard:
         self.refused += 1.0
         if self.refused <= p.refusals:
             return
-        if self.bound >= p.most_torque:
+        if self.bound >= p.table_torque:
             self.exhausted_by = refusal
             return
         self.refused = 0.0
-        self.bound = min(p.raised_by * self.bound, p.most_torque)
+        self.bound = min(p.raised_by * self.bound, p.table_torque)
         self.raised.append((time_s, self.bound))
 
     def count_checkpoint(self) -> None:
@@ -138,7 +138,7 @@ class Guard:
             bound=self.bound,
             taken_back=self.taken_back,
             raised=tuple(self.raised),
-            friction=self._parameters.friction,
+            friction=self._parameters.table_friction,
         )
 
     def _placed(self, configuration: WindowConfiguration) -> Placed:
@@ -164,10 +164,10 @@ class Guard:
             return Refusal(f"a module would sink {-lowest:.3f} pitch into the table")
         if self._loops(placed):
             return Refusal("the chain would cross over itself in a loop that cannot open")
-        options: dict[str, Any] = {"clamped": 0} if self._parameters.base == "clamped" else {}
-        if self._parameters.friction and earlier is not None:
+        options: dict[str, Any] = {"clamped": 0} if self._parameters.table_base == "clamped" else {}
+        if self._parameters.table_friction and earlier is not None:
             options["friction"] = Friction(
-                coefficient=self._parameters.friction,
+                coefficient=self._parameters.table_friction,
                 positions=earlier.poses.positions,
                 rotations=earlier.poses.rotations,
             )

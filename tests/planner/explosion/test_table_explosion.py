@@ -48,7 +48,7 @@ def test_box_becomes_straight_within_the_torque_bound(record: Record, tmp_path: 
 
 
 def test_steps_beyond_the_largest_torque_are_taken_back() -> None:
-    weak = replace(TableParameters(), first_bound=0.2, most_torque=0.3)
+    weak = replace(TableParameters(), first_bound=0.2, table_torque=0.3)
     found = explode_on_table(on_table(BOX), weak)
     assert found.status == "stalled"
     assert "0.30 w·p" in found.reason
@@ -61,7 +61,7 @@ def test_chain_that_cannot_even_stand_fails_with_a_reason_and_its_folded_frame()
     """The long arm needs more torque than the bound, so the guard refuses every frame."""
     chain = chain_of([(0, 0, 0), (1, 0, 0), *((x, 0, 1) for x in range(1, 8)), (7, 1, 1)])
     parts: list[Motion] = []
-    weak = replace(TableParameters(), first_bound=0.3, most_torque=0.3)
+    weak = replace(TableParameters(), first_bound=0.3, table_torque=0.3)
     found = explode_on_table(chain, weak, sink=parts.append)
     assert found.status == "stalled"
     assert "0.30 w·p" in found.reason

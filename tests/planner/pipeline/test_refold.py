@@ -283,7 +283,7 @@ def test_long_chain_is_refolded_by_kinematics(square: Plan, folder: FilePath, pl
     found = play_back(
         plan.chain,
         Record.load(folder / "record.npz"),
-        PlaybackParameters(dynamic_up_to=len(plan.chain) - 1),
+        PlaybackParameters(simulated_modules=len(plan.chain) - 1),
         unfolding=way,
         sink=parts.append,
     )

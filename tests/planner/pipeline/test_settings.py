@@ -67,7 +67,7 @@ def test_settings_reach_their_parameters_of_each_preset() -> None:
     assert with_settings(preset("direct"), {"friction": 0.3}).playback.friction == 0.3
     for name in ("default", "paper"):
         changed = with_settings(preset(name), read_settings("simulated_modules=5000"))
-        assert changed.playback.dynamic_up_to == 5000
+        assert changed.playback.simulated_modules == 5000
     (step,) = (s for s in SETTINGS if s.name == "step_s")
     assert value_of(step, PAPER) == 0.01
     direct = replace(preset("direct").playback, step_s=0.005)

@@ -39,7 +39,7 @@ def test_box_folds_on_a_table_within_the_torques_of_its_certificate(tmp_path: Pa
     assert plan.certificate.verdict.startswith("verified (simulated)"), plan.certificate.verdict
     assert table.rests
     assert table.on_table
-    assert table.torque <= Parameters().table.most_torque
+    assert table.torque <= Parameters().table.table_torque
     assert len(table.torques) == len(motion)
     # The record's torque limits the motors; the plan's curve exceeds it slightly.
     allowed = 1.05 * TABLE_MOTOR_RESERVE * max(table.torque, MIN_SIZING_TORQUE_WP)
@@ -69,7 +69,7 @@ def test_plan_with_friction_has_a_free_base_and_its_drift(tmp_path: Path) -> Non
     held = motion.clamped(plan.chain)
     assert np.abs(motion.root_position - held.root_position).max() > 0.05
     assert verify(tmp_path).verified, verify(tmp_path).problems
-    table_parameters = {**plan.parameters["table"], "base": "clamped"}
+    table_parameters = {**plan.parameters["table"], "table_base": "clamped"}
     text = problems(tmp_path, plan, parameters={**plan.parameters, "table": table_parameters})
     assert "a chain whose first module is clamped: plan.npz root_position" in text
     assert "a chain whose first module is clamped: timeline.zarr root_position" in text
@@ -84,14 +84,14 @@ def test_base_of_a_plan_is_read_from_its_parameters() -> None:
         return plan_parameters(cast("Plan", data), None).table
 
     for data, base, held in (
-        ({"friction": 0.1}, "clamped", True),  # plans of versions without the choice
-        ({"friction": 0.0, "clamped": True}, "free", True),
-        ({"friction": 0.1, "base": "free"}, "free", False),
-        ({"friction": 0.0, "base": "clamped"}, "clamped", True),
+        ({"table_friction": 0.1}, "free", False),  # what is absent has its default
+        ({"table_friction": 0.0}, "free", True),
+        ({"table_friction": 0.1, "table_base": "free"}, "free", False),
+        ({"table_friction": 0.0, "table_base": "clamped"}, "clamped", True),
     ):
-        assert (table_of(data).base, table_of(data).held) == (base, held), data
-    with pytest.raises(InputError, match=r"'held' in parameters\.table\.base"):
-        table_of({"friction": 0.1, "base": "held"})
+        assert (table_of(data).table_base, table_of(data).held) == (base, held), data
+    with pytest.raises(InputError, match=r"'held' in parameters\.table\.table_base"):
+        table_of({"table_friction": 0.1, "table_base": "held"})
 
 
 def test_flat_shape_on_a_table_is_verified_from_its_files(tmp_path: Path) -> None:
@@ -106,8 +106,8 @@ def test_settings_of_a_table_are_its_parameters() -> None:
         world="table", settings="table_torque=4, table_friction=0.1, table_base=clamped"
     )
     table = request.parameters().table
-    assert (table.most_torque, table.friction, table.base) == (4.0, 0.1, "clamped")
-    assert FoldRequest(world="table", settings=FRICTION).parameters().table.base == "free"
+    assert (table.table_torque, table.table_friction, table.table_base) == (4.0, 0.1, "clamped")
+    assert FoldRequest(world="table", settings=FRICTION).parameters().table.table_base == "free"
     same = replace(request, settings="table_base=free").canonical()
     assert same == FoldRequest(world="table")
 

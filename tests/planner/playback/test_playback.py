@@ -52,7 +52,7 @@ def test_robots_fold_a_real_shape(folded: Folded) -> None:
 
 
 def test_weak_motors_miss_the_target(folded: Folded) -> None:
-    weak = replace(DEFAULT, robot=RobotParameters(torque_limit=0.3))
+    weak = replace(DEFAULT, robot=RobotParameters(motor_limit=0.3))
     playback = play(folded, weak)
     assert playback.status == "missed"
     assert "a robot could not follow the motion: " in playback.reason
@@ -95,7 +95,7 @@ def test_cancelled_or_too_long_playback_keeps_its_frames(folded: Folded) -> None
 
 def test_published_rule_folds_within_its_torque(folded: Folded) -> None:
     parameters = preset("paper")
-    limited = replace(parameters.playback, torque_limit=2000.0)
+    limited = replace(parameters.playback, motor_max_force=2000.0)
     playback = play(folded, limited)
     assert certify(
         folded.chain, folded.record, playback, replace(parameters, playback=limited)

@@ -18,7 +18,9 @@ from tests.planner.chains import coil, line
 from tests.planner.conftest import Folded
 from tests.planner.mujoco_tree import tree_with
 
-FAULTLESS = RobotParameters(mass_error=0.0, friction=0.0, encoder_rad=0.0, noise_rad=0.0, runs=1)
+FAULTLESS = RobotParameters(
+    mass_error=0.0, joint_friction=0.0, encoder_step=0.0, encoder_noise=0.0, robots=1
+)
 
 
 def play(folded: Folded, robot: RobotParameters, **options: Any) -> Playback:
@@ -31,7 +33,7 @@ def play(folded: Folded, robot: RobotParameters, **options: Any) -> Playback:
 def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None:
     contacts = robot_contacts(chain, geom_size=0.3, step_s=0.08)
     contacts.prepare(len(chain))
-    parameters = replace(FAULTLESS, mass_error=0.1, torque_limit=100.0)
+    parameters = replace(FAULTLESS, mass_error=0.1, motor_limit=100.0)
     robot = Robot(chain, contacts, parameters, peak_torque=10.0, seed=[3], step_s=0.08)
     assert robot.errors.masses.std() > 0.05
     hinges = len(chain.folded_rad)
@@ -42,7 +44,7 @@ def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None
     torques = rng.normal(size=hinges)
     robot.follow(target, rates, torques)
     robot.end_step()
-    h, stiffness = 0.08, robot.errors.limit / FAULTLESS.give_rad
+    h, stiffness = 0.08, robot.errors.limit / FAULTLESS.servo_give
     damping = stiffness * FAULTLESS.damping_s
     model = tree_with(chain, 0.3, robot.errors.masses)
     data: Any = mujoco.MjData(model)
@@ -69,9 +71,9 @@ def test_each_fault_is_seen_in_the_joint_error(folded: Folded) -> None:
     assert (exact.robots, exact.others_rad) == (None, None)
     for fault in (
         {"mass_error": 0.1},
-        {"friction": 0.2},
-        {"encoder_rad": 2e-3},
-        {"noise_rad": 1e-3},
+        {"joint_friction": 0.2},
+        {"encoder_step": 2e-3},
+        {"encoder_noise": 1e-3},
     ):
         faulty = play(folded, replace(FAULTLESS, **fault))
         assert faulty.status == "folded", fault
@@ -86,7 +88,7 @@ def test_seed_decides_the_robots_and_the_largest_error_is_shown(folded: Folded) 
     assert not np.array_equal(other.frames.joint_angles_rad, first.frames.joint_angles_rad)
     reference = first.reference_rad
     np.testing.assert_array_equal(other.reference_rad, reference)
-    assert first.robots == RobotParameters().runs == 3
+    assert first.robots == RobotParameters().robots == 3
     assert first.others_rad.shape == (2, *reference.shape)
     shown = np.abs(first.frames.joint_angles_rad - reference).max()
     assert all(np.abs(other - reference).max() < shown + 1e-12 for other in first.others_rad)
@@ -95,7 +97,7 @@ def test_seed_decides_the_robots_and_the_largest_error_is_shown(folded: Folded) 
 
 def test_motors_keep_their_torque_limit(folded: Folded) -> None:
     need = play(folded, FAULTLESS).peak_torque
-    weak = play(folded, replace(FAULTLESS, torque_limit=0.9))
+    weak = play(folded, replace(FAULTLESS, motor_limit=0.9))
     assert need is not None and weak.peak_torque is not None
     assert weak.peak_torque <= 0.91 * need
 

@@ -5,8 +5,8 @@ from foldback.planner.playback.setpoints import STALL_STEPS, Backwards, Snapshot
 from tests.planner.chains import Array
 
 
-def paper_guide(snapshots: Array, least_steps: int = 1) -> SnapshotSetpoints:
-    return SnapshotSetpoints(snapshots, threshold_rad2=0.15, least_steps=least_steps)
+def paper_guide(snapshots: Array, steps_per_snapshot: int = 1) -> SnapshotSetpoints:
+    return SnapshotSetpoints(snapshots, threshold_rad2=0.15, steps_per_snapshot=steps_per_snapshot)
 
 
 def goals(setpoints: SnapshotSetpoints, angle: float, steps: int) -> list[float]:

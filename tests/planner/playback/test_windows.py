@@ -19,7 +19,9 @@ from tests.planner.chains import Array
 from tests.planner.mujoco_tree import tree_with
 from tests.planner.peels import peel, snake
 
-FAULTLESS = RobotParameters(mass_error=0.0, friction=0.0, encoder_rad=0.0, noise_rad=0.0, runs=1)
+FAULTLESS = RobotParameters(
+    mass_error=0.0, joint_friction=0.0, encoder_step=0.0, encoder_noise=0.0, robots=1
+)
 SIZE = 0.3
 """Size of modules that touch nothing in an unchecked motion, pitches."""
 UPRIGHT = (np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
@@ -60,7 +62,7 @@ def robot_of(chain: Chain, errors: RobotParameters, size: float = SIZE) -> Windo
 
 
 def test_step_agrees_with_a_mujoco_tree_whose_other_hinges_are_held(chain: Chain) -> None:
-    robot = robot_of(chain, replace(FAULTLESS, mass_error=0.1, torque_limit=100.0))
+    robot = robot_of(chain, replace(FAULTLESS, mass_error=0.1, motor_limit=100.0))
     robot.take(FIRST, JOINTS)
     rng = np.random.default_rng(5)
     angles = chain.folded_rad[HINGES] * 0.0
@@ -160,7 +162,7 @@ def test_robot_without_faults_has_no_error(chain: Chain, peeled: Motion) -> None
 
 
 def test_weak_robot_loses_its_target(chain: Chain, peeled: Motion) -> None:
-    playback = play_back_with(chain, peeled, replace(RobotParameters(), torque_limit=0.01, runs=1))
+    playback = play_back_with(chain, peeled, replace(RobotParameters(), motor_limit=0.01, robots=1))
     assert playback.status == "missed"
     assert "a robot could not follow the motion" in playback.reason
     frames = playback.frames

@@ -10,10 +10,16 @@ from typing import Any, cast
 import pytest
 
 from foldback.planner.motion.timeline import TimelineWriter
-from foldback.planner.parameters.explosion import ExplosionParameters
+from foldback.planner.parameters.explosion import (
+    ExplosionParameters,
+    PeelingParameters,
+    TableParameters,
+)
 from foldback.planner.parameters.parameters import PRESETS, preset
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.parameters.published import PaperExplosionParameters
+from foldback.planner.parameters.setting import Setting, descriptions
+from foldback.planner.parameters.settings_text import ALL_SETTINGS
 from foldback.server.context import Context
 from foldback.server.jobs.eta import EtaEstimator
 from foldback.server.pages.facts import fold_facts
@@ -43,18 +49,22 @@ def test_numbers_have_significant_digits_and_units() -> None:
     assert quantity((0.004, 0.1), "s") == "0.004 to 0.1 s"
     assert (quantity(None, "s"), quantity("servo"), quantity(True)) == (None, "servo", "yes")
     assert (length_m(0.01), length_m(2.5), length_m(None)) == ("10 mm", "2.5 m", None)
-    assert parameters({"new_cap_rad": 0.25}) == [("New cap", "250 mrad")]
-    assert parameters({"other_speed_rad_s": 2}) == [("Other speed", "2 rad/s")]
+    assert parameters({"servo_give": 0.25}, RobotParameters) == [("Servo yield", "250 mrad")]
+    assert parameters({"other_cap": 2}, RobotParameters) == [("Other cap", "2")]
 
 
 def test_every_parameter_has_a_label_of_its_own() -> None:
-    kinds = (ExplosionParameters, PaperExplosionParameters, PlaybackParameters, RobotParameters)
-    for kind in kinds:
+    kinds = (ExplosionParameters, PaperExplosionParameters, PeelingParameters, TableParameters)
+    settings: dict[str, Setting] = {}
+    for kind in (*kinds, PlaybackParameters, RobotParameters):
         names = [field.name for field in dataclasses.fields(kind) if field.name != "robot"]
-        assert set(names) <= set(quantities.PARAMETER_WORDS)
-        labels = [label for label, _ in parameters(dict.fromkeys(names, 1.5))]
+        described = descriptions(kind)
+        assert names == list(described)
+        settings |= {n: each for n, each in described.items() if isinstance(each, Setting)}
+        labels = [label for label, _ in parameters(dict.fromkeys(names, 1.5), kind)]
         assert len(set(labels)) == len(labels)
         assert not [label for label in labels if "_" in label]
+    assert settings == {each.name: each for each in ALL_SETTINGS}
     controllers = {preset(name).playback.controller for name in PRESETS}
     assert controllers <= set(quantities.CONTROLLER_LABELS)
     assert set(quantities.PRESET_LABELS) == set(PRESETS)
@@ -62,17 +72,24 @@ def test_every_parameter_has_a_label_of_its_own() -> None:
 
 def test_unused_parameters_are_left_out() -> None:
     for changes, strategy, simulated, headings, row, absent in (
-        ({}, "simultaneous", True, ["Explosion", "Playback", "Simulated"], "paced_by", "gain"),
+        (
+            {},
+            "simultaneous",
+            True,
+            ["Explosion", "Playback", "Simulated"],
+            "paced_by",
+            "motor_gain",
+        ),
         ({}, "peel", False, ["Peeling", "Playback"], "steps_per_rad", "controller"),
         ({}, "smoothed", True, ["Playback", "Simulated"], "step_s", "bandwidth"),
-        ({"world": "table"}, "peel", True, ["Table"], "refusals", "gain"),
-        ({"preset": "direct"}, "direct", True, ["Playback"], "direct_steps", "threshold_rad2"),
+        ({"world": "table"}, "peel", True, ["Table"], "refusals", "motor_gain"),
+        ({"preset": "direct"}, "direct", True, ["Playback"], "direct_steps", "threshold"),
     ):
         with case(strategy):
             values = preset(changes.get("preset", "default")).as_dict() | changes
             groups = used_parameters(values, strategy=strategy, simulated=simulated)
-            assert [heading.partition(" ")[0].rstrip(",") for heading, _ in groups] == headings
-            shown = groups[-1 if strategy == "peel" else headings.index("Playback")][1]
+            assert [heading.partition(" ")[0].rstrip(",") for heading, *_ in groups] == headings
+            shown = groups[-1 if strategy == "peel" else headings.index("Playback")][-1]
             assert row in shown and absent not in shown
 
 
