@@ -21,12 +21,12 @@ from rich.console import Console
 from bench.likeness import FORMS
 from bench.measured_tables import Section
 from foldback.planner.chain.chain import Chain
-from foldback.planner.explosion import (
+from foldback.planner.explosion import simultaneous
+from foldback.planner.explosion.loop import (
     checkpoint,
     explosion_loop,
     radial_forces,
     recorder,
-    simultaneous,
     step_control,
     straightening,
 )
@@ -109,8 +109,7 @@ NUMBERS: Final[dict[str, dict[ModuleType | type, tuple[str, ...]]]] = {
             *("LAYERED_LOSS", "MIN_FITS", "MAX_FITS", "PITCHES_PER_SIDE", "THOROUGH_FROM_FITS"),
         ),
         lattice_fits: (
-            *("OFFSETS_PER_AXIS", "THRESHOLD_LEVELS", "MIN_FILL_THRESHOLD"),
-            *("MAX_FILL_THRESHOLD", "BASE_CELL_SAMPLES", "SMALL_CELL_SAMPLES"),
+            *("THRESHOLD_LEVELS", "MIN_FILL_THRESHOLD", "MAX_FILL_THRESHOLD"),
             "WELD_TOLERANCE_SHARE",
         ),
     },
