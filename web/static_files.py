@@ -10,11 +10,9 @@ from posixpath import normpath
 from typing import Final
 
 STATIC: Final = Path(__file__).parent / "static"
-SCRIPT_IMPORT: Final = re.compile(
-    r'(\bfrom\s+|\bimport\s+|\bimport\()"(\.{1,2}/[a-z_/]+\.js)"(?!\)\.[A-Z])'
-)
-"""Matches an import of another script in JavaScript, except in a comment about types; the groups
-are the words before the address (``import(`` loads the script on first use) and the address."""
+SCRIPT_IMPORT: Final = re.compile(r'(\bfrom |\bimport |\bimport\()"(\.{1,2}/[a-z_/]+\.js)"')
+"""Matches an import of another script in formatted JavaScript without comments; the groups are the
+words before the address (``import(`` loads the script on first use) and the address."""
 
 
 def text_of(name: str) -> str:
@@ -64,13 +62,10 @@ def scripts_of(entry: str, *, later: bool = True) -> tuple[str, ...]:
         entry: Path of the script, which comes first.
         later: True to include scripts that are loaded on first use.
     """
-    found = [entry]
-    for name in found:
-        matches = SCRIPT_IMPORT.finditer(text_of(name))
+    names = [entry]
+    for name in names:
+        matches = SCRIPT_IMPORT.finditer(code_of(name))
         addresses = (match[2] for match in matches if later or match[1] != "import(")
-        found += [
-            path
-            for path in dict.fromkeys(imported(name, a) for a in addresses)
-            if path not in found
-        ]
-    return tuple(found)
+        paths = dict.fromkeys(imported(name, address) for address in addresses)
+        names += [path for path in paths if path not in names]
+    return tuple(names)
