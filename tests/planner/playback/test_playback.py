@@ -63,6 +63,11 @@ def test_weak_motors_miss_the_target(folded: Folded) -> None:
     assert not certificate.verified
 
 
+def test_coarse_encoders_make_the_ideal_robot_less_exact(folded: Folded) -> None:
+    coarse = replace(IDEAL, robot=RobotParameters(encoder_step=0.02))
+    assert play(folded, coarse).max_angle_error_rad > play(folded, IDEAL).max_angle_error_rad
+
+
 def test_torques_that_are_not_finite_end_the_playback(
     folded: Folded, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -19,7 +19,7 @@ from foldback.planner.parameters.parameters import PRESETS, preset
 from foldback.planner.parameters.playback import PlaybackParameters, RobotParameters
 from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.parameters.setting import Setting, descriptions
-from foldback.planner.parameters.settings_text import ALL_SETTINGS
+from foldback.planner.parameters.settings_text import ALL_SETTINGS, read_settings, with_settings
 from foldback.server.context import Context
 from foldback.server.jobs.eta import EtaEstimator
 from foldback.server.pages.facts import fold_facts
@@ -91,6 +91,12 @@ def test_unused_parameters_are_left_out() -> None:
             assert [heading.partition(" ")[0].rstrip(",") for heading, *_ in groups] == headings
             shown = groups[-1 if strategy == "peel" else headings.index("Playback")][-1]
             assert row in shown and absent not in shown
+
+
+def test_ideal_robot_is_described_by_its_encoders_alone() -> None:
+    ideal = with_settings(preset("default"), read_settings("robots=0,encoder_step=0.01"))
+    groups = used_parameters(ideal.as_dict(), strategy="smoothed", simulated=True)
+    assert groups[-1] == ("Simulated robot", RobotParameters, {"encoder_step": 0.01})
 
 
 def failed_fold(directory: Path, frames: int, **values: Any) -> Found:
