@@ -14,8 +14,8 @@ from foldback.cli.options import AsJson, PlanDirectory, Workers, takes
 from foldback.cli.progress_bars import compute
 from foldback.cli.summary import finish
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.errors import InputError
-from foldback.planner.motion.timeline import chain_from_attributes
 from foldback.planner.pipeline.fold_layout import replacing_fold
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stage

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from bench.reproduction.still import STILL_PX, still
-from foldback.planner.motion.timeline import chain_attributes
+from foldback.planner.chain.chain_attributes import chain_attributes
 from foldback.planner.storage.files import write_json
 from foldback.web.palette import STALLED_RGB, error_colours
 from foldback.web.timeline.frame_batch import chosen

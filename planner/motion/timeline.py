@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
-from foldback.planner.chain.module import module_named
+from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.planner.errors import UNREADABLE, DamagedError, InputError, TimelineError
 from foldback.planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
 from foldback.planner.storage.checked_zarr import (
@@ -84,33 +84,6 @@ def _columns(windowed: bool, hinges: int) -> dict[str, tuple[tuple[int, ...], st
         name: (tuple(hinges if size < 0 else size for size in tail), dtype, rows.get(name, most))
         for name, (tail, dtype) in table.items()
     }
-
-
-def chain_attributes(chain: Chain) -> dict[str, Any]:
-    """Return the description of a chain in a timeline or plan, as plain JSON values."""
-    return {
-        "name": chain.name,
-        "module": chain.module.name,
-        "modules": len(chain),
-        "pitch_m": chain.pitch_m,
-        "root": chain.root,
-        "joint_names": list(chain.joint_names),
-        "folded_rad": chain.folded_rad.tolist(),
-        "folded_position": chain.folded_position.tolist(),
-        "folded_wxyz": chain.folded_wxyz.tolist(),
-    }
-
-
-def chain_from_attributes(attributes: dict[str, Any]) -> Chain:
-    """Build the chain described by ``chain_attributes``."""
-    return Chain(
-        name=str(attributes["name"]),
-        module=module_named(attributes["module"]),
-        folded_rad=np.asarray(attributes["folded_rad"], dtype=np.float64),
-        folded_position=np.asarray(attributes["folded_position"], dtype=np.float64),
-        folded_wxyz=np.asarray(attributes["folded_wxyz"], dtype=np.float64),
-        pitch_m=float(attributes["pitch_m"]),
-    )
 
 
 class TimelineWriter:

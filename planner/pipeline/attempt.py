@@ -9,10 +9,10 @@ from typing import Any, Final, Literal
 from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.certificate.verdict import MAX_VERIFIED_ERROR_PITCH, straight_error
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.planner.explosion.diagnosis import Diagnosis, Kind, diagnose
 from foldback.planner.motion.motion import PHASES
 from foldback.planner.motion.record import Record, RecordStatus
-from foldback.planner.motion.timeline import chain_attributes, chain_from_attributes
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.pipeline.preference import PlanFigures
 from foldback.planner.playback.playback import Playback

@@ -21,10 +21,11 @@ import numpy as np
 from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.certificate.frame_metrics import write_figures
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.planner.explosion.diagnosis import stopped
 from foldback.planner.exports import mjcf
 from foldback.planner.motion.record import Record
-from foldback.planner.motion.timeline import Timeline, chain_attributes, chain_from_attributes
+from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline import fold_layout as layout
 from foldback.planner.pipeline.attempt import Attempt, Candidates
 from foldback.planner.pipeline.fold_layout import last_frame

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array
 from foldback.planner.certificate.metrics_store import Curves, Figures, write
+from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.errors import InputError
 from foldback.planner.motion.angle_encoding import (
     PLAN_STEP_RAD,
@@ -27,7 +28,7 @@ from foldback.planner.motion.angle_encoding import (
 )
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import save_npz
-from foldback.planner.motion.timeline import TimelineWriter, chain_from_attributes
+from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.storage import file_names as names
 from foldback.planner.storage.files import write_json, write_whole, zarr_group
 

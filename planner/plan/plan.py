@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from foldback.planner.arrays import Array
 from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.planner.errors import UNREADABLE, InputError, named
 from foldback.planner.explosion.diagnosis import stuck_of
 from foldback.planner.motion.angle_encoding import (
@@ -32,7 +33,6 @@ from foldback.planner.motion.angle_encoding import (
 )
 from foldback.planner.motion.motion import FRAME_COLUMNS, PHASES, WINDOW_COLUMNS, Columns, Motion
 from foldback.planner.motion.record import Record, save_npz
-from foldback.planner.motion.timeline import chain_attributes, chain_from_attributes
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.plan.claim import claim_of
 from foldback.planner.plan.rests import rest_frames

@@ -14,8 +14,8 @@ from pathlib import Path as FilePath
 from typing import Any, Self
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.planner.errors import UNREADABLE
-from foldback.planner.motion.timeline import chain_attributes, chain_from_attributes
 from foldback.planner.pathfinding.path_options import PathOptions
 from foldback.planner.shapes.likeness import Likeness
 from foldback.planner.storage.file_names import PREPARED

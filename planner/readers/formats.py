@@ -21,6 +21,7 @@ from foldback.planner.readers.gltf import is_glb, read_glb
 from foldback.planner.readers.json_formats import is_json, read_json
 from foldback.planner.readers.limits import (
     MAX_CELLS,
+    MAX_TRIANGLES,
     Source,
     check_bytes,
     check_size,
@@ -36,7 +37,7 @@ from foldback.planner.readers.threemf import is_zip, read_threemf
 from foldback.planner.readers.vox import is_vox, read_vox
 from foldback.planner.readers.xyz import is_xyz, read_xyz
 from foldback.planner.shapes.shape import Shape
-from foldback.planner.shapes.solid import MAX_TRIANGLES, Solid
+from foldback.planner.shapes.solid import Solid
 from foldback.planner.storage.files import MAX_FILE_BYTES
 
 READABLE_FORMATS: Final = (

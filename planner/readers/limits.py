@@ -9,8 +9,9 @@ from typing import Final
 
 from foldback.planner.errors import InputError
 from foldback.planner.shapes.shape import MAX_CELLS
-from foldback.planner.shapes.solid import MAX_TRIANGLES
 
+MAX_TRIANGLES: Final = 2_000_000
+"""Maximum number of triangles of an input mesh; one with more is refused."""
 BYTES_PER_CELL: Final = 96
 """Allowed size of a text file for each cell of the largest accepted shape, in bytes; a larger file
 is refused before it is parsed."""

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Ints
 from foldback.planner.errors import InputError
-from foldback.planner.readers.limits import Source, check_lines, parse_float, quote
+from foldback.planner.readers.limits import MAX_TRIANGLES, Source, check_lines, parse_float, quote
 from foldback.planner.readers.text import BYTE_LINE, numbered_lines
 from foldback.planner.shapes.polygons import MIN_CORNERS, fans, skipped_note
-from foldback.planner.shapes.solid import MAX_TRIANGLES, Solid, check_triangles
+from foldback.planner.shapes.solid import Solid, check_triangles
 
 MAX_PLY_HEADER_BYTES: Final = 65_536
 """Maximum size of the header of a PLY file, in bytes; a file whose header does not end within it is

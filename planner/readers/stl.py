@@ -10,9 +10,9 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.errors import InputError
-from foldback.planner.readers.limits import Source, quote
+from foldback.planner.readers.limits import MAX_TRIANGLES, Source, quote
 from foldback.planner.readers.trimesh_meshes import triangles_in
-from foldback.planner.shapes.solid import MAX_TRIANGLES, Solid, check_triangles
+from foldback.planner.shapes.solid import Solid, check_triangles
 
 HEADER_BYTES: Final = 84
 """Size of everything before the first triangle of a binary STL file, in bytes: 80 bytes of text and

@@ -15,8 +15,6 @@ from foldback.planner.errors import InputError
 from foldback.planner.shapes.mesh_bodies import MIN_FILLED_SHARE, orient_bodies
 from foldback.planner.shapes.mesh_repair import closed_holes, edges_of, is_surface, welded
 
-MAX_TRIANGLES: Final = 2_000_000
-"""Maximum number of triangles of an input mesh; one with more is refused."""
 MAX_VERTEX_COORDINATE: Final = 1e9
 """Maximum magnitude of a vertex's coordinate in an input mesh, in the file's unit; a mesh with a
 larger one is refused as damaged."""
@@ -65,7 +63,7 @@ class Solid:
         *,
         name: str = "solid",
         notes: Sequence[str] = (),
-        most_triangles: int = MAX_TRIANGLES,
+        most_triangles: int | None = None,
     ) -> Solid:
         """Check triangles, clean them, close holes and make a solid of them.
 
@@ -74,7 +72,7 @@ class Solid:
             faces: (F, 3) rows of ``vertices``, counter-clockwise seen from outside.
             name: Name of the solid.
             notes: Messages of the reader about the file.
-            most_triangles: Maximum number of triangles.
+            most_triangles: Maximum number of triangles; None for any number.
 
         Raises:
             InputError: A coordinate is invalid, or the mesh has no triangles, is flat or has no
@@ -111,18 +109,18 @@ class Solid:
         return len(self.faces)
 
 
-def check_triangles(found: int, most: int) -> None:
-    """Refuse meshes without triangles and with too many.
+def check_triangles(count: int, limit: int | None) -> None:
+    """Refuse meshes without triangles, and with more than ``limit``; None is no limit.
 
     Raises:
         InputError: ``no-triangles`` or ``too-many-triangles``.
     """
-    if found == 0:
+    if count == 0:
         raise InputError("no-triangles", "got a mesh without triangles, expected a closed surface.")
-    if found > most:
+    if limit is not None and count > limit:
         raise InputError(
             "too-many-triangles",
-            f"got {found} triangles, expected at most {most}; simplify the mesh.",
+            f"got {count} triangles, expected at most {limit}; simplify the mesh.",
         )
 
 

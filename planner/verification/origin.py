@@ -13,8 +13,8 @@ from typing import Any, Final
 import numpy as np
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.chain_attributes import chain_attributes
 from foldback.planner.errors import UNREADABLE, PlannerError
-from foldback.planner.motion.timeline import chain_attributes
 from foldback.planner.pipeline.attempt import Attempt, Candidates
 from foldback.planner.pipeline.next_step import Explode, PlayBack, next_step
 from foldback.planner.pipeline.preference import PlanFigures

@@ -9,12 +9,12 @@ from typing import Any, Final
 
 import numpy as np
 
+from foldback.planner.chain.chain_attributes import chain_attributes
 from foldback.planner.errors import UNREADABLE, PlannerError
 from foldback.planner.explosion.published_explosion import FRAME_SPACING_RAD
 from foldback.planner.motion.angle_encoding import PLAN_STEP_RAD
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record
-from foldback.planner.motion.timeline import chain_attributes
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.value_differences import (

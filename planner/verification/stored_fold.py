@@ -10,9 +10,10 @@ from typing import Any, Final, cast
 
 import numpy as np
 
+from foldback.planner.chain.chain_attributes import chain_attributes
 from foldback.planner.errors import UNREADABLE, InputError, TimelineError
 from foldback.planner.motion.motion import PHASES
-from foldback.planner.motion.timeline import Timeline, chain_attributes
+from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline import manifest
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.plan.plan import Plan, read_values

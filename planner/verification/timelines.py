@@ -8,10 +8,11 @@ from typing import Final
 
 import numpy as np
 
+from foldback.planner.chain.chain_attributes import chain_attributes
 from foldback.planner.errors import UNREADABLE, InputError, TimelineError
 from foldback.planner.motion.motion import PHASES, Motion
 from foldback.planner.motion.record import Record
-from foldback.planner.motion.timeline import Timeline, chain_attributes
+from foldback.planner.motion.timeline import Timeline
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.value_differences import (

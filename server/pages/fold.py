@@ -13,8 +13,8 @@ import numpy as np
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, JSONResponse, Response
 
+from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.errors import UNREADABLE, PlannerError
-from foldback.planner.motion.timeline import chain_from_attributes
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.storage.file_names import CHAIN
 from foldback.planner.verification.integrity import damaged_among

@@ -11,7 +11,7 @@ from typing import Final, TypedDict
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, Response
 
-from foldback.planner.motion.timeline import chain_from_attributes
+from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.storage.file_names import CHAIN
 from foldback.server.http.downloads import BINARY_MEDIA_TYPE, revalidated
 from foldback.server.http.security import INDEXED_HEADERS

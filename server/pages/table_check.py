@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
+from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.errors import UNREADABLE, PlannerError
-from foldback.planner.motion.timeline import chain_from_attributes
 
 
 @lru_cache(maxsize=256)

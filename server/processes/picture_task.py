@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.errors import InputError
-from foldback.planner.motion.timeline import chain_from_attributes
 from foldback.planner.storage.file_names import CHAIN
 from foldback.server.processes.scratch import MOMENT_FILE, PICTURE
 from foldback.web.pictures.caption import Caption

@@ -19,12 +19,12 @@ import pytest
 from numpy.typing import NDArray
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
 from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.chain.path import Path as CellPath
 from foldback.planner.chain.rotations import matrix_from_wxyz
 from foldback.planner.errors import InputError
-from foldback.planner.motion.timeline import chain_from_attributes
 from foldback.web.palette import error_colours, error_scale
 from foldback.web.pictures.camera import distance_needed, framing
 from foldback.web.static_files import STATIC, scripts_of

@@ -8,10 +8,11 @@ import numpy as np
 import pytest
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.chain_attributes import chain_attributes
 from foldback.planner.errors import DamagedError, TimelineError
 from foldback.planner.motion import timeline as timeline_module
 from foldback.planner.motion.motion import PHASES, Motion, Phase
-from foldback.planner.motion.timeline import Timeline, TimelineWriter, chain_attributes
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.storage.checked_zarr import check_chunks
 from tests.case import case
 from tests.planner.tampering import reseal

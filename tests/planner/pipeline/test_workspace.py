@@ -12,10 +12,11 @@ import pytest
 
 from foldback.planner.certificate.certificate import Certificate, Place
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.explosion import strategies
 from foldback.planner.motion.motion import Phase
 from foldback.planner.motion.record import Record
-from foldback.planner.motion.timeline import Timeline, TimelineWriter, chain_from_attributes
+from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.pipeline import certifying, workspace
 from foldback.planner.pipeline.attempt import Attempt, Trial

@@ -11,7 +11,7 @@ import httpx
 import pytest
 from fastapi import FastAPI
 
-from foldback.planner.motion.timeline import chain_attributes, chain_from_attributes
+from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.server.errors import NoRoom
 from foldback.server.files.artifacts import Artifacts
 from foldback.server.files.pictures import MAX_CACHED_PICTURES, recent_pictures
