@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import secrets
+from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from math import ceil
 from typing import Annotated, Final
@@ -73,88 +74,93 @@ class Context(Viewing):
     remaining: EtaEstimator
     estimates: Estimates
     secret: bytes
+    resources: ExitStack
 
     @classmethod
     def open(cls, settings: Settings, metrics: Metrics) -> Context:
-        """Open all resources of the application.
+        """Open all resources of the application; if one fails, those before it are closed.
 
         Args:
             settings: The settings.
             metrics: Counters of the web process.
         """
-        store = Store(settings)
-        previews = Previews(settings, store)
+        with ExitStack() as opened:
+            return cls._opened(settings, metrics, opened)
+
+    @classmethod
+    def _opened(cls, settings: Settings, metrics: Metrics, opened: ExitStack) -> Context:
+        """Open all resources, each of which ``opened`` closes: the latest first."""
+        uploads = opened.enter_context(closing(Uploads(settings)))
+        store = opened.enter_context(closing(Store(settings)))
         leases = Leases.of(settings, store)
+        estimates = Estimates(store)
+        remaining = EtaEstimator(store, leases, estimates)
+        fold_states = opened.enter_context(closing(FoldStates(store, remaining)))
+        waits = opened.enter_context(
+            closing(FrameWaits(settings.max_waits, settings.max_waits_of_visitor))
+        )
+        answers = opened.enter_context(closing(_answers(settings)))
+        artifacts = opened.enter_context(closing(_artifacts(settings, store)))
         awaited = ChildLimits.of(settings, awaited=True)
-        fork_server = ForkServer(
-            ["reader", "preparer", "retimer"],
-            warm=settings.prewarm and not settings.read_only,
-            directory=settings.root,
+        fork_server = opened.enter_context(
+            closing(
+                ForkServer(
+                    ["reader", "preparer", "retimer"],
+                    warm=settings.prewarm and not settings.read_only,
+                    directory=settings.root,
+                )
+            )
         )
         Scratch(settings.motions_dir).sweep()
         motions = replace(awaited, folders=(str(settings.motions_dir),))
         retimer = Pool("retimer", motions, wall_s=settings.retime_seconds, fork_server=fork_server)
         # Without the fork server, which would have to load and compile the drawing code.
         drawer = Pool("pictures", motions, wall_s=settings.preview_seconds)
-        estimates = Estimates(store)
-        remaining = EtaEstimator(store, leases, estimates)
+        pictures = opened.enter_context(closing(Pictures(settings, drawer)))
+        trajectories = opened.enter_context(closing(Trajectories(settings, retimer)))
+        previews = opened.enter_context(closing(Previews(settings, store)))
+        preparer = _preparer(settings, awaited, fork_server)
+        preview_reports = opened.enter_context(
+            closing(PreviewReports(settings, previews, preparer))
+        )
+        reader = opened.enter_context(closing(_reader(settings, awaited, fork_server)))
         if not settings.read_only:
             previews.start_sweeping()
         return cls(
             settings=settings,
             store=store,
             timelines=TimelineViews(),
-            waits=FrameWaits(settings.max_waits, settings.max_waits_of_visitor),
+            waits=waits,
             streams=_quota("event streams", settings.max_streams, settings.max_streams_of_visitor),
             robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
             robot_rates=robot_rates(),
             classes=LiveClasses(settings),
-            trajectories=Trajectories(settings, retimer),
-            answers=SingleFlight(
-                "answers",
-                at_once=2,
-                total=settings.answers_waiting,
-                per_visitor=settings.answers_waiting_of_visitor,
-            ),
+            trajectories=trajectories,
+            answers=answers,
             lists=TokenBuckets(
                 settings.lists_per_second_of_visitor, 20 * settings.lists_per_second_of_visitor
             ),
-            uploads=Uploads(settings),
+            uploads=uploads,
             fork_server=fork_server,
-            reader=_reader(settings, awaited, fork_server),
+            reader=reader,
             previews=previews,
-            preview_reports=PreviewReports(
-                settings, previews, _preparer(settings, awaited, fork_server)
-            ),
-            artifacts=_artifacts(settings, store),
-            pictures=Pictures(settings, drawer),
+            preview_reports=preview_reports,
+            artifacts=artifacts,
+            pictures=pictures,
             movies=Movies(settings, store),
             gallery=Gallery(),
-            fold_states=FoldStates(store, remaining),
+            fold_states=fold_states,
             remaining=remaining,
             estimates=estimates,
             metrics=metrics,
             leases=leases,
             secret=store.secret("visitors", secrets.token_bytes(32)),
+            resources=opened.pop_all(),
         )
 
     def close(self) -> None:
-        """Close all resources, dependent ones first."""
-        for part in (
-            self.reader,
-            self.preview_reports,
-            self.previews,
-            self.trajectories,
-            self.pictures,
-            self.fork_server,
-            self.artifacts,
-            self.answers,
-            self.waits,
-            self.fold_states,
-            self.store,
-            self.uploads,
-        ):
-            part.close()
+        """Close all resources, the latest first."""
+        self.resources.close()
 
     def take_list(self, request: Request) -> None:
         """Count a visitor's request for a list.
@@ -188,6 +194,15 @@ Here = Annotated[Context, Depends(context_of)]
 async def in_list_rate(request: Request) -> None:
     """Count the request as one for a list: a dependency of routes that read many rows."""
     context_of(request).take_list(request)
+
+
+def _answers(settings: Settings) -> SingleFlight:
+    return SingleFlight(
+        "answers",
+        at_once=2,
+        total=settings.answers_waiting,
+        per_visitor=settings.answers_waiting_of_visitor,
+    )
 
 
 def _artifacts(settings: Settings, store: Store) -> Artifacts:

@@ -27,6 +27,7 @@ from foldback.planner.errors import UNREADABLE, DamagedError, InputError, Timeli
 from foldback.planner.motion.motion import FRAME_COLUMNS, WINDOW_COLUMNS, Columns, Motion
 from foldback.planner.storage.checked_zarr import (
     ROOT_FILE,
+    array_of,
     checksums_of,
     create_array,
     create_group,
@@ -459,7 +460,7 @@ class Timeline:
             group = read_group(self.path)
             columns = _columns(self.windowed, len(self.chain.folded_rad))
             self._arrays = {
-                n: cast("zarr.Array[Any]", group[n])
+                n: array_of(group, self.path, n)
                 for n in columns
                 if n != "errors_rad" or n in group  # earlier timelines have none
             }

@@ -102,6 +102,20 @@ def read_group(path: str | FilePath) -> zarr.Group:
     return group
 
 
+def array_of(group: zarr.Group, path: str | FilePath, name: str) -> zarr.Array[Any]:
+    """Return an array of a group that was opened at ``path``.
+
+    Raises:
+        DamagedError: If there is none, or its description is not one of an array.
+    """
+    try:
+        return cast("zarr.Array[Any]", group[name])
+    except DamagedError:
+        raise
+    except Exception as error:  # zarr raises a TypeError, too, for a value of the wrong type
+        raise DamagedError(FilePath(path) / name, f"{type(error).__name__}: {error}") from error
+
+
 def is_sealed(attributes: Mapping[str, Any]) -> bool:
     """Return True for attributes of a group whose chunks carry checksums."""
     return DIGEST in attributes
@@ -145,12 +159,7 @@ def check_chunks(path: str | FilePath) -> None:
     group = read_group(path)
     checksums = cast("Checksums", group.attrs.asdict().get(CHECKSUMS, {}))
     for name in checksums:
-        try:
-            array = cast("zarr.Array[Any]", group[name])
-        except DamagedError:
-            raise
-        except Exception as error:
-            raise DamagedError(FilePath(path) / name, f"{type(error).__name__}: {error}") from error
+        array = array_of(group, path, name)
         for number, file in enumerate(_chunk_files(FilePath(path) / name, array)):
             if _expected(checksums, name, number) is None:
                 continue
