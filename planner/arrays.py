@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -11,3 +13,6 @@ Ints = NDArray[np.int64]
 """Indices and counts."""
 Flags = NDArray[np.bool_]
 """Truth values."""
+FRAMES_AT_ONCE: Final = 256
+"""Number of frames of a motion that are computed at once where memory for all would be too much; it
+does not change results."""

@@ -46,7 +46,7 @@ from foldback.planner.shapes import lattice_fits, voxel_choice
 from foldback.planner.shapes.solid import Solid
 from foldback.planner.shapes.voxelise import voxelise
 from foldback.planner.turns import beam_search, moves, room_search
-from tests.planner.chains import shuffled
+from tests.planner.chains import knotted, shuffled
 
 FACTORS: Final = (0.7, 1.4)
 """Factors by which each number is varied."""
@@ -62,22 +62,28 @@ NUMBERS: Final[dict[str, dict[ModuleType | type, tuple[str, ...]]]] = {
     "explosion": {
         ExplosionParameters: (
             *("repulsion_gain", "loose_repulsion", "repulsion_cutoff", "spring", "armature"),
-            *("tension", "step_in_contact_s", "drag", "joint_cap_rad", "pair_cap", "slide_cap"),
-            *("body_cap", "loose_rad", "snapshot_rad", "snapshot_distance", "finish_rad"),
+            *("tension", "drag", "joint_cap_rad", "pair_cap", "slide_cap", "loose_rad"),
+            *("snapshot_rad", "snapshot_distance", "finish_rad"),
         ),
+        explosion_loop: ("RADIAL_GAIN_JITTER",),
+        radial_forces: ("REPULSION_RAMP",),
+        simultaneous: ("FIRST_FINISH_STEPS",),
+    },
+    "jams": {
         checkpoint: ("RESTORED_VELOCITY_SCALE", "PULSE_STEPS", "MIN_UNFOLDING_PROGRESS"),
         explosion_loop: (
             *("COMMIT_EVERY_STEPS", "STOP_COMPLIANCE_RAD", "PULSE_TENSION_SCALE"),
-            *("PULSE_REPULSION_SCALE", "RADIAL_GAIN_JITTER"),
+            "PULSE_REPULSION_SCALE",
         ),
-        radial_forces: ("REPTATION_FORCE", "REPULSION_RAMP"),
+        radial_forces: ("REPTATION_FORCE",),
         recorder: ("CLEAR_ENOUGH_PITCH", "MIN_CLEARANCE_LOSS_PITCH"),
-        simultaneous: ("FIRST_FINISH_STEPS", "MAX_EXPLOSION_DEPTH_PITCH"),
+        simultaneous: ("MAX_EXPLOSION_DEPTH_PITCH",),
         step_control: (
             *("MIN_TENSION_SCALE", "MIN_CONTACT_TIME_CONSTANT_S", "MIN_ALLOWED_DEPTH_PITCH"),
             "BACK_OFF_DEPTH_SHARE",
         ),
         straightening: ("STRAIGHTENING_CLEARANCE_PITCH", "COARSE_CHECKS"),
+        ExplosionParameters: ("step_in_contact_s", "body_cap"),
     },
     "playback": {
         PlaybackParameters: ("spacing_rad", "distance_weight", "steps_per_rad", "bandwidth"),
@@ -230,6 +236,11 @@ def _chain(number: int) -> Chain:
 
 
 @cache
+def _knot(number: int) -> Chain:
+    return knotted(6 + number)
+
+
+@cache
 def _plan(number: int) -> Plan:
     return fold(_chain(number), strategy="simultaneous")
 
@@ -258,6 +269,10 @@ def _explode(number: int) -> Run:
     return _judged(lambda: fold(_chain(number), strategy="simultaneous"))
 
 
+def _untangle(number: int) -> Run:
+    return _judged(lambda: fold(_knot(number), strategy="simultaneous"))
+
+
 def _turn(number: int) -> Run:
     return _judged(lambda: fold(_chain(number), strategy="turns"))
 
@@ -281,6 +296,7 @@ def _voxelise(number: int) -> Run:
 
 GROUPS: Final[dict[str, Callable[[int], Run]]] = {
     "explosion": _explode,
+    "jams": _untangle,
     "playback": _explode,
     "smoothing": _smooth,
     "turns": _turn,

@@ -7,7 +7,7 @@ from typing import Final
 
 import numpy as np
 
-from foldback.planner.arrays import Array
+from foldback.planner.arrays import FRAMES_AT_ONCE, Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.motion.motion import PHASES, Motion
 
@@ -17,8 +17,6 @@ is barely visible."""
 MAX_COUNTED_ANGLES: Final = 2**26
 """Maximum number of hinge angles in all frames of a motion whose figures are computed. A dense
 motion of this size would take 512 MB."""
-CHUNK_FRAMES: Final = 256
-"""Number of frames whose angles are expanded at once, if a motion is stored in windows."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -57,8 +55,8 @@ class MotionFigures:
             begin, end = (motion.angles_at(chain, frame) for frame in (first, last))
             least += np.abs(end - begin)
             part = _Part(begin)
-            for start in range(first + 1, last + 1, CHUNK_FRAMES):
-                stop = min(start + CHUNK_FRAMES, last + 1)
+            for start in range(first + 1, last + 1, FRAMES_AT_ONCE):
+                stop = min(start + FRAMES_AT_ONCE, last + 1)
                 part.add(_angles(chain, motion, start, stop))
             travel += part.travel
             reversals += part.reversals

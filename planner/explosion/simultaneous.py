@@ -53,7 +53,8 @@ from foldback.planner.simulation.segments import Segments
 
 FIRST_FINISH_STEPS: Final = 50
 """Number of simulation steps between two attempts to straighten the chain without simulation, by
-shrinking all angles evenly; it grows after failed attempts."""
+shrinking all angles evenly; it grows after failed attempts. Measured from 35 to 70: equally good
+(decision 0051)."""
 FINISH_BACKOFF: Final = (1.5, 800.0)
 """Factor by which the number of simulation steps between two attempts to straighten the chain
 without simulation grows after a failure, and its maximum."""

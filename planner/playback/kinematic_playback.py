@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 
-from foldback.planner.arrays import Array, Ints
+from foldback.planner.arrays import FRAMES_AT_ONCE, Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import MAX_SMOOTH_CURVE_MODULES
 from foldback.planner.motion.angle_encoding import quantised
@@ -20,10 +19,6 @@ from foldback.planner.playback.time_scaling import (
     smooth_scaling,
 )
 from foldback.planner.playback.unfolding import Unfolding
-
-KINEMATIC_CHUNK_FRAMES: Final = 256
-"""Number of frames that a kinematic playback (angles follow the planned curve exactly, without
-forces) computes and yields at once."""
 
 
 def kinematic_frames(
@@ -96,8 +91,8 @@ def kinematic_frames(
         times = start_s + unfolding.time_s[-1] - unfolding.time_s[::-1]
         yield at_rest("unfolding", times[:-1], quantised(unfolding.folding_rad[::-1][:-1]))
         start_s = float(times[-1])
-    for start in range(0, len(places), KINEMATIC_CHUNK_FRAMES):
-        part = slice(start, start + KINEMATIC_CHUNK_FRAMES)
+    for start in range(0, len(places), FRAMES_AT_ONCE):
+        part = slice(start, start + FRAMES_AT_ONCE)
         yield at_rest(
             "playback", start_s + playing_s[part], quantised(reference.spline(places[part]))
         )

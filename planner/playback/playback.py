@@ -11,6 +11,7 @@ from typing import Any, Final, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from foldback.planner.arrays import FRAMES_AT_ONCE
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import DEFAULT_MODULE_SIZE
 from foldback.planner.errors import InputError
@@ -27,10 +28,6 @@ from foldback.planner.playback.robot_runs import simulate_robots
 from foldback.planner.playback.unfolding import Unfolding
 from foldback.planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
 from foldback.planner.progress import Cancelled, Report, never, silent
-
-SINK_CHUNK_FRAMES: Final = 256
-"""Number of frames in each call of the callback that receives the frames of a playback, where all
-of them are delivered at the end of the simulation."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -228,8 +225,8 @@ def play_back(
     if windowed:  # in single precision, frames may tell a little more
         largest_error = max(largest_error, float(frames.largest_errors.max()))
     if sink is not None and not streamed:
-        for start in range(0, len(frames), SINK_CHUNK_FRAMES):
-            sink(frames[start : start + SINK_CHUNK_FRAMES])
+        for start in range(0, len(frames), FRAMES_AT_ONCE):
+            sink(frames[start : start + FRAMES_AT_ONCE])
     return Playback(
         status=run.status,
         reason=run.reason,

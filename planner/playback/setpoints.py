@@ -8,14 +8,12 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from foldback.planner.arrays import Array
+from foldback.planner.arrays import FRAMES_AT_ONCE, Array
 from foldback.planner.chain.floating_torques import floating_torques
 from foldback.planner.chain.module import Module
 from foldback.planner.playback.reference_curve import Reference
 from foldback.planner.playback.time_scaling import TimeScaling, smooth_scaling
 
-SETPOINT_CHUNK_STEPS: Final = 256
-"""Maximum number of simulation steps whose target angles and rates are computed at once."""
 SETTLE_STEPS: Final = 15
 """Number of simulation steps for which the goal angles remain the target after the motion along the
 planned curve, so that joint errors decay before the final frame."""
@@ -96,8 +94,8 @@ def _timed_motion(
     the change of q̇ divided by h: finite differences of the angles, not derivatives.
     """
     step_s, steps = scaling.step_s, len(scaling)
-    for start in range(0, steps + 1, SETPOINT_CHUNK_STEPS):
-        stop = min(start + SETPOINT_CHUNK_STEPS, steps + 1)
+    for start in range(0, steps + 1, FRAMES_AT_ONCE):
+        stop = min(start + FRAMES_AT_ONCE, steps + 1)
         # The time scaling rests before its first step and after its last one.
         u = np.clip(scaling.u[np.clip(np.arange(start - 1, stop + 1), 0, steps)], 0.0, 1.0)
         angles = reference.spline(u)

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from foldback.planner.arrays import Array, Ints
+from foldback.planner.arrays import FRAMES_AT_ONCE, Array, Ints
 from foldback.planner.chain.cantilever_statics import hinge_frames
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
@@ -36,9 +36,6 @@ are hardly corrected."""
 MAX_CORRECTION_RAD: Final = 0.01
 """Maximum turn of a hinge, rad, in one round of correcting the curve of a fold on a table, as the
 correction is linearised."""
-CURVE_CHUNK_POINTS: Final = 256
-"""Maximum number of control points of the curve of a fold on a table whose module heights are
-computed at once."""
 
 
 class TableCurve(WindowCurve):
@@ -67,9 +64,9 @@ class TableCurve(WindowCurve):
     def _recorded_heights(self) -> Array:
         """Return (P, n) heights of modules of the record at control points; NaN: not standing."""
         found = np.full((len(self._points), len(self.chain)), np.nan)
-        for start in range(0, len(found), CURVE_CHUNK_POINTS):
-            after = self._after[start : start + CURVE_CHUNK_POINTS]
-            part = self._part[start : start + CURVE_CHUNK_POINTS, None]
+        for start in range(0, len(found), FRAMES_AT_ONCE):
+            after = self._after[start : start + FRAMES_AT_ONCE]
+            part = self._part[start : start + FRAMES_AT_ONCE, None]
             before, there = (
                 self._heights(np.stack([self._angles(int(k), self._every) for k in frames]))
                 for frames in (after - 1, after)
@@ -77,9 +74,7 @@ class TableCurve(WindowCurve):
             between = np.maximum(
                 before + part * (there - before), -LIFTED_DEPTH_SHARE * MAX_TABLE_PENETRATION_PITCH
             )
-            found[start : start + CURVE_CHUNK_POINTS] = np.where(
-                between <= FLOOR_GAP, between, np.nan
-            )
+            found[start : start + FRAMES_AT_ONCE] = np.where(between <= FLOOR_GAP, between, np.nan)
         return found
 
     def _heights(self, angles: Array) -> Array:
@@ -90,8 +85,8 @@ class TableCurve(WindowCurve):
     def _put_back(self, points: Ints) -> Ints:
         """Move control points with height errors; return those that may have errors now."""
         turns: dict[int, Array] = {}
-        for start in range(0, len(points), CURVE_CHUNK_POINTS):
-            part = points[start : start + CURVE_CHUNK_POINTS]
+        for start in range(0, len(points), FRAMES_AT_ONCE):
+            part = points[start : start + FRAMES_AT_ONCE]
             angles = self.at(part.astype(np.float64) - 1.0, self._every)
             poses = self._poses(angles)
             heights = lowest_corners(self.chain.module, poses.positions, poses.rotations)

@@ -41,7 +41,8 @@ MIN_FILL_THRESHOLD: Final = 0.06
 module."""
 MAX_FILL_THRESHOLD: Final = 0.65
 """Largest filled fraction of a cell that is tried as the threshold above which a cell becomes a
-module."""
+module. Measured on three meshes: with 0.455 the worst loses 0.02 of its overlap, with 0.91 none
+changes (decision 0051)."""
 PITCH_STEP: Final = 1.0125
 """Ratio of two neighbouring pitches (sizes of a cell) that are tried to fit cells to a solid."""
 BASE_CELL_SAMPLES: Final = 4

@@ -24,7 +24,7 @@ REPTATION_FORCE: Final = 0.1
 creep along its own curve, so that one end slides out through every loop."""
 REPULSION_RAMP: Final = (0.05, 0.25)
 """Progress, 0 (folded) … 1 (straight), at which the repulsion between modules begins to grow, and
-at which it is largest."""
+at which it is largest. Measured from 0.7 to 1.4 times as much: equally good (decision 0051)."""
 
 
 class PlacedModules(Protocol):
