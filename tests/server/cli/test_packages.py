@@ -1,21 +1,42 @@
 """Packages: imports in one direction only, and complete installation."""
 
+import os
 import re
+import shutil
 import subprocess
 import sys
 import tomllib
 import zipfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib.metadata import packages_distributions
 from pathlib import Path
 
+import httpx
 import pytest
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from docs.make_licences import installed
-from foldback.server.cli.command_line import SERVICE_PACKAGES
+from foldback.planner.kernel_cache import KERNELS
+from foldback.server.cli.command_line import COMMANDS, SERVICE_PACKAGES
 
 ROOT = Path(__file__).parents[3]
+TEN_LINES = re.compile(r"^## Ten lines of Python\n\n```python\n(.*?)^```", re.MULTILINE | re.DOTALL)
+PLANNER_COMMANDS = (
+    "fold wrench-24 --out wrench",
+    "verify wrench",
+    "export wrench --out files",
+    "smooth wrench --out quiet",
+    "tour wrench",
+    "retime wrench --max-speed 1 --max-acceleration 2 --out trajectory.csv",
+    "table wrench --module-kg 0.05 --pitch-mm 40",
+    "shape mallet-24 --out path.json",
+    "refold wrench path.json --out both",
+    "servos --torque 3 --pitch-mm 40 --material pla",
+    "settings",
+)
+"""Commands that need no extra, with arguments; each runs in the directory of the one before."""
 TYPES = ".d.ts"
 """File type of types for the pages' scripts, which only the type checker reads."""
 
@@ -124,3 +145,91 @@ for name in ("viewer", "client"):
         "foldback.viewer needs viser: pip install 'foldback[viewer]'",
         "foldback.client needs httpx: pip install 'foldback[client]'",
     ]
+
+
+Run = Callable[..., subprocess.CompletedProcess[str]]
+
+
+@contextmanager
+def installation(wheel: Path, extra: str, place: Path) -> Iterator[Run]:
+    """Install the wheel in an empty environment; yield a function that runs its programs."""
+    venv = place / "venv"
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(venv)], check=True)
+    pip = [sys.executable, "-m", "pip", "--python", str(venv), "install", "--no-compile", "--quiet"]
+    constraints = ["--constraint", str(ROOT / "constraints.txt")]
+    package = f"foldback{extra} @ {wheel.as_uri()}"
+    subprocess.run([*pip, *constraints, package], check=True)
+    (kernels,) = venv.glob("lib/python*/site-packages/foldback/planner/kernels")
+    # Compiled kernels are valid for equal sources, wherever these are.
+    shutil.copytree(KERNELS / "__pycache__", kernels / "__pycache__", dirs_exist_ok=True)
+    (place / "examples").symlink_to(ROOT / "examples")
+    others = ("FOLDBACK_", "NUMBA_", "PYTHON")
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(others)}
+
+    def run(program: str, *arguments: str, status: int = 0) -> subprocess.CompletedProcess[str]:
+        done = subprocess.run(
+            [str(venv / "bin" / program), *arguments],
+            cwd=place,
+            env=environment,
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        assert done.returncode == status, (arguments, done.stdout, done.stderr)
+        return done
+
+    try:
+        yield run
+    finally:
+        shutil.rmtree(venv)  # more than half a GB
+
+
+def ten_lines() -> str:
+    """Return the program in the README."""
+    (text,) = TEN_LINES.findall((ROOT / "README.md").read_text())
+    return text
+
+
+@pytest.mark.long
+def test_installation_without_extras_runs_the_planner_and_its_commands(
+    wheel: Path, tmp_path: Path
+) -> None:
+    assert {line.split()[0] for line in PLANNER_COMMANDS} == set(COMMANDS) - set(SERVICE_PACKAGES)
+    with installation(wheel, "", tmp_path) as run:
+        assert run("python", "-c", ten_lines()).stdout.startswith("verified (simulated)\n")
+        for line in PLANNER_COMMANDS:
+            # The wrench is not made for a table.
+            run("foldback", *line.split(), status=3 if line.startswith("table") else 0)
+        assert run("foldback-check", "wrench/plan.npz").stdout.startswith("proved")
+        refusal = "foldback serve needs the service: pip install 'foldback[service]'\n"
+        assert run("foldback", "serve", status=2).stderr == refusal
+
+
+@pytest.mark.long
+def test_installation_with_the_viewer_shows_a_fold(wheel: Path, tmp_path: Path) -> None:
+    code = f"""{ten_lines()}
+from urllib.request import urlopen
+from foldback.viewer import show
+with show(plan, port=0) as shown:
+    print(urlopen(shown.url).status)
+"""
+    with installation(wheel, "[viewer]", tmp_path) as run:
+        assert run("python", "-c", code).stdout.endswith("\n200\n")
+        run("foldback", *PLANNER_COMMANDS[0].split())
+        run("foldback", "play", "wrench", status=2)
+
+
+@pytest.mark.long
+def test_installation_with_the_service_serves(wheel: Path, tmp_path: Path) -> None:
+    with installation(wheel, "[service]", tmp_path) as run:
+        run("python", "-c", ten_lines())
+        run("foldback", *PLANNER_COMMANDS[0].split())
+        serve = [str(tmp_path / "venv/bin/foldback"), "serve", "--port", "0", "--workers", "0"]
+        with subprocess.Popen(
+            [*serve, "--data-dir", str(tmp_path / "data")], stdout=subprocess.PIPE, text=True
+        ) as serving:
+            assert serving.stdout is not None
+            address = serving.stdout.readline().split()[-1]
+            assert httpx.get(f"{address}/health").status_code == 200
+            serving.terminate()
+        assert serving.returncode == 0
