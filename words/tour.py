@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Final
 
 from foldback.planner.certificate.figures import CertificateFigures
+from foldback.planner.chain.display_names import clean_name
 from foldback.planner.chain.module import CUBE
 from foldback.planner.plan.moments import CONTACT_LINKS, Meeting, Moments
 from foldback.planner.plan.tour import MAX_CAPTION, MAX_STOP_MODULES, MAX_TITLE, Stop, Tour
-from foldback.planner.readers.display_names import clean_name
 from foldback.words.certificate import clearance, headline, main_rows, torque
 from foldback.words.failures import failure
 from foldback.words.fold import ShownFold, shown_name

@@ -10,8 +10,8 @@ from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Final
 
+from foldback.planner.chain.display_names import clean_name
 from foldback.planner.errors import InputError
-from foldback.planner.readers.display_names import clean_name
 
 if TYPE_CHECKING:
     import numpy as np

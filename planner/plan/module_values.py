@@ -9,8 +9,8 @@ from functools import partial
 from pathlib import Path
 from typing import Any, Final, cast
 
+from foldback.planner.chain.display_names import clean_name
 from foldback.planner.errors import InputError, unexpected
-from foldback.planner.readers.display_names import clean_name
 from foldback.planner.storage.file_names import OWN_VALUES
 from foldback.planner.storage.files import json_of
 

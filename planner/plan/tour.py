@@ -8,8 +8,8 @@ from dataclasses import dataclass, fields
 from functools import partial
 from typing import Any, Final, cast
 
+from foldback.planner.chain.display_names import clean_name
 from foldback.planner.errors import unexpected
-from foldback.planner.readers.display_names import clean_name
 
 TOUR_FORMAT: Final = "foldback-tour/1"
 _bad: Final = partial(unexpected, "bad-tour")

@@ -11,12 +11,12 @@ from collections.abc import Callable
 from typing import Final
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.display_names import clean_name
 from foldback.planner.chain.path import Path
 from foldback.planner.errors import InputError
 from foldback.planner.readers.angle_strings import is_angle_string, read_angle_string, refuse_digits
 from foldback.planner.readers.binvox import is_binvox, read_binvox
 from foldback.planner.readers.csv_cells import is_csv, read_csv
-from foldback.planner.readers.display_names import clean_name
 from foldback.planner.readers.gltf import is_glb, read_glb
 from foldback.planner.readers.json_formats import is_json, read_json
 from foldback.planner.readers.limits import (

@@ -7,9 +7,9 @@ import re
 from collections.abc import Collection
 from typing import Any, Final
 
+from foldback.planner.chain.display_names import clean_name
 from foldback.planner.chain.path import DEFAULT_PITCH_M
 from foldback.planner.errors import InputError
-from foldback.planner.readers.display_names import clean_name
 from foldback.planner.readers.limits import MAX_CELLS, described, quote, too_many
 
 MAX_INTEGER_DIGITS: Final = 18

@@ -11,6 +11,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from foldback.planner.chain.chain_attributes import chain_attributes
+from foldback.planner.chain.display_names import escaped
 from foldback.planner.errors import UNREADABLE, InputError, TimelineError
 from foldback.planner.motion.motion import PHASES
 from foldback.planner.motion.timeline import Timeline
@@ -18,7 +19,6 @@ from foldback.planner.pipeline import manifest
 from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.plan.plan import Plan, read_values
 from foldback.planner.plan.value_differences import Differences, array_difference, value_differences
-from foldback.planner.readers.display_names import escaped
 from foldback.planner.storage import file_names as names
 from foldback.planner.storage.output_directory import finish_replacement
 from foldback.planner.verification.plan_consistency import formats_differ

@@ -16,6 +16,7 @@ from foldback import foldback_check
 from foldback.planner.arrays import Array
 from foldback.planner.certificate.certificate import Certificate, certify
 from foldback.planner.certificate.table_forces import TableForces
+from foldback.planner.chain.display_names import escaped
 from foldback.planner.clearance.margins import Margin, limit_at, unproved_margins
 from foldback.planner.errors import UNREADABLE, InputError, TimelineError, named
 from foldback.planner.exports import mjcf
@@ -31,7 +32,6 @@ from foldback.planner.plan.value_differences import (
 )
 from foldback.planner.playback.playback import Playback
 from foldback.planner.progress import Report, silent
-from foldback.planner.readers.display_names import escaped
 from foldback.planner.storage.file_names import (
     FORCES,
     MODEL,

@@ -12,8 +12,8 @@ from fastapi.responses import Response
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from msgspec import Meta
 
+from foldback.planner.chain.display_names import clean_name
 from foldback.planner.pipeline.request import FoldRequest
-from foldback.planner.readers.display_names import clean_name
 from foldback.server.context import Here, in_list_rate
 from foldback.server.dependencies.described_answers import problems
 from foldback.server.dependencies.owner_tokens import (

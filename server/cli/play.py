@@ -20,6 +20,7 @@ from foldback.cli.exit_statuses import INVALID_INPUT
 from foldback.cli.tour import stored_tour
 from foldback.planner.certificate.earlier_certificates import told_honestly
 from foldback.planner.certificate.figures import CertificateFigures, FoldSummary
+from foldback.planner.chain.display_names import escaped
 from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.explosion.diagnosis import stuck_of
 from foldback.planner.motion.timeline import Timeline
@@ -28,7 +29,6 @@ from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.module_values import values_in
-from foldback.planner.readers.display_names import escaped
 from foldback.planner.storage.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE
 from foldback.planner.storage.files import json_of
 from foldback.planner.verification.stored_fold import check_fold

@@ -12,10 +12,10 @@ from typing import Annotated, Any, BinaryIO, Final
 
 from fastapi import File, Form, UploadFile
 
+from foldback.planner.chain.display_names import clean_name
 from foldback.planner.chain.module import CUBE
 from foldback.planner.pathfinding.path_options import PathOptions
 from foldback.planner.pipeline.request import FoldRequest, PreviewRequest
-from foldback.planner.readers.display_names import clean_name
 from foldback.planner.readers.limits import quote
 from foldback.planner.storage.file_names import INPUT, PREPARED, REQUEST
 from foldback.planner.storage.files import json_of

@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.display_names import MAX_NAME_LENGTH
 from foldback.planner.chain.module import CUBE, TETRAHEDRON
 from foldback.planner.chain.path import Path
 from foldback.planner.errors import InputError
 from foldback.planner.plan.shape_writers import write_chain, write_path
 from foldback.planner.readers import read
 from foldback.planner.readers.angle_strings import read_angle_string
-from foldback.planner.readers.display_names import MAX_NAME_LENGTH
 from tests.case import case
 from tests.conftest import examples
 from tests.planner.chains import chain_of

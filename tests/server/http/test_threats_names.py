@@ -4,8 +4,8 @@ from typing import Any
 
 import pytest
 
+from foldback.planner.chain.display_names import MAX_NAME_LENGTH, clean_name
 from foldback.planner.exports.export import export_name
-from foldback.planner.readers.display_names import MAX_NAME_LENGTH, clean_name
 from foldback.server.submission.fold_inputs import clean_filename
 from tests.case import case
 from tests.server.service_process import SNAKE, Service, bearer, path_file
