@@ -78,7 +78,7 @@ def test_damaged_files_are_named(few: list[Tampered]) -> None:
         files = [path for path in (entry, *entry.rglob("*")) if path.is_file()]
         path = max(files, key=lambda path: path.stat().st_size)
         data = bytearray(path.read_bytes())
-        data[len(data) // 2] ^= 1
+        data[len(data) // 2] ^= 0x80  # no digit that a float rounds away
         damaged[entry.name] = path
         path.write_bytes(data)
     # A verification may end at the first damage, so that reported files are restored one by one.

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import httpx
 import pytest
-from foldback.planner.kernel_cache import KERNELS
+from foldback.planner.compilation.kernel_cache import KERNELS
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
