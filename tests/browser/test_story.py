@@ -60,7 +60,7 @@ def test_running_fold_plays_from_its_start_to_the_finished_shape(visit: Visit) -
 
     page.route(OUTCOME, hold)
     page.locator("#seed").evaluate("seed => { seed.value = 77; }")
-    page.locator("[data-shape=wrench-24]").click()
+    page.locator("[data-shape=wrench-80]").click()
     wait_for_fold(page)
     page.wait_for_function("() => window.foldback?.player.playhead.frame > 9")
     wait_until(page, lambda: bool(held))
@@ -78,9 +78,9 @@ def test_running_fold_plays_from_its_start_to_the_finished_shape(visit: Visit) -
     assert (steps < 0).sum() <= 1, "only the finale begins anew"
     assert steps.max() < explosion / 2, "the explosion is not skipped"
     titles = noted["titles"]
-    assert any(re.fullmatch(r"[A-Z][a-z ]+ \d+ % · Small wrench · foldback", t) for t in titles)
-    assert titles[-1] == "✓ Small wrench"
-    assert "✓ Small wrench: fold verified" in noted["toasts"]
+    assert any(re.fullmatch(r"[A-Z][a-z ]+ \d+ % · Wrench · foldback", t) for t in titles), titles
+    assert titles[-1] == "✓ Wrench", titles
+    assert "✓ Wrench: fold verified" in noted["toasts"]
     expect(page.locator("#verdict")).to_have_text(re.compile("^Verified"))
 
 

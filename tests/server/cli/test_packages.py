@@ -14,11 +14,11 @@ from pathlib import Path
 
 import httpx
 import pytest
-from foldback.planner.compilation.kernel_cache import KERNELS
 from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 
 from docs.make_licences import installed
+from foldback.planner.compilation.kernel_cache import KERNELS
 from foldback.server.cli.command_line import COMMANDS, SERVICE_PACKAGES
 
 ROOT = Path(__file__).parents[3]
