@@ -186,13 +186,13 @@ class _AttemptProcess:
 
     def progress(self) -> Progress | None:
         """Return its progress; None before it has begun."""
-        told = _read(self.place / PROGRESS_FILE)
-        return None if told is None else Progress(**told)
+        progress = _read(self.place / PROGRESS_FILE)
+        return None if progress is None else Progress(**progress)
 
     def attempt(self) -> Attempt | None:
         """Return its outcome; None before that is written."""
-        told = None if self.running else _read(self.place / OUTCOME_FILE)
-        return None if told is None else Attempt.from_dict(told)
+        outcome = None if self.running else _read(self.place / OUTCOME_FILE)
+        return None if outcome is None else Attempt.from_dict(outcome)
 
     def record(self) -> Record | None:
         """Return its record; None when it failed."""

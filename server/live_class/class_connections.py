@@ -51,8 +51,8 @@ def classes_of(request: HTTPConnection) -> LiveClasses:
 @router.get("/c/{code}")
 async def join(request: Request, code: str) -> Response:
     """Redirect to the fold that a class of viewers is watching."""
-    found = classes_of(request).find(code)
-    return RedirectResponse(f"/folds/{found.fold_id}?class={code.upper()}", status_code=303)
+    live_class = classes_of(request).find(code)
+    return RedirectResponse(f"/folds/{live_class.fold_id}?class={code.upper()}", status_code=303)
 
 
 @router.websocket("/api/class/lead")
