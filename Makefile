@@ -23,7 +23,7 @@ PYTHON ?= $(shell for p in python3.13 python3.12 python3.11 python3 python pytho
 	"$$p" -c 'import sys, venv, ensurepip; sys.exit(sys.version_info < (3, 11))' \
 	>/dev/null 2>&1 && { echo "$$p"; exit; }; done)
 
-.PHONY: help run test test-fast test-lowest test-long faults coverage load audit compose-check deploy-check docs texts lint format bench success-map reproduction constraints clean tools test-foreign
+.PHONY: help run test test-fast test-lowest test-long faults coverage load audit compose-check deploy-check docs release-files texts lint format bench success-map reproduction constraints clean tools test-foreign
 
 help: ## List the targets of make
 	@sed -n 's/^\([a-z-]*\):.*## /  make \1\t/p' $(MAKEFILE_LIST)
@@ -158,6 +158,9 @@ success-map: $(STAMP) ## Run the missing folds of the success map and draw it fo
 
 reproduction: $(STAMP) ## Run the missing experiments of the paper and write their page (ARGS="--only ID …")
 	@$(BIN)/python -m bench.reproduction $(ARGS)
+
+release-files: $(STAMP) tools ## Make the files again that a new version changes: hours (ARGS=--dry-run)
+	@$(BIN)/python -m docs.make_release_files $(ARGS)
 
 docs: $(STAMP) ## Write the reference of the Python library into out/reference
 	@$(BIN)/python -m docs.make_reference

@@ -60,9 +60,6 @@ class Settings(BaseSettings):
     """Directory for the folds and the database."""
     database_url: str | None = None
     """Database address, such as postgresql://…. Default: SQLite in `FOLDBACK_DATA_DIR`."""
-    jobs_url: str | None = None
-    """Has no effect: the queue is now in the database of `FOLDBACK_DATABASE_URL`. The service also
-    starts if an old configuration still sets this variable."""
     storage_url: str | None = None
     """Object store for the files of folds, such as s3://bucket/prefix, configured by the usual
     AWS_… variables. Needs pip install 'foldback[storage]'. Default: the files are in
@@ -301,7 +298,7 @@ class Settings(BaseSettings):
             )
         return value or None
 
-    @field_validator("database_url", "jobs_url")
+    @field_validator("database_url")
     @classmethod
     def _url(cls, value: str | None) -> str | None:
         # The message does not quote the value, because it may contain a password.

@@ -34,11 +34,6 @@ TEMPORARY_SUFFIX: Final = ".partial"
 zarr library uses the same suffix."""
 
 
-EARLIER_TEMPORARY: Final = (".figures.zarr.*", ".*.npz.*", ".*.json.*")
-"""Name patterns of the temporary files of earlier versions; such files that a killed process left
-behind are removed as well."""
-
-
 def temporary_path(path: FilePath) -> FilePath:
     """Return the path of a new temporary file beside a path."""
     return path.with_name(f".{path.name}.{secrets.token_hex(4)}{TEMPORARY_SUFFIX}")
@@ -51,7 +46,7 @@ def remove_temporary(directory: FilePath, *, before: float) -> None:
         directory: Directory that is searched, with its folders, but not deeper.
         before: Seconds since 1970; what was written later may still be in the making.
     """
-    for pattern in (f".*{TEMPORARY_SUFFIX}", f"*/.*{TEMPORARY_SUFFIX}", *EARLIER_TEMPORARY):
+    for pattern in (f".*{TEMPORARY_SUFFIX}", f"*/.*{TEMPORARY_SUFFIX}"):
         for path in directory.glob(pattern):
             with suppress(OSError):  # another process removes it
                 if path.lstat().st_mtime >= before:

@@ -21,19 +21,16 @@ from contextlib import suppress
 from typing import Final
 
 import sqlalchemy as sa
-from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import aliased
 
 from foldback.planner.storage.files import remove_temporary
 from foldback.server.limits.disk_space import free_space
 from foldback.server.settings import Settings
-from foldback.server.store.fold_files import DERIVED_DIRS, EXPORTS_DIR, size_of
 from foldback.server.store.folds import DAY_S, Store, rows_of
 from foldback.server.store.object_store import StorageError
 from foldback.server.store.tables import (
     ENDED,
     UNFINISHED_MOVIE_STATUSES,
-    CounterRow,
     FoldRow,
     MovieRow,
     movie_file,
@@ -54,9 +51,6 @@ fold has files before it is entered."""
 MIN_DERIVED_AGE_S: Final = 600.0
 """Minimum age of a derived file (an export or a movie) before it may be deleted to make room, in s,
 so that the client that requested the file can download it."""
-COUNTED_FLAG: Final = "counted_apart"
-"""Name of the database row which records that the derived files of earlier versions have been
-counted separately from the folds' own files; the count happens only once."""
 CANCELLED_FOLD_S: Final = 3600.0
 """Time from the last access to a cancelled fold until the fold is deleted, in s."""
 MAX_CANCELLED_BYTES: Final = 16 * 2**20
@@ -71,7 +65,7 @@ MAX_DELETION_BATCHES: Final = 20
 """Maximum number of batches, of up to ``DELETION_BATCH_ROWS`` folds each, that one regular clean-up
 deletes of cancelled folds, and again of expired ones; the next one continues."""
 log = logging.getLogger("foldback.janitor")
-_Unused = sa.Row[str, float | None, int]
+_Unused = sa.Row[str, float, int]
 """Id of a fold, time of the last access, and size of its own files."""
 _CANCELLED: Final = (FoldRow.status == "cancelled", FoldRow.pinned.is_(False))
 _EXPIRING: Final = (
@@ -96,7 +90,6 @@ class Housekeeping:
         self._settings = settings
         self._store = store
         self._clock = clock
-        self._counted_apart = False
         self._orphans_at = -ORPHAN_SWEEP_S
         self._names: Iterator[str] | None = None
         """Remaining names of the current round through all files; None between rounds."""
@@ -106,9 +99,6 @@ class Housekeeping:
 
     def sweep(self) -> int:
         """Sweep once; return the number of expired folds."""
-        if not self._counted_apart:
-            _count_derived_apart(self._store)
-            self._counted_apart = True
         self.remove_cancelled()
         self._make_room()
         gone = self._forget_superseded() + self._expire()
@@ -368,24 +358,3 @@ def _remove_files(store: Store, fold_id: str) -> None:
         store.folders.remove(fold_id)
     except StorageError as error:  # the search for files without a row finds them later
         log.warning("files of fold %s could not be deleted: %s", fold_id, error)
-
-
-def _count_derived_apart(store: Store) -> None:
-    """Count derived files separately, once, if an earlier version has counted them as folds'."""
-    done = store.get(CounterRow, COUNTED_FLAG) is not None
-    if done or store.folders.storage is not None:
-        return
-    uncounted = (FoldRow.derived_bytes == 0, FoldRow.status.in_(sorted(ENDED)))
-    names = store.scalars(sa.select(FoldRow.id).where(*uncounted))
-    for fold_id in names:
-        place = store.folders.place(fold_id)
-        if not (made := size_of(place / EXPORTS_DIR)):
-            continue
-        own = size_of(place, but=DERIVED_DIRS)
-        store.change(
-            sa.update(FoldRow)
-            .where(FoldRow.id == fold_id, *uncounted)
-            .values(bytes=own, derived_bytes=made)
-        )
-    with suppress(IntegrityError), store.changing() as session:  # another worker was faster
-        session.add(CounterRow(name=COUNTED_FLAG, value=1))

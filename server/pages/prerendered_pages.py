@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import cache
 
 from fastapi import APIRouter, Request
-from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from fastapi.responses import HTMLResponse, Response
 
 from foldback.server.context import context_of
 from foldback.server.http.base_path import BASE_PATH
@@ -20,12 +20,6 @@ router = APIRouter(include_in_schema=False)
 async def benchmarks(request: Request) -> Response:
     """Return the page of benchmarks with the success map that ``make success-map`` draws."""
     return _answer(request, "benchmarks.html", listed=True)
-
-
-@router.get("/what-folds")
-async def earlier_address() -> Response:
-    """Redirect from the former address of the page of benchmarks."""
-    return RedirectResponse("/benchmarks", status_code=301)
 
 
 @router.get("/docs", response_class=HTMLResponse)

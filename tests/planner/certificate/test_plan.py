@@ -65,6 +65,14 @@ def test_invalid_plan_is_refused(plan: Plan, tmp_path: FilePath) -> None:
             Plan.load(path)
 
 
+def test_plan_of_another_format_is_refused_with_both_formats_named() -> None:
+    with pytest.raises(InputError) as refused:
+        Plan.of_values({"format": "foldback-plan/4"}, "plan.npz")
+    assert refused.value.code == "wrong-format"
+    for text in ("'foldback-plan/4' in plan.npz", f"expected {PLAN_FORMAT!r}", "version"):
+        assert text in refused.value.detail
+
+
 def test_plan_with_angles_in_two_forms_is_refused(plan: Plan, tmp_path: FilePath) -> None:
     """Readers of one form would see another motion than readers of the other."""
     planes = encode_frames(plan.joint_angles_rad)

@@ -73,7 +73,7 @@ def remaining(store: Store, *folds: str) -> list[bool]:
 def test_half_written_files_of_killed_processes_are_removed(store: Store) -> None:
     place = store.folders.place(fold(store, days=0))
     (place / EXPORTS_DIR).mkdir()
-    names = (".figures.zarr.a1b2.partial", ".figures.zarr.4711", f"{EXPORTS_DIR}/.a.csv.1.partial")
+    names = (".figures.zarr.a1b2.partial", f"{EXPORTS_DIR}/.a.csv.1.partial")
     stale, fresh = [place / name for name in names], place / ".plan.json.ff.partial"
     later = place / ".figures.zarr.b1.partial"
     tidy = housekeeping(store)
@@ -205,16 +205,6 @@ def test_derived_files_make_room_before_folds_and_count_for_no_visitor(store: St
     assert remaining(store, *folds) == [True, True]
     housekeeping(store, storage_bytes=1 * MIB).sweep()
     assert remaining(store, *folds) == [False, True]
-
-
-def test_derived_bytes_counted_by_an_earlier_version_are_separated(store: Store) -> None:
-    old, counted = fold(store, days=1, size=MIB + 2), fold(store, days=1)
-    for name in (old, counted):
-        derive(store, name, MIB)
-    store.set_derived(old, 0)
-    housekeeping(store).sweep()
-    assert (store.fold(old).bytes, store.fold(old).derived_bytes) == (len("{}"), MIB)
-    assert (store.fold(counted).bytes, store.fold(counted).derived_bytes) == (MIB, MIB)
 
 
 def test_derived_bytes_counted_twice_are_corrected_when_room_is_made(store: Store) -> None:

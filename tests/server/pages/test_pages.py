@@ -36,8 +36,6 @@ def get(path: str, **headers: str) -> httpx.Response:
 
 
 def test_success_map_is_shown_on_the_benchmarks_page() -> None:
-    moved = get("/what-folds")
-    assert (moved.status_code, moved.headers["location"]) == (301, "/benchmarks")
     page = get("/benchmarks")
     assert 'aria-current="page"' in page.text
     (source,) = re.findall(r'<img src="([^"]+)"', page.text)

@@ -133,7 +133,7 @@ def test_outages_differ_from_errors(error: Exception, kind: type[ServiceError] |
 def test_environment_of_a_child_holds_no_secrets() -> None:
     names = ("PATH", "HOME", "LC_ALL", "PYTHONPATH", "NUMBA_CACHE_DIR", "LD_LIBRARY_PATH")
     ours = dict.fromkeys((*names, "MUJOCO_GL"), "/x")
-    secrets = ("FOLDBACK_DATABASE_URL", "FOLDBACK_JOBS_URL", "AWS_SECRET_ACCESS_KEY", "PGPASSWORD")
+    secrets = ("FOLDBACK_DATABASE_URL", "AWS_SECRET_ACCESS_KEY", "PGPASSWORD")
     secrets += ("AWS_SESSION_TOKEN", "SOME_API_KEY", "OTEL_EXPORTER_OTLP_HEADERS")
     assert environment_of_child({**ours, **dict.fromkeys(secrets, "secret")}) == ours
 
