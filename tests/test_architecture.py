@@ -2,13 +2,18 @@
 
 import re
 from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
 
 from docs import make_architecture as made
+from tests import names
 from tests.case import case
 
 FOLDERS = [
     c for c in made.LAYER_OF if c not in made.COLUMNS and made.modules()[c].name == "__init__.py"
 ]
+
+MAX_VAGUE_SHARE = 0.075
+"""Largest fraction of local names, parameters and attributes that fit every value."""
 
 
 def test_imports_point_to_lower_layers() -> None:
@@ -61,6 +66,16 @@ def test_constants_say_what_they_are() -> None:
     for path in (*made.modules().values(), *sources, *scripts):
         with case(str(path)):
             assert re.search(r"\bChosen\b[.:;]", path.read_text(encoding="utf-8")) is None
+
+
+def test_names_say_what_they_hold() -> None:
+    assert names.vague_share() < MAX_VAGUE_SHARE, "run `python -m tests.names`"
+
+
+def test_vague_names_are_counted_once_per_scope() -> None:
+    source = "class A:\n  found: int\n  def f(self, told):\n    told = [one for one in told]\n"
+    scopes = names.bindings_of(source, Path("a.py"))
+    assert sorted((b.name, b.line) for b in scopes) == [("found", 2), ("one", 4), ("told", 3)]
 
 
 def test_paths_on_the_page_exist() -> None:
