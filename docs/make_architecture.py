@@ -54,7 +54,7 @@ LAYERS: Final = (
     ("server.files",),
     ("server.jobs",),
     ("server.schemas",),
-    ("server.viewing", "server.robots"),
+    ("server.viewing", "server.target_streams"),
     ("server.live_class",),
     ("server.context",),
     ("server.dependencies",),

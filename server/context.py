@@ -31,12 +31,12 @@ from foldback.server.processes.children import Pool
 from foldback.server.processes.fork_server import ForkServer
 from foldback.server.processes.limits import READER_PROCESSES, ChildLimits
 from foldback.server.processes.scratch import Scratch
-from foldback.server.robots.robot_rates import robot_rates
 from foldback.server.settings import Settings
 from foldback.server.store.estimates import Estimates
 from foldback.server.store.folds import Store
 from foldback.server.store.leases import Leases
 from foldback.server.store.previews import Previews
+from foldback.server.target_streams.stream_rates import stream_rates
 from foldback.server.viewing.fold_lookup import Viewing
 from foldback.server.viewing.fold_states import FoldStates
 from foldback.server.viewing.frame_waits import FrameWaits
@@ -62,8 +62,8 @@ class Context(Viewing):
     gallery: Gallery
     fold_states: FoldStates
     streams: Quota
-    robots: Quota
-    robot_rates: SharedBuckets
+    target_streams: Quota
+    stream_rates: SharedBuckets
     classes: LiveClasses
     trajectories: Trajectories
     answers: SingleFlight
@@ -132,8 +132,12 @@ class Context(Viewing):
             timelines=TimelineViews(),
             waits=waits,
             streams=_quota("event streams", settings.max_streams, settings.max_streams_of_visitor),
-            robots=_quota("robots", settings.max_robots, settings.max_robots_of_visitor),
-            robot_rates=robot_rates(),
+            target_streams=_quota(
+                "target streams",
+                settings.max_target_streams,
+                settings.max_target_streams_of_visitor,
+            ),
+            stream_rates=stream_rates(),
             classes=LiveClasses(settings),
             trajectories=trajectories,
             answers=answers,

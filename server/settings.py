@@ -237,10 +237,10 @@ class Settings(BaseSettings):
     """Maximum number of requests that wait for frames (`?wait=`)."""
     max_waits_of_visitor: Count = 32
     """Maximum number of one visitor's requests that wait for frames."""
-    max_robots: Count = 32
-    """Maximum number of connected robots (`/play`)."""
-    max_robots_of_visitor: Count = 8
-    """Maximum number of connected robots of one visitor."""
+    max_target_streams: Count = 32
+    """Maximum number of open target streams (`/play`)."""
+    max_target_streams_of_visitor: Count = 8
+    """Maximum number of open target streams of one visitor."""
     max_classes: Count = 32
     """Maximum number of classes: fold pages that a leader shows to followers with *Follow me*."""
     max_classes_of_visitor: Count = 4

@@ -1,4 +1,4 @@
-"""Strangers: slowdown of others by a few visitors with simulated robots and first views."""
+"""Strangers: slowdown of others by a few visitors with target streams and first views."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ from bench.measured_tables import Section
 from tests.planner.peels import snake
 from tests.server.service_process import SNAKE, Service
 
-MAX_PAGE_BESIDE_ROBOTS_MS: Final = 200
+MAX_PAGE_BESIDE_STREAMS_MS: Final = 200
 """Target for the 95th percentile of the time to load a page while other visitors occupy the service
-with simulated robots or very large plans, in ms; at or above it the load test fails."""
+with target streams or very large plans, in ms; at or above it the load test fails."""
 MAX_WEB_GROWTH_MB: Final = 300
 """Maximum growth of the resident memory of the web process while visitors occupy it with simulated
-robots or very large plans, in MB; above it the load test fails."""
-ADDRESSES, ROBOTS_PER_ADDRESS = 3, 8
-"""Number of client addresses, and of robots that each of them connects."""
+target streams or very large plans, in MB; above it the load test fails."""
+ADDRESSES, STREAMS_PER_ADDRESS = 3, 8
+"""Number of client addresses, and of target streams that each of them opens."""
 PLAN_MB: Final = 96
 """Size to which the test pads the plan.json of each of four folds, in MB, before their pages are
 opened for the first time. A larger value loads the service more; chosen as the size of a simulated
 fold of 1000 modules in an earlier version."""
 WITNESS_POLL_S: Final = 0.05
 """Pause between two requests of the client that measures how much others delay it, in s."""
-ROBOT_RETRY_S: Final = 0.2
-"""Maximum time that a simulated robot waits for a message before it reports its joint error again,
+STREAM_RETRY_S: Final = 0.2
+"""Maximum time that a client waits for a message before it reports its joint error again,
 and pause before it connects again, in s."""
 
 
@@ -50,12 +50,15 @@ def strangers(short: bool = False) -> Section:
         for fold in (box, *small):
             assert service.wait_over(fold)["status"] == "verified"
         witness = _Witness(service, small[0])
-        what = f"{ADDRESSES} addresses with {ROBOTS_PER_ADDRESS} robots each on {side**3} modules"
+        per_address = f"{STREAMS_PER_ADDRESS} target streams each on {side**3} modules"
+        what = f"{ADDRESSES} addresses with {per_address}"
         with witness.looking(section, "nobody else", judged=False):
             time.sleep(seconds / 4)
         with witness.looking(section, what, judged=not short):
             led = _drive(service, box, seconds)
-        section.add("robots that were led, in turns", f"{led} of {ADDRESSES * ROBOTS_PER_ADDRESS}")
+        section.add(
+            "target streams with a target, in turns", f"{led} of {ADDRESSES * STREAMS_PER_ADDRESS}"
+        )
         padding = ",".join(["0.12345678"] * (2**10 if short else PLAN_MB * 10**6 // 11))
         for fold in small:
             path = service.directory(fold) / "plan.json"
@@ -122,8 +125,8 @@ class _Witness:
         section.add(
             f"page p95, {what}",
             f"{page:.0f} ms",
-            f"< {MAX_PAGE_BESIDE_ROBOTS_MS} ms",
-            page < MAX_PAGE_BESIDE_ROBOTS_MS if judged else None,
+            f"< {MAX_PAGE_BESIDE_STREAMS_MS} ms",
+            page < MAX_PAGE_BESIDE_STREAMS_MS if judged else None,
         )
         section.add(
             f"memory, {what}",
@@ -137,10 +140,10 @@ class _Witness:
 
 
 def _drive(service: Service, fold: str, seconds: float) -> int:
-    """Connect robots that request different speed limits and report that they are on target.
+    """Open target streams that request different speed limits and report that they are on target.
 
     Returns:
-        Number of robots that received a target.
+        Number of target streams that received a target.
     """
     base = str(service.http.base_url).replace("http", "ws", 1).rstrip("/")
     over = threading.Event()
@@ -148,21 +151,21 @@ def _drive(service: Service, fold: str, seconds: float) -> int:
 
     def drive(number: int) -> None:
         address = f"{base}/api/folds/{fold}/play?max_speed={1 + number / 100}&rate_hz=100"
-        headers = {"X-Forwarded-For": f"10.8.0.{number // ROBOTS_PER_ADDRESS + 1}"}
+        headers = {"X-Forwarded-For": f"10.8.0.{number // STREAMS_PER_ADDRESS + 1}"}
         while not over.is_set():
             with (
                 suppress(WebSocketException, OSError),
-                connect(address, additional_headers=headers, max_size=None) as robot,
+                connect(address, additional_headers=headers, max_size=None) as client,
             ):
                 while not over.is_set():
                     with suppress(TimeoutError):
-                        if '"target"' in str(robot.recv(timeout=ROBOT_RETRY_S))[:100]:
+                        if '"target"' in str(client.recv(timeout=STREAM_RETRY_S))[:100]:
                             led.add(number)
-                        robot.send('{"do": "report", "error_rad": 0}')
-            over.wait(ROBOT_RETRY_S)
+                        client.send('{"do": "report", "error_rad": 0}')
+            over.wait(STREAM_RETRY_S)
 
     threads = [
-        threading.Thread(target=drive, args=(k,)) for k in range(ADDRESSES * ROBOTS_PER_ADDRESS)
+        threading.Thread(target=drive, args=(k,)) for k in range(ADDRESSES * STREAMS_PER_ADDRESS)
     ]
     for thread in threads:
         thread.start()

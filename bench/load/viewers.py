@@ -23,15 +23,15 @@ MAX_VIEWERS_GROWTH_MB = 50
 the last of 1000 further ones, in MB; above it the load test fails, as the process leaks memory."""
 CONCURRENT_VIEWERS = 25
 """Number of viewers, out of 1000, that load a fold's page and data at the same time."""
-VIEWERS_PER_ROBOT = 10
-"""Every n-th viewer, n being this value, also connects a simulated robot that plays the fold."""
+VIEWERS_PER_STREAM = 10
+"""Every n-th viewer, n being this value, also opens a target stream of the fold."""
 
 
 def viewers(short: bool = False) -> Section:
     """Measure the memory of the web process before and after the viewers."""
     section = Section(name="viewers")
     count, warm = (40, 10) if short else (1000, 20)
-    with serving(max_robots_of_visitor=32) as service:
+    with serving(max_target_streams_of_visitor=32) as service:
         address = str(service.http.base_url)
         folds = [service.fold(SNAKE, seed=str(k))["id"] for k in range(2 if short else 5)]
         if not short:
@@ -97,10 +97,10 @@ async def _view(address: str, fold: str, number: int, errors: Counter[str]) -> N
         async with http.stream("GET", f"/api/folds/{fold}/events") as stream:
             with suppress(StopAsyncIteration):
                 await anext(stream.aiter_bytes())
-    if number % VIEWERS_PER_ROBOT == 0:
+    if number % VIEWERS_PER_STREAM == 0:
         socket = f"{address.replace('http', 'ws').rstrip('/')}/api/folds/{fold}/play"
-        async with connect(socket, additional_headers=headers) as robot:
-            await asyncio.wait_for(robot.recv(), 30)
+        async with connect(socket, additional_headers=headers) as client:
+            await asyncio.wait_for(client.recv(), 30)
 
 
 def _resident_mb(service: Service) -> float:

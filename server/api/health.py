@@ -96,13 +96,13 @@ async def get_metrics(request: Request, context: Here, credentials: Bearer) -> R
         )
     stats: Stats = request.app.state.stats
     readiness: Readiness = request.app.state.readiness
-    streams, robots = len(context.streams), len(context.robots)
+    streams, target_streams = len(context.streams), len(context.target_streams)
     try:
         figures = await asyncio.to_thread(stats.figures)
     except SQLAlchemyError:
         figures = None
     places = await asyncio.to_thread(readiness.places)
-    text = context.metrics.text(figures, places, streams=streams, robots=robots)
+    text = context.metrics.text(figures, places, streams=streams, target_streams=target_streams)
     return Response(text, media_type=METRICS_MEDIA_TYPE)
 
 

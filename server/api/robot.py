@@ -1,4 +1,4 @@
-"""Routes for robots: trajectories, joint torques, and playback in real time."""
+"""Routes for robots: trajectories, joint torques, and target streams in real time."""
 
 from __future__ import annotations
 
@@ -35,8 +35,9 @@ from foldback.server.files.trajectories import MotorsWanted, Retimed, Wanted
 from foldback.server.http.client_address import address_of
 from foldback.server.http.limited_stream import LimitedStream
 from foldback.server.http.websockets import close, first_of, receive
-from foldback.server.robots.robot_clock import MAX_CLOCK_STEP_S, Reason, RobotClock
-from foldback.server.robots.robot_messages import (
+from foldback.server.store.folds import FoldRow, NoSuchFoldError
+from foldback.server.target_streams.stream_clock import MAX_CLOCK_STEP_S, Reason, StreamClock
+from foldback.server.target_streams.stream_messages import (
     DECODER,
     ENCODER,
     PLAY_FORMAT,
@@ -54,7 +55,6 @@ from foldback.server.robots.robot_messages import (
     Wrong,
     schema,
 )
-from foldback.server.store.folds import FoldRow, NoSuchFoldError
 from foldback.server.viewing.fold_lookup import ADDRESS_ID
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["robots"])
@@ -71,23 +71,23 @@ chains are left to the command line."""
 TRAJECTORY_MEDIA_TYPES: Final = {"csv": "text/csv; charset=utf-8", "json": "application/json"}
 REFUSED, TRY_LATER, DONE = 1008, 1013, 1000
 MAX_MESSAGES_PER_SECOND: Final = 400
-"""Maximum number of websocket messages that a connected robot may send per second; more of them end
+"""Maximum number of websocket messages that a client may send per second; more of them end
 its connection."""
 MAX_MESSAGE_BYTES_PER_JOINT: Final = 32
-"""Maximum size of a websocket message from a robot, in bytes per joint of the chain, in addition to
-4096 bytes; a larger message ends the connection."""
-ROBOT_TIMEOUT_S: Final = 60.0
-"""Time, in s, after which the connection to a robot ends if the robot has sent no message, or has
+"""Maximum size of a websocket message from a client, in bytes per joint of the chain, in addition
+to 4096 bytes; a larger message ends the connection."""
+STREAM_TIMEOUT_S: Final = 60.0
+"""Time, in s, after which the connection to a client ends if it has sent no message, or has
 read none."""
 REMINDER_S: Final = 1.0
-"""Time after which the current target is sent again to a robot that does not report, in s."""
+"""Time after which the current target is sent again to a client that does not report, in s."""
 CLOSE_TIMEOUT_S: Final = 5.0
-"""Time that a robot may take to close the websocket after the motion has ended, in s; then the
+"""Time that a client may take to close the websocket after the motion has ended, in s; then the
 service closes it."""
 MAX_LEAD_S: Final = 0.25
-"""Maximum time by which the sent joint targets may be ahead of the robot's last report, in s."""
+"""Maximum time by which the sent joint targets may be ahead of the client's last report, in s."""
 REMEMBERED_TARGETS: Final = 64
-"""Number of last sent joint targets with which a robot's report is compared. It exceeds the number
+"""Number of last sent joint targets with which a client's report is compared. It exceeds the number
 of targets that can be unanswered."""
 
 DOCUMENTED_FORMS: Final = ("application/json", "text/csv")
@@ -248,7 +248,7 @@ def get_play() -> Response:
     )
 
 
-@schemas.get("/play-schema", summary="JSON Schema of the messages between a robot and the service")
+@schemas.get("/play-schema", summary="JSON Schema of the messages of a target stream")
 def get_play_schema() -> dict[str, Any]:
     """Return the schema of the websocket at `/api/folds/{fold_id}/play`."""
     return schema()
@@ -256,7 +256,7 @@ def get_play_schema() -> dict[str, Any]:
 
 @router.websocket("/play")
 async def play(websocket: WebSocket, fold_id: str) -> None:
-    """Send a robot its joint angles in real time, and wait whenever it falls behind.
+    """Send joint targets in real time, and wait whenever the client falls behind.
 
     Limits are checked before the socket is accepted, because until then an error can be sent as an
     HTTP response.
@@ -267,15 +267,15 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
         ask = msgspec.convert(dict(websocket.query_params), Ask, strict=False)
     except msgspec.ValidationError as error:
         raise Unusable("bad-request", f"{error}.", where="query") from error
-    with context.robots.enter(visitor):
+    with context.target_streams.enter(visitor):
         wanted = await asyncio.to_thread(_playable, context, fold_id, ask)
         await websocket.accept()
         try:
             found = await context.trajectories.of(wanted, visitor)
             if not found.verified:
                 raise _not_verified()
-            charge = partial(context.robot_rates.charge, visitor)
-            await _RobotSession(websocket, found, ask, fold_id, charge).play()
+            charge = partial(context.stream_rates.charge, visitor)
+            await _TargetStream(websocket, found, ask, fold_id, charge).play()
             await close(websocket, DONE)
         except (ServiceError, DamagedError, InputError) as error:
             refused = refusal_of(error)
@@ -299,7 +299,7 @@ def _wanted(
 
 
 def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:
-    """Return the trajectory of a verified fold that a robot requests."""
+    """Return the trajectory of a verified fold that a client requests."""
     if not ADDRESS_ID.fullmatch(fold_id):
         raise NoSuchFoldError(fold_id)
     row, wanted = _wanted(context, fold_id, ask.max_speed, ask.max_acceleration)
@@ -312,8 +312,8 @@ def _not_verified() -> Conflict:
     return Conflict("not-verified", "This plan is not verified, so it cannot be sent to a robot.")
 
 
-class _RobotSession:
-    """Playback of a motion by one connected robot."""
+class _TargetStream:
+    """Stream of joint targets to one client, in real time."""
 
     def __init__(
         self,
@@ -337,7 +337,7 @@ class _RobotSession:
         self._answered: int | None = None
         self._ahead = max(2, round(MAX_LEAD_S * ask.rate_hz))
         self._heard = self._clock()
-        self._pace = RobotClock(
+        self._pace = StreamClock(
             self._trajectory.duration_s,
             speed=ask.speed,
             # So that a stop at full speed does not exceed the acceleration limit.
@@ -348,11 +348,11 @@ class _RobotSession:
         )
 
     async def play(self) -> None:
-        """Play until the end, a stop, or the robot's disconnection."""
+        """Play until the end, a stop, or the client's disconnection."""
         from foldback.planner.exports.trajectory import largest_chord_error
 
         ask, trajectory = self._ask, self._trajectory
-        # A robot interpolates linearly between targets, which are at most this far apart in time.
+        # A client interpolates linearly between targets, which are at most this far apart in time.
         between_s = ask.speed * max(1.0 / ask.rate_hz, MAX_CLOCK_STEP_S)
         await self._send(
             Begin(
@@ -368,7 +368,7 @@ class _RobotSession:
         )
         await first_of(self._listen(), self._speak())
         try:
-            # Receive remaining messages, and let the robot read the end before closing.
+            # Receive remaining messages, and let the client read the end before closing.
             async with asyncio.timeout(CLOSE_TIMEOUT_S):
                 while True:
                     await receive(self._websocket)
@@ -376,7 +376,7 @@ class _RobotSession:
             return
 
     async def _speak(self) -> None:
-        """Send a target at every tick, once the robot has reached the start of the motion.
+        """Send a target at every tick, once the client has reported the start of the motion.
 
         Late targets are skipped.
         """
@@ -389,8 +389,8 @@ class _RobotSession:
             if self._answered is not None:
                 pace.behind = self._number - self._answered >= self._ahead
             pace.advance(now)
-            if now - self._heard > ROBOT_TIMEOUT_S:
-                raise TooSlow("gone", f"No message arrived for {ROBOT_TIMEOUT_S:g} s.")
+            if now - self._heard > STREAM_TIMEOUT_S:
+                raise TooSlow("gone", f"No message arrived for {STREAM_TIMEOUT_S:g} s.")
             reason = pace.waiting(now)
             if reason != said:
                 said = reason
@@ -400,7 +400,7 @@ class _RobotSession:
                     await self._send(
                         Waiting(because=reason, time_s=pace.time_s, error_rad=pace.error_rad)
                     )
-            # A robot that does not answer gets only one target per ``REMINDER_S``.
+            # A client that does not answer gets only one target per ``REMINDER_S``.
             wait_s = 0.0
             if self._there and (reason not in ("silence", "behind") or now - told >= REMINDER_S):
                 told = now
@@ -433,7 +433,7 @@ class _RobotSession:
         )
 
     async def _listen(self) -> None:
-        """Process the robot's messages."""
+        """Process the client's messages."""
         joints = len(self._trajectory.joint_names)
         window, count = 0, 0
         while True:
@@ -490,10 +490,10 @@ class _RobotSession:
     async def _send(self, message: Outgoing) -> None:
         try:
             # Not wait_for, which may lose a cancellation before Python 3.12.
-            async with asyncio.timeout(ROBOT_TIMEOUT_S):
+            async with asyncio.timeout(STREAM_TIMEOUT_S):
                 await self._websocket.send_text(ENCODER.encode(message).decode())
         except TimeoutError:
-            raise TooSlow("gone", f"The client read nothing for {ROBOT_TIMEOUT_S:g} s.") from None
+            raise TooSlow("gone", f"The client read nothing for {STREAM_TIMEOUT_S:g} s.") from None
 
 
 def _echoed(ask: Ask) -> dict[str, float]:

@@ -30,8 +30,8 @@ if TYPE_CHECKING:
 MAX_IDLE_TRAJECTORY_BYTES: Final = 128 * 2**20
 """Maximum total size of the cached joint trajectories that no request uses, in bytes."""
 MAX_TRAJECTORY_BYTES: Final = 2**30
-"""Maximum total size of all joint trajectories in memory, in bytes, with those that robots are
-playing; further ones are refused."""
+"""Maximum total size of all joint trajectories in memory, in bytes, with those that target streams
+are playing; further ones are refused."""
 MAX_CACHED_CLEARANCES: Final = 1024
 """Maximum number of exported trajectories whose proved clearance between modules is cached."""
 STREAMS, STREAMS_OF_ADDRESS = 8, 2

@@ -45,7 +45,7 @@ may cause at once after a pause, so that a low permitted rate does not stop ordi
 CONNECTION_FRACTION: Final = 0.25
 """Limit of protocol events (HTTP chunks, websocket frames) of one connection, as a fraction of its
 visitor's limit: 1000 of 4000 per second by default; beyond it the connection is not read for a
-while. A robot may send 400 messages per second."""
+while. The client of a target stream may send 400 messages per second."""
 
 
 class EventBudget(SharedBuckets):

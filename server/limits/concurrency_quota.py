@@ -25,7 +25,7 @@ from foldback.server.limits.networks import networks_of
 
 OPEN_RETRY_S: Final = 10
 """Value of the ``Retry-After`` header, in s, of the refusal if too many event streams, uploads or
-connections to simulated robots are open. With a smaller value clients return sooner, and more of
+target streams are open. With a smaller value clients return sooner, and more of
 them are refused again."""
 BUSY_RETRY_S: Final = 5
 """Value of the ``Retry-After`` header, in s, if a request is refused because too many others wait
@@ -314,7 +314,7 @@ class Quota:
 
     def _too_many(self, count: int, holder: Holder) -> TooMany:
         return TooMany(
-            f"too-many-{self._what.rpartition(' ')[2]}",
+            f"too-many-{self._what.replace(' ', '-')}",
             f"{count} {self._what} {holder} are active, which is the limit; end one, or try again "
             f"in {OPEN_RETRY_S} s.",
             retry_after_s=OPEN_RETRY_S,

@@ -40,7 +40,7 @@ class Metrics:
         )
         self.websockets = Gauge(
             "foldback_websockets_open",
-            "Open websockets of pages and robots.",
+            "Open websockets of pages and target streams.",
             registry=self._registry,
         )
 
@@ -48,18 +48,20 @@ class Metrics:
         """Count one HTTP response."""
         self._seconds.labels(method, route, f"{status // 100}xx").observe(seconds)
 
-    def text(self, figures: Figures | None, places: Places, *, streams: int, robots: int) -> bytes:
+    def text(
+        self, figures: Figures | None, places: Places, *, streams: int, target_streams: int
+    ) -> bytes:
         """Return all metrics in the text format of Prometheus.
 
         Args:
             figures: Figures of the rows; None if the database does not answer.
             places: State of disk and storage.
             streams: Number of open event streams.
-            robots: Number of connected robots.
+            target_streams: Number of open target streams.
         """
         rows = CollectorRegistry()
         _set(rows, "streams_open", "Open event streams.", streams)
-        _set(rows, "robots_open", "Connected robots.", robots)
+        _set(rows, "target_streams_open", "Open target streams.", target_streams)
         _set_places(rows, places)
         _set(rows, "database_up", "1 if the database answers, else 0.", figures is not None)
         if figures is not None:

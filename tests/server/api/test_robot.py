@@ -31,8 +31,8 @@ LIMIT_OPTIONS = ("--max-speed", "0.5", "--max-acceleration", "1")
 """Options for the same limits on the command line."""
 
 
-class Robot:
-    """Robot at the other end of a socket."""
+class Client:
+    """Client at the other end of a socket."""
 
     def __init__(self, socket: ClientConnection) -> None:
         self.socket = socket
@@ -70,13 +70,13 @@ def address(service: Service, fold_id: str, **options: object) -> str:
 
 
 @contextlib.contextmanager
-def playing(service: Service, fold_id: str, **options: object) -> Iterator[Robot]:
+def playing(service: Service, fold_id: str, **options: object) -> Iterator[Client]:
     """Play a fold; on a busy machine, the service releases robots of earlier tests late."""
     sockets: list[ClientConnection] = []
     url = address(service, fold_id, **options)
     wait_until(lambda: sockets.append(connect(url, max_size=None)) or True, errors=(InvalidStatus,))
     with sockets[0] as socket:
-        yield Robot(socket)
+        yield Client(socket)
 
 
 def denial(url: str) -> tuple[str, int]:
@@ -88,73 +88,73 @@ def denial(url: str) -> tuple[str, int]:
     return json.loads(response.body)["code"], response.status_code
 
 
-def refusal(robot: Robot) -> tuple[str, int]:
+def refusal(client: Client) -> tuple[str, int]:
     """Return the reason and the code with which a socket is closed."""
-    message = robot.receive()
+    message = client.receive()
     assert message["is"] == "problem", message
     with pytest.raises(ConnectionClosed) as shut:
-        robot.receive()
+        client.receive()
     return message["code"], shut.value.rcvd.code
 
 
-def test_robot_that_follows_is_led_to_the_folded_shape(finished: FinishedFold) -> None:
+def test_client_that_follows_is_led_to_the_folded_shape(finished: FinishedFold) -> None:
     plan = finished.http.get(f"{finished.api}/plan.json").json()
-    with playing(finished.service, finished.id, speed=20, speeds=True) as robot:
-        begin = robot.receive()
+    with playing(finished.service, finished.id, speed=20, speeds=True) as client:
+        begin = client.receive()
         assert (begin["is"], begin["schema"]) == ("begin", "foldback-play/1")
         assert begin["joint_names"] == plan["joint_names"]
         assert begin["frames"] == len(plan["time_s"])
         assert begin["joint_angles_rad"] == pytest.approx(plan["joint_angles_rad"][0], abs=1e-5)
-        assert robot.receive()["because"] == "start"
-        robot.send("report", error_rad=0.0)
+        assert client.receive()["because"] == "start"
+        client.send("report", error_rad=0.0)
         times = [0.0]
-        while (message := robot.receive())["is"] != "end":
+        while (message := client.receive())["is"] != "end":
             if message["is"] == "target":
                 times.append(message["time_s"])
                 assert len(message["joint_speeds_rad_s"]) == len(begin["joint_names"])
-                robot.report(error_rad=0.01)
+                client.report(error_rad=0.01)
         assert message["because"] == "folded"
         assert times == sorted(times)
         assert times[-1] == pytest.approx(begin["duration_s"], abs=1e-5)
         folded = pytest.approx(plan["joint_angles_rad"][-1], abs=1e-5)
-        assert robot.last["joint_angles_rad"] == folded
+        assert client.last["joint_angles_rad"] == folded
 
 
-def test_first_target_waits_for_the_robot_to_be_at_the_start(finished: FinishedFold) -> None:
-    with playing(finished.service, finished.id, rate_hz=100, speed=0.1) as robot:
-        angles = robot.receive()["joint_angles_rad"]
-        assert robot.receive()["because"] == "start"
-        robot.send("report", joint_angles_rad=[angle + 1.5 for angle in angles])
-        waiting = robot.receive()
+def test_first_target_waits_for_the_client_to_be_at_the_start(finished: FinishedFold) -> None:
+    with playing(finished.service, finished.id, rate_hz=100, speed=0.1) as client:
+        angles = client.receive()["joint_angles_rad"]
+        assert client.receive()["because"] == "start"
+        client.send("report", joint_angles_rad=[angle + 1.5 for angle in angles])
+        waiting = client.receive()
         assert (waiting["because"], waiting["error_rad"]) == ("error", pytest.approx(1.5))
         with pytest.raises(TimeoutError):
-            robot.socket.recv(timeout=0.3)  # for thirty ticks
-        robot.send("report", joint_angles_rad=angles)
-        assert robot.receive()["is"] == "going"
-        target = robot.receive()
+            client.socket.recv(timeout=0.3)  # for thirty ticks
+        client.send("report", joint_angles_rad=angles)
+        assert client.receive()["is"] == "going"
+        target = client.receive()
         assert (target["is"], target["number"]) == ("target", 1)
         assert target["joint_angles_rad"] == pytest.approx(angles, abs=1e-3)
         # Errors are computed from measured angles during the motion, too.
-        robot.report(joint_angles_rad=[angles[0] + 0.4, *angles[1:]])
-        message = robot.receive_until("waiting")
+        client.report(joint_angles_rad=[angles[0] + 0.4, *angles[1:]])
+        message = client.receive_until("waiting")
         assert (message["because"], message["error_rad"]) == ("error", pytest.approx(0.4, abs=0.02))
 
 
-def test_play_waits_for_a_slow_robot_and_is_paused_and_stopped(finished: FinishedFold) -> None:
-    """test_robot_clock.py tests robots in error or without reports."""
-    with playing(finished.service, finished.id, speed=0.1, silence_s=30) as robot:
-        robot.follow_until("going")
-        answered = robot.last["number"]
-        assert robot.receive_until("waiting")["because"] == "behind"
-        assert robot.last["number"] - answered < 20
-        robot.report(error_rad=0.0)
-        robot.follow_until("going")
-        robot.send("pause")
-        assert robot.follow_until("waiting")["because"] == "pause"
-        robot.send("resume")
-        robot.follow_until("going")
-        robot.send("stop")
-        assert robot.follow_until("end")["because"] == "stop"
+def test_play_waits_for_a_slow_client_and_is_paused_and_stopped(finished: FinishedFold) -> None:
+    """test_stream_clock.py tests clients in error or without reports."""
+    with playing(finished.service, finished.id, speed=0.1, silence_s=30) as client:
+        client.follow_until("going")
+        answered = client.last["number"]
+        assert client.receive_until("waiting")["because"] == "behind"
+        assert client.last["number"] - answered < 20
+        client.report(error_rad=0.0)
+        client.follow_until("going")
+        client.send("pause")
+        assert client.follow_until("waiting")["because"] == "pause"
+        client.send("resume")
+        client.follow_until("going")
+        client.send("stop")
+        assert client.follow_until("end")["because"] == "stop"
 
 
 def test_bad_messages_are_refused_and_start_nothing(finished: FinishedFold) -> None:
@@ -165,9 +165,9 @@ def test_bad_messages_are_refused_and_start_nothing(finished: FinishedFold) -> N
         '{"do": "report", "joint_angles_rad": [0, 1]}',
         '{"do": "report", "error_rad": 0, "joint_angles_rad": []}',
     ):
-        with case(text), playing(finished.service, finished.id) as robot:
-            robot.socket.send(text)
-            while (message := robot.receive())["is"] != "problem":
+        with case(text), playing(finished.service, finished.id) as client:
+            client.socket.send(text)
+            while (message := client.receive())["is"] != "problem":
                 assert message["is"] != "going"
             assert message["code"] == "bad-message"
 
@@ -188,26 +188,26 @@ def test_only_finished_and_verified_folds_are_played(finished: FinishedFold) -> 
     failed = replace(plan.certificate, verdict="failed: so it says")
     replace(plan, certificate=failed).save_npz(path)
     path.with_name("manifest.json").unlink()  # otherwise the plan would count as damaged
-    with playing(service, doubtful) as robot:
-        assert refusal(robot) == ("not-verified", 1008)
+    with playing(service, doubtful) as client:
+        assert refusal(client) == ("not-verified", 1008)
 
 
-def test_number_of_robots_of_a_visitor_is_limited(finished: FinishedFold) -> None:
-    with ExitStack() as robots:
-        for _ in range(Settings().max_robots_of_visitor):
-            robots.enter_context(playing(finished.service, finished.id))
-        assert denial(address(finished.service, finished.id)) == ("too-many-robots", 429)
+def test_number_of_target_streams_of_a_visitor_is_limited(finished: FinishedFold) -> None:
+    with ExitStack() as streams:
+        for _ in range(Settings().max_target_streams_of_visitor):
+            streams.enter_context(playing(finished.service, finished.id))
+        assert denial(address(finished.service, finished.id)) == ("too-many-target-streams", 429)
 
 
 def test_messages_are_bounded_in_size_and_rate(finished: FinishedFold) -> None:
-    with playing(finished.service, finished.id) as robot:
-        robot.send("report", error_rad=0.0, nonsense="x" * 100_000)
-        assert robot.receive_until("problem")["code"] == "too-large"
-    with playing(finished.service, finished.id, speed=0.01) as robot:
+    with playing(finished.service, finished.id) as client:
+        client.send("report", error_rad=0.0, nonsense="x" * 100_000)
+        assert client.receive_until("problem")["code"] == "too-large"
+    with playing(finished.service, finished.id, speed=0.01) as client:
         with contextlib.suppress(ConnectionClosed):  # it may be closed at once
             for _ in range(1200):  # within the same second, or the next
-                robot.send("resume")
-        assert robot.receive_until("problem")["code"] == "too-fast"
+                client.send("resume")
+        assert client.receive_until("problem")["code"] == "too-fast"
 
 
 def test_messages_of_play_have_a_schema(finished: FinishedFold) -> None:

@@ -22,23 +22,25 @@ from tests.server.service_process import SNAKE, FinishedFold, Service, check_pro
 from tests.server.service_thread import ServiceWith
 
 
-def test_robots_that_wait_for_their_motion_hold_up_no_others(finished: FinishedFold) -> None:
+def test_target_streams_that_wait_for_their_motion_hold_up_no_others(
+    finished: FinishedFold,
+) -> None:
     fold = finished.id
     play = f"ws://{finished.service.netloc}/api/folds/{fold}/play"
-    with connect(f"{play}?max_speed=0.5") as robot:
-        robot.recv(timeout=60)  # the child that computes them runs
+    with connect(f"{play}?max_speed=0.5") as client:
+        client.recv(timeout=60)  # the child that computes them runs
     (retimer,) = finished.service.children("retimer")
     retimer.send_signal(signal.SIGSTOP)
     with ExitStack() as stack:
         stack.callback(retimer.send_signal, signal.SIGCONT)
         for k in range(6):
             visitor = from_address(f"10.8.{k}.1")
-            robot = connect(f"{play}?max_speed={1 + k}", additional_headers=visitor)
-            stack.enter_context(robot)
+            client = connect(f"{play}?max_speed={1 + k}", additional_headers=visitor)
+            stack.enter_context(client)
         for path in ("/health", f"/folds/{fold}", f"/folds/{fold}/bundle", f"/api/folds/{fold}"):
             assert finished.http.get(path, timeout=20.0).status_code == 200
         retimer.send_signal(signal.SIGCONT)
-        assert '"begin"' in str(robot.recv(timeout=60))
+        assert '"begin"' in str(client.recv(timeout=60))
 
 
 def test_websocket_holds_its_connection_until_it_is_closed(tmp_path: Path) -> None:
@@ -155,7 +157,7 @@ def test_event_streams_are_bounded(service_with: ServiceWith) -> None:
         for visitor, whose in (("203.0.113.1", "of yours"), ("192.0.2.1", "in all")):
             with follow(visitor) as refused:
                 refused.read()
-                assert whose in check_problem(refused, 429, "too-many-streams", retry=True)
+                assert whose in check_problem(refused, 429, "too-many-event-streams", retry=True)
     for _ in range(600):  # until the service notices that the first ones are closed
         with follow("203.0.113.1") as again:
             if again.status_code == 200:

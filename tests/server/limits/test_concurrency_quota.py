@@ -93,7 +93,7 @@ def test_places_are_given_back() -> None:
     first, _ = quota.enter("a"), quota.enter("a")
     with pytest.raises(TooMany, match="2 event streams of yours") as refused:
         quota.enter("a")
-    assert (refused.value.code, refused.value.retry_after_s) == ("too-many-streams", 10)
+    assert (refused.value.code, refused.value.retry_after_s) == ("too-many-event-streams", 10)
     with quota.enter("b"), pytest.raises(TooMany, match="3 event streams in all"):
         quota.enter("c")
     first.leave()

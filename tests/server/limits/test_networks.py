@@ -67,7 +67,7 @@ def test_quota_of_a_full_network_gives_its_own_visitors_a_share() -> None:
 
 
 def test_quota_displaces_no_permit_without_end_and_no_operator() -> None:
-    quota, ended = Quota("robots", total=4, per_visitor=4), []
+    quota, ended = Quota("target streams", total=4, per_visitor=4), []
     quota.enter(None, end=lambda: ended.append("operator"))
     quota.enter(STREET[0])
     for _ in range(2):

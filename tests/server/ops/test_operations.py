@@ -29,7 +29,7 @@ def test_table_of_metrics_and_alerts_name_existing_ones() -> None:
     counts = {"folds": dict.fromkeys(STATUSES, 0), "movies": {}, "failures": {}}
     figures = Figures(**counts, oldest_queued_s=0.0, storage_bytes=0, workers=0, computed_s=())
     places = Places(disk="ok", storage="ok", free_bytes=0)
-    text = Metrics().text(figures, places, streams=0, robots=0).decode()
+    text = Metrics().text(figures, places, streams=0, target_streams=0).decode()
     metrics = set(re.findall(r"# TYPE (foldback_\w+)", text))
     for name in metrics:
         assert name.endswith("_created") or name.removeprefix("foldback") in shown

@@ -1,4 +1,4 @@
-"""Messages between the service and a robot's program, as JSON on a websocket.
+"""Messages between the service and the client of a target stream, as JSON on a websocket.
 
 The field ``do`` is the type of incoming messages, ``is`` that of outgoing ones. ``schema``
 describes both; docs/robot.md explains their use.
@@ -11,7 +11,7 @@ from typing import Annotated, Any, Final, Literal
 import msgspec
 from msgspec import UNSET, Meta, Struct, UnsetType
 
-from foldback.server.robots.robot_clock import Reason
+from foldback.server.target_streams.stream_clock import Reason
 
 PLAY_FORMAT: Final = "foldback-play/1"
 Error = Annotated[float, Meta(ge=0.0)]
@@ -40,9 +40,9 @@ class Ask(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
 
 
 class Report(Struct, tag_field="do", tag="report", frozen=True, forbid_unknown_fields=True):
-    """Report of a robot: its largest joint error, or its joint angles.
+    """Report of the client: its largest joint error, or its joint angles.
 
-    ``number`` is the number of the target that the report refers to. A robot that sends it gets
+    ``number`` is the number of the target that the report refers to. A client that sends it gets
     at most a few targets in advance. Without it, angles are compared with the last target, or with
     those of ``begin`` before the first target.
     """
@@ -70,8 +70,8 @@ Incoming = Report | Pause | Resume | Stop
 class Begin(Struct, tag_field="is", tag="begin", frozen=True, kw_only=True):
     """First message: the plan and the options of the motion.
 
-    The robot moves its joints to ``joint_angles_rad`` and sends reports. Targets follow when the
-    reported joints are there.
+    The client moves the joints of its robot to ``joint_angles_rad`` and sends reports. Targets
+    follow when the reported joints are there.
     """
 
     schema: str
@@ -121,7 +121,7 @@ class Wrong(Struct, tag_field="is", tag="problem", frozen=True, kw_only=True):
 
 
 class End(Struct, tag_field="is", tag="end", frozen=True, kw_only=True):
-    """Last message: the robot has folded, or was stopped."""
+    """Last message: the client has reached the last target, or was stopped."""
 
     because: Literal["folded", "stop"]
     time_s: float
@@ -143,6 +143,6 @@ def schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": PLAY_FORMAT,
         "type": "object",
-        "properties": {"query": ask, "to_service": incoming, "to_robot": outgoing},
+        "properties": {"query": ask, "to_service": incoming, "to_client": outgoing},
         "$defs": found,
     }

@@ -1,4 +1,4 @@
-"""Robot rates: limits of the numbers that are sent to robots."""
+"""Stream rates: limits of the numbers that target streams send."""
 
 import asyncio
 from types import SimpleNamespace
@@ -7,10 +7,10 @@ from typing import Any, cast
 import numpy as np
 import pytest
 
-from foldback.server.api.robot import _RobotSession
+from foldback.server.api.robot import _TargetStream
 from foldback.server.limits.networks import visitor_at
-from foldback.server.robots.robot_messages import Ask
-from foldback.server.robots.robot_rates import NUMBERS_PER_SECOND_OF_VISITOR, robot_rates
+from foldback.server.target_streams.stream_messages import Ask
+from foldback.server.target_streams.stream_rates import NUMBERS_PER_SECOND_OF_VISITOR, stream_rates
 
 JOINTS = 3
 
@@ -35,7 +35,7 @@ def trajectory() -> Any:
 
 
 @pytest.mark.parametrize("speeds", [False, True])
-def test_robots_of_a_visitor_get_a_limited_number_of_angles(speeds: bool) -> None:
+def test_target_streams_of_a_visitor_get_a_limited_number_of_angles(speeds: bool) -> None:
     charged: list[int] = []
 
     def charge(numbers: int) -> float:
@@ -46,7 +46,7 @@ def test_robots_of_a_visitor_get_a_limited_number_of_angles(speeds: bool) -> Non
         socket = Messages()
         found = cast("Any", SimpleNamespace(trajectory=trajectory()))
         ask = Ask(rate_hz=100, speeds=speeds)
-        session = _RobotSession(cast("Any", socket), found, ask, "fold", charge)
+        session = _TargetStream(cast("Any", socket), found, ask, "fold", charge)
         session._there = True
         session._pace.report(0.0, asyncio.get_running_loop().time())
         with pytest.raises(TimeoutError):
@@ -59,7 +59,7 @@ def test_robots_of_a_visitor_get_a_limited_number_of_angles(speeds: bool) -> Non
 
 
 def test_robot_rates_leave_light_visitors_their_own() -> None:
-    rates, numbers = robot_rates(), int(NUMBERS_PER_SECOND_OF_VISITOR)
+    rates, numbers = stream_rates(), int(NUMBERS_PER_SECOND_OF_VISITOR)
     homes = [visitor_at(f"2001:db8:{k}::1") for k in range(8)]
     assert rates.charge(homes[0], numbers) == 0.0
     for home in homes:

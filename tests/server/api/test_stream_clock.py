@@ -1,16 +1,16 @@
 import pytest
 
-from foldback.server.robots.robot_clock import MAX_CLOCK_STEP_S, RobotClock
+from foldback.server.target_streams.stream_clock import MAX_CLOCK_STEP_S, StreamClock
 
 TICK = 0.01
 
 
 class Driven:
-    """Robot clock with a wall clock that tests advance."""
+    """Stream clock with a wall clock that tests advance."""
 
     def __init__(self, *, speed: float = 1.0, ramp_s: float = 0.1) -> None:
         self.now = 100.0
-        self.clock = RobotClock(
+        self.clock = StreamClock(
             10.0, speed=speed, ramp_s=ramp_s, threshold_rad=0.05, silence_s=1.0, now=self.now
         )
 
@@ -74,7 +74,7 @@ def test_clock_does_not_catch_up_after_a_delay() -> None:
     assert driven.clock.time_s - before == pytest.approx(MAX_CLOCK_STEP_S)
 
 
-def test_clock_is_over_when_the_robot_has_arrived() -> None:
+def test_clock_is_over_when_the_client_has_arrived() -> None:
     driven = Driven(speed=100.0)
     driven.run(0.5, 0.0)
     driven.clock.report(0.2, driven.now)

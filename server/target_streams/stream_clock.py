@@ -1,4 +1,4 @@
-"""Robot clock: the clock of a robot's motion, which stops while the robot does not follow.
+"""Stream clock: the clock of a target stream, which stops while its client does not follow.
 
 The rule is the paper's: servo to a target until the largest angle error is less than a threshold,
 then continue. Here the targets are dense on a trajectory, and the clock slows down and speeds up
@@ -11,23 +11,23 @@ from typing import Final, Literal
 
 Reason = Literal["start", "pause", "silence", "behind", "error"]
 MAX_CLOCK_STEP_S: Final = 0.1
-"""Maximum time by which the clock of a motion that a robot plays advances in one update, in s.
+"""Maximum time by which the clock of a target stream advances in one update, in s.
 After a delayed update the motion goes on from the same point instead of jumping."""
 
 
-class RobotClock:
+class StreamClock:
     """Clock of one motion. Callers pass the time of a monotonic clock as ``now``.
 
     Attributes:
         time_s: Current time of the motion, s.
         rate: Current rate of the clock; 1 is real time.
-        paused: True if the robot has requested a pause.
-        behind: True if the robot has not answered too many targets.
-        error_rad: Last reported joint error of the robot.
+        paused: True if the client has requested a pause.
+        behind: True if the client has not answered too many targets.
+        error_rad: Last reported joint error of the client.
 
     Args:
         duration_s: Duration of the motion, s.
-        speed: Rate of the clock if the robot keeps up; 1 is real time.
+        speed: Rate of the clock if the client keeps up; 1 is real time.
         ramp_s: Time from a stop to that rate, s.
         threshold_rad: Joint error above which the clock stops.
         silence_s: Time without a report after which the clock stops, s.
@@ -57,7 +57,7 @@ class RobotClock:
         self._last = now
 
     def report(self, error_rad: float, now: float) -> None:
-        """Record the robot's largest joint error."""
+        """Record the client's largest joint error."""
         self.error_rad = error_rad
         self.heard = now
 
@@ -86,5 +86,5 @@ class RobotClock:
         self.time_s = min(self.duration_s, self.time_s + 0.5 * (before + self.rate) * step)
 
     def over(self, now: float) -> bool:
-        """Return True if the robot has followed the motion to its end."""
+        """Return True if the client has followed the motion to its end."""
         return self.time_s >= self.duration_s and self.waiting(now) is None

@@ -1,0 +1,1 @@
+"""Target streams: joint targets in real time, their messages, clock and limits."""
