@@ -16,25 +16,16 @@ from foldback.planner.chain.path import Path
 from foldback.planner.parameters.parameters import AUTO, FLOATING, World
 from foldback.planner.pipeline.attempt import Candidates
 from foldback.planner.pipeline.attempt_pool import AttemptPool
-from foldback.planner.pipeline.certifying import with_certificate
-from foldback.planner.pipeline.exploding import with_explosion
+from foldback.planner.pipeline.driver import Store, run_steps
 from foldback.planner.pipeline.exporting import finish
 from foldback.planner.pipeline.fold_layout import replacing_fold
 from foldback.planner.pipeline.job import Job, Search, Watch
-from foldback.planner.pipeline.next_step import (
-    Certify,
-    Explode,
-    PlayBack,
-    Step,
-    next_step,
-    with_choice,
-)
-from foldback.planner.pipeline.playing_back import with_playback
+from foldback.planner.pipeline.next_step import with_choice
 from foldback.planner.pipeline.preference import COMPUTING, Preference
 from foldback.planner.pipeline.reading import read_plan, read_shape
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.retry_policy import RetryPolicy
-from foldback.planner.pipeline.stages import rest, run_stages
+from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_chain, write_path
@@ -240,16 +231,8 @@ def _plan_in_memory(
         unfolding=None if start is None else start.unfolding(),
         recorded=recorded,
     )
-    search = Search()
-    step = next_step(search.history, job.policy)
     with _pool(request, reading.candidates, workers) as pool:
-        while step is not None:
-            search = advance(job, search, step, watch, pool).pruned()
-            before, step = step, next_step(search.history, job.policy)
-            if isinstance(before, Certify) and watch.cancelled():
-                break
-            if isinstance(before, Explode) and not isinstance(step, Explode):
-                rest(pool, search.current.record, len(search.history), request.prefer)
+        search = run_steps(job, Search(), Store(), watch, pool)
     best = max(search.results, key=lambda number: search.rank(number, request.prefer))
     history = search.history
     if request.prefer != COMPUTING:
@@ -264,15 +247,6 @@ def _plan_in_memory(
         recorded=result.recorded or recorded,
     )
     return plan.as_stored().with_joint_errors_of(result.playback)
-
-
-def advance(job: Job, search: Search, step: Step, watch: Watch, pool: AttemptPool) -> Search:
-    """Return the search after one more step; earlier results stay as they are."""
-    if isinstance(step, Explode):
-        return with_explosion(job, search, step.trial, watch, pool)
-    if isinstance(step, PlayBack):
-        return with_playback(job, search, watch, finer=step.finer, patience=step.patience)
-    return with_certificate(job, search, watch)
 
 
 @contextmanager

@@ -129,6 +129,18 @@ def _explode(history: Sequence[Attempt], policy: RetryPolicy) -> Explode | None:
     return None if trial is None else Explode(trial)
 
 
+def with_begun(history: Sequence[Attempt], step: Step) -> tuple[Attempt, ...]:
+    """Return the attempts with the one that a step computes.
+
+    It is added by an explosion, and by a playback that is repeated with other settings.
+    """
+    if isinstance(step, Explode):
+        return (*history, Attempt(trial=step.trial, status="begun"))
+    if isinstance(step, PlayBack) and history[-1].verdict is not None:
+        return (*history, history[-1].unjudged(finer=step.finer, patience=step.patience))
+    return tuple(history)
+
+
 def before_explosion(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[Attempt, ...]:
     """Return the attempts that another explosion follows; none when everything begins anew."""
     kept = list(history)
@@ -147,7 +159,7 @@ def before_playback(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[At
         return tuple(history)
     step = next_step(history, policy)
     if isinstance(step, PlayBack):
-        return (*history, history[-1].unjudged(finer=step.finer, patience=step.patience))
+        return with_begun(history, step)
     return (*history[:-1], history[-1].unjudged())
 
 

@@ -17,7 +17,6 @@ from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.parameters.explosion import TableParameters
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.pipeline.job import Job, Search, Watch, is_smoothing
-from foldback.planner.pipeline.next_step import before_playback
 from foldback.planner.playback.playback import Playback
 from foldback.planner.playback.playback import play_back as simulate_playback
 from foldback.planner.playback.table_playback import play_on_table
@@ -43,7 +42,6 @@ def with_playback(job: Job, search: Search, watch: Watch, *, finer: int, patienc
         finer: Factor on the number of frames.
         patience: Level of slowness near straight, see ``PlayBack``.
     """
-    search = replace(search, history=before_playback(search.history, job.policy))
     result = search.current
     playback = play_back(
         result.chain,

@@ -8,42 +8,35 @@ process of its own; the command line runs them one after the other.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, nullcontext
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any, Final
 
-from foldback.planner.motion.record import Record
 from foldback.planner.pipeline import manifest
 from foldback.planner.pipeline.attempt import Attempt
 from foldback.planner.pipeline.attempt_pool import AttemptPool
-from foldback.planner.pipeline.certifying import with_certificate
-from foldback.planner.pipeline.exploding import with_explosion
+from foldback.planner.pipeline.driver import Store, run_steps
 from foldback.planner.pipeline.exporting import finish
-from foldback.planner.pipeline.job import Search, Watch, is_smoothing
+from foldback.planner.pipeline.job import Job, Search, Watch, is_smoothing
 from foldback.planner.pipeline.next_step import (
+    Certify,
     Explode,
+    PlayBack,
+    Step,
     before_explosion,
     before_playback,
     next_step,
     with_choice,
-    with_count,
 )
-from foldback.planner.pipeline.playing_back import with_playback
-from foldback.planner.pipeline.preference import COMPUTING, Preference
+from foldback.planner.pipeline.preference import COMPUTING
 from foldback.planner.pipeline.reading import Reading, read_plan, read_shape
-from foldback.planner.pipeline.retry_policy import RetryPolicy
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import STAGES, Cancelled, Progress, Report, never, silent
 from foldback.planner.storage.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
-
-STAGES_OF_LAST_ATTEMPT: Final = ("play_back", "certify")
-"""Stages of a fold that process the attempt that the stage ``explode`` made last; their progress
-reports say which attempt of how many it is."""
-
 
 NO_EXPLOSION: Final = {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
 """Figures of the stage ``explode`` where nothing explodes."""
@@ -86,21 +79,10 @@ def run_stage(
     workspace.drop_manifest()  # of what is written now
     if stage == "export":
         pool.end_running()  # what is written now is the end
-    if stage in STAGES_OF_LAST_ATTEMPT:
-        progress = _counting(workspace, progress)
     watch = Watch(progress=progress, cancelled=cancelled)
     figures = _computed(stage, workspace, watch, pool)
     progress(Progress(stage=stage, fraction=1.0, message="done"))
     return figures
-
-
-def _counting(workspace: Workspace, progress: Report) -> Report:
-    """Return a report that tells which of about how many plans the fold's last attempt is."""
-    request = workspace.read_request()
-    if request.prefer == COMPUTING:
-        return progress
-    policy = RetryPolicy.of(request, workspace.read_candidates())
-    return with_count(progress, workspace.read_history(), policy)
 
 
 def next_stage(stage: str, result: dict[str, Any]) -> str | None:
@@ -154,9 +136,9 @@ def _computed(stage: str, workspace: Workspace, watch: Watch, pool: AttemptPool)
         case "explode":
             return explode_until_straight(workspace, watch, pool)
         case "play_back":
-            return play_back_latest(workspace, watch)
+            return play_back_latest(workspace, watch, pool)
         case "certify":
-            return certify_latest(workspace, watch)
+            return certify_latest(workspace, watch, pool)
         case "export":
             return export_best(workspace)
         case _:
@@ -180,6 +162,52 @@ def read_chains(workspace: Workspace) -> Reading:
     return found
 
 
+@dataclass(frozen=True, slots=True)
+class InDirectory(Store):
+    """Store of a fold in its directory: the results of a step are saved first, the outcome last.
+
+    Attributes:
+        workspace: Files of the fold.
+    """
+
+    workspace: Workspace
+
+    def begin(
+        self, job: Job, search: Search, step: Step, history: Sequence[Attempt]
+    ) -> tuple[Search, FilePath | None]:
+        """Remove the files that the step writes; load the plan that it smooths."""
+        workspace = self.workspace
+        if isinstance(step, Explode):
+            place = workspace.begin(len(search.history), job.candidates.chain_of(step.trial))
+            workspace.write_history(history)
+            if (smooths := step.trial.smooths) is not None:
+                smoothed = workspace.attempt_of(smooths).read_result()
+                search = replace(search, results={**search.results, smooths: smoothed})
+            return search, place.timeline
+        place = workspace.attempt
+        if isinstance(step, Certify):
+            place.drop_curves()
+            return search, None
+        place.drop_playback()
+        workspace.write_history(history)
+        return search, place.timeline
+
+    def save(self, search: Search, step: Step) -> None:
+        """Write the results of a step."""
+        workspace = self.workspace
+        if isinstance(step, Explode):
+            number = len(search.history) - 1
+            if number in search.results:
+                workspace.attempt_of(number).write_explosion(search.results[number])
+            workspace.write_history(search.history)
+            workspace.keep_explosions(search.results)
+        elif isinstance(step, Certify):
+            workspace.attempt.write_judgement(search.current)
+            workspace.write_history(search.history)
+        elif search.current.playback is not None:
+            workspace.attempt.write_playback(search.current.playback)
+
+
 def explode_until_straight(workspace: Workspace, watch: Watch, pool: AttemptPool) -> dict[str, Any]:
     """Run the stage ``explode``: explosions, until one ends straight or nothing is left to try.
 
@@ -193,76 +221,38 @@ def explode_until_straight(workspace: Workspace, watch: Watch, pool: AttemptPool
     if not search.history:  # what an earlier fold left here must not pass for a result of this one
         workspace.clear()
     workspace.drop_pictures()
-    while isinstance(step := next_step(search.history, job.policy), Explode):
-        number = len(search.history)
-        begun = (*search.history, Attempt(trial=step.trial, status="begun"))
-        place = workspace.begin(number, job.candidates.chain_of(step.trial))
-        workspace.write_history(begun)
-        if (smooths := step.trial.smooths) is not None:
-            known = workspace.attempt_of(smooths).read_result()
-            search = replace(search, results={**search.results, smooths: known})
-        report = with_count(watch.progress, begun, job.policy)
-        there = replace(watch, progress=report, timeline=place.timeline)
-        search = with_explosion(job, search, step.trial, there, pool)
-        place.write_explosion(search.results[number])
-        workspace.write_history(search.history)
-        workspace.keep_best_explosion()
-    record = search.results[workspace.number or 0].record
-    rest(pool, record, len(search.history), job.request.prefer)
+    search = run_steps(job, search, InDirectory(workspace), watch, pool, only=Explode)
+    record = search.current.record
     if record is None:
         return dict(NO_EXPLOSION)
     return {**record.summary(), "attempts": len(search.history)}
 
 
-def rest(pool: AttemptPool, record: Record | None, attempts: int, prefer: Preference) -> None:
-    """End what explodes beside, when the last explosion of a series makes it of little use.
-
-    Args:
-        pool: Explosions that are made beside.
-        record: Record of the explosion that is played back next; None where nothing explodes.
-        attempts: Number of attempts so far.
-        prefer: Preference among verified plans.
-    """
-    wanted = attempts > 1 or prefer != COMPUTING  # what comes out at once is rarely refused
-    if record is not None and (record.status != "straight" or not wanted):
-        pool.end_running()
-
-
-def play_back_latest(workspace: Workspace, watch: Watch) -> dict[str, Any]:
+def play_back_latest(workspace: Workspace, watch: Watch, pool: AttemptPool) -> dict[str, Any]:
     """Run the stage ``play_back``: play the latest record back, if it ends straight."""
-    place = workspace.attempt
-    place.drop_playback()
     job = workspace.read_job()
-    search = workspace.read_search(job)
-    record = search.current.record
-    if record is not None and record.status != "straight":
-        return dict(NOT_PLAYED)
     job = replace(job, unfolding=workspace.read_unfolding(job.request))
+    search = workspace.read_search(job)
     search = replace(search, history=before_playback(search.history, job.policy))
-    workspace.write_history(search.history)
-    watch = replace(watch, timeline=place.timeline)
-    last = search.history[-1]
-    search = with_playback(job, search, watch, finer=last.finer, patience=last.patience)
+    search = run_steps(job, search, InDirectory(workspace), watch, pool, only=PlayBack)
     playback = search.current.playback
-    assert playback is not None
-    place.write_playback(playback)
-    return playback.summary()
+    return dict(NOT_PLAYED) if playback is None else playback.summary()
 
 
-def certify_latest(workspace: Workspace, watch: Watch) -> dict[str, Any]:
+def certify_latest(workspace: Workspace, watch: Watch, pool: AttemptPool) -> dict[str, Any]:
     """Run the stage ``certify``: judge the latest playback, and say which stage follows.
 
     Returns:
         Certificate of the best attempt when nothing else is tried, else of the latest one; as
         ``again`` the stage that tries again, None when nothing else is tried.
     """
-    place, job = workspace.attempt, workspace.read_job()
-    place.drop_curves()
-    search = with_certificate(job, workspace.read_search(job), watch)
+    job = workspace.read_job()
+    search = workspace.read_search(job)
+    played = replace(search.history[search.latest].unjudged(), played=True)
+    search = search.with_current(search.current, played)
+    search = run_steps(job, search, InDirectory(workspace), watch, pool, only=Certify)
     certificate = search.current.certificate
     assert certificate is not None
-    place.write_judgement(search.current)
-    workspace.write_history(search.history)
     again = None
     if not watch.cancelled():
         step = next_step(search.history, job.policy)

@@ -9,7 +9,7 @@ preference best.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from math import inf, isfinite
 from pathlib import Path as FilePath
@@ -347,13 +347,14 @@ class Workspace:
         """Remove what shows an earlier fold in this directory."""
         self._drop(names.PICTURE, names.FIGURES, names.MOMENTS)
 
-    def keep_best_explosion(self) -> None:
-        """Keep the explosion that came farthest, of those that no certificate has judged."""
-        self._keep_best(
+    def keep_explosions(self, numbers: Collection[int]) -> None:
+        """Remove the explosions that no certificate has judged, except for some."""
+        self._remove(
             [
                 number
                 for number in layout.attempt_numbers(self.directory)
-                if not (self.attempt_of(number).directory / names.CERTIFICATE).exists()
+                if number not in numbers
+                and not (self.attempt_of(number).directory / names.CERTIFICATE).exists()
             ]
         )
 

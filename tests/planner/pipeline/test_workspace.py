@@ -150,9 +150,9 @@ def test_keep_best_with_a_preference_stores_the_other_verified_plans(
     assert (attempt_numbers(tmp_path), (tmp_path / PLANS_DIR).exists()) == ([0], False)
 
 
-def test_keep_best_explosion_keeps_the_judged_ones(tmp_path: FilePath) -> None:
+def test_explosions_that_are_judged_stay(tmp_path: FilePath) -> None:
     write_attempts(tmp_path, (-0.3, -0.1, None, None))
-    Workspace(tmp_path).keep_best_explosion()
+    Workspace(tmp_path).keep_explosions([3])
     assert attempt_numbers(tmp_path) == [0, 1, 3]
     Workspace(tmp_path).begin(1, Chain.from_path(COIL))
     assert attempt_numbers(tmp_path) == [0, 1]
