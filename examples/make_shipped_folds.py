@@ -2,8 +2,9 @@
 
 python examples/make_shipped_folds.py [NAME …]
 
-Each is folded by the product. Its record and its simulated errors are then rounded to make the file
-small; the plan itself is not. The rounded motions are certified again, as they are shipped.
+Each is folded by the product. Two roundings make the file small: that of the explosion's record,
+before it is played back, so that a repeated simulation gives the same playback; and that of the
+simulated errors, after which the motions are certified again. The plan itself is not rounded.
 """
 
 from __future__ import annotations
@@ -61,15 +62,24 @@ ERROR_STEP_RAD = PLAN_STEP_RAD * 2**5
 
 
 def fold_into(directory: Path, shape: str, start: str | None) -> None:
-    """Fold a shape as a service would."""
-    path = SHAPES / f"{shape}.json"
-    request = FoldRequest(filename=path.name, refold=start is not None)
+    """Fold a shape as a service would, but play back a rounded explosion and round its errors."""
+    request_fold(directory, shape, refold=start is not None)
     if start is not None:
         with tempfile.TemporaryDirectory() as place:
-            fold_into(Path(place), start, None)
+            request_fold(Path(place), start, refold=False)
+            run_stages(Path(place))
             Workspace(directory).write_start(Plan.load(Path(place) / PLAN))
+    run_stages(directory, until="play_back")
+    round_record(Workspace(directory).attempt)
+    run_stages(directory, first="play_back")
+    round_errors(directory)
+
+
+def request_fold(directory: Path, shape: str, *, refold: bool) -> None:
+    """Write the request for a fold of a shape."""
+    path = SHAPES / f"{shape}.json"
+    request = FoldRequest(filename=path.name, refold=refold)
     Workspace(directory).write_request(request, path.read_bytes())
-    run_stages(directory)
 
 
 def in_steps(values: np.ndarray, step: float) -> np.ndarray:
@@ -86,34 +96,42 @@ def rounded(frames: Motion, angles_rad: np.ndarray, errors_rad: np.ndarray) -> M
     )
 
 
-def round_motion(directory: Path) -> None:
-    """Round the record and the simulated playbacks, and certify them as they are then."""
-    record = Record.load(directory / RECORD)
+def round_record(attempt: Workspace) -> None:
+    """Round the record of an attempt that is to be played back."""
+    record = attempt.read_record()
+    assert record is not None
+    frames = record.frames
+    assert not frames.is_windowed
+    angles = np.rint(frames.joint_angles_rad / RECORD_STEP_RAD) * (RECORD_STEP_RAD / PLAN_STEP_RAD)
+    angles = angles * PLAN_STEP_RAD + 0.0
+    undefined = np.full_like(frames.joint_error_rad, np.nan)
+    record = replace(record, frames=rounded(frames, angles, undefined))
+    record.save(attempt.directory / RECORD)
+    with TimelineWriter.create(attempt.timeline, attempt.read_chain()) as writer:
+        writer.append(record.frames)
+
+
+def round_errors(directory: Path) -> None:
+    """Round the errors of the simulated playbacks, and certify them as they are then."""
     playback = Playback.load(directory / PLAYBACK)
-    exploded, played, reference = record.frames, playback.frames, playback.reference_rad
-    assert not exploded.is_windowed and not played.is_windowed and reference is not None
-    wanted = np.rint(reference / PLAN_STEP_RAD)
+    played, reference = playback.frames, playback.reference_rad
+    assert not played.is_windowed and reference is not None
+    steps = np.rint(reference / PLAN_STEP_RAD)
     reference = np.asarray(reference) + 0.0
 
-    def round_errors(angles_rad: np.ndarray) -> np.ndarray:
+    def with_rounded_errors(angles_rad: np.ndarray) -> np.ndarray:
         """Round towards the largest error that the simulation reported, never beyond."""
         most = np.floor((playback.max_angle_error_rad or np.inf) / ERROR_STEP_RAD)
-        off = np.rint((angles_rad - reference) / ERROR_STEP_RAD).clip(-most, most)
-        return (wanted + off * (ERROR_STEP_RAD / PLAN_STEP_RAD)) * PLAN_STEP_RAD + 0.0
+        errors = np.rint((angles_rad - reference) / ERROR_STEP_RAD).clip(-most, most)
+        return (steps + errors * (ERROR_STEP_RAD / PLAN_STEP_RAD)) * PLAN_STEP_RAD + 0.0
 
-    angles = np.rint(exploded.joint_angles_rad / RECORD_STEP_RAD) * (
-        RECORD_STEP_RAD / PLAN_STEP_RAD
-    )
-    angles = angles * PLAN_STEP_RAD + 0.0
-    nothing = np.full_like(exploded.joint_error_rad, np.nan)
-    replace(record, frames=rounded(exploded, angles, nothing)).save(directory / RECORD)
-    simulated = round_errors(played.joint_angles_rad)
+    simulated = with_rounded_errors(played.joint_angles_rad)
     others = playback.others_rad
     playback = replace(
         playback,
         frames=rounded(played, simulated, np.abs(simulated - reference)),
         reference_rad=reference,
-        others_rad=None if others is None else round_errors(np.asarray(others)),
+        others_rad=None if others is None else with_rounded_errors(np.asarray(others)),
     )
     playback.save(directory / PLAYBACK)
     _write_timeline(directory)
@@ -124,9 +142,6 @@ def round_motion(directory: Path) -> None:
     replace(playback, rms_position_error=ends).save(directory / PLAYBACK)
     run_stage("export", directory)
     _round_figures(directory)
-    Workspace(directory).write_moments(
-        Plan.load(directory / PLAN)
-    )  # the largest torque is that of the rounded figures
     manifest.write_manifest(directory)
 
 
@@ -179,7 +194,6 @@ def main() -> None:
             continue
         with tempfile.TemporaryDirectory() as place, tempfile.TemporaryDirectory() as again:
             fold_into(Path(place), shape, start)
-            round_motion(Path(place))
             data = pack(Path(place), row_values(Path(place), shape, start))
             unpack(data, Path(again))
             assert manifest.changed_fields(Path(again)) == []
