@@ -12,9 +12,10 @@ from typing import Final
 STEPS: Final = (
     ("golden digests", "tests.golden", "--store"),
     ("shipped folds", "examples.make_shipped_folds"),
-    ("results of the gallery", "examples.run_gallery"),
-    ("success map", "bench.success_map"),
-    ("page of the paper", "bench.reproduction"),
+    ("results of the gallery", "examples.run_gallery", "--again"),
+    ("results on a table", "examples.run_gallery", "--again", "--world", "table"),
+    ("success map", "bench.success_map", "--again"),
+    ("page of the paper", "bench.reproduction", "--stale"),
     ("pictures", "examples.make_pictures"),
     ("texts of the service", "tests.server.contract", "--store"),
 )

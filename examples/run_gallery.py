@@ -1,11 +1,11 @@
-"""Fold the shapes of the gallery: `python examples/run_gallery.py [--world table] [NAME …]`.
+"""Fold the shapes of the gallery: `python -m examples.run_gallery [--world table] [NAME …]`.
 
 Writes the result of each shape with the default preset to `results.json`. On a table it folds
 shapes of up to 64 modules and writes `table_results.json`, with the torque that resting there needs
 or the reason why there is no path. Shapes whose files have not changed since they were folded are
-skipped, so the script may be stopped and started again. A shape that is not verified with seed 0 is
-tried with other seeds, and its attempts are counted. Wall times depend on the load of the machine;
-processor times depend on it less.
+skipped, so the script may be stopped and started again; `--again` folds them, too. A shape that is
+not verified with seed 0 is tried with other seeds, and its attempts are counted. Wall times depend
+on the load of the machine; processor times depend on it less.
 """
 
 from __future__ import annotations
@@ -131,14 +131,16 @@ def write(results: dict[str, dict[str, Any]], world: str = "floating") -> None:
     aside.replace(path)
 
 
-def main(names: list[str], world: str = "floating") -> None:
-    """Fold the named shapes, or all whose files have changed since."""
+def main(names: list[str], world: str, *, again: bool) -> None:
+    """Fold the named shapes, or all, or without ``again`` those whose files have changed since."""
     files = {file.stem: file for file in sorted(SHAPES.glob("*.json")) if suited(file, world)}
     results = {name: result for name, result in known(world).items() if name in files}
     waiting = [
         file
         for name, file in files.items()
-        if (name in names if names else results.get(name, {}).get("digest") != digest(file))
+        if (
+            name in names if names else again or results.get(name, {}).get("digest") != digest(file)
+        )
     ]
     waiting.sort(key=lambda file: file.stat().st_size)
     with ProcessPoolExecutor(
@@ -158,6 +160,7 @@ def main(names: list[str], world: str = "floating") -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--world", choices=("floating", "table"), default="floating")
+    parser.add_argument("--again", action="store_true", help="fold unchanged shapes, too")
     parser.add_argument("names", nargs="*", metavar="NAME")
     options = parser.parse_args()
-    main(options.names, options.world)
+    main(options.names, options.world, again=options.again)

@@ -1,9 +1,10 @@
 """Success map: fraction of verified folds by method, kind of path and number of modules.
 
 ``make success-map`` runs the cases that are missing in ``data/success-map.jsonl`` and draws the
-picture from that file. It can be stopped at any time and continues where it stopped; without the
-file it starts from the beginning. A run that takes longer than ``BUDGET_S`` of processor time
-counts as not verified. The published method, whose time step is constant, has ``PAPER_BUDGET_S``.
+picture from that file. It can be stopped at any time and continues where it stopped; with
+``--again`` it starts from the beginning. A run that takes longer than ``BUDGET_S`` of processor
+time counts as not verified. The published method, whose time step is constant, has
+``PAPER_BUDGET_S``.
 """
 
 from __future__ import annotations
@@ -203,7 +204,10 @@ def main() -> None:
     parser.add_argument("--largest", type=int, default=max(BOXES))
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--workers", type=int, default=1)
+    parser.add_argument("--again", action="store_true", help="run all cases anew")
     options = parser.parse_args()
+    if options.again:
+        RUNS_FILE.unlink(missing_ok=True)
     warm_up()
     rows = run_missing(
         RUNS_FILE, cases(options.largest), run, minutes=options.minutes, workers=options.workers

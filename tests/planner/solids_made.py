@@ -131,9 +131,13 @@ VOXEL_WRITERS: tuple[Callable[[NDArray[np.int64]], bytes], ...] = (as_vox, as_bi
 
 
 def zipped(**files: bytes) -> bytes:
-    """Return a zip archive; in names double underscores become slashes, ``_model`` .model."""
+    """Return a zip archive; in names double underscores become slashes, ``_model`` .model.
+
+    Its files have no times: archives are in the names of tests, which must not change.
+    """
     stream = io.BytesIO()
-    with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
+    with zipfile.ZipFile(stream, "w") as archive:
         for name, data in files.items():
-            archive.writestr(name.replace("__", "/").replace("_model", ".model"), data)
+            file = zipfile.ZipInfo(name.replace("__", "/").replace("_model", ".model"))
+            archive.writestr(file, data, zipfile.ZIP_DEFLATED)
     return stream.getvalue()
