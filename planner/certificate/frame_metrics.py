@@ -42,12 +42,6 @@ SPLINE_MARGIN_FRAMES: Final = 32
 accelerations is fitted to as well. A frame's influence falls to a quarter from one frame to the
 next, so that 32 make the result independent of the division into chunks; fewer do not, more take
 time. Computed."""
-MAX_MEASURE_THREADS: Final = 4
-"""Maximum number of threads that compute the torques, clearances and other figures of a plan's
-frames for its certificate."""
-MIN_MOVING_RATE_RAD_S: Final = 1e-9
-"""Speed of the fastest hinge of a frame, rad/s, up to which the certificate counts none of the
-frame's hinges as moving, because such speeds are rounding."""
 EXPLOSION: Final = PHASES.index("explosion")
 
 
@@ -124,7 +118,7 @@ def _parts(
 
     chunks = _read_chunks(timeline)
     before, now = timeline.frames(0, 0), next(chunks)
-    threads = min(MAX_MEASURE_THREADS, os.cpu_count() or 1)
+    threads = min(4, os.cpu_count() or 1)
     due: deque[Future[Figures]] = deque()
     with ThreadPoolExecutor(threads) as pool:
         while now is not None:
@@ -221,7 +215,7 @@ def _moving(frames: Motion) -> Integers:
     speeds = _speeds(frames)
     fastest = speeds.max(axis=1, initial=0.0)
     moving = (speeds > MOVING_SPEED_SHARE * fastest[:, None]).sum(axis=1)
-    moving[~(fastest > MIN_MOVING_RATE_RAD_S)] = 0
+    moving[~(fastest > 1e-9)] = 0  # such speeds are rounding
     begins = np.concatenate([[True], np.diff(frames.phase) != 0])
     step = np.where(begins, np.arange(count), np.arange(count) - 1)
     return moving[np.minimum(step, count - 2)].astype(np.int32)

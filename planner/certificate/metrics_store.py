@@ -36,8 +36,6 @@ CLEARANCE_REACH_PITCH: Final = 1.0
 larger distances are stored as this one."""
 FIGURE_FRAMES_PER_CHUNK: Final = 128
 """Number of frames in one zarr chunk of figures with a value for each module or hinge."""
-FRAMES_PER_CURVE_CHUNK: Final = 8192
-"""Number of frames in one zarr chunk of figures with one value for each frame."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -136,7 +134,7 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
             start += len(part)
         for field in fields(Curves):
             values = np.concatenate([getattr(part, field.name) for part in curves])
-            arrays[field.name] = _array(group, field.name, frames, values, FRAMES_PER_CURVE_CHUNK)
+            arrays[field.name] = _array(group, field.name, frames, values, 8192)
             arrays[field.name][:] = values
         checksums = checksums_of(aside, arrays)
         group.attrs.put(

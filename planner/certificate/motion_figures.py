@@ -14,9 +14,6 @@ from foldback.planner.motion.motion import PHASES, Motion
 MIN_COUNTED_MOTION_RAD: Final = float(np.deg2rad(1.0))
 """Minimum motion of a hinge that counts as a reversal, or as a detour, rad: one degree, which
 is barely visible."""
-MAX_COUNTED_ANGLES: Final = 2**26
-"""Maximum number of hinge angles in all frames of a motion whose figures are computed. A dense
-motion of this size would take 512 MB."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,7 +40,7 @@ class MotionFigures:
     def of(cls, chain: Chain, motion: Motion) -> MotionFigures | None:
         """Return the figures of a plan's motion; None if it is too long or has one frame."""
         hinges = len(chain.folded_rad)
-        if len(motion) < 2 or len(motion) * hinges > MAX_COUNTED_ANGLES:
+        if len(motion) < 2 or len(motion) * hinges > 2**26:  # 512 MB
             return None
         straight = int((motion.phase == PHASES.index("unfolding")).sum())
         ends = [0, straight, len(motion) - 1] if straight else [0, len(motion) - 1]

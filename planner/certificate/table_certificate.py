@@ -42,9 +42,6 @@ counts as made on the table; other motions are laid down on it frame by frame.""
 BALANCE_CHUNK_FRAMES: Final = 32
 """Number of consecutive frames whose equilibrium on the table one thread computes, each starting
 from the solution of the frame before."""
-MAX_FRICTION: Final = 2.0
-"""Maximum accepted coefficient of friction μ between modules and table; larger ones are refused as
-implausible."""
 
 
 def table_certificate(
@@ -301,7 +298,7 @@ def _check(
 ) -> None:
     for name, value, least, most in (
         ("frames", frames, 1, np.inf),
-        ("friction", friction, 0.0, MAX_FRICTION),
+        ("friction", friction, 0.0, 2.0),
         ("pitch_m", pitch_m, 1e-9, 1e3),
         ("module_kg", module_kg, 1e-9, 1e6),
         ("module_size", module_size, 0.5, 1.0),

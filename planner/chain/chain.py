@@ -20,11 +20,6 @@ from foldback.planner.chain.rotations import wxyz_from_matrix
 from foldback.planner.chain.trail import Trail, hinge_axes
 from foldback.planner.errors import InputError
 
-MIN_CENTRE_DISTANCE_SHARE = 0.98
-"""Minimum distance between the centres of any two modules of a folded chain, as a fraction of the
-diameter of the largest ball inside a module. A chain with a smaller one is refused, as its modules
-surely overlap. Larger values refuse more chains; at 1 rounding would refuse good ones."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Chain:
@@ -273,7 +268,7 @@ def check_overlap(chain: Chain) -> None:
         InputError: ``overlap``, naming the first two modules along the chain.
     """
     positions = chain.folded_poses.positions
-    closest = 2.0 * chain.module.inner_radius * MIN_CENTRE_DISTANCE_SHARE
+    closest = 2.0 * chain.module.inner_radius * 0.98  # at 1, rounding would refuse good chains
     pair = first_close_pair(positions, closest)
     if pair is not None:
         i, j = pair

@@ -7,12 +7,6 @@ from typing import Final
 
 MAX_NAME_LENGTH: Final = 80
 """Maximum length, in characters, of the displayed name of a shape or fold; the rest is cut off."""
-MAX_INPUT_FACTOR: Final = 20
-"""Maximum number of characters of a name that are read, as a multiple of the length to which it is
-cut."""
-MAX_COMBINING_MARKS: Final = 4
-"""Maximum number of combining marks on one character of a name; further ones are dropped. Scripts
-need three at most."""
 _BLANKS: Final = frozenset("\u2800\u3164\uffa0\u115f\u1160\u17b4\u17b5\U0001d159\U00016fe4")
 """Characters without a visible form that are removed from names, although their Unicode categories
 are those of letters, marks and symbols (Braille blank, fillers of Hangul, Khmer and Khitan, the
@@ -40,7 +34,7 @@ def clean_name(name: str, *, max_length: int = MAX_NAME_LENGTH) -> str:
     """
     shown: list[str] = []
     marks = 0
-    for letter in name[: MAX_INPUT_FACTOR * max_length]:
+    for letter in name[: 20 * max_length]:
         kind = unicodedata.category(letter)
         if letter.isspace() or kind[0] == "Z":
             letter = " "
@@ -48,7 +42,7 @@ def clean_name(name: str, *, max_length: int = MAX_NAME_LENGTH) -> str:
             continue
         elif kind[0] == "M":
             marks += 1
-            if not shown or shown[-1] == " " or marks > MAX_COMBINING_MARKS:
+            if not shown or shown[-1] == " " or marks > 4:  # scripts need three at most
                 continue
             shown.append(letter)
             continue

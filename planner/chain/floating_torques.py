@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -12,12 +12,6 @@ from foldback.planner.chain.module import Module
 from foldback.planner.compilation.cpu_cores import cores
 from foldback.planner.kernels.dynamics import many_floating_torques
 from foldback.planner.kernels.module import Lumps
-
-MIN_ANGLES_PER_THREAD: Final = 20_000
-"""Minimum number of joint angles (hinges × frames) per thread that computes torques."""
-MIN_SPLINE_TIMES: Final = 4
-"""Minimum number of different times in a motion for its hinge rates and accelerations to be
-computed: a cubic spline without given rates at its ends needs four."""
 
 
 def floating_torques(
@@ -58,7 +52,7 @@ def floating_torques(
             torques[part],
         )
 
-    parts = min(cores(), max(1, torques.size // MIN_ANGLES_PER_THREAD))
+    parts = min(cores(), max(1, torques.size // 20_000))
     if parts == 1:
         of(slice(None))
         return torques
@@ -83,7 +77,7 @@ def spline_derivatives(
         (K, J) rates, rad/s, and (K, J) accelerations, rad/s²; NaN if there are too few times.
     """
     later = np.concatenate([[True], np.diff(time_s) > 0.0])
-    if later.sum() < MIN_SPLINE_TIMES:
+    if later.sum() < 4:  # a cubic spline without given rates at its ends needs four
         nothing = np.full((len(at), angles_rad.shape[1]), np.nan)
         return nothing, nothing
     from scipy.interpolate import CubicSpline  # late: who reads a plan asks for no accelerations

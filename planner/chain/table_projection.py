@@ -13,17 +13,10 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 
-MIN_PROJECTED_SHARE: Final = 0.3
-"""Minimum length of a link (the line between two neighbouring modules' centres) in the projection
-onto the table, as a fraction of its real length, for its direction in the projection to be used.
-Steeper links take the direction of the link before."""
 HEADING_LINKS: Final = 3
 """Number of consecutive links (lines between neighbouring modules' centres) over which the
 direction of a chain on the table is averaged, as single links may be steep. The directions count
 how often the chain turns around."""
-MIN_CROSSING_LINKS: Final = 3
-"""Minimum difference of the numbers of two links (lines between neighbouring modules' centres) that
-are tested for crossing each other, seen from above; nearer ones share a joint or stand upright."""
 MAX_HEADING_CHANGE_RAD: Final = 1.25 * np.pi
 """Maximum angle, rad, to either side, between the heading (direction in the table's plane) of the
 first link that moves and the heading that the chain's tail is turned towards."""
@@ -64,7 +57,8 @@ class TableProjection:
         """
         ways = (positions[HEADING_LINKS:] - positions[:-HEADING_LINKS]) / HEADING_LINKS
         seen = self.seen(np.vstack([first, ways, last]))
-        points = np.hypot(seen[:, 0], seen[:, 1]) > MIN_PROJECTED_SHARE
+        # steeper links take the direction of the link before
+        points = np.hypot(seen[:, 0], seen[:, 1]) > 0.3
         points[0] = True
         turns = wrapped(np.diff(np.arctan2(seen[points, 1], seen[points, 0])))
         counted = np.concatenate([[0.0], np.cumsum(turns)])
@@ -96,4 +90,4 @@ def crosses_itself(points: Array) -> bool:
         on_first = (between[..., 0] * y - between[..., 1] * x) / across
         on_second = (between[..., 0] * y[:, None] - between[..., 1] * x[:, None]) / across
     inside = (on_first > 0.0) & (on_first < 1.0) & (on_second > 0.0) & (on_second < 1.0)
-    return bool(np.triu(inside, MIN_CROSSING_LINKS).any())
+    return bool(np.triu(inside, 3).any())  # nearer links share a joint or stand upright

@@ -33,10 +33,6 @@ from foldback.planner.progress import Cancelled, never
 FULL_SIZE: Final = 1.0
 """Module size, in pitches, at which neighbouring modules touch: the largest size that is tried when
 the largest module size without collisions is searched for a motion."""
-END_FRAMES: Final = 64
-"""Number of frames at the end of a motion that each trial of a margin (an error of hinges or module
-size that the motion tolerates) proves first, before all others. Most trials fail there, so that
-long proofs are seldom repeated. Changes the time only."""
 REDUCTION_FACTOR: Final = 0.95
 """Factor, from 0 to 1, of the next error of hinges or module size that is tried when a proof that
 the motion tolerates an error fails: relative to the error at which the two modules concerned would
@@ -190,7 +186,7 @@ def _proof_motions(chain: Chain, motion: Motion) -> list[tuple[Motion, int]]:
     are rigid with each other.
     """
     last = len(motion) - 1
-    begin = max(0, len(motion) - END_FRAMES)
+    begin = max(0, len(motion) - 64)  # most trials fail in these frames
     found = [(motion[begin:], begin)]
     if begin > 0:
         found.append((motion[: begin + 1], 0))

@@ -43,14 +43,6 @@ from foldback.planner.kernels.sweep import (
 from foldback.planner.motion.motion import Motion, as_motion
 from foldback.planner.progress import Cancelled, never
 
-FRAMES_PER_TASK: Final = 64
-"""Number of intervals between frames that a thread checks for collisions before it takes the next
-ones."""
-FRAMES_PER_TRIAL_TASK: Final = 8
-"""The same when it is proved that a motion tolerates errors. Smaller, so that the end of a motion,
-at which most trials fail, is shared by several threads."""
-MAX_THREADS: Final = 4
-"""Maximum number of threads that check one motion for collisions."""
 CLEARANCE_CAP: Final = 0.2
 """Distance of two modules, in pitches, from which on a collision check does not compute it exactly,
 as it only looks for the smallest distance in the motion. If no modules come nearer, the check is
@@ -147,7 +139,7 @@ def disturbed_sweep(
         share=0.0,
         enough=ALLOWANCE_CAP,
         tolerance=tolerance,
-        frames_per_task=FRAMES_PER_TRIAL_TASK,
+        frames_per_task=8,  # few, so that threads share the end, at which most trials fail
     )
     return _swept(chain, motion, query, cancelled)
 
@@ -173,7 +165,7 @@ class _Query:
     share: float
     enough: float
     tolerance: Tolerance
-    frames_per_task: int = FRAMES_PER_TASK
+    frames_per_task: int = 64
 
 
 def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) -> Sweep:
@@ -303,7 +295,7 @@ def _in_turn(
         if not cancelled():
             yield part(starts[0])
         return
-    threads = min(MAX_THREADS, len(starts), os.cpu_count() or 1)
+    threads = min(4, len(starts), os.cpu_count() or 1)
     waiting: deque[Future[SweepResult]] = deque()
     with ThreadPoolExecutor(max(1, threads)) as pool:
         for start in starts:

@@ -40,9 +40,6 @@ direction, to test which folded modules block them."""
 MIN_BLOCKING_OVERLAP_PITCH: Final = 1e-3
 """Minimum depth, pitches, to which two modules overlap after a trial motion for them to count as
 blocking each other."""
-MAX_TESTED_HINGES: Final = 400
-"""Maximum number of bent hinges for which a stalled chain is tested for modules that block each
-other. A chain with more is reported without this test."""
 LATTICE_DIRECTIONS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 
@@ -65,7 +62,7 @@ def blocked(
     """
     bent = np.flatnonzero(np.abs(angles_rad) > STUCK_JOINT_BEND_RAD)
     bent = bent[bent >= first_hinge]
-    if len(bent) > MAX_TESTED_HINGES:
+    if len(bent) > 400:
         return None
     # What overlaps before a turn does not lie in its way.
     before = _overlapping(chain, angles_rad, size) if len(bent) else set[tuple[int, int]]()

@@ -24,27 +24,10 @@ from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.progress import Cancelled, Report, never, silent
 from foldback.planner.simulation.rigid_blocks import Blocks
 
-MIN_BLOCK_MODULES: Final = 64
-"""Minimum number of consecutive modules that move as one rigid block in the first stage of the
-strategy ``blocks``."""
-MAX_BLOCKS: Final = 24
-"""Maximum number of rigid blocks of a chain; longer chains get longer blocks. The time of a
-simulation step grows with the cube of the number of blocks."""
 TETHER_MODULES: Final = 4
 """Number of modules at either end of a rigid block whose joints stay free, so that blocks can part.
 With 0 or 1, packed blocks hinge into each other and jam; more are slower to simulate:
 docs/decisions/0015-hard-paths.md."""
-BLOCK_TENSION_SCALE: Final = 4.0
-"""Factor of the force that pulls the chain straight during the stage in which groups of modules
-move as rigid blocks, as blocks are heavier than single modules."""
-MAX_BLOCK_STEP_IN_CONTACT_S: Final = 0.1
-"""Maximum simulation time step, s, while modules touch and blocks are rigid."""
-SNAPSHOT_TURN_SCALE: Final = 3.0
-"""Factor, for unfoldings that begin with rigid blocks, of the hinge rotation after which the next
-snapshot is recorded."""
-SNAPSHOT_DISTANCE_SCALE: Final = 8.0
-"""Factor, for unfoldings that begin with rigid blocks, of the module displacement after which the
-next snapshot is recorded."""
 MIN_BLOCK_STEPS: Final = 200
 """Minimum number of simulation steps with rigid blocks before all joints are freed."""
 LOOSE_TETHER_RAD: Final = 0.35
@@ -78,18 +61,19 @@ def explode_blocks_first(
     """
     coarser = replace(
         parameters,
-        snapshot_rad=SNAPSHOT_TURN_SCALE * parameters.snapshot_rad,
-        snapshot_distance=SNAPSHOT_DISTANCE_SCALE * parameters.snapshot_distance,
+        snapshot_rad=3.0 * parameters.snapshot_rad,
+        snapshot_distance=8.0 * parameters.snapshot_distance,
     )
-    block = max(MIN_BLOCK_MODULES, -(-len(chain) // MAX_BLOCKS))
+    # A simulation step takes time by the cube of the number of blocks.
+    block = max(64, -(-len(chain) // 24))
     starts = block_starts(len(chain), block, TETHER_MODULES)
     watch = Watch(progress, cancelled, "exploding")
     explosion = Simultaneous.from_parameters(
         chain,
         replace(
             coarser,
-            tension=BLOCK_TENSION_SCALE * parameters.tension,
-            step_in_contact_s=MAX_BLOCK_STEP_IN_CONTACT_S,
+            tension=4.0 * parameters.tension,  # blocks are heavier than modules
+            step_in_contact_s=0.1,
         ),
         seed=seed,
         sink=sink,

@@ -37,22 +37,9 @@ from foldback.planner.pathfinding.knot_diagram import diagram_of
 Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped", "blocked"]
 SLIGHT_BEND_RAD: Final = 0.1
 """Angle, rad, up to which a hinge counts as straight in the report on a failed unfolding."""
-MIN_REPORTED_BEND_SHARE: Final = 0.5
-"""Minimum angle of a joint that the report on a failed unfolding names, as a fraction of the
-largest joint angle; used only if no joint is bent enough to count as stuck."""
-TOUCHING_CENTRES_PITCH: Final = 1.1
-"""Maximum distance between the centres of two cubes that count as touching, pitches; it is 1 for
-cubes face to face."""
-MIN_CLUSTER_SHARE: Final = 0.25
-"""Minimum fraction of a stalled chain's modules that touch each other in one cluster for the
-failure to be reported as caused by contacts (``contacts``); otherwise bent joints are reported
-(``joints``)."""
 MAX_DIAGNOSED_MODULES: Final = 200
 """Maximum number of bent modules that the report on a failed unfolding lists; further ones are left
 out."""
-MAX_STALLED_KNOT_MODULES: Final = 4096
-"""Maximum number of modules of a stalled chain that is tested for a knot, as the time of the test
-grows with the square of the number. Longer chains are reported without that test."""
 STALL_TEXTS: Final[dict[str, str]] = {
     "knot": "the chain is knotted",
     "buried": "the next modules to move are covered by modules that move later",
@@ -148,12 +135,12 @@ def _where(chain: Chain, record: Record, last: Motion) -> tuple[Kind, Ints]:
             return "limit", stuck
         return "joints", _most_bent(bent) + first
     cluster = _largest_cluster(last.poses(chain).positions[0], chain.module.apart)
-    return "contacts" if len(cluster) >= MIN_CLUSTER_SHARE * len(chain) else "joints", stuck
+    return "contacts" if len(cluster) >= 0.25 * len(chain) else "joints", stuck
 
 
 def _knot(chain: Chain, last: Motion) -> KnotEvidence | None:
     """Return the knot of the chain where it stopped: as folded it may have been another one."""
-    if len(chain) > MAX_STALLED_KNOT_MODULES:
+    if len(chain) > 4096:  # the test takes time by the square of the number
         return None
     found = diagram_of(last.poses(chain).positions[0])
     if found is None:
@@ -264,11 +251,7 @@ def _bends(chain: Chain, last: Motion) -> tuple[Array, Array]:
 def _most_bent(bent: Array) -> Ints:
     """Return the joints that are bent the most, where none is bent far."""
     most = bent.max(initial=0.0)
-    return (
-        np.flatnonzero(bent >= MIN_REPORTED_BEND_SHARE * most)
-        if most > SLIGHT_BEND_RAD
-        else np.zeros(0, np.int64)
-    )
+    return np.flatnonzero(bent >= 0.5 * most) if most > SLIGHT_BEND_RAD else np.zeros(0, np.int64)
 
 
 def _kind_beside(core: int, record: Record) -> Kind:
@@ -284,7 +267,7 @@ def _largest_cluster(positions: Array, apart: int) -> Ints:
     from scipy.sparse.csgraph import connected_components
 
     count = len(positions)
-    pairs = near_pairs(positions, TOUCHING_CENTRES_PITCH, apart)
+    pairs = near_pairs(positions, 1.1, apart)  # 1 if they share a face
     if not len(pairs):
         return np.zeros(0, dtype=np.int64)
     ones = np.ones(len(pairs))

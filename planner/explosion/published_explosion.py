@@ -38,25 +38,9 @@ from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.reduced_state import Acceleration
 from foldback.planner.simulation.segments import Segments
 
-MAX_STRAIGHT_BEND_RAD: Final = 0.05
-"""Maximum angle of any hinge of a chain that counts as straight, rad; then an unfolding by the
-published method (preset ``paper``) ends."""
-MIN_STRAIGHT_SPAN_SHARE: Final = 0.99
-"""Minimum distance between the two ends of a chain that counts as straight, as a fraction of the
-chain's length; then an unfolding by the published method (preset ``paper``) ends."""
-STRAIGHT_CHECK_STEPS: Final = 25
-"""Number of simulation steps between two checks of whether the chain is straight, which ends an
-unfolding by the published method (preset ``paper``)."""
-COMMIT_EVERY_SNAPSHOTS: Final = 10
-"""Number of recorded snapshots after which the new ones are passed on to the viewer, all at
-once."""
 REST_CHECK_STEPS: Final = 5000
 """Number of simulation steps between two checks of whether nothing moves any more, in which case an
 unfolding by the published method (preset ``paper``) ends as failed."""
-REST_RATE_RAD_S: Final = 1e-7
-"""Rate of the fastest hinge, rad/s, below which a chain counts as at rest, so that an unfolding by
-the published method (preset ``paper``) ends as failed: at this rate it would not become straight
-within the permitted steps."""
 MAX_SNAPSHOT_ANGLES: Final = 20_000_000
 """Maximum number of hinge angles in all snapshots of one run together (160 MB of memory); beyond it
 the run fails and asks for a longer snapshot interval. The wrench of 160 cubes needs 3 million."""
@@ -64,9 +48,6 @@ FRAME_SPACING_RAD: Final = 0.03
 """Turn of a hinge since the last displayed frame, rad, at which a recorded configuration becomes
 the next displayed frame, in an unfolding by the published method, which records one every 10
 steps."""
-FRAME_SPACING_PITCH: Final = 1.0
-"""Displacement of a module since the last displayed frame, pitches, at which a recorded
-configuration becomes the next displayed frame, in an unfolding by the published method."""
 
 
 def explode_as_published(
@@ -88,7 +69,7 @@ def explode_as_published(
     rule = FrameRule(
         chain=chain,
         snapshot_rad=FRAME_SPACING_RAD,
-        snapshot_distance=FRAME_SPACING_PITCH,
+        snapshot_distance=1.0,
         size=DEFAULT_MODULE_SIZE,
     )
     explosion = Published(
@@ -199,7 +180,7 @@ class Published(Explosion[PublishedChain, Step]):
             snapshot = world.snapshot()
             self.recorder.add(snapshot)
             self.snapshots.append(snapshot.angles)
-            if len(self.snapshots) % COMMIT_EVERY_SNAPSHOTS == 0:
+            if len(self.snapshots) % 10 == 0:
                 self.recorder.commit()
         hinges, count = len(world.state.angles), len(self.snapshots)
         if count * hinges > MAX_SNAPSHOT_ANGLES:
@@ -209,9 +190,10 @@ class Published(Explosion[PublishedChain, Step]):
                 "still not straight; set a longer snapshot_interval.",
                 Spent("snapshots", MAX_SNAPSHOT_ANGLES // hinges, count),
             )
-        if steps % STRAIGHT_CHECK_STEPS:
+        if steps % 25:
             return None
-        at_rest = np.abs(world.state.rates).max() < REST_RATE_RAD_S
+        # too slow to become straight within the permitted steps
+        at_rest = np.abs(world.state.rates).max() < 1e-7
         if steps and steps % REST_CHECK_STEPS == 0 and at_rest:
             return End(
                 "stalled",
@@ -220,10 +202,7 @@ class Published(Explosion[PublishedChain, Step]):
             )
         positions = world.segments.positions
         span = float(np.linalg.norm(positions[-1] - positions[0])) / (len(positions) - 1)
-        if (
-            np.abs(world.state.angles).max() < MAX_STRAIGHT_BEND_RAD
-            and span >= MIN_STRAIGHT_SPAN_SHARE
-        ):
+        if np.abs(world.state.angles).max() < 0.05 and span >= 0.99:
             world.state.angles[:] = 0.0
             return STRAIGHT
         return self.watch.check(self, simulated_s=steps * self.control.step_s)

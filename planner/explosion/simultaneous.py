@@ -58,12 +58,6 @@ shrinking all angles evenly; it grows after failed attempts. Measured from 35 to
 FINISH_BACKOFF: Final = (1.5, 800.0)
 """Factor by which the number of simulation steps between two attempts to straighten the chain
 without simulation grows after a failure, and its maximum."""
-KNOT_CHECK_STEPS: Final = 200
-"""Number of simulation steps between two tests of whether the unfolding chain is knotted; a knotted
-one is moved along itself."""
-MIN_KNOT_CHECK_PROGRESS: Final = 0.4
-"""Minimum progress, 0 (folded) … 1 (straight), from which on an unfolding chain is tested for a
-knot."""
 JAM_CHECK_STEPS: Final = 400
 """Number of simulation steps between two checks of whether the unfolding chain is jammed; a jam
 starts a loosening pulse."""
@@ -292,7 +286,7 @@ class Simultaneous(Explosion[WholeChain, Step]):
                 return end
         if steps % FIRST_FINISH_STEPS == 0 and moved and not control.contacts and self.straighten():
             return STRAIGHT
-        if steps % KNOT_CHECK_STEPS == 0 and world.all_joints_free:
+        if steps % 200 == 0 and world.all_joints_free:
             self._check_knot()
         if steps % JAM_CHECK_STEPS == 0 and world.all_joints_free:
             self.jam.check(world.state.angles, world.unfolded())
@@ -315,7 +309,7 @@ class Simultaneous(Explosion[WholeChain, Step]):
     def _check_knot(self) -> None:
         """Test a loose chain for a knot, and choose the direction of the creep anew."""
         world, forces = self.world, self.world.forces
-        loose = forces.is_knotted or world.unfolded() >= MIN_KNOT_CHECK_PROGRESS
+        loose = forces.is_knotted or world.unfolded() >= 0.4
         knotted = loose and knot_of(world.engine.positions).verdict != "unknot"
         if knotted != forces.is_knotted:
             forces.reset_creep()

@@ -41,17 +41,11 @@ from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.pathfinding.removal_analysis import analyse_removal
 from foldback.planner.progress import Cancelled, Report, never, silent
 
-RIGHT_ANGLE_TOLERANCE: Final = 1e-4
-"""Maximum deviation of a folded hinge angle from a multiple of 90°, as a fraction of 90°, for a
-chain of cubes to count as lying on the lattice."""
 BLOCKS_FROM_MODULES: Final = 160
 """Minimum number of modules of a chain for which ``auto`` tries the strategy ``blocks``, which
 unfolds rigid blocks of 64 or more modules first. Larger values leave more chains to the other
 strategies: docs/decisions/0015-hard-paths.md."""
 
-GENTLE_FORCE_SCALE: Final = 0.5
-"""Factor, in a retry with gentle forces, of the pull along the chain and of the distance by which
-two modules may approach in a step."""
 _Forces = TypeVar("_Forces", ExplosionParameters, PeelingParameters)
 
 
@@ -181,7 +175,7 @@ def _has_own_explosion(parameters: Parameters) -> bool:
 
 def _square(chain: Chain) -> bool:
     """Return True if all hinges of a folded chain are straight or at right angles."""
-    return bool((_off_square(chain) < RIGHT_ANGLE_TOLERANCE).all())
+    return bool((_off_square(chain) < 1e-4).all())
 
 
 def _off_square(chain: Chain) -> Array:
@@ -263,7 +257,7 @@ def run_strategy(
 
 def _suited(parameters: _Forces, module_size: float, gentle: bool) -> _Forces:
     """Return the parameters for the size to verify, with half the force if ``gentle``."""
-    share = GENTLE_FORCE_SCALE if gentle else 1.0
+    share = 0.5 if gentle else 1.0
     return replace(
         parameters,
         verify_size=max(parameters.verify_size, module_size),

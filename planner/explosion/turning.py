@@ -24,11 +24,6 @@ MODULES_PER_STEP: Final = 10
 """Number of modules for each step that a roomy fold in turns may have. With so few steps, it takes
 at most 1.3 times as long as an explosion at the same speed of the hinges:
 docs/decisions/0028-turns.md."""
-MAX_FRAME_TURN_RAD: Final = 0.4
-"""Maximum turn of a hinge between two recorded frames, rad."""
-TURNING_RATE_RAD_S: Final = 0.25
-"""Speed of the hinges that turn, rad/s. It only sets the times of the recorded frames; the folding
-motion gets its own timing."""
 
 
 def unfold_in_turns(
@@ -119,7 +114,7 @@ def _failure(chain: Chain, search: NoTurns, size: float) -> tuple[RecordStatus, 
 def _between(rests: Array) -> tuple[Array, Ints]:
     """Return frames on the straight lines between rests, and the frames of the rests."""
     turns = np.abs(np.diff(rests, axis=0)).max(axis=1)
-    counts = np.maximum(1, np.ceil(turns / MAX_FRAME_TURN_RAD).astype(np.int64))
+    counts = np.maximum(1, np.ceil(turns / 0.4).astype(np.int64))
     at = np.concatenate([[0], np.cumsum(counts)])
     frames = [rests[:1]]
     for start, end, count in zip(rests[:-1], rests[1:], counts.tolist(), strict=True):
@@ -130,4 +125,5 @@ def _between(rests: Array) -> tuple[Array, Ints]:
 
 def _times(frames: Array) -> Array:
     turns = np.abs(np.diff(frames, axis=0)).max(axis=1)
-    return np.concatenate([[0.0], np.cumsum(turns)]) / TURNING_RATE_RAD_S
+    # only the times of the recorded frames depend on this rate, rad/s
+    return np.concatenate([[0.0], np.cumsum(turns)]) / 0.25

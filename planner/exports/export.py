@@ -23,8 +23,6 @@ Write = Callable[["Plan"], bytes]
 FONT_FILE: Final = Path(__file__).with_name("dejavu-sans.ttf")
 """Font of leaflets and of texts in pictures: the Latin, Greek and Cyrillic letters of DejaVu Sans,
 with punctuation and some signs."""
-MAX_EXPORT_NAME_CHARACTERS: Final = 100
-"""Maximum length, in characters, of a chain's name in an exported file; the rest is cut off."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +68,7 @@ def require_frames(plan: Plan) -> None:
 
 def export_name(text: str) -> str:
     """Return a clean name, or another text on one line, for a file; ``fold`` if it is empty."""
-    return clean_name(text, max_length=MAX_EXPORT_NAME_CHARACTERS) or "fold"
+    return clean_name(text, max_length=100) or "fold"
 
 
 def identifier(name: str) -> str:

@@ -36,9 +36,6 @@ single precision."""
 MAX_POSES_AT_ONCE: Final = 200_000
 """Maximum number of module poses (frames × modules) that are computed at once to write a GLB
 animation."""
-GL_FLOAT: Final = 5126
-"""Code for numbers of single precision in a glTF file (``accessor.componentType`` in the glTF 2.0
-specification)."""
 GL_ARRAY_BUFFER: Final = 34962
 """Code for binary data with vertex attributes in a glTF file (``bufferView.target`` in the glTF 2.0
 specification)."""
@@ -99,7 +96,7 @@ class Buffer:
             accessor: dict[str, Any] = {
                 "bufferView": len(self.views) - 1,
                 "byteOffset": k * part.nbytes,
-                "componentType": GL_FLOAT,
+                "componentType": 5126,  # FLOAT
                 "count": len(part),
                 "type": kind,
             }

@@ -37,9 +37,6 @@ MAX_LARGE_STEPS: Final = 24
 MIN_SCALE_MM: Final = 1.5
 """Minimum length of a pitch on paper, in mm, in drawings of up to ``MAX_LARGE_STEPS`` steps. Long
 chains get more room on a page, until it is reached: at half of it, modules merge into a line."""
-HIGH_DRAWING_PITCH: Final = 30.0
-"""Width or height of a drawing with a page's whole height, in pitches, from which on arrows grow
-with it."""
 PAGE_MM: Final = (182.0, 245.0)
 """Width and height of what fits on both A4 and Letter paper between their margins, in mm."""
 HEAD_MM: Final = 17.0
@@ -119,7 +116,7 @@ def leaflet_of(plan: Plan) -> Leaflet:
     drawn = _drawn(steps, MAX_SMALL_WIDTH_PITCH)
     layout = layout_of([step.drawing for step in drawn])
     if layout[1] == 1:
-        drawn = _drawn(steps, HIGH_DRAWING_PITCH)
+        drawn = _drawn(steps, 30.0)
     plural = "cubes" if chain.module is CUBE else "tetrahedra"
     return Leaflet(
         title=export_name(chain.name),

@@ -18,8 +18,6 @@ from foldback.planner.exports.step_drawing import (
 )
 from foldback.planner.plan.plan import Plan
 
-LABEL_MM: Final = 2.4
-"""Size of the numbers in drawings, in mm."""
 END: Final = ' text-anchor="end"'
 UNITS: Final = 20.0
 """Units of a drawing's coordinates for a pitch; they are whole numbers."""
@@ -121,7 +119,7 @@ def _drawn(shapes: tuple[Shape, ...] | list[Shape], scale_mm: float) -> str:
         members = list(group)
         paint = _paint(ink, scale_mm)
         if style == "label":
-            size = UNITS * LABEL_MM / scale_mm
+            size = UNITS * 2.4 / scale_mm
             parts += [
                 f'<text x="{UNITS * x:.0f}" y="{UNITS * y:.0f}" font-size="{size:.0f}"'
                 f"{END if shape.ends else ''}>"

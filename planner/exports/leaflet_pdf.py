@@ -35,10 +35,6 @@ TEXT_SIZE: Final = 8.5
 """Size of the text, in points."""
 LINE_HEIGHT: Final = 1.25
 """Height of a line of text, relative to the size of its letters."""
-MAX_TEXT_LINES: Final = 14
-"""Maximum number of lines of a step's text in a small cell; the rest of a text is left out."""
-MAX_TEXT_SHARE: Final = 0.5
-"""Share of the height of a large cell that text may take."""
 LABEL_SIZE: Final = 7.0
 """Size of the numbers in drawings, in points."""
 SAMPLE: Final = 4 * mm
@@ -127,7 +123,7 @@ def _step(canvas: Canvas, step: LeafletStep, box: _Box) -> None:
     canvas.drawString(box.x, box.y - 15, str(step.number))
     indent = canvas.stringWidth(str(step.number), FONT, 15) + 7
     beside = _Box(box.x + indent, box.y - 2, box.width - indent, 0)
-    lines = max(MAX_TEXT_LINES, int(MAX_TEXT_SHARE * box.height / (LINE_HEIGHT * TEXT_SIZE)))
+    lines = max(14, int(0.5 * box.height / (LINE_HEIGHT * TEXT_SIZE)))
     y = min(_text(canvas, step.text, beside, TEXT_SIZE, lines=lines), box.y - 18)
     _drawing(canvas, step.drawing, _Box(box.x, y - 6, box.width, box.height - (box.y - y) - 18))
     canvas.setStrokeGray(0.8)

@@ -31,34 +31,21 @@ KEPT_TAIL_MODULES: Final = 6
 """Number of modules that are drawn of a straight tail that is cut short."""
 MIN_CUT_MODULES: Final = 4
 """Minimum number of modules that are left out where a straight tail is cut short."""
-LINE_OF_SIGHT_PITCH: Final = 0.8
-"""Distance from the line of sight of a module below which a module in front hides it, in pitches;
-as on the fold's page."""
 ARROW_RADIUS_PITCH: Final = (1.5, 2.2)
 """Minimum and maximum radius of an arrow, in pitches."""
 MAX_SMALL_WIDTH_PITCH: Final = 14.0
 """Width or height of a drawing, in pitches, from which on arrows grow with it: it is scaled down to
 fit on the paper."""
-MAX_ARROWS: Final = 8
-"""Maximum number of turns of one step that get arrows; more arrows would hide the chain."""
 MAX_SCALE_MM: Final = 6.0
 """Maximum length of a pitch on paper in the drawing of a step, in mm."""
-MIN_LINE_MM: Final = 0.1
-"""Minimum width of a line on paper, in mm; arrows are at least four times as wide."""
-MIN_RADIUS_MM: Final = 0.8
-"""Minimum radius of a dot on paper, in mm."""
 JOINT_PITCH: Final = 0.26
 """Radius of the dot at a joint that turns, in pitches."""
-LETTER_PITCH: Final = 0.42
-"""Height of a number in a drawing that is not scaled down, in pitches."""
 NUMBER_PLACES: Final = (
     *((0, row, side) for row in (0.9, 0.0, -0.9) for side in (1, -1)),
     *((1, row, side) for row in (0.0, 0.9, -0.9) for side in (1, -1)),
 )
 """Places of a number relative to its dot, in the order of preference: columns away from it, heights
 of a number above it, and 1 for the right or −1 for the left."""
-TONE_LIMITS: Final = (-0.4, 0.4)
-"""Brightness between the three tones of faces: those of a cube all differ."""
 
 Style = str
 Point = tuple[float, float]
@@ -145,13 +132,13 @@ class Drawing:
 def line_width(ink: Ink, scale_mm: float) -> float:
     """Return the width of a line on paper in mm, where a pitch is ``scale_mm`` long."""
     bold = {"arrow": 4.0, "halo": 9.0}
-    least = next((k for style, k in bold.items() if ink is INKS[style]), 1.0) * MIN_LINE_MM
+    least = next((k for style, k in bold.items() if ink is INKS[style]), 1.0) * 0.1
     return max(ink.width * scale_mm, least)
 
 
 def radius_of(shape: Shape, scale_mm: float) -> float:
     """Return the radius of a dot on paper in mm, where a pitch is ``scale_mm`` long."""
-    return max(shape.radius * scale_mm, MIN_RADIUS_MM)
+    return max(shape.radius * scale_mm, 0.8)
 
 
 def draw_shape(module: Module, poses: Poses, eye: int = 0) -> Drawing:
@@ -188,7 +175,7 @@ def draw_step(
     shapes = [*_faces(view, module, poses, shown, moving), *_ends(view, poses, first, last)]
     width = float(np.ptp(view.flat(poses.positions[shown]), axis=0).max())
     growth = max(1.0, width / small_width)
-    if len(step.turns) <= MAX_ARROWS:
+    if len(step.turns) <= 8:  # more would hide the chain
         for turn in step.turns:
             shapes += _arrow(view, module, turn, poses, growth=growth)
     pivots = {turn.module: hinge_axis(module, turn, poses)[1] for turn in step.turns}
@@ -226,7 +213,7 @@ def _faces(
     placed = positions[:, None, None] + np.einsum("nij,fcj->nfci", rotations, corners)
     # Light comes from above and from the right.
     brightness = facing @ view.up + 0.4 * (facing @ view.right)
-    tones = np.digitize(brightness, TONE_LIMITS)
+    tones = np.digitize(brightness, (-0.4, 0.4))  # the three visible faces of a cube all differ
     index, face = np.nonzero((facing @ view.out > 1e-6) & _outer(placed))
     # Cubes hide each other by their centres; faces of one module never hide each other.
     depth = (
@@ -300,7 +287,7 @@ def _numbers(dots: Mapping[int, Point], growth: float) -> Iterable[Shape]:
         dots: Places of the dots on paper, by the module in front of the joint.
         growth: Length of a letter, relative to that in a small drawing.
     """
-    height, radius = growth * LETTER_PITCH, max(JOINT_PITCH, 0.5 * growth * JOINT_PITCH)
+    height, radius = growth * 0.42, max(JOINT_PITCH, 0.5 * growth * JOINT_PITCH)
     occupied_boxes = [(x - radius, y - radius, x + radius, y + radius) for x, y in dots.values()]
     for module, (x, y) in dots.items():
         text = str(module + 1)
@@ -408,5 +395,5 @@ def _hidden(positions: Array, modules: Sequence[int], out: Array) -> int:
         away = positions - positions[module]
         depth = away @ out
         beside = (away**2).sum(axis=1) - depth**2
-        count += bool(((depth > 0.5) & (beside < LINE_OF_SIGHT_PITCH**2)).any())
+        count += bool(((depth > 0.5) & (beside < 0.8**2)).any())  # as on the fold's page
     return count

@@ -15,8 +15,6 @@ from foldback.planner.plan.step_text import step_text
 from foldback.planner.plan.steps import Steps, Turn, hinge_axis, steps_of
 
 STEPS_FORMAT: Final = "foldback-steps/1"
-DECIMALS: Final = 9
-"""Number of decimals of times, angles and places in a step document, finer than any joint."""
 
 
 def write(plan: Plan) -> bytes:
@@ -75,4 +73,4 @@ def _turn(chain: Chain, turn: Turn, poses: Poses) -> dict[str, Any]:
 
 
 def _rounded(value: float) -> float:
-    return round(float(value), DECIMALS) + 0.0  # no negative zero
+    return round(float(value), 9) + 0.0  # no negative zero

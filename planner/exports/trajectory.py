@@ -21,9 +21,6 @@ from foldback.planner.robot.trajectory import Trajectory
 
 Form = Literal["csv", "json"]
 TRAJECTORY_FORMAT: Final = "foldback-trajectory/1"
-TRAJECTORY_DECIMALS: Final = 9
-"""Number of decimal places of times (s), angles (rad) and speeds (rad/s) in an exported
-trajectory."""
 ROWS_PER_PART: Final = 256
 """Number of rows of an exported trajectory that are formatted at once."""
 MAX_RATE_HZ: Final = 1e5
@@ -210,4 +207,4 @@ def _text(value: Any) -> bytes:
 
 
 def _short(values: Array) -> Array:
-    return np.round(values, TRAJECTORY_DECIMALS) + 0.0
+    return np.round(values, 9) + 0.0

@@ -40,10 +40,6 @@ from foldback.planner.kernels.module import ChainModel, Joint, Lumps, ModuleStat
 from foldback.planner.kernels.velocities import write_lump
 
 Array = NDArray[np.float64]
-LOCKED_INERTIA = 1e15
-"""Inertia that stands for a base module that is held in place: mass in module masses, moments in
-module mass · pitch². Larger values lose digits in the solution; with smaller ones the base gives
-under load."""
 
 
 class Loads(NamedTuple):
@@ -412,7 +408,8 @@ def _write_root_acceleration(
         for row in range(6):
             a[row] = 0.0
             for k in range(6):
-                IA[row, k] = LOCKED_INERTIA if row == k else 0.0
+                # Larger values lose digits; with smaller ones the base gives under load.
+                IA[row, k] = 1e15 if row == k else 0.0
     else:
         solved: Array = np.linalg.solve(IA, a)  # pyright: ignore[reportAssignmentType]
         copy_vector(solved, a)

@@ -28,10 +28,6 @@ face normals cover."""
 MIN_CROSS_SQUARE = 1e-18
 """Minimum squared length of the cross product of two unit edges, the squared sine of their angle,
 for it to be tested as a separating axis of two boxes: the square of ``MIN_CROSS``."""
-DISTANCE_MARGIN = 1e-9
-"""Amount, pitches, added to upper bounds of a module's clearance that follow from distances of
-centres. With less than the rounding error of a distance, the closest pair of modules could be
-skipped."""
 
 
 class Solid(NamedTuple):
@@ -354,7 +350,7 @@ def module_clearances(
             dy = points[j, 1] - points[i, 1]
             dz = points[j, 2] - points[i, 2]
             distances[k] = np.sqrt(dx * dx + dy * dy + dz * dz)
-            most = distances[k] - inner + DISTANCE_MARGIN
+            most = distances[k] - inner + 1e-9  # rounding
             bound[i] = min(bound[i], most)
             bound[j] = min(bound[j], most)
         for k in range(count):

@@ -46,21 +46,12 @@ PIVOT_TOLERANCE = 1e-10
 """Magnitude up to which a negative contact acceleration counts as zero in the pivoting solver, as a
 fraction of the largest bias (acceleration at a contact without contact forces, less the wanted
 one). With smaller values rounding errors cause endless pivots."""
-POWER_STEPS = 12
-"""Number of power iterations that estimate the largest eigenvalue of the contact problem, which
-limits the step of its gradient solver."""
-EIGENVALUE_MARGIN = 1.3
-"""Safety factor on the largest eigenvalue of the contact problem, as power iteration finds it from
-below. With smaller values gradient steps may diverge."""
 MAX_GRADIENT_STEPS = 400
 """Maximum number of iterations of the gradient solver for contact forces; beyond it the forces
 found so far are used."""
 GRADIENT_TOLERANCE = 1e-3
 """Residual at which the gradient solver for contact forces ends, as a fraction of the largest bias
 (acceleration at a contact without contact forces, less the wanted one)."""
-MIN_REGULARISATION = 1e-15
-"""Minimum of the diagonal R that is added to the matrix A of the contact problem, in 1 / module
-mass. Without it A may be singular."""
 
 
 class PairContacts(NamedTuple):
@@ -257,7 +248,7 @@ def _impedance(depth: float, solimp: Array) -> float:
 @njit(**INNER)
 def _regularisation(diagonal: float, impedance: float) -> float:
     """Return R = A (1 − d) / d of a contact, from its diagonal element of A."""
-    return max(diagonal * (1.0 - impedance) / impedance, MIN_REGULARISATION)
+    return max(diagonal * (1.0 - impedance) / impedance, 1e-15)  # else singular
 
 
 @njit(**INNER)
@@ -574,11 +565,11 @@ def _solve_lcp_gradient(
     scaled = b * scale
     x = np.ones(m)
     eigenvalue = 1.0
-    for _ in range(POWER_STEPS):
+    for _ in range(12):
         x /= np.sqrt((x * x).sum())
         x = _apply_delassus(x, scale, R, contacts, operator)
         eigenvalue = max(eigenvalue, np.sqrt((x * x).sum()))
-    step = 1.0 / (EIGENVALUE_MARGIN * eigenvalue)
+    step = 1.0 / (1.3 * eigenvalue)  # power iteration finds it from below
     x = np.zeros(m)
     y = np.zeros(m)
     theta = 1.0

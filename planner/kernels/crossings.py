@@ -16,10 +16,6 @@ Array = NDArray[Any]
 SAMPLE_SHIFT_U = 1.3e-6
 """Offset of the points at which a mesh is sampled from the cells' centres along the first axis, u,
 in cells, so that no ray hits an edge of a box-shaped mesh."""
-SAMPLE_SHIFT_V = 2.9e-6
-"""Offset of the points at which a mesh is sampled from the cells' centres along the second axis, v,
-in cells. It differs from ``SAMPLE_SHIFT_U``, so that no ray hits a diagonal edge of a box-shaped
-mesh either."""
 
 
 @njit(**INNER)
@@ -52,7 +48,9 @@ def mark_crossings(us: Array, vs: Array, ws: Array, faces: Array, marks: Array) 
         for i in range(max(low_u, 0), min(high_u + 1, count_u)):
             u = i + 0.5 + SAMPLE_SHIFT_U
             for j in range(max(low_v, 0), min(high_v + 1, count_v)):
-                v = j + 0.5 + SAMPLE_SHIFT_V
+                # Another shift than along u: no ray hits a diagonal edge of a box-shaped mesh
+                # either.
+                v = j + 0.5 + 2.9e-6
                 ab = _side(u, v, a, b, us, vs)
                 bc = _side(u, v, b, c, us, vs)
                 if (ab > 0.0) != (bc > 0.0):

@@ -26,10 +26,6 @@ FIXED = 2
 """Number of modules at the start of a window (the section of the chain that is simulated) that
 still belong to the core (the part that is folded and held): two, as the pose of a joint follows
 from the two modules that it links."""
-MIN_DIRECTION = 1e-12
-"""Minimum magnitude of a component of a line's unit direction for the line to be cut with the two
-faces of a box normal to that axis. Below it the line counts as parallel to them: no division by
-zero."""
 
 
 class CoreCells(NamedTuple):
@@ -87,7 +83,7 @@ def tail_span(end: Array, direction: Vector, tail: int, low: Array, high: Array)
     a = 1.0
     b = float(tail)
     for r in range(3):
-        if abs(direction[r]) < MIN_DIRECTION:
+        if abs(direction[r]) < 1e-12:  # parallel to both faces
             if end[r] < low[r] or end[r] > high[r]:
                 return 1, 1
             continue

@@ -21,9 +21,6 @@ Ints = NDArray[np.int64]
 EDGES_PER_BOX = 24
 """Number of consecutive edges of a closed polygon in one bounding box, by which edges far from a
 triangle are skipped."""
-VOLUME_TOLERANCE = 1e-13
-"""Volume of a tetrahedron, relative to the cube of its extent, below which rounding may decide its
-sign when an edge is tested against a triangle: then they count as meeting."""
 
 
 @njit(**INNER)
@@ -43,7 +40,8 @@ def _meets(p: Array, q: Array, a: Array, b: Array, c: Array) -> bool:
         low = min(min(p[k], q[k]), min(a[k], min(b[k], c[k])))
         high = max(max(p[k], q[k]), max(a[k], max(b[k], c[k])))
         extent = max(extent, high - low)
-    tolerance = VOLUME_TOLERANCE * extent * extent * extent
+    # within it rounding may decide the sign, and both count as meeting
+    tolerance = 1e-13 * extent * extent * extent
     above = _volume(a, b, c, p)
     below = _volume(a, b, c, q)
     if (above > tolerance and below > tolerance) or (above < -tolerance and below < -tolerance):

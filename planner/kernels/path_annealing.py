@@ -37,9 +37,6 @@ MOVES: Final = 8
 _HEAD, _TAIL, _COUNT, _SHARED, _COST = range(5)
 RANDOM: Final = 5
 """Place of the state of the random numbers in the sums of a state."""
-_SHORT_PENALTY: Final = 0.6
-"""Energy of each cell below the smallest number, in cells: more than a cell that helps is worth, so
-that shorter paths do not last."""
 _RECORD_AFTER: Final = 3
 """A third of the moves passes, while the path is hot, before the best path is recorded."""
 _BARE: Final[dict[str, Any]] = INNER | {"_nrt": False}
@@ -114,7 +111,7 @@ def energy_of(field: Field, count: int, shared: int, cost: int) -> float:
     union = (field.volume + count) * FULL - shared
     energy = cost / FULL - field.target * shared / union
     if count < field.low:
-        energy += _SHORT_PENALTY * (field.low - count)
+        energy += 0.6 * (field.low - count)  # more than a cell that helps is worth
     return energy
 
 

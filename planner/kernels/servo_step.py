@@ -22,9 +22,6 @@ from foldback.planner.kernels.velocities import chain_velocities, equivalent_rig
 Array = NDArray[np.float64]
 FRICTION_SPEED_RAD_S = 2e-3
 """Joint speed v₀, rad/s, in the model of dry friction, torque ∝ tanh(speed / v₀)."""
-MIN_SPEED_RAD_S = 1e-12
-"""Minimum joint speed, rad/s, by which the dry friction torque is divided to express it as viscous
-damping: it avoids a division by zero at rest."""
 
 
 class RobotServos(NamedTuple):
@@ -92,7 +89,7 @@ def servo_torques(
         # The larger of both rates: static friction must not hold a hinge that starts to move.
         speed = max(abs(qd[j]), abs(target.qd[j]))
         saturated = np.tanh(speed / FRICTION_SPEED_RAD_S)
-        friction_damping[j] = servos.friction[j] * saturated / max(speed, MIN_SPEED_RAD_S)
+        friction_damping[j] = servos.friction[j] * saturated / max(speed, 1e-12)
         commanded[j] = (
             servos.stiffness * (target.q[j] - measured - step_s * qd[j])
             + servos.damping * (target.qd[j] - qd[j])

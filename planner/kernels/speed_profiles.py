@@ -18,23 +18,13 @@ from foldback.planner.kernels import INNER, KERNEL
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-MAX_TANGENT_CUTS = 100
-"""Maximum number of iterations in the search, by tangents, of the largest squared path speed from
-which the motion can still go on within its bounds. With fewer, the speed found would lie slightly
-above it."""
 FEASIBILITY_TOLERANCE = 1e-12
 """Amount by which the lower bound of a squared path speed may exceed its upper bound before no
 speed counts as allowed, relative to that speed; rounding can cause as much."""
-MIN_TORQUE_FRACTION = 0.05
-"""Minimum fraction of a joint's torque limit that is left for acceleration along the path, even if
-centrifugal terms take more."""
 MIN_SLOPE = 1e-7
 """Ratio |b| / |a| below which an acceleration constraint |a x + b x₊| ≤ limit on the squared path
 speeds x at a grid point and x₊ at the next one counts as a bound of x alone: dividing by b would be
 inexact."""
-MIN_INERTIA = 1e-12
-"""Minimum torque per path acceleration, as a fraction of the torque limit, that is used to bound
-that acceleration: it avoids a division by zero for joints at rest along the path."""
 
 
 @njit(**INNER)
@@ -142,7 +132,7 @@ def _controllable(
     along its tangents lead down to its root.
     """
     x = min(x, _next_range(start, end, length, acceleration, 0.0)[4])
-    for _ in range(MAX_TANGENT_CUTS):
+    for _ in range(100):
         low, low_slope, high, high_slope, _ = _next_range(start, end, length, acceleration, x)
         if low < 0.0:
             low, low_slope = 0.0, 0.0
@@ -174,7 +164,8 @@ def torque_passes(a: Array, b: Array, ceiling: Array, step: float) -> Array:
             i, following = (k, k + 1) if forward else (last - k, last - k - 1)
             limit = np.inf
             for j in range(a.shape[1]):
-                available = max(1.0 - abs(b[i, j]) * z[i], MIN_TORQUE_FRACTION)
-                limit = min(limit, available / max(abs(a[i, j]), MIN_INERTIA))
+                # some torque is left even if centrifugal terms take it all
+                available = max(1.0 - abs(b[i, j]) * z[i], 0.05)
+                limit = min(limit, available / max(abs(a[i, j]), 1e-12))
             z[following] = min(z[following], z[i] + 2.0 * limit * step)
     return z

@@ -23,27 +23,12 @@ from foldback.planner.kernels.pairs import near_pairs
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Int32s = NDArray[np.int32]
-EDGE_BIAS = 0.01
-"""Distance in pitches by which an axis across two edges must separate two modules better than the
-best face normal for them to touch edge to edge."""
-FACE_BIAS = 1e-6
-"""Distance in pitches by which a face of the second module must separate two modules better than
-one of the first for it to be the reference face of their contact. Without it rounding could swap
-both between frames."""
 MIN_OVERLAP_WIDTH = 0.02
 """Minimum width in pitches of the area that two opposite faces share for them to count as touching;
 it is also the fraction of their length by which two edges may cross beyond their ends."""
-MIN_POINT_DISTANCE = 1e-4
-"""Distance in pitches below which two contact points of a pair of modules are merged into one."""
 PLANE_TOLERANCE = 1e-9
 """Distance in pitches up to which a polygon's corner counts as lying on the plane that clips the
 polygon, and is kept. With smaller values rounding adds nearly equal corners."""
-MIN_EDGE_ANGLE = 1e-3
-"""Sine of the angle between two edges below which they count as parallel, and their cross product
-is no candidate for the contact normal."""
-MIN_EDGE_DETERMINANT = 1e-12
-"""Determinant |u|² |v|² − (u·v)² of two edge vectors u and v, in pitches⁴, below which they count
-as parallel and have no single closest point: it avoids a division by zero."""
 MIN_TORQUE = 1e-12
 """Magnitude of the torque of a unit force at a hinge, in pitches, below which it counts as zero and
 is left out of the sparse matrix of the force balance."""
@@ -150,7 +135,7 @@ def _best_edges(
             across[1] = along_a[i, 2] * along_b[j, 0] - along_a[i, 0] * along_b[j, 2]
             across[2] = along_a[i, 0] * along_b[j, 1] - along_a[i, 1] * along_b[j, 0]
             length = np.sqrt(_dot(across, across))
-            if length < MIN_EDGE_ANGLE:
+            if length < 1e-3:  # parallel
                 continue
             if _dot(across, gap) < 0.0:
                 length = -length
@@ -185,7 +170,7 @@ def _between_edges(a0: Array, a1: Array, b0: Array, b1: Array, point: Array) -> 
     uu, uv, vv = (u * u).sum(), (u * v).sum(), (v * v).sum()
     uw, vw = (u * w).sum(), (v * w).sum()
     scale = uu * vv - uv * uv
-    if scale < MIN_EDGE_DETERMINANT:
+    if scale < 1e-12:  # parallel, without a single closest point
         return False
     s = (uv * vw - vv * uw) / scale
     t = (uu * vw - uv * uw) / scale
@@ -252,7 +237,7 @@ def _is_new(point: Array, points: Array, gaps: Array, normal: Array, count: int)
         for r in range(3):
             corner = points[m, r] + 0.5 * gaps[m] * normal[r]
             distance = max(distance, abs(corner - point[r]))
-        if distance < MIN_POINT_DISTANCE:
+        if distance < 1e-4:
             return False
     return True
 
@@ -403,9 +388,9 @@ def _add_module_points(
         gap = _best_edges(corners[i], corners[j], directions[i], directions[j], between, axis)
         if gap > module_gap:
             continue
-        if gap <= max(gap_i, gap_j) + EDGE_BIAS:
+        if gap <= max(gap_i, gap_j) + 0.01:  # edges touch only if clearly better than faces
             first, second, face = i, j, face_i
-            if gap_j > gap_i + FACE_BIAS:
+            if gap_j > gap_i + 1e-6:  # rounding must not swap them from frame to frame
                 first, second, face = j, i, face_j
             count = _add_face_points(first, second, face, hulls, solid, module_gap, count, out)
             continue

@@ -31,10 +31,6 @@ DIFFERENCE_ORDER: Final = 3
 """Number of times that angles are replaced by their differences from frame to frame before they are
 stored: for a smooth motion third differences are small and compress well. Higher orders amplify
 rounding."""
-MAX_ANGLE_STEPS: Final = 2**25
-"""Magnitude below which angles are stored as differences, in units of a plan's angle resolution
-(90° / 2²³): four right angles, so that third differences fit into 32 bits. Larger angles are stored
-without differences."""
 MAX_PLAIN_ANGLES: Final = 2**18
 """Maximum number of hinge angles that a plan file holds as plain numbers, five megabytes of JSON;
 more are stored as compressed differences."""
@@ -65,7 +61,8 @@ def to_step_counts(angles_rad: NDArray[np.floating[Any]]) -> Ints | None:
         with np.errstate(invalid="ignore"):
             found = np.rint(block.astype(np.float64) / PLAN_STEP_RAD)
             exact = np.array_equal((found * PLAN_STEP_RAD).astype(flat.dtype), block)
-        if not exact or np.abs(found).max(initial=0.0) >= MAX_ANGLE_STEPS:
+        # Up to four right angles, third differences fit into 32 bits.
+        if not exact or np.abs(found).max(initial=0.0) >= 2**25:
             return None
         steps[begin : begin + MAX_ENCODED_ANGLES] = found
     return steps.reshape(angles_rad.shape)

@@ -19,9 +19,6 @@ from foldback.planner.motion.motion import Motion
 MAX_TORQUE_FRAME_MODULES: Final = 2_000_000
 """Maximum product of frames and modules for which the joint torques of a motion are computed;
 beyond it only some frames, evenly spread, are."""
-MAX_ANGLES_IN_MEMORY: Final = 2**18
-"""Maximum product of frames and hinges for which joint torques are computed at once; each frame
-also needs the angles of its two neighbours."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,7 +60,7 @@ def inverse_dynamics(chain: Chain, motion: Motion) -> Torques:
     count = min(inner, max(1, MAX_TORQUE_FRAME_MODULES // len(chain)))
     middle = 1 + np.unique(np.linspace(0, inner - 1, count).astype(np.int64))
     largest, hinges = np.empty(len(middle)), np.empty(len(middle), np.int64)
-    step = max(1, MAX_ANGLES_IN_MEMORY // len(chain.folded_rad))
+    step = max(1, 2**18 // len(chain.folded_rad))
     for start in range(0, len(middle), step):
         part = middle[start : start + step]
         around = [motion[later[part + shift]] for shift in (-1, 0, 1)]

@@ -22,10 +22,6 @@ RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"
 PROBE_HALF_WIDTH_VALUES: Final = 8192
 """Number of values on either side of an array's middle that are compressed as a test of whether the
 whole array is worth compressing."""
-MAX_COMPRESSED_SHARE: Final = 0.7
-"""Maximum compressed size of a sample, as a fraction of its original size, for its array to be
-stored compressed. Larger values compress more arrays, with less gain for the time; angles of an
-unfolding do not get below 0.9."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,4 +195,5 @@ def _shrinks(array: NDArray[Any]) -> bool:
     some = flat[
         max(0, middle - PROBE_HALF_WIDTH_VALUES) : middle + PROBE_HALF_WIDTH_VALUES
     ].tobytes()
-    return len(zlib.compress(some, 1)) < MAX_COMPRESSED_SHARE * len(some)
+    # angles of an unfolding do not get below 0.9
+    return len(zlib.compress(some, 1)) < 0.7 * len(some)

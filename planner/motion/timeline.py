@@ -48,9 +48,6 @@ ERRORS_FROM: Final = "errors_from"
 recorded tracking error, or None if there is none: readers need not read the errors before it."""
 FRAMES_PER_CHUNK: Final = 128
 """Number of frames in a zarr chunk of a motion that stores all hinges in each frame."""
-FRAMES_PER_ERROR_READ: Final = 1024
-"""Minimum number of a timeline's frames that are read at once to find their largest joint
-errors."""
 WINDOWS_PER_CHUNK: Final = 4096
 """Number of frames in a zarr chunk of a motion that stores only the moving hinges of each frame,
 for all arrays but those of angles."""
@@ -59,9 +56,6 @@ ANGLES_PER_CHUNK: Final = 2**16
 frame, counted over all frames."""
 MIN_FLUSH_PERIOD_S: Final = 0.15
 """Minimum time between two writes of new frames to disk, s."""
-FLUSH_TIME_SHARE: Final = 0.1
-"""Maximum fraction of a simulation's time that is spent on writing new frames to disk: after a slow
-write the next one waits longer, up to 1 s."""
 MAX_FLUSH_PERIOD_S: Final = 1.0
 """Maximum time between two writes of new frames to disk, s, even if writes are slow."""
 
@@ -252,7 +246,8 @@ class TimelineWriter:
         self._mark("growing")
         now = time.monotonic()
         # Nothing moves before the second one, and the first takes long: it creates the files.
-        pause = 0.0 if first else min((now - begun) / FLUSH_TIME_SHARE, MAX_FLUSH_PERIOD_S)
+        # a tenth of the time at most
+        pause = 0.0 if first else min((now - begun) / 0.1, MAX_FLUSH_PERIOD_S)
         self._next_flush = now + max(pause, MIN_FLUSH_PERIOD_S)
 
     def _write_angles(self, motion: Motion, begins: int) -> None:
@@ -427,7 +422,7 @@ class Timeline:
         Raises:
             TimelineError: The range is not within the timeline.
         """
-        end, rows = self._end(start, stop, 1), max(self.chunk_frames, FRAMES_PER_ERROR_READ)
+        end, rows = self._end(start, stop, 1), max(self.chunk_frames, 1024)
         if not self.tells_errors:
             return np.full(end - start, np.nan)
         parts = [

@@ -9,9 +9,6 @@ from typing import Final
 from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.parameters.setting import described, setting, shared
 
-ENCODER_STEP_RAD: Final = 2.0 * math.pi / 2**18
-"""Resolution of a simulated joint encoder with 18 bits per turn, in rad."""
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RobotParameters:
@@ -69,7 +66,7 @@ class RobotParameters:
     )
     damping_s: float = described(0.2, "Servo damping relative to stiffness", "s")
     encoder_step: float = setting(
-        ENCODER_STEP_RAD,
+        2.0 * math.pi / 2**18,  # 18 bits per turn
         label="Encoder step",
         help="Smallest angle that an encoder can measure. Default: an encoder with 18 bits per "
         "turn.",

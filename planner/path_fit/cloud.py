@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -12,16 +11,6 @@ from foldback.planner.shapes.inside_points import InsidePoints, points_of
 from foldback.planner.shapes.lattice_fits import Ladder, largest_body
 from foldback.planner.shapes.orientations import about_axis
 from foldback.planner.shapes.solid_sampling import grid_of, sample
-
-ROUGH_CLOUD: Final = 24_000
-"""Number of points by which placements are compared."""
-FINE_CLOUD: Final = 120_000
-"""Number of points by which the cells of a placement are filled."""
-MAX_SAMPLES: Final = 12_000_000
-"""Maximum number of samples of the box around a solid, to find the points inside."""
-TILT_RAD: Final = (0.1, 0.3)
-"""Range of the angles about each axis by which the grid of samples is turned against the solid, so
-that no lattice that is laid over the solid is parallel to it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -45,8 +34,7 @@ class Clouds:
 def clouds_of(ladder: Ladder, *, seeds: tuple[int, int], wall: float = np.inf) -> Clouds:
     """Return a solid as points, with a random seed for each of both sets."""
     rough, fine = (
-        _cloud(ladder, count, seed)
-        for count, seed in zip((ROUGH_CLOUD, FINE_CLOUD), seeds, strict=True)
+        _cloud(ladder, count, seed) for count, seed in zip((24_000, 120_000), seeds, strict=True)
     )
     return Clouds(vertices=ladder.solid.vertices, rough=rough, fine=fine, wall=wall)
 
@@ -66,10 +54,11 @@ def _cloud(ladder: Ladder, count: int, seed: int) -> InsidePoints:
     rng = np.random.default_rng(seed)
     turn = ladder.turns[int(np.argmin([np.prod(extents) for extents in ladder.extents]))]
     for axis in range(3):
-        turn = about_axis(axis, float(rng.uniform(*TILT_RAD))) @ turn
+        # no lattice that is laid over the solid is parallel to the grid
+        turn = about_axis(axis, float(rng.uniform(0.1, 0.3))) @ turn
     extents = np.ptp(ladder.solid.vertices @ turn.T, axis=0)
     edge = float(np.cbrt(ladder.volume / count))
-    while float(np.prod(grid_of(extents, 2.0 * edge, 2).astype(np.float64))) > MAX_SAMPLES:
+    while float(np.prod(grid_of(extents, 2.0 * edge, 2).astype(np.float64))) > 12_000_000:
         edge *= 1.05
     sampling = sample(ladder.solid, pitch=2.0 * edge, size=2, rotation=turn)
     return points_of(largest_body(sampling) if ladder.apart else sampling)

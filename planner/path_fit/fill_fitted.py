@@ -35,8 +35,6 @@ MAX_FITTED_MODULES: Final = 2_000
 MIN_FITTED_MODULES: Final = 8
 MIN_JOINED_GAIN: Final = 0.03
 """Smallest gain in IoU for which separate bodies are joined by modules in the air."""
-REROUTED_MOVES: Final = 400
-"""Moves for each cell of a search for a path through fitted cells with other ends."""
 REROUTES: Final = 8
 """Number of searches for a path through fitted cells with other ends."""
 
@@ -259,7 +257,7 @@ def _with_ends(cells: Ints, options: PathOptions, seed: int) -> tuple[Ints | Non
             near,
             ends,
             -1 if start is None else start,
-            REROUTED_MOVES * len(cells),
+            400 * len(cells),
             REROUTES * seed + attempt,
         )
         if length == len(cells):

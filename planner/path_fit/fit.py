@@ -56,8 +56,6 @@ KINDS: Final = {
 """How often each kind of move is tried, of 256 times (decision 0031)."""
 UPRIGHT_PLACEMENTS: Final = 14
 """Number of placements of the upright solid in the race."""
-FIRST_PLACEMENTS: Final = 3
-"""Number of placements from which the first result is taken; more until one has enough cells."""
 RACE_MOVES: Final = 1_000
 """Moves for each cell in the first annealing of a placement; each round of the race has twice as
 many."""
@@ -72,9 +70,6 @@ PITCH_FACTORS: Final = tuple(0.8 + 0.04 * k for k in range(11))
 MIN_CLOSING_PITCH: Final = 2.5
 """Smallest pitch that closes walls, in their thickness, for which they are closed: below, cells
 with the best IoU leave few gaps (decision 0042)."""
-SLANT: Final = float(np.sqrt(2.0))
-"""Area of a thin wall in a cell that counts as full, in faces of the cell: that of a wall from edge
-to edge."""
 GAP_COST: Final = 0.05
 """Loss of score for each gap in thin walls: each tunnel that the solid does not have (decision
 0042)."""
@@ -86,8 +81,6 @@ AIR_FILL: Final = FULL // 50
 """Fill below which a cell counts as air, in 1/``FULL``."""
 AIR_COST: Final = 0.0
 """Further energy of a cell in the air, in cells."""
-MAX_CANDIDATES: Final = 3
-"""Maximum number of paths of a fit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -199,7 +192,7 @@ def fit_path(
     for number, placement in enumerate(placements_of(ladder, counts, walls, seed)):
         runs.append(annealed(placement, RACE_MOVES * modules, [seed, 0, number]))
         runs = ranked(runs, low)
-        if not has_first and len(runs) >= FIRST_PLACEMENTS and len(runs[0].cells) >= low:
+        if not has_first and len(runs) >= 3 and len(runs[0].cells) >= low:
             yield PathFit(paths=(runs[0],), is_final=False)
             has_first = True
     if not has_first:
@@ -266,7 +259,7 @@ def _walls(ladder: Ladder, cells: int) -> Walls:
     closing = pitch * float(np.sqrt(pitch / wall))
     if closing < MIN_CLOSING_PITCH * wall:
         return Walls(pitch)
-    return Walls(closing, SLANT * wall, ladder.tunnels)
+    return Walls(closing, float(np.sqrt(2.0)) * wall, ladder.tunnels)  # a wall from edge to edge
 
 
 def _annealed(
@@ -310,4 +303,4 @@ def _chosen(runs: list[FittedPath], low: int) -> tuple[FittedPath, ...]:
     best = min(sound, key=lambda pair: pair[0])[1]
     others = [run for _, run in sorted(sound, key=lambda pair: pair[0]) if run is not best]
     same = [run for run in others if run.placement is best.placement]
-    return (best, *same[: MAX_CANDIDATES - 1])
+    return (best, *same[:2])

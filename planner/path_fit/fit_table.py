@@ -34,10 +34,6 @@ from foldback.planner.table_paths.score import WEIGHTS, parts_of
 
 SIDES: Final = tuple(np.array(rows, dtype=np.float64) for rows in SIDE_ROTATIONS.values())
 """Rotations that lay the solid on each of its six sides."""
-PLACEMENTS_PER_SIDE: Final = 2
-"""Number of placements of the lattice for each side of the solid on the floor."""
-TRIED_PER_SIDE: Final = 4
-"""Number of placements for each side from which these are chosen."""
 HEIGHT_COSTS: Final = (0.0, 0.05, 0.05, 0.05, 0.1, 0.1)
 """Cost of a cell for each layer between it and the lowest one, in cells; one annealing in each
 placement for each of them (decision 0038)."""
@@ -54,8 +50,6 @@ the solid is taken if its score is better by 1 (decision 0038)."""
 MIN_IOU_SHARE: Final = 0.8
 """Smallest IoU of a path that is taken, relative to the best one: an easier fold of something that
 no longer looks like the solid is of no use."""
-MAX_PATHS: Final = 8
-"""Maximum number of paths of a fit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -94,9 +88,7 @@ def fit_on_table(ladder: Ladder, modules: int, *, seed: int = 0) -> tuple[TableF
     ]
     least = MIN_IOU_SHARE * max((fit.fitted.iou for fit in fits), default=0.0)
     ranked = sorted((fit for fit in fits if fit.fitted.iou >= least), key=lambda fit: fit.cost)
-    return tuple(fit for fit in ranked if fit.fitted.placement is ranked[0].fitted.placement)[
-        :MAX_PATHS
-    ]
+    return tuple(fit for fit in ranked if fit.fitted.placement is ranked[0].fitted.placement)[:8]
 
 
 def _placements(ladder: Ladder, counts: Counts, seed: int) -> list[tuple[str, Placement]]:
@@ -108,8 +100,8 @@ def _placements(ladder: Ladder, counts: Counts, seed: int) -> list[tuple[str, Pl
     for down, rotation in zip(SIDE_ROTATIONS, SIDES, strict=True):
         turn = Turn(rotation=rotation, pitches=pitches, is_upright=True)
         tried = best_placements(clouds, counts, turn, least=0.0, rng=rng)
-        best = sorted(islice(tried, TRIED_PER_SIDE), key=lambda placement: -placement.bound)
-        placements += [(down, placement) for placement in best[:PLACEMENTS_PER_SIDE]]
+        best = sorted(islice(tried, 4), key=lambda placement: -placement.bound)
+        placements += [(down, placement) for placement in best[:2]]
     return placements
 
 

@@ -24,10 +24,6 @@ SHIFTS: Final = tuple(np.array(shift) / 4.0 for shift in product(range(4), repea
 """Shifts of the lattice that are tried for the upright solid, in periods."""
 FEW_SHIFTS: Final = tuple(np.array(shift) / 2.0 for shift in product(range(2), repeat=3))
 """Shifts of the lattice that are tried for other orientations, in periods."""
-ROUGH_POINTS: Final = 6_000
-"""Number of points by which all pitches and shifts are compared."""
-CLIMBS: Final = 120
-"""Number of random steps of an improvement."""
 CLIMB_PITCH, CLIMB_SHIFT = 0.025, 0.25
 """Largest random steps of the pitch, relative, and of each shift, in periods, at first."""
 
@@ -228,7 +224,7 @@ def best_placements(
         )
         for inside in (clouds.rough, clouds.fine)
     )
-    stride = max(1, len(rough.points) // ROUGH_POINTS)
+    stride = max(1, len(rough.points) // 6_000)
     shifts = [lattice.period * shift for shift in (SHIFTS if turn.is_upright else FEW_SHIFTS)]
     poses: list[_Pose] = []
     for pitch in turn.pitches:
@@ -247,7 +243,7 @@ def _climbed(cloud: _TurnedCloud, pose: _Pose, rng: np.random.Generator) -> _Pos
     period = cloud.lattice.period
     best = _Pose(pitch=pose.pitch, shift=pose.shift, bound=cloud.bound(pose.pitch, pose.shift))
     width = 1.0
-    for k in range(CLIMBS):
+    for k in range(120):
         steps = rng.uniform(-width, width, 4)
         pitch = best.pitch * (1.0 + CLIMB_PITCH * float(steps[0]))
         shift = (best.shift + period * CLIMB_SHIFT * steps[1:]) % period

@@ -11,7 +11,6 @@ for every coarse path there is a choice of snakes.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from typing import Final
 
 import numpy as np
 
@@ -20,23 +19,6 @@ from foldback.planner.pathfinding.lattice import neighbours
 from foldback.planner.pathfinding.removal_analysis import analyse_removal
 from foldback.planner.pathfinding.snake import snake_path
 from foldback.planner.shapes.layered_path import layered_path
-
-MAX_SEARCHES: Final = 6
-"""Maximum number of searches for one path through blocks of cells, in layers along z, y and x in
-turn."""
-PATHS_PER_SIDE: Final = 3
-"""Number of random paths that are made for each side length of blocks, in cells, into which a shape
-can be divided; the best path is chosen."""
-VISITS_PER_BLOCK: Final = 10
-"""Maximum number of steps of one search for a path through blocks of cells, as a multiple of the
-number of blocks."""
-MAX_EXTRA_VISITS: Final = 6000
-"""Maximum number of steps of one search for a path through blocks of cells, in addition to one for
-each block. Measured: longer searches found no more paths."""
-LAYER_WEIGHT: Final = 3.0
-"""Weight of a block's height, in blocks, relative to a random number from 0 to 1, in the choice of
-a path's next block. Larger values fill the lowest layers first, so that a path can be built
-upwards."""
 
 
 def from_better_end(cells: Ints) -> Ints:
@@ -85,7 +67,7 @@ def solid_paths(coarse: Ints, rng: np.random.Generator, side: int) -> Iterator[I
     if layered:
         return
     for length, cells in blocks.items():
-        for _ in range(PATHS_PER_SIDE):
+        for _ in range(3):
             found = assembly_path(cells, rng, side=length)
             if found is None:
                 break
@@ -98,10 +80,10 @@ def coarse_path(blocks: Ints, rng: np.random.Generator) -> Ints | None:
     black = int((blocks.sum(axis=1) & 1).sum())
     if abs(len(blocks) - 2 * black) > 1:
         return None
-    for attempt in range(MAX_SEARCHES):
+    for attempt in range(6):
         axis = (2, 1, 0)[attempt % 3]
         found = _Search(blocks, near, axis, rng).run(
-            min(VISITS_PER_BLOCK * len(blocks), MAX_EXTRA_VISITS + len(blocks))
+            min(10 * len(blocks), 6000 + len(blocks))  # longer searches found no more paths
         )
         if found is not None:
             return np.array(found, dtype=np.int64)
@@ -118,7 +100,8 @@ class _Search:
         self.placed = [False] * self.count
         self.degree = [len(row) for row in self.near]
         height = blocks[:, axis] - blocks[:, axis].min()
-        self.key = (LAYER_WEIGHT * height + rng.uniform(0.0, 1.0, self.count)).tolist()
+        # the lowest layers first, so that a path can be built upwards
+        self.key = (3.0 * height + rng.uniform(0.0, 1.0, self.count)).tolist()
 
     def run(self, visits: int) -> list[int] | None:
         start = min(range(self.count), key=lambda b: self.key[b] + self.degree[b])

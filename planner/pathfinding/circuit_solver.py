@@ -21,12 +21,6 @@ CONFLICTS_PER_EFFORT: Final = 80_000
 """Number of conflicts (dead ends in its search) of the SAT solver that make up one unit of effort,
 by which path searches are limited instead of by time, so that they are reproducible: about one
 second of processor time. Measured."""
-CONFLICTS_PER_ROUND: Final = 20
-"""Conflicts (dead ends in its search) by which each call of the SAT solver uses up the effort of a
-path search in addition to its own, to account for the work around the call."""
-MAX_CONFLICTS_PER_CALL: Final = 2000
-"""Maximum number of conflicts (dead ends in its search) of the SAT solver in one call; between
-calls, time limits and Ctrl-C are checked."""
 
 
 class CircuitSolver:
@@ -118,10 +112,11 @@ class CircuitSolver:
     def _call(self) -> bool | None:
         """Run the solver for a bounded number of conflicts."""
         before = self._solver.accum_stats()["conflicts"]
-        self._solver.conf_budget(int(min(self._conflicts_left, MAX_CONFLICTS_PER_CALL)))
+        # between calls, time limits and Ctrl-C are checked
+        self._solver.conf_budget(int(min(self._conflicts_left, 2000)))
         solved = self._solver.solve_limited()
         spent = self._solver.accum_stats()["conflicts"] - before
-        self._conflicts_left -= spent + CONFLICTS_PER_ROUND
+        self._conflicts_left -= spent + 20  # the work around a call counts, too
         return solved
 
     def _circuits(self) -> list[list[int]]:

@@ -17,18 +17,9 @@ from foldback.planner.pathfinding.no_path_proofs import obstacles
 from foldback.planner.pathfinding.sat_paths import find_path_by_sat
 from foldback.planner.shapes.shape import Shape
 
-MAX_REVERSED_CELLS: Final = 40_000_000
-"""Maximum number of cells that one attempt at a path may reverse by backbite moves (a random change
-of a path's end), about 0.25 s of processor time."""
 MOVES_PER_CELL: Final = 20
 """Minimum number of backbite moves (a random change of a path's end) of one attempt at a path, per
 cell of the shape."""
-EASING_MOVES: Final = 200_000
-"""Number of simulated annealing moves that change a path so that neighbouring cells lie closer
-along it, which makes the chain easier to unfold."""
-MAX_EASED_CELLS: Final = 600
-"""Maximum number of cells of a path that simulated annealing makes easier to unfold; every move
-visits all cells."""
 FAST_ATTEMPTS: Final = 6
 """Number of random attempts at a path (backbite moves) before each call of the exact solver."""
 
@@ -85,7 +76,7 @@ def exact_path(
     status, order = search.run(deadline)
     if order is None:
         return ExactSearch(status=status, cells=None, reason=_REASONS[status](time_limit_s))
-    if eased and len(cells) <= MAX_EASED_CELLS:
+    if eased and len(cells) <= 600:  # every move visits all cells
         order = search.eased(order)
     return ExactSearch(status="found", cells=cells[order], reason="A path was found.")
 
@@ -135,7 +126,7 @@ class _Search:
         self.cells, self.ends, self.start, self.rng = cells, ends, start, rng
         self.near = neighbours(cells)
         self.least = MOVES_PER_CELL * len(cells)
-        self.moves = max(self.least, MAX_REVERSED_CELLS // len(cells))
+        self.moves = max(self.least, 40_000_000 // len(cells))  # 0.25 s of processor time
 
     def run(
         self, deadline: float
@@ -171,4 +162,4 @@ class _Search:
     def eased(self, order: Ints) -> Ints:
         start = -1 if self.start is None else self.start
         seed = int(self.rng.integers(1 << 30))
-        return ease(order, self.near, self.ends, start, EASING_MOVES, seed)
+        return ease(order, self.near, self.ends, start, 200_000, seed)

@@ -29,13 +29,6 @@ __all__ = ["Feasibility", "Problem", "Repair", "apply_repair", "feasibility", "n
 
 Cells: TypeAlias = frozenset[Cell]
 
-FEASIBILITY_LIMIT_S: Final = 2.0
-"""Default wall-clock limit, in s, of the check whether a path through all cells of a shape exists,
-and of the search for repairs of a shape without one; after it the answer is "undecided", or fewer
-repairs are offered."""
-MAX_SEARCHED_CELLS: Final = 2_000
-"""Maximum number of cells of a shape for which a path is searched to decide if there is one; for
-larger shapes the check leaves it open."""
 MAX_CHANGES: Final = 12
 """Number of cells that a repair (a changed shape that has a path) may add or drop in any shape;
 shapes of more than 120 cells may change by a tenth of their cells. Also the maximum number of cells
@@ -43,13 +36,6 @@ that join separate parts."""
 MAX_CHANGED_SHARE: Final = 0.1
 """Fraction of a shape's cells that a repair (a changed shape that has a path) may add or drop, if
 this is more than the 12 cells that it may change in any shape."""
-MAX_COMPARED_CELLS: Final = 60
-"""Maximum number of candidate cells that are compared for each cell that a repair adds or drops."""
-MAX_NAMED_CHANGES: Final = 3
-"""Maximum number of cells that a repair names; it gives the number of more cells."""
-REPAIR_CHECK_LIMIT_S: Final = 0.5
-"""Wall-clock limit, in s, of the search for a path through a repaired shape; without one in that
-time the repair is not offered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,9 +80,7 @@ class Feasibility:
     repairs: tuple[Repair, ...] = ()
 
 
-def feasibility(
-    shape: Shape, *, seed: int = 0, time_limit_s: float = FEASIBILITY_LIMIT_S
-) -> Feasibility:
+def feasibility(shape: Shape, *, seed: int = 0, time_limit_s: float = 2.0) -> Feasibility:
     """Search for proofs that a shape has no path, for a path, and for repairs.
 
     Args:
@@ -110,7 +94,7 @@ def feasibility(
         known = False
     elif is_box(shape) or halved(shape) is not None:
         known = True
-    elif len(shape) <= MAX_SEARCHED_CELLS:
+    elif len(shape) <= 2_000:
         search = exact_path(shape, time_limit_s=time_limit_s, seed=seed, eased=False)
         known = {"found": True, "infeasible": False, "undecided": None}[search.status]
         if known is False:
@@ -217,17 +201,14 @@ def _choices(now: Cells, problems: tuple[Problem, ...], adding: bool) -> list[Ce
         )
         far = np.maximum(far - 2, 0)
     order = np.lexsort((*candidates.T, looks, far))
-    return _tuples(candidates[order][:MAX_COMPARED_CELLS])
+    return _tuples(candidates[order][:60])
 
 
 def _has_path(cells: Cells, seed: int) -> bool:
     shape = Shape.from_cells(_array(cells))
     if is_box(shape) or halved(shape) is not None:
         return True
-    return (
-        exact_path(shape, time_limit_s=REPAIR_CHECK_LIMIT_S, seed=seed, eased=False).status
-        == "found"
-    )
+    return exact_path(shape, time_limit_s=0.5, seed=seed, eased=False).status == "found"
 
 
 def _repair(before: Cells, after: Cells) -> Repair:
@@ -241,7 +222,7 @@ def _repair(before: Cells, after: Cells) -> Repair:
 
 def named_cells(cells: Sequence[Cell]) -> str:
     """Return a few cells by name, more by number."""
-    if len(cells) > MAX_NAMED_CHANGES:
+    if len(cells) > 3:
         return _count(len(cells), "cell")
     return f"the cell{'s' * (len(cells) > 1)} {written(cells)}"
 

@@ -22,14 +22,8 @@ from foldback.planner.shapes.shape import Shape
 BLOCK_CELLS: Final = 8
 """Number of cells, 2×2×2, by which a repair replaces each voxel of a shape, as such shapes always
 have a path."""
-MAX_DOUBLING_RATIO: Final = 1.25
-"""Maximum number of modules, relative to the requested one, of a repair that replaces each voxel by
-2×2×2 cells (such shapes always have a path)."""
 DOUBLED: Final = "Each voxel became 2×2×2 modules."
 ALWAYS_A_PATH: Final = " A connected shape of 2×2×2 blocks always has a path."
-START_SHARE: Final = 0.7
-"""Fraction of the time limit of a path search that is spent on paths from the requested start cell;
-the remainder is for paths that start elsewhere."""
 
 
 class Cubes:
@@ -131,7 +125,7 @@ def _searched(
 ) -> tuple[PathSearch, str]:
     """Return paths from the requested start; without any, other paths and a message."""
     begun = time.monotonic()
-    share = 1.0 if options.start is None else START_SHARE
+    share = 1.0 if options.start is None else 0.7  # the rest of the time is for other starts
     search = find_paths(
         shape,
         method=method,
@@ -157,7 +151,7 @@ def requested_repair(shape: Shape, state: Feasibility, options: PathOptions) -> 
     """
     repair = state.repairs[0]
     count = modules_after(shape, repair)
-    wanted = options.modules is not None and count <= MAX_DOUBLING_RATIO * options.modules
+    wanted = options.modules is not None and count <= 1.25 * options.modules
     return repair if wanted or not repair.doubled else None
 
 

@@ -15,15 +15,9 @@ from foldback.planner.arrays import Array, Ints
 from foldback.planner.kernels.knots import simplified, tightened
 from foldback.planner.pathfinding.knots import Knot, best_view, closed_polygons, knot_of, smaller
 
-MAX_SHORTENINGS: Final = 60
-"""Maximum number of rounds in which a knotted polygon is shortened before it is drawn as a
-diagram."""
 PULL_FRACTIONS: Final = (0.9, 0.5, 0.7)
 """Fraction of the way to the midpoint of its neighbours by which a vertex moves when a polygon is
 shortened for a knot diagram, used by rounds in turn."""
-MAX_SHORTENED_VERTICES: Final = 400
-"""Maximum number of vertices of a polygon that is shortened for a knot diagram: a round takes time
-by their square."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -64,7 +58,7 @@ def diagram_of(centres: ArrayLike) -> Diagram | None:
     polygons = closed_polygons(points - middle, rng)
     best = min((smaller(polygon, rng)[1] for polygon in polygons), key=len)
     sight, places, signs = best_view(best, rng)
-    for k in range(MAX_SHORTENINGS if len(best) <= MAX_SHORTENED_VERTICES else 0):
+    for k in range(60 if len(best) <= 400 else 0):  # a round takes time by the square of the number
         shorter = simplified(tightened(best, PULL_FRACTIONS[k % len(PULL_FRACTIONS)]))
         view = best_view(shorter, rng)
         if len(view[2]) <= len(signs):

@@ -26,27 +26,12 @@ Verdict = Literal["unknot", "knotted", "undecided"]
 KNOT_JITTER: Final = 0.01
 """Maximum random shift of a chain's vertices along each axis, in pitches, so that no projection for
 the knot test is degenerate. Strands are 0.5 apart, so a much larger value could change the knot."""
-CLOSURE_RADIUS_FACTOR: Final = 4.0
-"""Distance from a chain's middle at which its two ends are joined for the knot test, as a multiple
-of the chain's radius. Above 1, the joining line passes outside of the chain; larger values add
-nothing."""
 MIN_STRAND_DISTANCE_PITCH: Final = 0.75
 """Minimum distance, in pitches, from all other vertices of a straight line by which a chain's end
 is extended outwards for the knot test."""
-MAX_CLOSED_GAP_PITCH: Final = 1.05
-"""Maximum distance of a chain's two ends, in pitches, at which the knot test joins them directly
-rather than around the chain: one pitch, and rounding."""
 MIN_STICKS: Final = 6
 """Minimum number of edges of a closed polygon that can be knotted: six, the stick number of the
 trefoil knot. Shorter ones need no test."""
-MIN_CROSSINGS: Final = 3
-"""Minimum number of crossings of a diagram that can show a knot: three, as of the trefoil knot."""
-MAX_TIGHTENINGS: Final = 40
-"""Maximum number of rounds in which a polygon with too many crossings for a knot test
-(``undecided``) is shortened before the test is repeated."""
-RANDOM_PROJECTIONS: Final = 24
-"""Number of random projections of a polygon, of which the knot test uses the one with the fewest
-crossings."""
 MAX_PRESENTED_CROSSINGS: Final = 1200
 """Maximum number of crossings of a diagram that the knot test evaluates; with more, the test is
 ``undecided``. Elimination takes time by their cube."""
@@ -129,7 +114,7 @@ def smaller(polygon: Array, rng: np.random.Generator) -> tuple[Knot, Array]:
     """Return the knot of a closed polygon and the simplified polygon that shows it."""
     points = simplified(polygon)
     knot = _judged(points, rng)
-    for k in range(MAX_TIGHTENINGS):
+    for k in range(40):
         if knot.verdict != "undecided":
             break
         points = simplified(tightened(points, (0.9, 0.4, 0.65)[k % 3]))
@@ -142,7 +127,7 @@ def _judged(points: Array, rng: np.random.Generator) -> Knot:
     if len(points) < MIN_STICKS:
         return UNKNOT
     places, signs = _fewest_crossings(points, rng)
-    if len(signs) < MIN_CROSSINGS:
+    if len(signs) < 3:  # the trefoil knot has three
         return UNKNOT
     if len(signs) > MAX_PRESENTED_CROSSINGS:
         return Knot(verdict="undecided", determinant=None, crossings=len(signs))
@@ -171,7 +156,7 @@ def closed_polygons(
         (n + k, 3) each: the points, then k corners far outside by which the ends are joined.
     """
     moved = points + rng.uniform(-KNOT_JITTER, KNOT_JITTER, points.shape)
-    if closed or float(np.linalg.norm(points[-1] - points[0])) < MAX_CLOSED_GAP_PITCH:
+    if closed or float(np.linalg.norm(points[-1] - points[0])) < 1.05:  # one pitch, and rounding
         return [moved]
     first, last = _ways_out(points, 0, rng), _ways_out(points, len(points) - 1, rng)
     return [
@@ -197,7 +182,7 @@ def _ways_out(points: Array, end: int, rng: np.random.Generator) -> list[Array]:
 
 def _closed(points: Array, first_way: Array, last_way: Array) -> Array:
     """Return a chain with both ends drawn straight out and joined around it."""
-    radius = CLOSURE_RADIUS_FACTOR * (float(np.linalg.norm(points, axis=1).max()) + 1.0)
+    radius = 4.0 * (float(np.linalg.norm(points, axis=1).max()) + 1.0)  # outside of the chain
     # An odd tilt keeps the far corners out of the planes of the lattice.
     first = points[0] + radius * _tilted(first_way, 0.01)
     last = points[-1] + radius * _tilted(last_way, 0.017)
@@ -230,7 +215,7 @@ def best_view(points: Array, rng: np.random.Generator) -> tuple[Array, Array, In
         ``planner.kernels.knots.crossings``.
     """
     best: tuple[Array, Array, Ints] | None = None
-    for _ in range(RANDOM_PROJECTIONS if len(points) < 500 else 2):
+    for _ in range(24 if len(points) < 500 else 2):
         turn = np.linalg.qr(rng.normal(size=(3, 3)))[0]
         if np.linalg.det(turn) < 0:
             turn[:, 0] *= -1

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import permutations, product
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from foldback.planner.pathfinding.lattice import STEPS
 
 Cell: TypeAlias = tuple[int, int, int]
 Edge: TypeAlias = frozenset[Cell]
-CORNER_OFFSETS: Final = tuple(product((0, 1), (0, 1), (0, 1)))
 
 
 def block_corners(cells: frozenset[Cell]) -> list[Cell] | None:
@@ -26,7 +25,7 @@ def block_corners(cells: frozenset[Cell]) -> list[Cell] | None:
     remaining, corners = set(cells), list[Cell]()
     for corner in sorted(cells, key=lambda c: (c[2], c[1], c[0])):
         if corner in remaining:
-            block = {_plus(corner, place) for place in CORNER_OFFSETS}
+            block = {_plus(corner, place) for place in product((0, 1), repeat=3)}
             if not block <= remaining:
                 return None
             remaining -= block

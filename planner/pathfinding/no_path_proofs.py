@@ -17,13 +17,8 @@ from foldback.planner.pathfinding.lattice import colours, neighbours, parts
 MAX_NAMED_CELLS: Final = 200
 """Maximum number of cells that the report of a shape without a path lists as the cause of one
 problem; further ones are left out. Sets that need too many ends are listed whole."""
-MAX_WRITTEN_CELLS: Final = 8
-"""Maximum number of cells of a problem that its sentence lists."""
 COUNTED: Final = ("dead-ends", "cut-cells", "ends")
 """Codes of the problems whose cells a reader needs to check them by counting."""
-MAX_MATCHED_CELLS: Final = 2_000
-"""Maximum number of cells among which a set that needs too many ends is searched, by a maximum flow
-of about 10 µs of processor time for each cell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +43,7 @@ class Problem:
     def sentence(self) -> str:
         """The detail; with its cells where they are few and a reader needs them to check it."""
         text = f"{self.detail[:1].upper()}{self.detail[1:]}"
-        if self.code not in COUNTED or not 0 < len(self.cells) <= MAX_WRITTEN_CELLS:
+        if self.code not in COUNTED or not 0 < len(self.cells) <= 8:
             return text
         which = "The cells are" if len(self.cells) > 1 else "The cell is"
         return f"{text} {which} {written(self.cells)}."
@@ -165,7 +160,7 @@ def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
 
 def _ends(cells: Ints) -> Iterator[Problem]:
     """Yield the proof that degrees give, for cells without any simpler problem."""
-    if len(cells) > MAX_MATCHED_CELLS:
+    if len(cells) > 2_000:  # the maximum flow takes 10 µs for each cell
         return
     proof = end_proof(neighbours(cells), 1 - 2 * colours(cells))
     if proof is not None:

@@ -19,9 +19,6 @@ DIRECTIONS_26: Final = tuple(way for way in product((-1, 0, 1), repeat=3) if any
 of cells is analysed."""
 AXIS_DIRECTIONS: Final = tuple(k for k, way in enumerate(DIRECTIONS_26) if sum(map(abs, way)) == 1)
 """Indices in ``DIRECTIONS_26`` of the six directions along the axes."""
-MIN_FREE_DIRECTIONS: Final = 3
-"""Minimum number of directions, out of 26, in which a group of cells must be free to leave the
-shape to count as easily removed; with fewer it lies in a pit and jams."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -52,7 +49,8 @@ class RemovalAnalysis:
     @property
     def score(self) -> float:
         """Mean of the worst and the mean unit, 0…1; 1 if all units have free directions."""
-        ease = self.shares * np.minimum(1.0, self.ways / MIN_FREE_DIRECTIONS)
+        # with fewer of 26, it lies in a pit and jams
+        ease = self.shares * np.minimum(1.0, self.ways / 3)
         return float(0.5 * (ease.min(initial=1.0) + ease.mean()))
 
 

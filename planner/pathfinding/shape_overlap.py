@@ -17,11 +17,6 @@ from foldback.planner.shapes.likeness import Likeness
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.shapes.uncovered_surface import ModuleRegions
 
-LIKENESS_DIGITS: Final = 4
-"""Number of decimal places of the stored shares."""
-CELL_SAMPLES: Final = (2, 8)
-"""Minimum and maximum number of points along the edge of a given cell. Two represent cells and
-eighths of cells exactly."""
 TETRAHEDRON_PLANES: Final = 0.5 * np.array(
     [[1, 1, 0], [1, -1, 0], [1, 0, 1], [1, 0, -1], [0, 1, 1], [0, 1, -1]]
 )
@@ -44,7 +39,7 @@ def likeness_of(placed: InsidePoints, modules: Chain | Ints) -> Likeness:
     overlap = min(share * placed.volume, volume)
 
     def fraction(value: float, name: str) -> float:
-        return round(checked_fraction(value, name), LIKENESS_DIGITS)
+        return round(checked_fraction(value, name), 4)
 
     return Likeness(
         iou=fraction(overlap / (placed.volume + volume - overlap), "intersection over union"),
@@ -92,7 +87,7 @@ def points_of_cells(shape: Shape, *, exact: bool) -> InsidePoints:
         exact: True if cubes stand for the cells or for eighths of them, for which two points along
             each edge are exact.
     """
-    few, many = CELL_SAMPLES
+    few, many = 2, 8  # two represent cells and eighths of cells exactly
     edge = few if exact else int(np.clip(np.cbrt(CELL_POINTS / len(shape)), few, many))
     grid = (np.stack(np.meshgrid(*[np.arange(edge)] * 3, indexing="ij"), axis=-1) + 0.5) / edge
     points = (shape.cells[:, None, :] + grid.reshape(1, -1, 3)).reshape(-1, 3)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pathfinding.lattice import index_of, parts
 from foldback.planner.pathfinding.path_search import MAX_CHOICE_MODULES, MAX_KNOT_CELLS
 from foldback.planner.shapes.shape import Shape
-
-TRAILS_PER_SHAPE: Final = 4
-"""Number of trails (paths through tetrahedra) that are made for a shape, to choose the best."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -82,7 +78,7 @@ def trails_through(
     Raises:
         InputError: ``no-trail`` for pairs in several parts, ``no-start`` as in ``find_trails``.
     """
-    made = TRAILS_PER_SHAPE if len(pairs) <= MAX_CHOICE_MODULES else 1
+    made = 4 if len(pairs) <= MAX_CHOICE_MODULES else 1
     ranked_trails: dict[bytes, tuple[tuple[int, int, int], Trail]] = {}
     for k in range(made):
         # Merging along a direction gives a tidy tree; at random, the chain takes twice the steps.

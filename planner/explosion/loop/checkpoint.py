@@ -25,9 +25,6 @@ MAX_STALLED_PULSES: Final = {"simultaneous": 40, "blocks": 40, "peel": 8}
 """Maximum number of pulses (short phases of weak tension and strong repulsion that loosen a jam) in
 a row after which the chain is no straighter, by unfolding strategy; one more ends the run as
 stalled."""
-STUCK_HINGE_BEND_RAD: Final = 1.0
-"""Angle of a hinge, rad, above which it counts as stuck if it has not moved since the last check;
-stuck hinges start a loosening pulse."""
 MIN_UNFOLDING_PROGRESS: Final = 0.005
 """Minimum increase between two checks of the progress measure, 0 (folded) … 1 (straight), of a
 chain that is not jammed; with less a loosening pulse starts."""
@@ -141,7 +138,7 @@ class JamDetector:
             unfolded: Progress, 0…1.
         """
         before, bends = self._bends_rad, np.abs(angles)
-        stuck = (bends > STUCK_HINGE_BEND_RAD) & (bends > before - 0.05)
+        stuck = (bends > 1.0) & (bends > before - 0.05)
         eased = (bends > 0.6).sum() < 0.95 * (before > 0.6).sum()
         self._bends_rad = bends
         advanced = unfolded > self._unfolded + MIN_UNFOLDING_PROGRESS

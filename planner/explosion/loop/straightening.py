@@ -27,9 +27,6 @@ straightened without simulation."""
 COARSE_CHECKS: Final = 24
 """Number of evenly spaced configurations that are tested for overlap first, before a chain is
 straightened without simulation."""
-CHECK_EVERY_FRAMES: Final = 4
-"""Interval, in frames, at which the clearance is tested before the expensive proof for the whole
-straightening motion."""
 
 
 def straightening(
@@ -71,7 +68,7 @@ def straightening(
         STRAIGHTENING_CLEARANCE_PITCH,
         0.5 * _clearance(chain, way[-1], size, 2.0 * STRAIGHTENING_CLEARANCE_PITCH),
     )
-    for row in way[::CHECK_EVERY_FRAMES]:  # before all is proved
+    for row in way[::4]:  # before all is proved
         if _clearance(chain, row, size, least) < least:
             return None
     swept = sweep(chain, np.concatenate([angles[None], way]), size=size)

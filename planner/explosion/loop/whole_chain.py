@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from foldback.planner.arrays import Array
@@ -20,13 +18,6 @@ from foldback.planner.simulation.rigid_blocks import Blocks
 from foldback.planner.simulation.segments import Segments
 
 Engine = Segments | Blocks
-BODY_CAP_REFERENCE_MODULES: Final = 512
-"""Number of modules up to which the limit of a module's motion in one simulation step (parameter
-``body_cap``) holds as it is; for longer chains it grows with the length, as their ends go
-farther."""
-MAX_BODY_CAP_SCALE: Final = 2.5
-"""Maximum factor by which the limit of a module's motion in one simulation step grows for long
-chains."""
 
 
 class WholeChain:
@@ -121,7 +112,8 @@ class WholeChain:
 
 def body_cap_scale(chain: Chain) -> float:
     """Return the factor of the speed cap of a chain, by its length."""
-    return float(np.clip(len(chain) / BODY_CAP_REFERENCE_MODULES, 1.0, MAX_BODY_CAP_SCALE))
+    # The ends of longer chains go farther.
+    return float(np.clip(len(chain) / 512, 1.0, 2.5))
 
 
 def chain_at_rest(chain: Chain) -> State:

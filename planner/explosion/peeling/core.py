@@ -19,47 +19,15 @@ core is stored; distances are rough outside of it."""
 RAY_DIRECTIONS: Final = 400
 """Number of directions, evenly spread over the sphere, among which the exit direction of the
 chain's straight tail is chosen."""
-RAY_STEP_PITCH: Final = 0.5
-"""Distance between two samples of a straight exit path at which the distance to the folded core is
-looked up, pitches."""
-RAY_CLEARANCE_PITCH: Final = 2.0
-"""Wanted distance of the tail's straight exit path from the folded core, pitches; near the start of
-the path it is less. A shortfall lowers the score of a direction."""
 TABLE_THICKNESS_PITCH: Final = 40.0
 """Thickness of the box that represents the table in contact detection, pitches: so large that
 contacts never push a module out through its bottom, as they might with smaller values."""
-TABLE_HALF_WIDTH_PITCH: Final = 1000.0
-"""Distance from the centre of the simulated table to its edges, pitches: longer than any chain
-reaches."""
 TABLE_LIFT_PITCH: Final = 0.006
 """Height of the simulated table top above the real one, pitches, which makes up for contacts that
 give under load. With smaller values modules sink into the real table, and frames are refused."""
 HEADING_COUNT: Final = 72
 """Number of directions along the table, evenly over a full turn, among which the direction of the
 chain's straight tail is chosen."""
-HEADING_CLEARANCE_PITCH: Final = 1.8
-"""Wanted distance on the table between the chain's straight tail and the folded core, pitches; near
-the core it is less. A shortfall lowers the score of a direction, so larger values prefer freer
-ones."""
-HEADING_LENGTH_PITCH: Final = 12.0
-"""Length of the tail, pitches, over which a direction on the table is checked for distance to the
-folded core."""
-AHEAD_WEIGHT: Final = 2.0
-"""Weight of the direction in which the chain leaves the folded part, when a heading is chosen on a
-table for the straight unfolded part (tail): the score of a heading contains this weight times the
-cosine of the angle between both."""
-OUTWARD_WEIGHT: Final = 0.3
-"""Weight of the direction away from the middle of the folded part, when a heading is chosen on a
-table for the straight unfolded part (tail): a heading's score contains this weight times the cosine
-of the angle between both."""
-PREVIOUS_HEADING_WEIGHT: Final = 0.7
-"""Weight of the tail's previous heading, when a heading is chosen on a table for the straight
-unfolded part (tail): a new heading's score contains this weight times the cosine of the angle
-between both."""
-CLEARANCE_DEFICIT_WEIGHT: Final = 3.0
-"""Points that the score of a heading for the straight unfolded part (tail) on a table loses for
-each pitch by which the tail would come closer to the folded part than wanted; preferred directions
-give it points of about 1."""
 
 
 class Core:
@@ -135,10 +103,10 @@ class Core:
         radial = radial / max(float(np.linalg.norm(radial)), 1e-9)
         rays = _directions()
         reach = float(np.linalg.norm(np.array(self.grid.shape))) + FIELD_PADDING_CELLS
-        along = np.arange(1.0, reach, RAY_STEP_PITCH)
+        along = np.arange(1.0, reach, 0.5)
         points = start + rays[:, None, :] * along[None, :, None]
         distance = self.distance_at(field, points)
-        wanted = np.minimum(RAY_CLEARANCE_PITCH, 0.7 + 0.5 * along)
+        wanted = np.minimum(2.0, 0.7 + 0.5 * along)
         lack = np.maximum(wanted - distance, 0.0).max(axis=1)
         score = rays @ radial - 3.0 * lack
         if before is not None:
@@ -167,7 +135,8 @@ class CoreOnTable:
         # Not where the chain begins on the floor: its first free module would be jammed there.
         raised = float(self._core.cells[last + 1] @ up) > self._lowest + 0.5
         top = self._lowest - 0.5 + (TABLE_LIFT_PITCH if raised else 0.0)
-        table = np.where(up != 0.0, 0.5 * TABLE_THICKNESS_PITCH, TABLE_HALF_WIDTH_PITCH)
+        # longer than any chain reaches
+        table = np.where(up != 0.0, 0.5 * TABLE_THICKNESS_PITCH, 1000.0)
         return (
             np.concatenate([centres, [(top - 0.5 * TABLE_THICKNESS_PITCH) * up]]),
             np.concatenate([halves, [table]]),
@@ -186,17 +155,19 @@ class CoreOnTable:
         projection, cells = self._projection, self._core.cells[: last + 1]
         rays = projection.along(2.0 * np.pi * np.arange(HEADING_COUNT) / HEADING_COUNT)
         outwards = projection.seen(start - cells.mean(axis=0)) @ projection.across
-        along = np.arange(1.0, HEADING_LENGTH_PITCH, 0.5)
+        along = np.arange(1.0, 12.0, 0.5)
         points = projection.seen(start + rays[:, None, :] * along[None, :, None])
         gaps = points[:, :, None, :] - np.unique(projection.seen(cells), axis=0)
         distance = np.linalg.norm(gaps, axis=-1).min(axis=-1)
-        wanted = np.minimum(HEADING_CLEARANCE_PITCH, 0.7 + 0.5 * along)
+        wanted = np.minimum(1.8, 0.7 + 0.5 * along)
         lack = np.maximum(wanted - distance, 0.0).max(axis=1)
+        # Away from the core's middle, on in the direction in which the chain leaves it, as before,
+        # and clear of the core.
         score = (
-            OUTWARD_WEIGHT * (rays @ outwards) / max(float(np.linalg.norm(outwards)), 1e-9)
-            + AHEAD_WEIGHT * (rays @ self._core.rotations[last][:, 0])
-            + PREVIOUS_HEADING_WEIGHT * (rays @ (np.zeros(3) if before is None else before))
-            - CLEARANCE_DEFICIT_WEIGHT * lack
+            0.3 * (rays @ outwards) / max(float(np.linalg.norm(outwards)), 1e-9)
+            + 2.0 * (rays @ self._core.rotations[last][:, 0])
+            + 0.7 * (rays @ (np.zeros(3) if before is None else before))
+            - 3.0 * lack
         )
         return np.asarray(rays[int(np.argmax(score))])
 

@@ -54,19 +54,9 @@ from foldback.planner.progress import Cancelled, Report, never, silent
 from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.mujoco_models import Material
 
-MIN_PEELING_PROGRESS_RAD: Final = 0.5
-"""Minimum decrease of the sum of all hinge angles, rad, that counts as progress of a chain that
-unfolds from its far end on (peeling). After many simulation steps (parameter ``patience``) without
-progress the run is jammed, and forces are changed to loosen it."""
 MAX_PEELING_DEPTH_PITCH: Final = 0.016
 """Maximum depth of contacts while a chain is peeled, pitches; the limit is lower if the required
 clearance leaves less room."""
-CONTACT_ROOM_SHARE: Final = 0.9
-"""Permitted depth of soft contacts, as a fraction of the difference between the size with which
-modules are simulated and the smaller one at which the plan is verified."""
-MIN_RELEASE_COSINE: Final = 0.5
-"""Minimum cosine of the angle between the straight unfolded part of a chain (tail) and the
-direction to which it is turned, before the next modules are released from the folded part."""
 
 
 def peel(
@@ -117,7 +107,7 @@ def floating_peeling(
         surroundings=peelable.core,
         rules=FloatingRules(pulses),
         pulses=pulses,
-        min_progress_rad=MIN_PEELING_PROGRESS_RAD,
+        min_progress_rad=0.5,
         sink=sink,
         watch=watch,
     )
@@ -156,7 +146,7 @@ def build_peeling(
     )
     proof = Proof(chain, parameters.verify_size)
     rule = WindowRule(peelable, proof, parameters.snapshot_rad, parameters.snapshot_distance)
-    room = CONTACT_ROOM_SHARE * (parameters.geom_size - parameters.verify_size)
+    room = 0.9 * (parameters.geom_size - parameters.verify_size)
     allowed = ContactDepth.within(room, MAX_PEELING_DEPTH_PITCH)
     return Peeling(
         world=window,
@@ -240,7 +230,7 @@ class FloatingRules:
             and control.contacts <= p.release_contacts
             and window.modules < max(p.window, 1.2 * p.unit)
             and unit.max(initial=0.0) < p.release_rad
-            and window.rod_direction @ heading.aim > MIN_RELEASE_COSINE
+            and window.rod_direction @ heading.aim > 0.5  # 60°
             and heading.aim @ heading.target > SAME_HEADING_COSINE
         )
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import ClassVar
 
 import numpy as np
 
@@ -17,19 +17,6 @@ from foldback.planner.kernels.sweep import Angles, sweep_frames
 from foldback.planner.motion.angle_encoding import quantised
 from foldback.planner.motion.motion import Motion
 
-CLEARANCE_CAP_PITCH: Final = 0.02
-"""Cap of the clearance that is computed for snapshots of a peeling, pitches; larger clearances are
-reported as this value."""
-MIN_SNAPSHOT_CLEARANCE_PITCH: Final = 0.002
-"""Minimum clearance between modules, pitches, at which the snapshots of a peeling are recorded;
-modules have the size at which the plan is verified."""
-CLEARANCE_ROUNDING_PITCH: Final = 1e-9
-"""Maximum amount, pitches, by which the clearance of a snapshot may fall short of half the gap
-between neighbours in the folded shape (the pitch less the module size): rounding."""
-MIN_SNAPSHOT_COSINE: Final = float(np.cos(0.1))
-"""While a chain unfolds by peeling, the next snapshot is recorded at the latest when its straight
-unfolded part (tail) has turned by 0.1 rad: the cosine of that angle."""
-
 
 class Proof:
     """Proof of the clearance at and between snapshots, as in the certificate, at one module size.
@@ -39,9 +26,8 @@ class Proof:
 
     def __init__(self, chain: Chain, size: float) -> None:
         # Folded neighbours are no farther apart than the module size leaves.
-        self.least = min(
-            MIN_SNAPSHOT_CLEARANCE_PITCH, 0.5 * (1.0 - size) - CLEARANCE_ROUNDING_PITCH
-        )
+        # Half the gap between neighbours in the folded shape, but for rounding.
+        self.least = min(0.002, 0.5 * (1.0 - size) - 1e-9)
         """Minimum clearance of snapshots, pitches."""
         self._hinges = chain.module.hinges_per_joint
         self._shape = windows_shape(chain, size)
@@ -102,7 +88,7 @@ class WindowRule:
         _, one, other = self.peelable.together(a, b)
         if np.abs(one - other).max(initial=0.0) >= self.snapshot_rad:
             return True
-        if a.along is not None and b.along is not None and a.along @ b.along < MIN_SNAPSHOT_COSINE:
+        if a.along is not None and b.along is not None and a.along @ b.along < np.cos(0.1):
             return True
         return _moved(a, b) >= self.snapshot_distance
 
@@ -110,7 +96,7 @@ class WindowRule:
         self, a: WindowConfiguration, b: WindowConfiguration, *, more: bool
     ) -> float | None:
         """Return the proved clearance; None if it is less between two snapshots than at them."""
-        least, each = self.proof.keeps((a, b), CLEARANCE_CAP_PITCH)
+        least, each = self.proof.keeps((a, b), 0.02)
         closer = more and least < each.min() - MIN_CLEARANCE_LOSS_PITCH
         return None if closer else least
 

@@ -29,20 +29,9 @@ from foldback.planner.explosion.peeling.window import ReleasePoint, Window, Wind
 from foldback.planner.motion.record import Spent
 from foldback.planner.parameters.explosion import PeelingParameters
 
-RELEASE_CHECK_STEPS: Final = 5
-"""Number of simulation steps between two checks of whether the next modules may be released from
-the folded core."""
-RETIRE_CHECK_STEPS: Final = 20
-"""Number of simulation steps between two checks of whether the outer simulated joints are so
-straight that they become part of the straight rigid tail, which is not simulated."""
 MIN_RETIRED_JOINTS: Final = 6
 """Minimum number of straight joints that become part of the rigid tail at a time, as the model is
 rebuilt each time."""
-WINDOW_FINISH_STEPS: Final = 25
-"""Number of simulation steps between two attempts to straighten the last bent joints without
-simulation, by shrinking all angles evenly, once all modules are released."""
-PROGRESS_CHECK_STEPS: Final = 50
-"""Number of simulation steps between two checks of whether the chain still unfolds."""
 SAME_HEADING_COSINE: Final = 0.9
 """Minimum cosine of the angle by which the rigid tail turns if nearly straight joints become part
 of it; with a larger angle they stay simulated."""
@@ -166,17 +155,13 @@ class Peeling(Explosion[Window, WindowConfiguration]):
                 return end
         if (end := self.rules.end(window)) is not None:
             return end
-        if steps % RETIRE_CHECK_STEPS == 0 and control.is_shallow:
+        if steps % 20 == 0 and control.is_shallow:
             self.retire()
-        if (
-            window.first
-            and steps % RELEASE_CHECK_STEPS == 0
-            and self.rules.is_ready(window, self.control)
-        ):
+        if window.first and steps % 5 == 0 and self.rules.is_ready(window, self.control):
             self.release()
-        if not window.first and steps % WINDOW_FINISH_STEPS == 0 and self.finish():
+        if not window.first and steps % 25 == 0 and self.finish():
             return STRAIGHT
-        if steps % PROGRESS_CHECK_STEPS == 0:
+        if steps % 50 == 0:
             self.check_progress()
             if self.pulses.are_used_up and not self.rules.retreat(self):
                 return self.rules.end(window) or self._stalled()

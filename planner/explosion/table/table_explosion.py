@@ -41,19 +41,12 @@ from foldback.planner.motion.record import Record, Spent
 from foldback.planner.parameters.explosion import TableParameters
 from foldback.planner.progress import Cancelled, Report, never, silent
 
-MIN_TABLE_PROGRESS_RAD: Final = 0.3
-"""Decrease of the sum of all hinge angles, rad, that counts as progress of a chain that unfolds on
-a table. After many simulation steps (parameter ``patience``) without progress the run is jammed,
-and new random forces are drawn to loosen it."""
 MAX_RELEASE_ERROR_RAD: Final = 1.2
 """Maximum angle between the tail of a chain on a table and its wanted heading, rad, at which the
 next modules are released from the folded core."""
 MAX_FORCED_RELEASE_ERROR_RAD: Final = 2.4
 """Maximum angle between the tail of a chain on a table and its wanted heading, rad, at which the
 next modules are released because nothing else moves."""
-FIRST_BACKTRACK_RELEASES: Final = 3
-"""Number of releases of modules that are undone when an unfolding on a table is stuck for the first
-time; the number doubles each time."""
 PERTURBATION_GROWTH: Final = 0.25
 """Fraction by which the random forces that loosen a jammed chain on a table grow with each attempt
 that brings no progress: each time that new forces are drawn, or that modules which did not come
@@ -103,7 +96,7 @@ def explode_on_table(
         surroundings=CoreOnTable(peelable.core, projection),
         rules=TableRules(parameters, forces, guard, pulses),
         pulses=pulses,
-        min_progress_rad=MIN_TABLE_PROGRESS_RAD,
+        min_progress_rad=0.3,
         guard=guard.refusal,
         sink=sink,
         watch=watch,
@@ -196,7 +189,7 @@ class TableRules:
         """Return to an earlier release, farther each time; return False at the limit of returns."""
         if self.returns >= self.parameters.most_returns or not self.releases:
             return False
-        count = min(FIRST_BACKTRACK_RELEASES * 2**self.returns, len(self.releases))
+        count = min(3 * 2**self.returns, len(self.releases))
         self.returns += 1
         point, mark = self.releases[-count]
         del self.releases[-count:]

@@ -15,12 +15,6 @@ from foldback.planner.explosion.peeling.window import Window
 from foldback.planner.kernels.folded_core import FIXED
 from foldback.planner.parameters.explosion import TableParameters
 
-MIN_SPRING_BEND_RAD: Final = 1e-3
-"""Angle of a hinge, rad, below which the stiffness of its spring of limited torque, torque / angle,
-is no longer raised: it avoids a division by zero."""
-TURNING_TORQUE_SCALE: Final = 0.8
-"""Torque per radian of deviation that turns a link (the line from one module's centre to the next)
-on the table towards its wanted direction, as a multiple of the pull at the chain's end."""
 MAX_TURNING_ERROR_RAD: Final = 0.5 * np.pi
 """Deviation of a link on the table from its wanted direction, rad, beyond which the torque that
 turns it no longer grows."""
@@ -29,9 +23,6 @@ MAX_LYING_RISE_PITCH: Final = 0.5
 on the table, where it is turned towards its wanted direction."""
 PERTURBED_NEIGHBOURS: Final = 5
 """Number of neighbouring modules over which random forces on a stuck chain are averaged."""
-MAX_SPRING_TORQUE_WP: Final = 8.0
-"""Maximum torque that random draws may give the hinge springs of a stuck chain on a table, in
-module weight × pitch."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -93,7 +84,7 @@ class TableForces:
         pull, turning = random.uniform(0.0, 1.0), random.uniform(0.0, 2.0)
         largest = self._parameters.largest_spring_torque * random.uniform(0.75, 1.5 * scale)
         self._drive = Drive(
-            spring_torque=min(largest, MAX_SPRING_TORQUE_WP),
+            spring_torque=min(largest, 8.0),
             pull=pull,
             turning=turning,
             random=size * np.column_stack(smoothed),
@@ -128,7 +119,7 @@ class TableForces:
         links = np.diff(positions[FIXED:], axis=0)
         off = np.clip(self.heading_errors[1:], -MAX_TURNING_ERROR_RAD, MAX_TURNING_ERROR_RAD)
         lies = np.abs(links @ up) < MAX_LYING_RISE_PITCH
-        strength = TURNING_TORQUE_SCALE * self._drive.pull
+        strength = 0.8 * self._drive.pull
         couples = strength * (off * lies)[:, None] * np.cross(links, up)
         forces[FIXED + 1 :] += couples
         forces[FIXED:-1] -= couples
@@ -159,5 +150,5 @@ class TableForces:
     def stiffness(self, window: Window) -> Array:
         """Return the (H,) stiffness of springs of limited torque: softer the more they are bent."""
         p = self._parameters
-        bends = np.maximum(np.abs(window.state.angles), MIN_SPRING_BEND_RAD)
+        bends = np.maximum(np.abs(window.state.angles), 1e-3)  # no division by 0
         return p.weight * np.minimum(p.spring_torque, self._drive.spring_torque / bends)
