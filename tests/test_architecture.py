@@ -76,10 +76,3 @@ def test_vague_names_are_counted_once_per_scope() -> None:
     source = "class A:\n  found: int\n  def f(self, told):\n    told = [one for one in told]\n"
     scopes = names.bindings_of(source, Path("a.py"))
     assert sorted((b.name, b.line) for b in scopes) == [("found", 2), ("one", 4), ("told", 3)]
-
-
-def test_paths_on_the_page_exist() -> None:
-    page, _, _ = made.PAGE.read_text(encoding="utf-8").partition("<!-- components -->")
-    named = [name for name in re.findall(r"`([\w./]+)`", page) if "/" in name]
-    assert named
-    assert [name for name in named if not (made.ROOT / name).exists()] == []

@@ -110,7 +110,7 @@ class Dispatcher:
     def _compute(self, claim: Claim, lane: Lane) -> None:
         try:
             if isinstance(claim, FoldClaim):
-                with about(fold=claim.fold_id), span("fold", operationUUID=claim.fold_id):
+                with about(fold=claim.fold_id), span("fold", fold_id=claim.fold_id):
                     self._runner.execution(claim).run()
             else:
                 with about(fold=claim.fold_id, movie=claim.movie_id), span("movie"):

@@ -18,7 +18,7 @@ CODE = """
 from foldback.server.ops.tracing import send_rest, span, start_tracing
 from foldback.server.settings import Settings
 start_tracing(Settings())
-with span("fold", operationUUID="thefold"):
+with span("fold", fold_id="thefold"):
     for stage in ("read", "explode"):
         with span(stage):
             pass
@@ -63,7 +63,7 @@ def test_fold_is_a_trace_with_a_span_for_each_stage(
     assert named["read"].parent_span_id == named["fold"].span_id
     assert len({span.trace_id for span in spans}) == 1
     about = {attribute.key: attribute.value.string_value for attribute in named["fold"].attributes}
-    assert about["operationUUID"] == "thefold"
+    assert about["fold_id"] == "thefold"
 
 
 def test_tracing_is_off_by_default() -> None:
