@@ -26,15 +26,9 @@ Verdict = Literal["unknot", "knotted", "undecided"]
 KNOT_JITTER: Final = 0.01
 """Maximum random shift of a chain's vertices along each axis, in pitches, so that no projection for
 the knot test is degenerate. Strands are 0.5 apart, so a much larger value could change the knot."""
-MIN_STRAND_DISTANCE_PITCH: Final = 0.75
-"""Minimum distance, in pitches, from all other vertices of a straight line by which a chain's end
-is extended outwards for the knot test."""
 MIN_STICKS: Final = 6
 """Minimum number of edges of a closed polygon that can be knotted: six, the stick number of the
 trefoil knot. Shorter ones need no test."""
-MAX_PRESENTED_CROSSINGS: Final = 1200
-"""Maximum number of crossings of a diagram that the knot test evaluates; with more, the test is
-``undecided``. Elimination takes time by their cube."""
 MAX_EXACT_CROSSINGS: Final = 300
 """Maximum number of crossings of a diagram whose determinant is computed exactly. With more, the
 knot test evaluates the Alexander polynomial modulo two primes only, and reports no determinant."""
@@ -129,7 +123,7 @@ def _judged(points: Array, rng: np.random.Generator) -> Knot:
     places, signs = _fewest_crossings(points, rng)
     if len(signs) < 3:  # the trefoil knot has three
         return UNKNOT
-    if len(signs) > MAX_PRESENTED_CROSSINGS:
+    if len(signs) > 1200:  # elimination takes time by the cube of the number
         return Knot(verdict="undecided", determinant=None, crossings=len(signs))
     exact = len(signs) <= MAX_EXACT_CROSSINGS
     value = _determinant(places, signs) if exact else None
@@ -174,7 +168,7 @@ def _ways_out(points: Array, end: int, rng: np.random.Generator) -> list[Array]:
     for axis in axes:
         along = others @ axis
         away = np.linalg.norm(others - along[:, None] * axis, axis=1)
-        if not ((along > 0.0) & (away < MIN_STRAND_DISTANCE_PITCH)).any():
+        if not ((along > 0.0) & (away < 0.75)).any():  # a clear way out
             return [axis]
     tries = [outward, *rng.normal(size=(4, 3))]
     return [way / max(float(np.linalg.norm(way)), 1e-9) for way in tries]

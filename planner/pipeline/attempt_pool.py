@@ -28,8 +28,6 @@ from foldback.planner.storage.file_names import RECORD, TIMELINE, TRIALS_DIR
 SPECULATION_PULSES: Final = 2
 """Consecutive pulses (weakened tension and stronger repulsion, to loosen a jam) without progress,
 after which other processes begin the next attempts."""
-ATTEMPT_POLL_S: Final = 0.05
-"""Time between two checks if a process that computes an attempt has ended, in s."""
 ATTEMPT_STOP_GRACE_S: Final = 1.0
 """Time, in s, that a process that computes an attempt may take to write its result after it is told
 to stop; then it is killed."""
@@ -116,7 +114,7 @@ class AttemptPool:
             if (now := beside.progress()) is not None:
                 progress(now)
             self._begin()
-            time.sleep(ATTEMPT_POLL_S)
+            time.sleep(0.05)
         del self._beside[self._here]
         record = beside.record()
         if record is not None and timeline is not None:

@@ -23,18 +23,6 @@ from foldback.planner.pipeline.request import FoldRequest
 MAX_EXPECTED_S: Final = 3600.0
 """Maximum expected cost of a fold, in s of processor time; larger estimates are cut to it, because
 the time limit of a stage ends a fold about then."""
-PUBLISHED_STEPS: Final = 80_000.0
-"""Expected number of simulation steps of an explosion by the published method for a chain of 64
-modules. Measured: 81 250 for a mallet of 64 modules, and 97 725 for a wrench of 160
-(docs/reproduction.md)."""
-PUBLISHED_MODULES: Final = 64
-"""Number of modules of the chain whose simulation steps by the published method were counted. The
-number of steps of other chains is estimated with a power of their number of modules, relative to
-this one."""
-PUBLISHED_POWER: Final = 0.27
-"""Exponent of the number of modules in the expected number of simulation steps of an unfolding by
-the published method (preset ``paper``: all modules driven apart at once). Fitted to chains of 64
-and 160 modules."""
 SHORT_RANGE_WEIGHT: Final = 0.125
 """Weight, from 0 to 1, of repulsion and hinge springs relative to the radial force, where the cost
 of the published method is estimated; both act only near contacts or straight hinges. Fitted."""
@@ -50,25 +38,15 @@ with few contacts. Measured."""
 CONTACT_STEP_S: Final = 30e-6
 """Processor time of one simulation step of a playback per module, in s, if servos turn straight to
 the shape's angles, with many contacts. Measured: 14 to 45 µs."""
-DIRECT_SETTLING_STEPS: Final = 500
-"""Expected number of simulation steps until the chain comes to rest after its servos have been
-turned straight to the shape's angles (preset ``direct``); it enters the estimated cost of a
-fold."""
 ROBOT_COST_S: Final = (3.5e-3, 9e-6)
 """Processor time to simulate and certify the playback of one robot with random errors, in s: per
 module, and per square of the number of modules. Measured: 0.7 s for 160 modules, 12 s for 1000."""
 DEFAULT_PARAMETERS: Final = Parameters()
 """Parameters for which the durations of folds were measured; the estimate of a fold's cost adds the
 difference between its own parameters and these."""
-MIN_GROWTH_PER_STEP: Final = 1e-12
-"""Minimum growth rate of the exploding chain's motion per simulation step, dimensionless, by which
-the estimate of steps is divided. It only prevents a division by 0 for settings without forces."""
 LOWER_BOUND_FRACTION: Final = 0.25
 """Fraction of its expected cost that a fold takes at the very least. A fold is refused if this
 lower bound exceeds its time limit. Measured costs are within a factor of two."""
-REFOLD_COST_FACTOR: Final = 2.0
-"""Cost of a refold (from one shape to another) relative to a fold of the same chain: a refold
-unfolds the first shape as well."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -105,7 +83,7 @@ def expected_cost(modules: int, request: FoldRequest) -> ExpectedCost:
         cost = _direct(modules, parameters.playback)
     else:
         cost = _ours(modules, request, parameters)
-    times = REFOLD_COST_FACTOR if request.refold else 1.0
+    times = 2.0 if request.refold else 1.0  # the first shape is unfolded, too
     return replace(cost, expected_s=min(MAX_EXPECTED_S, times * cost.expected_s))
 
 
@@ -116,9 +94,11 @@ def _published(
     playback: PlaybackParameters,
 ) -> ExpectedCost:
     """Return the cost of a fold as published, with any settings."""
-    usual = PUBLISHED_STEPS * (modules / PUBLISHED_MODULES) ** PUBLISHED_POWER
+    # Measured with 64 modules, and fitted to those of 160: docs/reproduction.md.
+    usual = 80_000.0 * (modules / 64) ** 0.27
     slower = growth_of_step(PaperExplosionParameters(), module) / max(
-        growth_of_step(explosion, module), MIN_GROWTH_PER_STEP
+        growth_of_step(explosion, module),
+        1e-12,  # no division by 0 without forces
     )
     steps = usual * slower
     packed = steps > explosion.max_steps
@@ -164,7 +144,7 @@ def growth_of_step(explosion: PaperExplosionParameters, module: Module) -> float
 def _direct(modules: int, playback: PlaybackParameters) -> ExpectedCost:
     """Return the cost of servoing straight to the shape, which is simulated at any length."""
     usual = playback.step_s >= PUBLISHED_PLAYBACK.step_s
-    steps = playback.direct_steps + DIRECT_SETTLING_STEPS if usual else playback.max_steps
+    steps = playback.direct_steps + 500 if usual else playback.max_steps
     return ExpectedCost(
         expected_s=expected_seconds(modules) + steps * modules * CONTACT_STEP_S,
         least_s=playback.direct_steps * modules * SERVO_STEP_S,

@@ -25,9 +25,6 @@ from foldback.planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
 SEEDS_PER_SMOOTHED_PLAN: Final = 3
 """Number of random seeds, the first one included, with which the smoothing (by random shortcuts)
 that gave the best plan is repeated."""
-MAX_SMOOTHED_PLANS: Final = 2
-"""Maximum number of verified plans, the best first, that are smoothed for a fold that is asked for
-a better plan, for example a faster one."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +94,7 @@ class Improvements:
                     plans[attempt.trial.strategy] = number
         ranked = sorted(plans.values(), key=lambda number: -score_of(tried[number], self.prefer))
         smooth = {attempt.trial.smooths for attempt in tried if attempt.verified}
-        for best in ranked[:MAX_SMOOTHED_PLANS]:
+        for best in ranked[:2]:
             figures, number = tried[best].figures, best
             while tried[number].repeats:  # its files are with those of the explosion
                 number -= 1

@@ -32,9 +32,6 @@ if TYPE_CHECKING:
     from foldback.planner.shapes.voxel_choice import Chooser
     from foldback.planner.shapes.voxelise import Voxels
 
-MAX_PREVIEW_TRIANGLES: Final = 20_000
-"""Maximum number of triangles of the mesh that the web page's preview shows; larger meshes are
-decimated to it."""
 MAX_LISTED_VIOLATIONS: Final = 2
 """Maximum number of violated rules that the error for an unsuitable path for a table names; further
 ones are only counted."""
@@ -48,8 +45,6 @@ PATH_SEARCH_LIMIT_S: Final = 20.0
 """Default time limit of the path search, in s."""
 MIN_MODULES: Final = 8
 """Smallest number of modules that is suggested."""
-REACH_STEP: Final = 10
-"""Step of suggested numbers of modules below ``LONG_CHAIN``."""
 MIN_FITTED_GAIN: Final = 0.02
 """Smallest gain in IoU for which a fitted path is taken instead of blocks, along which chains fold
 most reliably; none is needed if only the fitted path keeps all parts of the solid."""
@@ -296,7 +291,7 @@ class Preparation:
         from foldback.planner.shapes.decimation import decimated
         from foldback.planner.shapes.uncovered_surface import uncovered_surface
 
-        vertices, faces = decimated(solid.vertices, solid.faces, most=MAX_PREVIEW_TRIANGLES)
+        vertices, faces = decimated(solid.vertices, solid.faces, most=20_000)
         in_cells = vertices @ voxels.rotation.T / voxels.pitch + voxels.offset
         placed = self.filled.placed(in_cells)
         modules = self.chains[0] if self.chains else self.filled.shape.cells
@@ -411,7 +406,7 @@ def _reach(solid: Solid, made: Preparation) -> dict[float, int | None]:
         return {}
     uses = {
         BLOCK_CELLS: CellUse(fewest=MIN_MODULES // BLOCK_CELLS, most=MAX_CELLS // BLOCK_CELLS),
-        1: CellUse(fewest=MIN_MODULES, most=LONG_CHAIN - REACH_STEP, in_path=True),
+        1: CellUse(fewest=MIN_MODULES, most=LONG_CHAIN - 10, in_path=True),
     }
     if options.method == "blocks":
         del uses[1]

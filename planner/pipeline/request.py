@@ -36,18 +36,9 @@ from foldback.planner.pipeline.preference import COMPUTING, PREFERENCES, Prefere
 if TYPE_CHECKING:
     from foldback.planner.plan.plan import Plan
 
-MODULE_SIZE_RANGE: Final = (0.1, 1.0)
-"""Minimum and maximum module size that a request may ask for, as a fraction of the pitch (distance
-between neighbouring modules)."""
-MAX_AT_ONCE: Final = 1000
-"""Maximum number of hinges at once that a request may give as a limit; the longest chain that folds
-in turns has fewer hinges."""
 MAX_SEED: Final = 2**32 - 1
 """Maximum random seed of a request, the largest unsigned integer of 32 bits; a larger one is
 refused."""
-SMOOTH_SPACING_RAD: Final = 0.06
-"""Distance of the control points of the curve that plays back a smoothed motion, in rad of joint
-motion."""
 PATH_SEED_MODULUS: Final = 2**31
 """Number of different seeds of a path search; a request's seed is reduced modulo it, so that it
 fits into a signed integer of 32 bits."""
@@ -128,7 +119,7 @@ class FoldRequest(PathOptions):
         help="Edge length of a module in the clearance check, in pitches. One pitch is the "
         "distance between the centres of two neighbouring modules. Default: "
         f"{DEFAULT_MODULE_SIZE}; when a plan is smoothed, the module size of that plan.",
-        range=MODULE_SIZE_RANGE,
+        range=(0.1, 1.0),
         unit="times the pitch",
     )
     strategy: str = option(
@@ -149,7 +140,7 @@ class FoldRequest(PathOptions):
         noun="number of hinges at once",
         help="Maximum number of hinges that turn in one step of the strategy `turns`, for example "
         "for a weak power supply, or for two hands. Default: no limit.",
-        range=(1, MAX_AT_ONCE),
+        range=(1, 1000),  # the longest chain that folds in turns has fewer
         unit="hinges",
     )
     prefer: Preference = option(
@@ -292,7 +283,7 @@ class FoldRequest(PathOptions):
             found = replace(found, playback=replace(found.playback, paced_by="speed"))
         if self.smooth or smoothed:
             # Frames are joined by straight lines: a finer curve would go round their corners.
-            found = replace(found, playback=replace(found.playback, spacing_rad=SMOOTH_SPACING_RAD))
+            found = replace(found, playback=replace(found.playback, spacing_rad=0.06))
         if self.module_size is None:
             return found
         return replace(found, module_size=self.module_size)

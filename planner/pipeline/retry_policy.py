@@ -41,10 +41,6 @@ FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
 """What a fold changes for its next attempt, tried from left to right, by the reason why the last
 explosion failed (for example ``knot``: the chain is knotted). ``plain``, after a calm explosion,
 comes first, so that no fold is lost by calmness. Measured."""
-SMOOTHING_FRAMES_FACTOR: Final = 4
-"""Assumed ratio of the frames of a smoothed plan to those of the original, by which plans that are
-too long for smoothing, which needs memory for each frame, are left as they are. Measured: plans of
-chains that are unfolded from one end, group by group, need most."""
 DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
 """Assumed reason of a failed explosion by the strategy that stalled, if the explosion reports none:
 the most frequent one. All other strategies assume ``joints``."""
@@ -101,7 +97,8 @@ class RetryPolicy:
                 modules=len(chains[0]),
                 most_frames=0
                 if request.refold
-                else MAX_SMOOTHED_ANGLES // (SMOOTHING_FRAMES_FACTOR * max(hinges, 1)),
+                # measured: plans of peeled chains need most
+                else MAX_SMOOTHED_ANGLES // (4 * max(hinges, 1)),
             )
         return cls(
             strategies=tuple(

@@ -66,10 +66,6 @@ from foldback.planner.turns.tetrahedron_turns import tetrahedron_turning
 
 BACKGROUND_NICENESS: Final = 10
 """Niceness (POSIX) of a process that compiles kernels in advance."""
-PEELED_BOX_CELLS: Final = (2, 4, 5)
-"""Size of the box along x, y and z, in cells, that is exploded by peeling to compile all kernels of
-peeling in advance: larger than one group of modules that peeling releases together, so that both
-full groups and the remainder are released."""
 
 
 def warm_up(
@@ -198,7 +194,8 @@ def _explode_as_published() -> None:
 
 def _peel() -> None:
     """Compile the kernels of long chains, by peeling a small box."""
-    path = Path.from_cells(layered_snake(PEELED_BOX_CELLS), name="warm-up")
+    # more modules than are released at a time
+    path = Path.from_cells(layered_snake((2, 4, 5)), name="warm-up")
     with TemporaryDirectory(prefix="foldback-") as place:
         Workspace(FilePath(place)).write_request(FoldRequest(strategy="peel"), write_path(path))
         run_stages(FilePath(place))

@@ -14,12 +14,6 @@ import numpy as np
 from foldback.planner.errors import InputError
 from foldback.planner.simulation.lazy_mujoco import mujoco
 
-MODEL_RTOL: Final = 5e-7
-"""Maximum relative difference between numbers of two compiled MuJoCo models that count as equal:
-MJCF files hold six significant digits."""
-MODEL_ATOL: Final = 2e-7
-"""Maximum absolute difference between numbers near 0 of two compiled MuJoCo models that count as
-equal, in the model's units (pitch, rad, module mass): rounding."""
 ELEMENTS_BY_PREFIX: Final = {
     "body": ("body", "nbody"),
     "jnt": ("joint", "njnt"),
@@ -81,7 +75,8 @@ def _difference(model: Any, part: str, name: str, mine: Any, theirs: Any) -> Ite
         return
     if got.dtype.kind not in "fiub":
         return
-    off = ~np.isclose(got, expected, rtol=MODEL_RTOL, atol=MODEL_ATOL, equal_nan=True)
+    # MJCF files hold six significant digits.
+    off = ~np.isclose(got, expected, rtol=5e-7, atol=2e-7, equal_nan=True)
     if not off.any():
         return
     place = tuple(int(k) for k in np.argwhere(off)[0])

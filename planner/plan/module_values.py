@@ -16,11 +16,6 @@ from foldback.planner.storage.files import json_of
 
 _bad: Final = partial(unexpected, "bad-values")
 VALUES_FORMAT: Final = "foldback-values/1"
-MAX_OWN_VALUES: Final = 45_000
-"""Maximum number of values of the owner's own, such as measurements, that can be stored with a fold
-to colour its modules: one for each module and each of several times. More times are refused, as
-they would not fit into the body of a request; one value per module is always accepted. 300 times
-for 150 modules."""
 MAX_VALUES_NAME_CHARACTERS: Final = 80
 """Maximum number of characters of the name that the owner of a fold gives to the values by which
 its modules are coloured, and which a menu shows; a longer one is refused."""
@@ -55,7 +50,7 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
     numbers = all(type(x) in (int, float) and abs(x) <= sys.float_info.max for x in (low, high))
     if not numbers or low > high:
         raise _bad("low", f"{low} to {high}", "two finite numbers, where 'low' is at most 'high'")
-    most_rows = max(1, MAX_OWN_VALUES // modules)
+    most_rows = max(1, 45_000 // modules)  # more do not fit into the body of a request
     if type(rows) is not int or not 1 <= rows <= most_rows:
         raise _bad("rows", rows, f"1 to {most_rows}")
     try:

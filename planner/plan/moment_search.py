@@ -34,21 +34,10 @@ from foldback.planner.plan.moments import (
 from foldback.planner.plan.step_text import step_text
 from foldback.planner.plan.steps import Steps
 
-MAX_MEETING_MODULES: Final = 2_000_000
-"""Maximum number of module poses (frames × modules) of a fold that are searched for the first
-moment at which two modules meet, which the fold's page names; if there is none among them, no such
-moment is named. Measured."""
-MAX_DIRECT_MODULES: Final = 1500
-"""Maximum number of modules of a chain for which it is computed at what moment modules would
-collide if all hinges turned to their folded angles at once, without a plan. For longer chains this
-is not reported."""
 DIRECT_STEPS: Final = 100
 """Number of equal steps in which all hinges turn to their folded angles at once, without a plan, to
 find the first collision of that motion. With 100 it is reported to whole per cent; larger values
 are more exact and slower."""
-MAX_KNOT_MODULES: Final = 1500
-"""Maximum number of modules of a chain for which the moment of a fold is searched at which the
-chain becomes knotted; for longer chains none is reported."""
 OVERLAP_PITCH: Final = 1e-6
 """Overlap of two modules, in pitches, up to which they count as touching rather than as colliding
 when the first collision of a motion without a plan is searched: rounding."""
@@ -139,7 +128,7 @@ class _Folding:
 
     def contact(self) -> Meeting | None:
         """Return the first contact of modules that are not near each other in the chain."""
-        most = MAX_MEETING_MODULES // len(self.chain)
+        most = 2_000_000 // len(self.chain)  # module poses
         for start, poses in self._poses(self.first, min(self.end, self.first + most)):
             clearance, _ = self._clearances(poses, CONTACT_LINKS, CONTACT_PITCH)
             # The gap along a separating axis is at most the distance, so these may have met.
@@ -154,7 +143,7 @@ class _Folding:
     def direct(self) -> tuple[Meeting | None, int | None]:
         """Return the first collision when all hinges turn at once, and after what per cent."""
         chain = self.chain
-        if len(chain) > MAX_DIRECT_MODULES:
+        if len(chain) > 1500:
             return None, None
         step = max(1, CHUNK_POSES // len(chain))
         shares = np.arange(1, DIRECT_STEPS + 1) / DIRECT_STEPS
@@ -169,7 +158,7 @@ class _Folding:
 
     def knot(self) -> tuple[int | None, int | None]:
         """Return a frame at which the chain becomes knotted, and the determinant at the end."""
-        if len(self.chain) > MAX_KNOT_MODULES:
+        if len(self.chain) > 1500:
             return None, None
         low, high = self.first, self.end - 1
         end = knot_of(self._centres(high))

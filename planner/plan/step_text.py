@@ -2,15 +2,10 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from foldback.planner.chain.module import CUBE, Module
 from foldback.planner.plan.steps import Modules, Step, Turn
-
-MAX_LISTED_TURNS: Final = 5
-"""Maximum number of turns that a sentence lists; it gives the number of the others."""
 
 
 def ordinal(number: int) -> str:
@@ -45,7 +40,7 @@ def turn_text(module: Module, turn: Turn) -> str:
     return f"{ordinal(turn.module + 1)} {module_word(module)}, {angle_text(turn)}{axis}"
 
 
-def step_text(module: Module, step: Step, *, most: int = MAX_LISTED_TURNS) -> str:
+def step_text(module: Module, step: Step, *, most: int = 5) -> str:
     """Return what to do in a step: Turn at the 7th cube, +90° (z). Hold cubes 8 to 24.
 
     Args:

@@ -28,17 +28,12 @@ FRAME_MOVE_PITCH: Final = 0.2
 """Displacement of a module since the last frame, relative to the mean of all modules, pitches, at
 which a simulated playback records the next frame: the ends of a nearly straight chain go far while
 its hinges hardly turn."""
-RESTING_FRAME_TURN_RAD: Final = 0.08
-"""The same in a motion that rests between turns, whose frames lie on straight lines."""
 MAX_FRAME_STEPS: Final = 12
 """Maximum number of simulation steps between two recorded frames of a playback; a frame is then
 recorded even if the chain hardly moves."""
 GOAL_TOLERANCE_PITCH: Final = 0.1
 """Maximum position error at the end of a simulated playback that counts as folded: RMS distance of
 the modules from the goal shape, pitches, aligned with it if the chain is free."""
-CANCEL_CHECK_STEPS: Final = 25
-"""Number of simulation steps of a playback between two checks for cancellation and for a due
-progress report."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,7 +81,7 @@ class PlaybackRun:
 
     def check(self, progress: Report, cancelled: Cancelled, fraction: float, message: str) -> bool:
         """Return False if the run is cancelled; report its progress. Most steps do neither."""
-        if self.steps % CANCEL_CHECK_STEPS:
+        if self.steps % 25:
             return True
         if cancelled():
             return False
@@ -241,7 +236,7 @@ class Run(PlaybackRun):
             return True
         turned = float(np.abs(target.angles - last.target.angles).max())
         if phase in self.trajectory.resting:
-            return turned >= RESTING_FRAME_TURN_RAD / self.finer
+            return turned >= 0.08 / self.finer  # frames lie on straight lines
         if turned >= turn:
             return True
         if self.trajectory.robots > 1:

@@ -36,14 +36,6 @@ from foldback.planner.playback.time_scaling import (
 from foldback.planner.playback.unfolding import Unfolding
 from foldback.planner.simulation.contact_finder import ContactFinder, robot_contacts
 
-SPEED_PACED_STEPS_SCALE: Final = 2
-"""Factor of the number of simulation steps, and so of the duration, of a playback in which the
-fastest hinge turns evenly (``paced_by`` is ``speed``), relative to one with minimum peak torque: at
-the same duration the chain's ends would go faster."""
-MAX_REFINEMENT: Final = 4
-"""Maximum factor of the numbers of frames and simulation steps of a playback. The factor is doubled
-until modules do not touch where straight lines join the frames; at the maximum the plan is played
-back as it is."""
 STRAIGHT_TORQUE_RATIO: Final = 0.02
 """Ratio of the torques near straight to those elsewhere, for each level of patience. A straight
 chain is a soft rod, which swings long after a sudden stop:
@@ -54,9 +46,6 @@ ends as failed, because motors at their torque limit would not catch up."""
 LAW_SAMPLES_PER_RAD: Final = 180
 """Number of points at which hinge torques are computed to find the speed along a playback's curve,
 for each radian of its length (turns of the fastest hinge, or weighted displacements if larger)."""
-MAX_LAW_TORQUES: Final = 2**23
-"""Maximum number of hinge torques (hinges × points on the curve) from which the speed along a
-playback's curve is computed: about 250 MB of memory."""
 
 
 class ReferenceTrajectory:
@@ -190,7 +179,7 @@ class ReferenceTrajectory:
         """
         while True:
             scalings = [self._scaling(reference) for reference in references]
-            if self.finer >= MAX_REFINEMENT or all(
+            if self.finer >= 4 or all(
                 sweep(self.chain, one.spline(scaling.u), size=self.module_size, share=0.0).clearance
                 > 0.0
                 for one, scaling in zip(references, scalings, strict=True)
@@ -214,13 +203,13 @@ class ReferenceTrajectory:
             100,
             min(
                 int(LAW_SAMPLES_PER_RAD * reference.length_rad),
-                MAX_LAW_TORQUES // len(self.chain.folded_rad),
+                2**23 // len(self.chain.folded_rad),  # 250 MB
             ),
         )
         if p.paced_by == "speed":
             return hinge_bounded_scaling(
                 reference,
-                steps=SPEED_PACED_STEPS_SCALE * steps,
+                steps=2 * steps,  # in the same time, the chain's ends would go faster
                 step_s=self.step_s,
                 samples=samples,
             )

@@ -17,12 +17,6 @@ from foldback.planner.playback.time_scaling import TimeScaling, smooth_scaling
 SETTLE_STEPS: Final = 15
 """Number of simulation steps for which the goal angles remain the target after the motion along the
 planned curve, so that joint errors decay before the final frame."""
-AT_REST_RATE_RAD_S: Final = 1e-4
-"""Speed of the fastest hinge, rad/s, below which a chain counts as at rest at the end of a playback
-by the published rule (preset ``paper``), or straight to the folded angles (preset ``direct``)."""
-REST_STEPS: Final = 500
-"""Number of consecutive simulation steps at rest after which a playback by the published rule
-(preset ``paper``), or straight to the folded angles (preset ``direct``), ends."""
 STALL_STEPS: Final = 3000
 """A playback by the published rule (preset ``paper``) waits until all hinges are near a recorded
 configuration before it goes on to the next. This is the maximum number of simulation steps, beyond
@@ -227,8 +221,8 @@ class _Ending:
         self._still = 0
 
     def over(self, rates: Array) -> bool:
-        self._still = self._still + 1 if np.abs(rates).max() < AT_REST_RATE_RAD_S else 0
-        return self._still >= REST_STEPS
+        self._still = self._still + 1 if np.abs(rates).max() < 1e-4 else 0
+        return self._still >= 500
 
 
 def _still(angles: Array, fraction: float) -> Target:

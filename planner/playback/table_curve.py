@@ -23,16 +23,6 @@ from foldback.planner.statics.contacts import FLOOR_GAP, MAX_TABLE_PENETRATION_P
 LIFTED_DEPTH_SHARE: Final = 0.5
 """Depth to which modules are lifted if the planned curve of a fold on a table lets them sink too
 deep into it, as a fraction of the permitted depth (0.01 pitches)."""
-MAX_HEIGHT_ERROR_PITCH: Final = 0.005
-"""Maximum difference, pitches, between the height of a module in the smooth curve of a fold on a
-table and in the recorded motion, where it stands on the table; above it the curve is corrected."""
-CURVE_CORRECTIONS: Final = 8
-"""Maximum number of rounds in which the control points of the curve of a fold on a table are
-corrected until modules stand on the table as recorded."""
-MIN_LEVER_PITCH: Final = 0.03
-"""Damping of the least squares by which hinges of a fold on a table are turned until modules have
-their recorded heights, in pitches of height per rad of turn: modules that a hinge raises by less
-are hardly corrected."""
 MAX_CORRECTION_RAD: Final = 0.01
 """Maximum turn of a hinge, rad, in one round of correcting the curve of a fold on a table, as the
 correction is linearised."""
@@ -55,7 +45,7 @@ class TableCurve(WindowCurve):
         self._before = chain.module_before(np.arange(len(chain.folded_rad)))
         self._recorded = self._recorded_heights()
         wrong = np.arange(2, len(self._points) - 2)
-        for _ in range(CURVE_CORRECTIONS):
+        for _ in range(8):
             wrong = self._put_back(wrong)
 
     def _point(self, k: int, hinges: slice) -> Array:
@@ -92,7 +82,7 @@ class TableCurve(WindowCurve):
             heights = lowest_corners(self.chain.module, poses.positions, poses.rotations)
             off = self._recorded[part] - heights
             deep = heights < -MAX_TABLE_PENETRATION_PITCH
-            wrong = deep | (np.abs(off) > MAX_HEIGHT_ERROR_PITCH)
+            wrong = deep | (np.abs(off) > 0.005)  # pitches
             wanted = np.where(
                 deep & np.isnan(off),
                 -LIFTED_DEPTH_SHARE * MAX_TABLE_PENETRATION_PITCH - heights,
@@ -144,6 +134,7 @@ class TableCurve(WindowCurve):
         levers = np.zeros((len(which), len(angles)))
         levers[np.repeat(np.arange(len(which)), np.diff(starts)), rows] = -values
         levers[:, : self.first[point]] = levers[:, self.last[point] :] = 0.0
-        square = levers @ levers.T + MIN_LEVER_PITCH**2 * np.eye(len(which))
+        # damped: hinges that raise a module by less hardly turn
+        square = levers @ levers.T + 0.03**2 * np.eye(len(which))
         turn = levers.T @ np.linalg.solve(square, wanted[which])
         return np.asarray(np.clip(turn, -MAX_CORRECTION_RAD, MAX_CORRECTION_RAD))

@@ -7,8 +7,6 @@ leaves the rest for weights.
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from foldback.planner.arrays import Array
@@ -24,16 +22,6 @@ from foldback.planner.playback.time_scaling import (
     scaling_from_profile,
 )
 from foldback.planner.simulation.table_body import TableBody
-
-TABLE_SAMPLES_PER_RAD: Final = 300
-"""Number of points at which hinge torques are computed to find the speed of a fold on a table, for
-each radian of its curve's length (sum of the turns of the fastest hinge)."""
-MAX_TABLE_SAMPLES: Final = 2**16
-"""Maximum number of points on the curve of a fold on a table at which hinge torques are computed to
-find its speed."""
-MIN_TABLE_SAMPLES: Final = 128
-"""Minimum number of points on the curve of a fold on a table at which hinge torques are computed to
-find its speed, however short the curve is."""
 
 
 class TableTrajectory:
@@ -89,11 +77,7 @@ class TableTrajectory:
 
     def _profile(self, body: TableBody, budget: float) -> tuple[Array, Array]:
         """Return (U,) parameters from 0 to 1 and the (U,) square of the speed there."""
-        count = int(
-            np.clip(
-                TABLE_SAMPLES_PER_RAD * self.curve.length_rad, MIN_TABLE_SAMPLES, MAX_TABLE_SAMPLES
-            )
-        )
+        count = int(np.clip(300 * self.curve.length_rad, 128, 2**16))
         share = np.linspace(0.0, 1.0, count)
         end = self.curve.end
         angles, first, second = (

@@ -27,23 +27,12 @@ rises to that of the rest: docs/decisions/0034-calm-motion.md."""
 MAX_SPEED_RATIO: Final = 2.0
 """Maximum speed along the curve of a playback whose peak torque is minimised at a given duration,
 as a multiple of its mean speed."""
-MAX_CURVE_SPEED_RATIO: Final = 4.0
-"""Maximum speed along the curve of a playback whose fastest hinge turns evenly, as a multiple of
-its mean speed, where hinges hardly turn but the chain's ends travel."""
 SCALING_STEPS: Final = 4096
 """Number of equal time intervals in which the speed profile of a kinematic or hinge-paced playback
 is tabulated; times of frames are interpolated in the table."""
 MAX_RESTING_SPEED_RATIO: Final = 1.25
 """Maximum speed of the fastest hinge in a motion that rests between turns, as a multiple of its
 mean speed: docs/decisions/0028-turns.md."""
-RESTING_SAMPLES: Final = 160
-"""Number of points from one rest to the next at which hinge torques are computed."""
-MIN_TORQUE_BOUND_RATIO: Final = 1e-6
-"""Least torque bound that is tried for turns, relative to one with which every turn reaches its
-full speed at once."""
-TORQUE_BOUND_HALVINGS: Final = 30
-"""Number of bisections in the search for the least torque bound of turns: a relative precision of
-1e-8."""
 TORQUE_CHUNK_SAMPLES: Final = 512
 """Maximum number of points of a playback's curve whose hinge torques are computed at once."""
 SMOOTHING_SAMPLES: Final = 8.0
@@ -265,7 +254,8 @@ def hinge_bounded_times(steps_rad: Array, seconds: float) -> Array:
         return np.zeros(1)
     width = int(2 * SMOOTHING_SAMPLES) + 1
     even = np.maximum(_blurred(_largest_around(steps_rad, width)), steps_rad)
-    even = np.maximum(even, even.mean() / MAX_CURVE_SPEED_RATIO)
+    # where hinges hardly turn, but the chain's ends travel
+    even = np.maximum(even, even.mean() / 4.0)
     lengths = np.concatenate([[0.0], np.cumsum(even)])
     scaling = smooth_scaling(steps=SCALING_STEPS, step_s=1.0 / SCALING_STEPS)
     shares = np.interp(
@@ -318,7 +308,7 @@ def torque_bounded_resting_scaling(
         step_s: Time step, s.
     """
     assert reference.rests is not None
-    u = np.linspace(0.0, 1.0, RESTING_SAMPLES)
+    u = np.linspace(0.0, 1.0, 160)
     poses = reference.spline(reference.rests)
     turns = [_turn_terms(module, *ends, u) for ends in zip(poses[:-1], poses[1:], strict=True)]
     speed = MAX_RESTING_SPEED_RATIO * reference.length_rad / seconds
@@ -335,8 +325,8 @@ def torque_bounded_resting_scaling(
         float(ceiling * (len(u) * np.abs(a) + np.abs(b)).max())
         for (_, a, b), ceiling in zip(turns, ceilings, strict=True)
     )
-    low = high * MIN_TORQUE_BOUND_RATIO
-    for _ in range(TORQUE_BOUND_HALVINGS):
+    low = high * 1e-6
+    for _ in range(30):  # a relative precision of 1e-8
         middle = math.sqrt(low * high)
         late = sum(duration(u, z) for z in profiles(middle)) > seconds
         low, high = (middle, high) if late else (low, middle)

@@ -36,27 +36,12 @@ from foldback.planner.playback.time_scaling import (
 )
 from foldback.planner.simulation.window_robot import RigidEnds
 
-WINDOW_SAMPLES_PER_RAD: Final = 25
-"""Number of points at which hinge torques are computed to find the speed of a windowed playback (a
-short section of the chain moves at a time), for each radian that the fastest hinge turns."""
-MAX_WINDOW_SAMPLES: Final = 2**15
-"""Maximum number of points at which hinge torques are computed to find the speed of a windowed
-playback (a short section of the chain moves at a time)."""
 FRAME_RAD: Final = 0.04
 """Turn of the fastest hinge, rad, between two stored frames of a kinematic playback, or of a
 windowed one (a short section of the chain moves at a time)."""
 MODEL_JOINTS_MULTIPLE: Final = 16
 """Multiple to which the number of simulated joints is rounded up in a windowed playback, which
 simulates only the section of the chain that moves, so that MuJoCo's model is seldom recompiled."""
-MIN_STRETCH_STEPS: Final = 48
-"""Minimum number of simulation steps in a windowed playback before it simulates another section of
-the chain."""
-MIN_SPARE_JOINTS: Final = 8
-"""Minimum number of joints of a simulated section in a windowed playback beyond those that move in
-its first steps."""
-MAX_WINDOW_REFINEMENT: Final = 8
-"""Maximum factor of the control points, frames and steps of a windowed playback (a short section of
-the chain moves at a time). The factor is doubled until the smooth curve keeps modules clear."""
 SUPPORT_POINTS: Final = 4
 """Number of consecutive control points that a point of a uniform cubic B-spline depends on: the
 degree plus one."""
@@ -212,7 +197,7 @@ class WindowTrajectory:
         while True:
             self._draw(finer)
             found = sweep(chain, self.reference, size=module_size, share=0.0)
-            if found.clearance > room or finer >= MAX_WINDOW_REFINEMENT:
+            if found.clearance > room or finer >= 8:
                 break
             finer *= 2
         self._torques = self._all_torques()
@@ -238,7 +223,7 @@ class WindowTrajectory:
         """Return the time scaling along the curve with about the smallest largest torque."""
         count = max(
             MIN_PLAYBACK_STEPS,
-            min(MAX_WINDOW_SAMPLES, int(WINDOW_SAMPLES_PER_RAD * self.curve.length_rad)),
+            min(2**15, int(25 * self.curve.length_rad)),
         )
         u = np.linspace(0.0, self.curve.end, count)
         stretches = tuple(_stretches(self.chain, self.curve, u))
@@ -336,8 +321,8 @@ def _stretches(chain: Chain, curve: WindowCurve, u: Array) -> Iterator[Stretch]:
         begin = max(0, start - 1)
         lows = np.minimum.accumulate(low[begin:])
         highs = np.maximum.accumulate(high[begin:])
-        soon = min(start + MIN_STRETCH_STEPS, steps) - begin
-        needed = int(highs[soon] - lows[soon]) + MIN_SPARE_JOINTS
+        soon = min(start + 48, steps) - begin
+        needed = int(highs[soon] - lows[soon]) + 8
         joints = min(most, MODEL_JOINTS_MULTIPLE * -(-needed // MODEL_JOINTS_MULTIPLE))
         fits = highs - lows <= joints
         last = begin + (len(fits) if fits.all() else int(fits.argmin())) - 1

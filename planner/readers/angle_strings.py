@@ -21,9 +21,6 @@ HEADING: Final = "foldback-angles/1"
 QUARTER_TURNS_DEG: Final = {"0": 0.0, "+": 90.0, "-": -90.0, "\u2212": -90.0, "\u2013": -90.0}
 """Hinge angle, in degrees, for each character of a fold written as a string of signs; two
 typographic minus signs are included."""
-MIN_ANGLES: Final = 2
-"""Minimum number of angle signs in a file without a heading that is read as a string of hinge
-angles."""
 DIGITS_CHECKED: Final = 4096
 """Number of characters at the beginning of a text that are searched for digits only, to recognise
 hinge angles written as digits, which are refused with an explanation."""
@@ -47,7 +44,7 @@ def is_angle_string(text: str) -> bool:
     return text.startswith(HEADING) or (
         _ALL.fullmatch(text) is not None
         and _LONE_SIGN.search(text) is not None
-        and sum(character in QUARTER_TURNS_DEG for character in text) >= MIN_ANGLES
+        and sum(character in QUARTER_TURNS_DEG for character in text) >= 2
     )
 
 

@@ -13,9 +13,6 @@ from foldback.planner.readers.text import PADDING
 from foldback.planner.shapes.shape import Shape
 
 BINVOX_MAGIC: Final = b"#binvox"
-MAX_BINVOX_HEADER_BYTES: Final = 4096
-"""Maximum size of the text header of a binvox file, in bytes; a file whose header does not end
-within it is refused. Usual headers take 100 bytes."""
 MAX_SIDE_CELLS: Final = 4096
 """Maximum number of voxels along one side of a binvox grid; a header that states more counts as
 damaged."""
@@ -35,7 +32,7 @@ def read_binvox(data: bytes, source: Source) -> Shape:
     Raises:
         InputError: Header and data disagree.
     """
-    end = DATA.search(data[:MAX_BINVOX_HEADER_BYTES])
+    end = DATA.search(data[:4096])  # usual headers take 100 bytes
     if end is None:
         raise InputError(
             "truncated", "the file ends before the line 'data'; save or send it again."

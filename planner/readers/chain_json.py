@@ -18,12 +18,6 @@ CHAIN_KEYS: Final = (
     *("format", "name", "module", "joint_angles_deg", "pitch_m"),
     *("first_position", "first_wxyz"),
 )
-MAX_RADIANS: Final = 6.3
-"""Largest magnitude of angles, one turn in rad, at which a file's angles are checked for being
-radians by mistake (degrees are expected)."""
-RADIANS_TOLERANCE: Final = 0.01
-"""Maximum deviation of angles from multiples of π/2, in quarter turns, at which a file is refused
-because its angles seem to be radians: 1.57 counts."""
 QUARTER_TURNS: Final = frozenset((1.0, 2.0, 3.0))
 """Magnitudes that look like counts of quarter turns. A file whose angles all have these magnitudes
 or are 0 is refused, because degrees are expected."""
@@ -106,12 +100,11 @@ def _refuse_radians(angles: list[float]) -> None:
         InputError: ``radians``.
     """
     turned = np.array([angle for angle in angles if angle], dtype=np.float64)
-    if not len(turned) or np.abs(turned).max() > MAX_RADIANS:
+    if not len(turned) or np.abs(turned).max() > 6.3:  # one turn in rad
         return
     quarters = turned / (np.pi / 2)
-    if (np.abs(quarters - np.round(quarters)) < RADIANS_TOLERANCE).all() and np.round(
-        quarters
-    ).all():
+    # 1.57 counts
+    if (np.abs(quarters - np.round(quarters)) < 0.01).all() and np.round(quarters).all():
         raise InputError(
             "radians",
             f"got angles such as {turned[0]:g}, expected angles in degrees. The angles look "

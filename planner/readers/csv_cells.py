@@ -22,8 +22,6 @@ from foldback.planner.readers.text import (
 from foldback.planner.shapes.shape import Shape
 
 DELIMITERS: Final = (";", "\t", ",")
-MAX_TABLE_COLUMNS: Final = 1000
-"""Maximum number of columns of a table, of which three are used."""
 EXCEL_SEPARATOR_PREFIX: Final = "sep="
 """Beginning of a CSV file's first line in which Excel states the separator; that line is
 skipped."""
@@ -44,7 +42,7 @@ def read_csv(text: str, source: Source) -> Path | Shape:
     """
     first = _first_line(text)
     delimiter = _delimiter(first) or ","
-    if first.count(delimiter) >= MAX_TABLE_COLUMNS:
+    if first.count(delimiter) >= 1000:  # three are used
         raise InputError(
             "wrong-count",
             f"got a table of {first.count(delimiter) + 1} columns, expected three: x, y and z.",

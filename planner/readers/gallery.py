@@ -14,14 +14,9 @@ from typing import Final
 from foldback.planner.chain.module import CUBE, module_named
 from foldback.planner.errors import InputError
 
-MAX_SUGGESTED_NAMES: Final = 4
-"""Maximum number of similar names that the error about an unknown gallery example suggests."""
 MAX_LISTED_EXAMPLES: Final = 6
 """Maximum number of suitable gallery examples that the error about a wrong kind of module or number
 of modules lists; further ones are only counted."""
-MIN_NAME_SIMILARITY: Final = 0.5
-"""Minimum similarity, from 0 to 1 (``difflib``), of an example's name that the error about an
-unknown gallery example suggests."""
 TABLE_RESULTS: Final = "table_results.json"
 """Name of the file that lists the gallery examples which fold on a table, with the joint torque of
 each; ``examples/run_gallery.py --world table`` writes it."""
@@ -84,11 +79,7 @@ class Gallery:
     def nearest(self, name: str) -> str:
         """Return the number of examples and those with similar names, in words."""
         names = [shape.name for shape in self.shapes()]
-        near = ", ".join(
-            get_close_matches(
-                name.lower(), names, n=MAX_SUGGESTED_NAMES, cutoff=MIN_NAME_SIMILARITY
-            )
-        )
+        near = ", ".join(get_close_matches(name.lower(), names, n=4, cutoff=0.5))
         return f"{len(names)} examples" + (f", such as {near}" if near else "")
 
     def fitting(self, module: str, modules: int) -> tuple[GalleryShape, ...]:

@@ -12,20 +12,8 @@ from foldback.planner.shapes.shape import MAX_CELLS
 
 MAX_TRIANGLES: Final = 2_000_000
 """Maximum number of triangles of an input mesh; one with more is refused."""
-BYTES_PER_CELL: Final = 96
-"""Allowed size of a text file for each cell of the largest accepted shape, in bytes; a larger file
-is refused before it is parsed."""
-SPARE_BYTES: Final = 65_536
-"""Size that a text file may have, in bytes, in addition to the allowance for each cell, for
-headings and comments."""
-LINES_PER_CELL: Final = 4
-"""Allowed number of lines of a text file for each cell of the largest accepted shape: one of data,
-the others comments or blank."""
 SPARE_LINES: Final = 10_000
 """Number of lines that a text file may have in addition to the allowance for each cell."""
-LINES_PER_TRIANGLE: Final = 4
-"""Allowed number of lines of a mesh written as text, for each triangle of the largest accepted
-mesh: that of the triangle, and those of vertices, normals and texture coordinates."""
 MAX_QUOTE_CHARACTERS: Final = 40
 """Maximum length, in characters, of text from an input file that an error message quotes; the rest
 is cut off."""
@@ -133,14 +121,15 @@ def check_size(data: bytes, most_cells: int) -> None:
     Raises:
         InputError: ``too-large``.
     """
-    most = SPARE_BYTES + BYTES_PER_CELL * most_cells
+    most = 65_536 + 96 * most_cells  # headings and comments, and each cell
     if len(data) > most:
         raise InputError(
             "too-large",
             f"got {megabytes(len(data))}, expected at most {megabytes(most)}, which is "
             f"enough for {most_cells} cells; use a coarser shape.",
         )
-    lines, most_lines = line_ends(data), SPARE_LINES + LINES_PER_CELL * most_cells
+    # one of data, the others comments or blank
+    lines, most_lines = line_ends(data), SPARE_LINES + 4 * most_cells
     if lines > most_lines:
         raise InputError(
             "too-large",
@@ -155,7 +144,8 @@ def check_lines(data: bytes, most_triangles: int) -> None:
     Raises:
         InputError: ``too-large``.
     """
-    lines, most = line_ends(data), SPARE_LINES + LINES_PER_TRIANGLE * most_triangles
+    # the triangle, and its vertices, normals and texture coordinates
+    lines, most = line_ends(data), SPARE_LINES + 4 * most_triangles
     if lines > most:
         raise InputError(
             "too-large",

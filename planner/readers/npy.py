@@ -23,9 +23,6 @@ from foldback.planner.shapes.shape import Shape
 NPY_MAGIC: Final = b"\x93NUMPY"
 LINE_ENDS: Final = b"\r\n"
 """Bytes that a program for text may have written after the data."""
-MAX_NPY_HEADER_BYTES: Final = 4096
-"""Maximum size of the header of a NumPy file, in bytes; a larger one is refused, as NumPy evaluates
-it as a Python literal. Usual headers take 128 bytes."""
 
 
 def is_npy(data: bytes) -> bool:
@@ -130,7 +127,8 @@ def _header(data: bytes) -> tuple[tuple[int, ...], bool, np.dtype[Any], int]:
                 (1, 0): npy_format.read_array_header_1_0,
                 (2, 0): npy_format.read_array_header_2_0,
             }[version]
-            shape, fortran, dtype = read_header(stream, max_header_size=MAX_NPY_HEADER_BYTES)
+            # usual headers take 128 bytes
+            shape, fortran, dtype = read_header(stream, max_header_size=4096)
     except Exception as error:
         # NumPy evaluates the header as a Python literal, which fails in many ways when damaged.
         raise InputError(

@@ -5,22 +5,11 @@ from __future__ import annotations
 import warnings
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Ints
-
-TEXT_CHUNK_BYTES: Final = 4 << 20
-"""Number of bytes of a text with rows of numbers that are parsed at once."""
-SPACE_BYTE: Final = 32
-"""Code of a space in ASCII; bytes with this or a smaller code separate the words of a text."""
-NEWLINE_BYTE: Final = 10
-"""Code of a line feed in ASCII, which ends each line of a text that is parsed as bytes."""
-MAX_WHOLE_NUMBER: Final = 1e15
-"""Maximum magnitude of a float that is converted to an integer, where integers are expected; it is
-below 2⁵³, so that float64 holds every integer exactly."""
 
 Bytes = NDArray[np.uint8]
 
@@ -55,7 +44,7 @@ class Table:
 
 def whole(values: Array) -> Ints | None:
     """Return the values as integers, None if one is not whole."""
-    if not (np.abs(values) <= MAX_WHOLE_NUMBER).all() or (values % 1 != 0).any():
+    if not (np.abs(values) <= 1e15).all() or (values % 1 != 0).any():  # below 2⁵³
         return None
     return values.astype(np.int64)
 
@@ -64,7 +53,7 @@ def chunks(data: bytes) -> Iterator[bytes]:
     """Yield whole lines, a few megabytes at a time."""
     at = 0
     while at < len(data):
-        end = data.find(b"\n", at + TEXT_CHUNK_BYTES)
+        end = data.find(b"\n", at + (4 << 20))
         end = len(data) if end < 0 else end + 1
         yield data[at:end]
         at = end
@@ -78,10 +67,10 @@ def table(text: Bytes) -> Table | None:
     """
     if not len(text):
         return Table(values=np.zeros(0), counts=np.zeros(0, dtype=np.int64))
-    dark = text > SPACE_BYTE
+    dark = text > ord(" ")
     begins = dark.copy()
     begins[1:] &= ~dark[:-1]
-    starts = np.concatenate([[0], np.flatnonzero(text[:-1] == NEWLINE_BYTE) + 1])
+    starts = np.concatenate([[0], np.flatnonzero(text[:-1] == ord("\n")) + 1])
     counts = np.add.reduceat(begins, starts, dtype=np.int64)
     try:
         with warnings.catch_warnings():

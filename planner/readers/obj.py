@@ -31,15 +31,12 @@ NO_POLYGON: Final = re.compile(rb"\nf(?!(?: \+?0*[1-9][0-9]*){3,}\n)")
 SHORT_POLYGON: Final = re.compile(rb"\nf(?: \+?0*[1-9][0-9]*){1,2}(?=\n)")
 TEXTURE: Final = re.compile(rb"/[^ \n]*")
 COUNTED_BACK: Final = re.compile(rb"\nf[^-\n]*-")
-OBJ_PROBE_BYTES: Final = 65_536
-"""Number of bytes after leading comments that are searched for a vertex line, to recognise an OBJ
-file."""
 
 
 def is_obj(data: bytes) -> bool:
     """Return True if a line near the beginning is an OBJ vertex."""
     begin = data_start(data)
-    start = data[begin : begin + OBJ_PROBE_BYTES]
+    start = data[begin : begin + 65_536]
     return start.lstrip()[:1] not in (b"{", b"[") and VERTEX_LINE.search(start) is not None
 
 

@@ -17,8 +17,6 @@ from foldback.planner.shapes.solid import Solid, check_triangles
 
 KIND: Final = re.compile(rb"\s*((?:ST)?C?N?4?n?OFF)(?=[\s#\d]|$)")
 """Matches the keyword. Counts may follow it without a space, as in the ModelNet data sets."""
-KEYWORD_PROBE_BYTES: Final = 64
-"""Number of bytes after leading comments in which an OFF file's keyword is searched."""
 MAX_POLYGON_CORNERS: Final = 10_000
 """Maximum number of corners of one polygon of an OFF mesh; a larger number counts as damage and the
 file is refused."""
@@ -30,7 +28,7 @@ Mesh: TypeAlias = "tuple[Array, Ints, Ints, int]"
 def is_off(data: bytes) -> bool:
     """Return True if the first word is an OFF keyword."""
     begin = data_start(data)
-    return KIND.match(data[begin : begin + KEYWORD_PROBE_BYTES]) is not None
+    return KIND.match(data[begin : begin + 64]) is not None
 
 
 def read_off(data: bytes, source: Source) -> Solid:

@@ -53,9 +53,6 @@ XML_KINDS: Final = (
     (b"<collada", "a COLLADA scene"),
     (b"<x3d", "an X3D scene"),
 )
-XML_PROBE_BYTES: Final = 2048
-"""Number of bytes at the beginning of an XML file that are searched for elements of known
-unsupported formats, to name the format in the error."""
 
 
 def refuse_other_kinds(data: bytes, expected: str) -> None:
@@ -97,7 +94,7 @@ def looks_like(data: bytes) -> str | None:
     for signature, kind in SIGNATURES:
         if data.startswith(signature):
             return kind
-    start = data[:XML_PROBE_BYTES].lstrip(b"\xef\xbb\xbf \t\r\n")
+    start = data[:2048].lstrip(b"\xef\xbb\xbf \t\r\n")
     if start.startswith(b"<"):
         lower = start.lower()
         for mark, kind in XML_KINDS:

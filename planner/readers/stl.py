@@ -23,22 +23,7 @@ precision, and two attribute bytes."""
 STL_PROBE_BYTES: Final = 2048
 """Number of bytes at the beginning of an STL file, and after its first line, that are searched for
 the keywords of a text STL, to tell it from a binary one."""
-PROBED_TRIANGLES: Final = 2048
-"""Maximum number of triangles whose coordinates are checked for plausible magnitudes, to tell a
-binary STL from arbitrary bytes."""
-MAX_NAME_BYTES: Final = 1 << 20
-"""Maximum size of the first line of a text STL, which holds the solid's name, in bytes. A file with
-a longer one is not recognised as a text STL."""
-MAX_TAIL_BYTES: Final = 4096
-"""Maximum number of bytes after the last triangle of a binary STL that are ignored; with more, the
-file counts as damaged."""
 ROW: Final = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
-PLAUSIBLE_COORDINATES: Final = (1e-9, 1e9)
-"""Exclusive range of magnitudes of coordinates, in the file's unit, that count as plausible when a
-binary STL is told from arbitrary bytes. About a quarter of random numbers of single precision lie
-in it."""
-MIN_PLAUSIBLE_SHARE: Final = 0.6
-"""Minimum fraction of plausible coordinates for data to count as a binary STL."""
 PART_BYTES: Final = 4 << 20
 """Number of bytes of a text STL that are parsed at once."""
 TAIL_IGNORED: Final = "bytes after the last triangle were ignored."
@@ -77,13 +62,13 @@ def is_binary(data: bytes, hinted: bool) -> bool:
 
 def _holds_lengths(data: bytes) -> bool:
     """Return True if plausible coordinates follow the header, not arbitrary bytes."""
-    count = min((len(data) - HEADER_BYTES) // TRIANGLE_BYTES, PROBED_TRIANGLES)
+    count = min((len(data) - HEADER_BYTES) // TRIANGLE_BYTES, 2048)
     if not count:
         return announced(data) <= MAX_TRIANGLES
     rows = np.frombuffer(data, dtype=ROW, count=count, offset=HEADER_BYTES)
     sizes = np.abs(rows["corners"].reshape(-1))
-    low, high = PLAUSIBLE_COORDINATES
-    return bool((((sizes > low) & (sizes < high)) | (sizes == 0.0)).mean() > MIN_PLAUSIBLE_SHARE)
+    low, high = 1e-9, 1e9  # a quarter of random numbers lie between these
+    return bool((((sizes > low) & (sizes < high)) | (sizes == 0.0)).mean() > 0.6)
 
 
 def is_text(data: bytes) -> bool:
@@ -92,7 +77,7 @@ def is_text(data: bytes) -> bool:
     if start[:5].lower() != b"solid":
         return False
     # The name may be of any length.
-    ends = (data.find(mark, 0, MAX_NAME_BYTES) for mark in (b"\n", b"\r"))
+    ends = (data.find(mark, 0, 1 << 20) for mark in (b"\n", b"\r"))
     end = min((at for at in ends if at > 0), default=0)
     after = data[end : end + STL_PROBE_BYTES] if end > 0 else b""
     return any(word in part.lower() for part in (start, after) for word in (b"facet", b"endsolid"))
@@ -121,7 +106,7 @@ def _binary(data: bytes, source: Source) -> Solid:
         )
     if count or len(data) < HEADER_BYTES + TRIANGLE_BYTES:
         check_triangles(count, source.most_triangles)
-    if len(data) > expected + (MAX_TAIL_BYTES if count else 0):
+    if len(data) > expected + (4096 if count else 0):
         raise InputError(
             "damaged",
             f"the header declares {count} triangles, but {len(data) - expected} more bytes follow "

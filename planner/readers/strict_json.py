@@ -12,8 +12,6 @@ from foldback.planner.chain.path import DEFAULT_PITCH_M
 from foldback.planner.errors import InputError
 from foldback.planner.readers.limits import MAX_CELLS, described, quote, too_many
 
-MAX_INTEGER_DIGITS: Final = 18
-"""Maximum number of characters of a JSON integer that is parsed exactly."""
 HUGE_NUMBER: Final = 1e300
 """Magnitude to which JSON integers that are too long for exact parsing are clipped, so that they
 stay finite; every later check of a range refuses it."""
@@ -71,7 +69,7 @@ def parse(text: str, most_cells: int = MAX_CELLS) -> object:
 
 def _integer(digits: str) -> int | float:
     """Parse an integer; clip very long ones to a float that later checks refuse."""
-    if len(digits) <= MAX_INTEGER_DIGITS:
+    if len(digits) <= 18:  # fits into 64 bits
         return int(digits)
     return max(-HUGE_NUMBER, min(HUGE_NUMBER, float(digits)))
 

@@ -39,10 +39,6 @@ systems and tapes filled files up with."""
 TEXT_PROBE_SIZE: Final = 20_000
 """Number of bytes, or characters, at the beginning of a file that are checked to be text, and to
 contain a number."""
-UTF16_PROBE_CHARACTERS: Final = 64
-"""Number of characters at the beginning of a file without a byte order mark, every other byte of
-which must be 0 for the file to be read as UTF-16. Larger values take fewer files for UTF-16 by
-mistake."""
 BYTE_ORDER_MARKS: Final = (
     (codecs.BOM_UTF8, "utf-8"),
     (codecs.BOM_UTF32_LE, "utf-32-le"),
@@ -92,7 +88,7 @@ def to_utf8(data: bytes) -> bytes:
                 return data[len(mark) :].decode(encoding).encode()
             except UnicodeError:
                 return data
-    pairs = data[: 2 * UTF16_PROBE_CHARACTERS]
+    pairs = data[: 2 * 64]  # 64 characters
     for encoding, first in (("utf-16-le", 0), ("utf-16-be", 1)):
         # Without a mark, every other byte of plain text is zero.
         if len(pairs) >= 8 and not any(pairs[1 - first :: 2]) and all(pairs[first::2]):

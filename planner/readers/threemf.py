@@ -22,9 +22,6 @@ from foldback.planner.shapes.solid import Solid, check_triangles
 ZIP_MAGIC: Final = b"PK\x03\x04"
 ZIP_ENTRY: Final = b"PK\x01\x02"
 """Signature of an entry in the list of an archive's files."""
-ENTRY_FACTOR: Final = 2
-"""Factor by which signatures of entries in an archive may exceed ``MAX_ENTRIES`` before it is
-listed; compressed data may hold some by accident."""
 MAX_ENTRIES: Final = 4_000
 """Maximum number of files in a 3MF archive; an archive with more is refused."""
 MAX_UNPACKED_BYTES: Final = 400 << 20
@@ -39,19 +36,11 @@ as a zip bomb."""
 MAX_INSTANCES: Final = 20_000
 """Maximum number of placed meshes of a 3MF model, nested components included; a model with more is
 refused."""
-MAX_NESTING: Final = 64
-"""Maximum depth of components within components of a 3MF model; a deeper model is refused, so that
-one that contains itself is, too."""
-XML_PIECE_BYTES: Final = 1 << 18
-"""Number of bytes of a 3MF model's XML that are unpacked and parsed at once."""
 RELATIONSHIPS: Final = "_rels/.rels"
 """Name of the file in a 3MF archive that states which of its models is the main one (Open Packaging
 Conventions)."""
 MAIN_MODEL: Final = re.compile(rb"<[^<>]*/3dmodel[\"'][^<>]*>")
 TARGET: Final = re.compile(rb"\bTarget\s*=\s*[\"']/?([^\"'<>]*)")
-MAX_RELATIONSHIPS_BYTES: Final = 1 << 16
-"""Maximum number of bytes that are read of the list of relationships in a 3MF archive, which names
-the main model; one relationship takes about 200."""
 MATERIAL_TYPES: Final = ("model", "surface")
 """Types of objects in a 3MF model that are solid material; objects of other types (supports) are
 left out."""
@@ -116,7 +105,8 @@ def read_threemf(data: bytes, source: Source) -> Solid:
     Raises:
         InputError: The archive is no 3MF model, a zip bomb or damaged, or the mesh is no solid.
     """
-    if (entries := data.count(ZIP_ENTRY)) > ENTRY_FACTOR * MAX_ENTRIES:
+    # compressed data may hold some signatures by accident
+    if (entries := data.count(ZIP_ENTRY)) > 2 * MAX_ENTRIES:
         raise _too_many_entries(entries)
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as archive:
@@ -189,7 +179,7 @@ def _main_model(archive: zipfile.ZipFile) -> str:
     if RELATIONSHIPS not in archive.namelist():
         return ""
     with archive.open(RELATIONSHIPS) as stream:
-        text = stream.read(MAX_RELATIONSHIPS_BYTES)
+        text = stream.read(1 << 16)  # one takes about 200
     found = MAIN_MODEL.search(text)
     target = TARGET.search(found[0]) if found else None
     return target[1].decode("utf-8", "replace").lower() if target else ""
@@ -251,7 +241,7 @@ class _Models:
         unpacked = 0
         try:
             with archive.open(name) as stream:
-                while piece := stream.read(XML_PIECE_BYTES):
+                while piece := stream.read(1 << 18):
                     unpacked += len(piece)
                     self._unpacked += len(piece)
                     if self._unpacked > MAX_UNPACKED_BYTES or _is_bomb(unpacked, packed):
@@ -473,7 +463,7 @@ class _Models:
         """Count the triangles and parts of an object without building them."""
         if key in known:
             return known[key]
-        if key not in self._objects or depth > MAX_NESTING:
+        if key not in self._objects or depth > 64:  # one that contains itself is deeper, too
             found = "parts nested too deeply" if key in self._objects else "a missing object"
             raise _damaged(f"the model refers to {found}")
         model = self._objects[key]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from itertools import chain, islice
-from typing import Final, TypeAlias
+from typing import TypeAlias
 
 from foldback.planner.chain.path import Path
 from foldback.planner.errors import InputError
@@ -26,10 +26,6 @@ from foldback.planner.shapes.shape import Shape
 
 Line: TypeAlias = "tuple[int, list[str]]"
 """Number and words of a line."""
-MAX_COUNT_DIGITS: Final = 9
-"""Maximum number of digits of the first line of an XYZ file that states the number of points. A
-longer number is cut to one digit more, so that parsing stays fast and the number matches no
-file."""
 
 
 def is_xyz(text: str) -> bool:
@@ -131,7 +127,7 @@ def _is_comment(words: list[str]) -> bool:
 
 def _count(words: list[str]) -> int | None:
     if len(words) == 1 and words[0].isascii() and words[0].isdigit():
-        return int(words[0][: MAX_COUNT_DIGITS + 1])
+        return int(words[0][:10])  # a longer number is cut, and matches no file
     return None
 
 

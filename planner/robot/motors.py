@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -14,13 +14,6 @@ from foldback.planner.errors import InputError
 from foldback.planner.robot.trajectory import Trajectory
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.mujoco_tree import Tree
-
-MAX_INTERVALS_PER_STEP: Final = 4
-"""Maximum number of intervals between two frames of a plan, at whose ends the motors' torques are
-computed."""
-MAX_TORQUE_MODULES: Final = 1_000_000
-"""Maximum number of intervals times modules for which the motors' torques are computed; longer
-plans get longer intervals."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -206,8 +199,8 @@ def _stretches(trajectory: Trajectory, modules: int) -> tuple[Array, Array]:
     """Return starts and ends, s, of the intervals: every n-th cell of the trajectory."""
     knots = trajectory.knot_times_s
     wanted = min(
-        MAX_INTERVALS_PER_STEP * len(trajectory.path.lengths),
-        max(64, MAX_TORQUE_MODULES // modules),
+        4 * len(trajectory.path.lengths),
+        max(64, 1_000_000 // modules),
     )
     stride = max(1, round((len(knots) - 1) / wanted))
     chosen = np.unique(np.append(np.arange(0, len(knots), stride), len(knots) - 1))

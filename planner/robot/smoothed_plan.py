@@ -9,7 +9,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -23,10 +23,6 @@ from foldback.planner.progress import Cancelled, never
 from foldback.planner.robot import MAX_SMOOTHED_ANGLES, RECORDED, SMOOTHED
 from foldback.planner.robot.motion_quality import Quality
 from foldback.planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, smooth, spacing_of
-
-SOFTENED_EVALUATIONS: Final = MAX_EVALUATIONS // 4
-"""Maximum number of configurations whose clearance a slight smoothing checks, which is tried if the
-full one fails certification."""
 
 
 def check_smoothable(plan: Plan) -> None:
@@ -99,7 +95,7 @@ def smoothed_record(
     whole = plan.whole()
     angles = whole.joint_angles_rad
     if way != RECORDED:
-        looks = MAX_EVALUATIONS if way == SMOOTHED else SOFTENED_EVALUATIONS
+        looks = MAX_EVALUATIONS if way == SMOOTHED else MAX_EVALUATIONS // 4
         angles = smooth(
             plan.chain,
             angles,

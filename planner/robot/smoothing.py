@@ -65,9 +65,6 @@ reserve for the motion in between."""
 SIMPLIFIED_PARTS: Final = (1, 3, 6, 12, 24, 48)
 """Numbers of parts into which smoothing divides a motion, in this order; each part is replaced by a
 straight line or a mean if that is clear."""
-CALM_PARTS: Final = 12
-"""Number of parts over which a motion without detours is averaged, so that hinges do not stop
-suddenly: docs/decisions/0034-calm-motion.md."""
 MIN_PART_FRAMES: Final = 4
 """Minimum mean number of frames of the parts into which smoothing divides a motion; it is divided
 no further."""
@@ -89,22 +86,6 @@ angle."""
 MIN_PASS_GAIN: Final = 0.005
 """Minimum relative decrease of a motion's cost (length and torque) by one pass of smoothing; two
 passes in a row with less end the smoothing."""
-MAX_RESAMPLINGS: Final = 6
-"""Maximum number of times that frames are added where a motion with evenly spaced frames cuts a
-corner and modules come closer than before; with such places left, the motion keeps its own
-frames."""
-MARGIN_ROUNDING_PITCH: Final = 1e-9
-"""Loss of clearance, in pitches, that a smoothed motion may have against the given one:
-rounding."""
-MIN_PROVED_BOUND_PITCH: Final = 1e-9
-"""Smallest proved lower bound of the clearance between modules, in pitches, with which a smoothed
-motion counts as free of contact: just above 0, because of rounding."""
-MIN_EFFORT: Final = 1e-9
-"""Minimum torque effort by which the costs of a motion are divided to scale the weight of torque:
-it avoids a division by zero for a motion without torque. In the effort's own unit."""
-MIN_STEP_LENGTH_RAD: Final = 1e-6
-"""Minimum length of motion between two frames, in rad, by which angle differences are divided in
-smoothing, to avoid a division by zero."""
 DISTANCE_WEIGHT: Final = 0.03
 """Radians of hinge rotation that count as much as a displacement of a module by one pitch, where
 smoothing measures the length of a motion that it shortens. As in playbacks."""
@@ -193,7 +174,7 @@ class _Smoothing:
         self.given = angles
         found = self._swept(angles)
         self.margin = found.clearance
-        self.bound = min(found.bound, MIN_PROVED_BOUND_PITCH)
+        self.bound = min(found.bound, 1e-9)  # just above 0, because of rounding
         length = float(self._measured(angles)[0].sum())
         self.spacing = spacing_of(length)
         self.torque_weight = 0.0
@@ -204,7 +185,8 @@ class _Smoothing:
         if len(best) < MIN_PART_FRAMES:
             return best
         lengths, costs = self._measured(best)
-        unit = costs.sum() / max(float(self._efforts(best, lengths).sum()), MIN_EFFORT)
+        # no division by 0
+        unit = costs.sum() / max(float(self._efforts(best, lengths).sum()), 1e-9)
         if calm:
             best = self._without_detours(best)
         whole = self.most_looks
@@ -217,7 +199,8 @@ class _Smoothing:
     def _without_detours(self, angles: Array) -> Array:
         """Return the (F, J) motion with hinges between their first and last angle, where clear."""
         everywhere = np.ones(len(angles), dtype=np.bool_)
-        target = mean(direct(angles), CALM_PARTS)
+        # so that hinges do not stop suddenly: docs/decisions/0034-calm-motion.md
+        target = mean(direct(angles), 12)
         motion = self._followed(angles, target, everywhere, inf)
         return angles if motion is None else self._refined(motion)
 
@@ -367,7 +350,7 @@ class _Smoothing:
         ``planner.playback.time_scaling``, so a place is passed at 1 / √|b|. Rates along the length
         are those of parabolas through frames.
         """
-        spans = np.maximum(lengths, MIN_STEP_LENGTH_RAD)[:, None]
+        spans = np.maximum(lengths, 1e-6)[:, None]  # no division by 0
         slopes = np.diff(angles, axis=0) / spans
         rates = np.concatenate([slopes[:1], slopes])
         bends = np.zeros_like(angles)
@@ -400,7 +383,7 @@ class _Smoothing:
             return angles[[0, -1]]
         even = np.linspace(0.0, lengths[-1], count + 1)
         places = even
-        for _ in range(MAX_RESAMPLINGS):
+        for _ in range(6):
             found = along(angles, lengths, places)
             between = self._blamed(0.5 * (found[:-1] + found[1:]), slack=0.0)
             close: Flags = between.max(axis=1)
@@ -430,4 +413,4 @@ class _Smoothing:
 
     def _clear(self, found: Sweep) -> bool:
         """Return True if a motion is as clear as the given one, and proved without contact."""
-        return found.clearance >= self.margin - MARGIN_ROUNDING_PITCH and found.bound >= self.bound
+        return found.clearance >= self.margin - 1e-9 and found.bound >= self.bound  # rounding

@@ -12,10 +12,6 @@ FADE_FRAMES: Final = 3
 """Half width, in frames, of the averaging filters by which the effect of smoothing fades in at the
 start of a changed section of a motion, and out at its end; each takes about twice as many
 frames."""
-MIN_TARGET_WEIGHT: Final = 1e-9
-"""Minimum weight, from 0 to 1, by which smoothing moves a frame towards a straight line or an
-average. Smaller weights count as 0: they are rounding errors of the running sums that compute the
-fading."""
 
 
 def parts(frames: int, pieces: int, rng: np.random.Generator) -> Ints:
@@ -87,7 +83,7 @@ def softened(shares: Array) -> Array:
         low = uniform_filter1d(low, 2 * FADE_FRAMES + 1, axis=0)
     # A running sum leaves traces of what has passed.
     low = np.where(
-        low[FADE_FRAMES:-FADE_FRAMES] < MIN_TARGET_WEIGHT,
+        low[FADE_FRAMES:-FADE_FRAMES] < 1e-9,  # rounding errors of the running sums
         0.0,
         np.minimum(low[FADE_FRAMES:-FADE_FRAMES], shares),
     )

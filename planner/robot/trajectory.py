@@ -17,15 +17,6 @@ from foldback.planner.arrays import Array
 FRAMES_FILE: Final = "frames.npy"
 REST_FILE: Final = "rest.npz"
 Indices = NDArray[np.int64]
-CELLS_PER_PIECE: Final = 2
-"""Number of grid intervals, in the computation of the fastest timing of a motion along its path,
-for each straight piece of the path and each half of a rounded corner. Measured."""
-MIN_PATH_CELLS: Final = 200
-"""Approximate minimum number of grid intervals in the computation of the fastest timing of a motion
-along its whole path, so that paths of few frames get a fine grid as well."""
-MIN_PIECE_SHARE: Final = 1e-6
-"""Minimum length of a straight piece between two blended corners of a path, as a fraction of the
-step between frames; a shorter one is rounding and is left out."""
 CORNERS_AT_ONCE: Final = 256
 """Number of corners of a path that are blended in one NumPy call. Larger values take more memory
 (all of a long chain's would take a gibibyte); the result is the same."""
@@ -187,14 +178,14 @@ class CutPath:
             [np.abs(b - a).max() for a, b in zip(frames[:-1], frames[1:], strict=True)]
         )
         places = np.concatenate([[0.0], np.cumsum(lengths)])
-        count = max(CELLS_PER_PIECE, -(-MIN_PATH_CELLS // len(lengths)))
+        count = max(2, -(-200 // len(lengths)))  # paths of few frames get a fine grid, too
         reach = np.zeros(len(frames))
         reach[1:-1] = 0.5 * np.minimum(lengths[1:], lengths[:-1])
         ends: list[Array] = [np.zeros(1)]
         cells: list[tuple[int, int, int, float]] = []
 
         def piece(step: float, to: float, *cell: float) -> None:
-            if to - ends[-1][-1] > MIN_PIECE_SHARE * step:
+            if to - ends[-1][-1] > 1e-6 * step:  # else rounding
                 ends.append(np.linspace(ends[-1][-1], to, count + 1)[1:])
                 cells.extend([cell] * count)  # pyright: ignore[reportArgumentType]
 

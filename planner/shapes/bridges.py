@@ -11,13 +11,6 @@ from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Flags, Ints
 
-MAX_BRIDGES: Final = 64
-"""Maximum number of separate parts of a shape that are connected to the largest part by bridges of
-cells; further parts are dropped."""
-MIN_PART_SHARE: Final = 0.005
-"""Minimum size of a separate part of a shape, as a fraction of all its cells; a smaller part is
-dropped as a speck rather than connected by a bridge."""
-
 Cell = tuple[int, int, int]
 FACE_STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
@@ -59,9 +52,9 @@ def bridged(cells: Flags, filled: Array) -> Bridged:
     if len(sizes) == 1:
         return Bridged(cells=cells, parts=1, added=0, dropped=0)
     main = int(np.argmax(sizes)) + 1
-    least = max(2.0, MIN_PART_SHARE * float(sizes.sum()))
+    least = max(2.0, 0.005 * float(sizes.sum()))  # smaller parts are specks
     order = np.argsort(-sizes, kind="stable") + 1
-    wanted = {int(p) for p in order[: MAX_BRIDGES + 1] if p != main and sizes[p - 1] >= least}
+    wanted = {int(p) for p in order[: 64 + 1] if p != main and sizes[p - 1] >= least}
     joined = numbers == main
     added = 0
     for end, came_from in _ways(numbers, filled, main, wanted) if wanted else ():

@@ -2,22 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array
 
 Faces = NDArray[np.int64]
-
-GRID_COARSENING: Final = 1.25
-"""Factor by which the grid to which vertices are merged gets coarser in each round of decimating a
-mesh."""
-MAX_COARSENINGS: Final = 40
-"""Maximum number of rounds of decimating a mesh. The grid to which vertices are merged is then
-1.25⁴⁰ ≈ 7500 times coarser, so that no triangle remains and the number of triangles is certainly
-low enough."""
 
 
 def decimated(vertices: Array, faces: Faces, *, most: int) -> tuple[Array, Faces]:
@@ -36,11 +26,11 @@ def decimated(vertices: Array, faces: Faces, *, most: int) -> tuple[Array, Faces
     low = vertices.min(axis=0)
     size = float((vertices.max(axis=0) - low).max())
     cells = max(4.0, 2.0 * np.sqrt(most / 4.0))
-    for _ in range(MAX_COARSENINGS):
+    for _ in range(40):  # at last the grid is 7500 times coarser, and no triangle remains
         fewer = _merged(vertices, faces, low, size / cells if size > 0 else 1.0)
         if len(fewer[1]) <= most:
             return fewer
-        cells /= GRID_COARSENING
+        cells /= 1.25
     return vertices[:0], faces[:0]
 
 

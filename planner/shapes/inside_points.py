@@ -18,9 +18,6 @@ from foldback.planner.shapes.orientations import main_axes
 from foldback.planner.shapes.solid import Solid, signed_volume
 from foldback.planner.shapes.solid_sampling import Sampling, enclosed_volume, grid_of, sample
 
-INSIDE_POINTS: Final = 100_000
-"""Usual number of points. They measure the overlap (IoU, 0 to 1) of a solid with a few hundred
-modules to about 0.002."""
 MAX_TURNED_SAMPLES: Final = 6_000_000
 """Maximum number of samples of the grid. Solids that fill little of their bounding box get fewer
 points."""
@@ -51,7 +48,7 @@ class InsidePoints:
         )
 
 
-def inside_points(solid: Solid, *, count: int = INSIDE_POINTS) -> InsidePoints:
+def inside_points(solid: Solid, *, count: int = 100_000) -> InsidePoints:
     """Spread about ``count`` points evenly in a solid, all of its bodies.
 
     Raises:

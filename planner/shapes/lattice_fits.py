@@ -50,37 +50,15 @@ BASE_CELL_SAMPLES: Final = 4
 numbers are multiples or half of it."""
 SMALL_CELL_SAMPLES: Final = 8
 """Number of points along a cell's edge at which small solids (few samples in all) are sampled."""
-MAX_CELL_SAMPLES: Final = 16
-"""Maximum number of points along a cell's edge at which solids with thin walls are sampled."""
-MAX_SMALL_SAMPLES: Final = 250_000
-"""Maximum number of samples in a solid's bounding box for which a cell's edge gets the larger
-number of samples for small solids."""
-MAX_FINE_SAMPLES: Final = 2_000_000
-"""Maximum number of samples in a solid's bounding box for which solids with thin walls get more
-samples per cell."""
-MAX_FINER_SAMPLES: Final = 3_000_000
-"""Maximum number of samples in a solid's bounding box for which the overlap of cells and solid is
-measured with twice the samples per edge."""
 MAX_FULL_EDGE_SAMPLES: Final = 8_000_000
 """Maximum number of samples in a solid's bounding box with the usual number of samples along a
 cell's edge. Beyond it, an edge gets half as many; a pitch that needs more than twice this number
 even then is not tried."""
 MIN_THICKNESS_SAMPLES: Final = 2.0
 """Minimum number of samples across a solid's mean wall thickness."""
-BODY_SAMPLES: Final = 1_000_000
-"""Approximate number of samples in a solid's bounding box with which its separate bodies are
-counted."""
-MAX_BODY_SAMPLES: Final = 4_000_000
-"""Maximum number of samples in a solid's bounding box with which the separate bodies of a thin
-solid are counted."""
 WELD_TOLERANCE_SHARE: Final = 0.12
 """Distance up to which vertices of a large mesh are merged before it is sampled, as a fraction of
 the pitch (a cell's size)."""
-MIN_WELDED_TRIANGLES: Final = 20_000
-"""Minimum number of triangles of a mesh whose close vertices are merged before it is sampled."""
-MAX_STORED_BYTES: Final = 64 << 20
-"""Maximum size, in bytes, of the samplings of a solid that are cached while cells are fitted to it;
-further ones are computed again."""
 
 OffsetThreshold = tuple[int, int, int, int]
 
@@ -196,9 +174,9 @@ class Ladder:
         # A long thin solid that lies askew fits only when it is turned.
         boxes = [float(np.prod(extents)) for extents in self.extents]
         turn = int(np.argmin(boxes))
-        edge = max(float(np.cbrt(boxes[turn] / BODY_SAMPLES)), self.thickness / 6.0)
+        edge = max(float(np.cbrt(boxes[turn] / 1_000_000)), self.thickness / 6.0)
         edge = min(edge, self.thickness / MIN_THICKNESS_SAMPLES)
-        while float(np.prod(grid_of(self.extents[turn], 2.0 * edge, 2))) > MAX_BODY_SAMPLES:
+        while float(np.prod(grid_of(self.extents[turn], 2.0 * edge, 2))) > 4_000_000:
             edge *= 1.25
         sampling = sample(self.solid, pitch=2.0 * edge, size=2, rotation=self.turns[turn])
         numbers, sizes = parts_of(sampling.inside)
@@ -259,13 +237,10 @@ class Ladder:
         thin = BASE_CELL_SAMPLES * int(
             np.ceil(min(MIN_THICKNESS_SAMPLES * pitch / self.thickness, 1e3) / BASE_CELL_SAMPLES)
         )
-        size = min(max(thin, BASE_CELL_SAMPLES), MAX_CELL_SAMPLES)
-        while size > BASE_CELL_SAMPLES and self.samples(turn, pitch, size) > MAX_FINE_SAMPLES:
+        size = min(max(thin, BASE_CELL_SAMPLES), 16)
+        while size > BASE_CELL_SAMPLES and self.samples(turn, pitch, size) > 2_000_000:
             size -= BASE_CELL_SAMPLES
-        if (
-            size < SMALL_CELL_SAMPLES
-            and self.samples(turn, pitch, SMALL_CELL_SAMPLES) <= MAX_SMALL_SAMPLES
-        ):
+        if size < SMALL_CELL_SAMPLES and self.samples(turn, pitch, SMALL_CELL_SAMPLES) <= 250_000:
             return SMALL_CELL_SAMPLES
         if size == BASE_CELL_SAMPLES and self.samples(turn, pitch, size) > MAX_FULL_EDGE_SAMPLES:
             size = BASE_CELL_SAMPLES // 2
@@ -311,7 +286,7 @@ class Ladder:
             offset=sampling.offset,
             crossed=sampling.crossed,
         )
-        if not exact and self._stored + grid.parts.nbytes <= MAX_STORED_BYTES:
+        if not exact and self._stored + grid.parts.nbytes <= 64 << 20:  # 64 MiB
             self._stored += grid.parts.nbytes
             self._grids[key] = grid
         return grid
@@ -325,7 +300,7 @@ class Ladder:
             joined = bridged(
                 sums >= fit.thresholds[offset_threshold[3]], sums / float(grid.size**3)
             )
-            finer = self.finer(fit.turn, fit.pitch, MAX_FINER_SAMPLES)
+            finer = self.finer(fit.turn, fit.pitch, 3_000_000)
             fine = self.grid(fit.turn, fit.pitch, finer)
             self._made[key] = FittedCells(
                 turn=fit.turn,
@@ -344,7 +319,7 @@ class Ladder:
 
     def _roughened(self, pitch: float) -> tuple[int, Solid]:
         """Return a level and the solid, with close vertices merged if it is large."""
-        if len(self.solid) < MIN_WELDED_TRIANGLES or not self.solid.closed:
+        if len(self.solid) < 20_000 or not self.solid.closed:
             return 0, self.solid
         level = int(np.floor(2.0 * np.log2(pitch / self._base)))
         if level not in self._rough:

@@ -18,10 +18,6 @@ from scipy.sparse.csgraph import minimum_spanning_tree
 from foldback.planner.arrays import Flags, Ints
 from foldback.planner.shapes.bridges import parts_of
 
-LAYER_TRIALS: Final = 4
-"""Number of random trials to find a path through a shape of 2×2×2 blocks layer by layer: in each, a
-path around a random spanning tree of a layer's blocks is made, and the paths of all layers are
-joined."""
 ROUND_STEPS: Final = ((1, 0), (0, 1), (-1, 0), (0, -1))
 """A path through a layer goes round a tree of 2×2 squares. Step (x, y), in cells, from each cell of
 a square (in the order of ``SQUARE_CORNERS``) to the next cell of the same square."""
@@ -52,7 +48,7 @@ def layered_path(coarse: Ints, axis: int, rng: np.random.Generator) -> Ints | No
     layers = [coarse[coarse[:, axis] == height][:, across] for height in heights.tolist()]
     if len(heights) != extents[axis] + 1:
         return None
-    for _ in range(LAYER_TRIALS):
+    for _ in range(4):
         cycles: list[dict[Cell, Cell]] = []
         for layer in layers:
             cycle = _cycle(layer, rng)

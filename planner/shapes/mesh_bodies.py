@@ -23,21 +23,6 @@ another one, to tell cavities from solids."""
 PROBE_WEIGHTS: Final = np.array([0.4142, 0.3183, 0.2675])
 """Weights of a triangle's three corners in the point at which the triangle is tested for lying
 inside another body: irregular, so that a ray from the point meets no edge of a regular mesh."""
-PROBE_DEPTH_SHARE: Final = 1e-7
-"""Depth below a triangle of the point at which it is tested for lying inside another body, as a
-fraction of the mesh's size, so that touching walls are told apart."""
-MAX_CONTAINERS: Final = 1000
-"""Maximum number of a mesh's bodies, the largest first, that are tested for containing others, to
-find cavities."""
-MAX_POINT_TESTS: Final = 10_000_000
-"""Maximum number of tests of a point against a triangle when cavities of a mesh are searched, about
-two seconds. Beyond it bodies keep the orientation in the file."""
-TESTS_AT_ONCE: Final = 1 << 20
-"""Number of tests of a point against a triangle in one NumPy call when cavities of a mesh are
-searched."""
-MAX_GRID_COLUMNS: Final = 512
-"""Maximum number of columns along each side of the grid that finds a mesh's triangles above and
-below a point."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -346,8 +331,8 @@ def _containers(mesh: _Bodies, said: Array) -> Ints:
     """
     inside = np.zeros(len(mesh.volumes), dtype=np.int64)
     sizes = np.abs(mesh.volumes)
-    tests = MAX_POINT_TESTS
-    for outer in np.argsort(-sizes, kind="stable")[:MAX_CONTAINERS].tolist():
+    tests = 10_000_000  # about two seconds
+    for outer in np.argsort(-sizes, kind="stable")[:1000].tolist():
         within = (mesh.low >= mesh.low[outer]).all(axis=1)
         within &= (mesh.high <= mesh.high[outer]).all(axis=1)
         within &= mesh.filled & (sizes < sizes[outer])
@@ -381,7 +366,7 @@ def _probes(mesh: _Bodies, bodies: Ints) -> tuple[Ints, Array]:
     a, b, c = corners.transpose(1, 0, 2)
     normals = np.cross(b - a, c - a) * np.sign(mesh.volumes[owners])[:, None]
     lengths = np.maximum(np.linalg.norm(normals, axis=1), np.finfo(float).tiny)
-    depth = PROBE_DEPTH_SHARE * float(np.ptp(mesh.points, axis=0).max())
+    depth = 1e-7 * float(np.ptp(mesh.points, axis=0).max())  # tells touching walls apart
     return owners, np.einsum("k,pki->pi", PROBE_WEIGHTS, corners) - depth * normals / lengths[
         :, None
     ]
@@ -402,7 +387,7 @@ def _crossings(triangles: Array, probes: Array, most: int) -> tuple[Flags, int] 
     low, high = flat.min(axis=1), flat.max(axis=1)
     corner = low.min(axis=0)
     extent = np.maximum(high.max(axis=0) - corner, np.finfo(float).tiny)
-    side = int(np.clip(np.sqrt(len(flat)), 1, MAX_GRID_COLUMNS))
+    side = int(np.clip(np.sqrt(len(flat)), 1, 512))
     while True:
         first, last = (
             np.clip(((places - corner) / extent * side).astype(np.int64), 0, side - 1)
@@ -429,7 +414,7 @@ def _crossings(triangles: Array, probes: Array, most: int) -> tuple[Flags, int] 
     start = 0
     while start < len(probes):
         done = int(ends[start - 1]) if start else 0
-        stop = max(start + 1, int(np.searchsorted(ends, done + TESTS_AT_ONCE)))
+        stop = max(start + 1, int(np.searchsorted(ends, done + (1 << 20))))
         some = counts[start:stop]
         probe = np.repeat(np.arange(start, stop), some)
         step = np.arange(len(probe)) - np.repeat(np.cumsum(some) - some, some)

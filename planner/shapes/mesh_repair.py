@@ -3,25 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Ints
-
-MAX_LOOSE_EDGES: Final = 100_000
-"""Maximum number of loose edges (edges of only one triangle) of a mesh whose holes are closed; a
-mesh with more stays open."""
-SAMPLED_EDGES: Final = 20_000
-"""Approximate number of edges of a large mesh by whose triangles a surface is told from scattered
-triangles, without joining the whole mesh."""
-MAX_ODD_SHARE: Final = 2 / 3
-"""Maximum fraction of a large mesh's edges that belong to an odd number of triangles (a closed
-surface has none); a mesh with more is refused as scattered triangles."""
-MAX_EDGE_TRIANGLES: Final = 3.0
-"""Maximum mean number of triangles at an edge of a large mesh (a closed surface has 2); a mesh with
-more is refused as scattered triangles."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,7 +69,7 @@ def is_surface(points: Array, faces: Ints) -> bool:
     only the edges with some of the hashes are counted.
     """
     mixed = _mixed(points + 0.0)
-    modulus = np.uint64(max(1, 3 * len(faces) // SAMPLED_EDGES))
+    modulus = np.uint64(max(1, 3 * len(faces) // 20_000))
     sampled_keys: list[NDArray[np.uint64]] = []
     with np.errstate(over="ignore"):
         for a, b in ((0, 1), (1, 2), (2, 0)):
@@ -93,7 +79,8 @@ def is_surface(points: Array, faces: Ints) -> bool:
     _, counts = np.unique(np.concatenate(sampled_keys), return_counts=True)
     if not len(counts):
         return True
-    return bool((counts % 2).mean() <= MAX_ODD_SHARE and counts.mean() <= MAX_EDGE_TRIANGLES)
+    # A closed surface has no odd edges, and two triangles at each.
+    return bool((counts % 2).mean() <= 2 / 3 and counts.mean() <= 3.0)
 
 
 def welded(
@@ -152,7 +139,7 @@ def closed_holes(points: Array, faces: Ints, edges: Edges) -> Closed:
 
 def _loops(loose: Ints) -> list[Ints]:
     """Return the rims of holes, split so that each passes its vertices once."""
-    if len(loose) > MAX_LOOSE_EDGES:
+    if len(loose) > 100_000:
         return []
     ahead: dict[int, list[int]] = {}
     for start, end in loose.tolist():

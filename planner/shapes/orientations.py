@@ -3,21 +3,12 @@
 from __future__ import annotations
 
 from itertools import permutations, product
-from typing import Any, Final, cast
+from typing import Any, cast
 
 import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.shapes.solid import Solid
-
-RANDOM_ORIENTATIONS: Final = 3
-"""Number of random orientations of a solid relative to the lattice of cells that are tried in
-addition to those of its axes."""
-SAME_ORIENTATION_RAD: Final = 0.05
-"""Angle, in rad, between two orientations of a solid, below which only one of them is tried."""
-MAX_AXES_VERTICES: Final = 20_000
-"""Approximate maximum number of a solid's vertices from which its main axes are computed; of larger
-meshes a sample is taken."""
 
 
 def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Array, ...]:
@@ -28,17 +19,17 @@ def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Array, ...]:
     rotations: list[Array] = [np.eye(3)]
     wanted = [main_axes(solid)]
     wanted += [about_axis(axis, np.pi / 4) for axis in (2, 0, 1)]
-    wanted += [_random(rng) for _ in range(RANDOM_ORIENTATIONS)]
+    wanted += [_random(rng) for _ in range(3)]
     for rotation in wanted:
         nearest = _nearest_to_upright(rotation)
-        if all(_apart(nearest, other) > SAME_ORIENTATION_RAD for other in rotations):
+        if all(_apart(nearest, other) > 0.05 for other in rotations):  # rad
             rotations.append(nearest)
     return tuple(rotations)
 
 
 def main_axes(solid: Solid) -> Array:
     """Return the (3, 3) rotation that lays the main axes of a solid along x, y and z."""
-    points = solid.vertices[:: max(1, len(solid.vertices) // MAX_AXES_VERTICES)]
+    points = solid.vertices[:: max(1, len(solid.vertices) // 20_000)]
     spread = np.cov((points - points.mean(axis=0)).T / solid.extents.max())
     _, axes = np.linalg.eigh(spread)
     rotation = axes.T

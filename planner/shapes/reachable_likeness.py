@@ -23,8 +23,6 @@ CELL_POINTS: Final = 32
 """Number of points for each cell by which its filled share is estimated."""
 MAX_POINTS: Final = 60_000
 """Maximum number of points; of very many cells each has fewer."""
-BAND: Final = 4.0
-"""Ratio of the numbers of cells for which the same points are used."""
 COUNT_STEPS: Final = (1.15, 1.3)
 """Ratio of two numbers of cells that are tried one after the other: of few, and of many."""
 SHIFT_STEP: Final = (0.8192, 0.6710, 0.5497)
@@ -78,7 +76,7 @@ def cells_reaching(solid: Solid, uses: Sequence[CellUse]) -> tuple[dict[float, i
         if not open_uses:
             return reached
         if count > known and len(inside.points) < MAX_POINTS / 2:
-            known = BAND * count
+            known = 4.0 * count
             inside = inside_points(solid, count=int(min(CELL_POINTS * known, MAX_POINTS)))
         is_large = count > MANY_CELLS
         some = (inside.points - inside.points.min(axis=0)) / np.cbrt(inside.volume / count)

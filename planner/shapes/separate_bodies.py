@@ -19,11 +19,6 @@ largest body alone; smaller ones are specks, and remain beside it."""
 MAX_CROSSED_SHARE: Final = 0.001
 """Maximum share of a solid's inside samples that its surface encloses more than once for volumes to
 be computed from the surface, and for the surface not to count as crossing itself."""
-PROBE_DEPTH_SAMPLES: Final = 0.75
-"""Depth below a triangle, in samples, of the point that tells which body the triangle belongs
-to."""
-EQUAL_SHARES: Final = 1e-6
-"""Maximum difference of the shares of two bodies that count as equally large."""
 MAX_BODY_POINTS: Final = 256
 """Maximum number of points by which a body is found among the cells."""
 MAX_LISTED_SHARES: Final = 6
@@ -80,7 +75,7 @@ def _from_surface(
     parts = np.einsum("ij,ij->i", a - centre, np.cross(b - centre, c - centre)) / 6.0
     volumes = np.bincount(patch, weights=parts)
     lengths = np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
-    depth = PROBE_DEPTH_SAMPLES * sampling.pitch / sampling.size
+    depth = 0.75 * sampling.pitch / sampling.size
     body = _majority(patch, numbers[_at(sampling, (a + b + c) / 3.0 - depth * normals / lengths)])
     # What is finer than the samples is a body of its own; small cavities are of the largest body.
     lost = np.flatnonzero(body == 0)
@@ -148,7 +143,7 @@ def bodies_note(shares: list[float], unused: list[float]) -> str:
         listed.append(f"{len(more)} more with {percent(sum(more))} together")
     told = listed[0] if len(listed) == 1 else f"{', '.join(listed[:-1])} and {listed[-1]}"
     if len(unused) == len(shares) - 1:
-        word = "the largest" if shares[0] >= max(shares) - EQUAL_SHARES else "one"
+        word = "the largest" if shares[0] >= max(shares) - 1e-6 else "one"
         return (
             f"the mesh has {len(shares)} separate bodies; only {word}, with "
             f"{percent(shares[0])} of the volume, is used; {told} "

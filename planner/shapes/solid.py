@@ -20,13 +20,8 @@ MAX_VERTEX_COORDINATE: Final = 1e9
 larger one is refused as damaged."""
 MIN_THICKNESS_SHARE: Final = 1e-6
 """Minimum ratio of a mesh's smallest to its largest extent; a mesh below it is refused as flat."""
-WELD_TOLERANCE: Final = 1e-5
-"""Maximum distance of vertices that are merged to close an open mesh, as a fraction of its size."""
 MAX_LOOSE_TRIANGLES: Final = 200_000
 """Maximum number of triangles of a mesh whose vertices are joined without a test."""
-MIN_NOTED_HOLE_SHARE: Final = 1e-12
-"""Minimum area of closed holes, as a fraction of the surface, that a note reports. Holes with less
-are lines, which triangles without area leave behind."""
 MIN_BOX_SHARE: Final = 0.97
 """Minimum share of its bounding box that a solid fills to count as a box."""
 TRIANGLE_CHUNK: Final = 1 << 17
@@ -224,7 +219,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
                 points, corners, edges = every_point, every_corner, every
     if edges.open and (len(corners) <= MAX_LOOSE_TRIANGLES or not edges.scattered):
         loose_points, loose_corners = welded(
-            points, corners, tolerance=WELD_TOLERANCE * float(solid.extents.max())
+            points, corners, tolerance=1e-5 * float(solid.extents.max())
         )
         loose = edges_of(loose_corners) if len(loose_corners) else edges
         if loose.open < edges.open:
@@ -235,7 +230,8 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
     if edges.open:
         closed = closed_holes(points, corners, edges)
         # A triangle without area that was left out leaves a hole without area.
-        if closed.holes and closed.share > MIN_NOTED_HOLE_SHARE:
+        # smaller ones are lines, which triangles without area leave behind
+        if closed.holes and closed.share > 1e-12:
             word, its = ("hole was", "its") if closed.holes == 1 else ("holes were", "their")
             share = (
                 f"; {its} area is {100 * closed.share:.0f} % of the surface of the closed mesh"

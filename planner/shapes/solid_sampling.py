@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -11,13 +10,6 @@ from foldback.planner.arrays import Array, Flags, Ints
 from foldback.planner.errors import InputError
 from foldback.planner.kernels.crossings import fill_by_winding, mark_crossings, vote_by_parity
 from foldback.planner.shapes.solid import Solid, signed_volume
-
-MAX_GRID_SAMPLES: Final = 48_000_000
-"""Maximum number of points of a grid at which a solid is sampled for being inside; a finer grid is
-refused."""
-MIN_VOTES: Final = 2
-"""Minimum number of axes, of three, along which a ray from a sample crosses the surface an odd
-number of times, for the sample to count as inside. The majority tolerates small holes of a mesh."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,7 +92,7 @@ def sample(
     low, high = (turned.min(axis=0), turned.max(axis=0)) if bounds is None else bounds
     middle = (low + high) / 2.0
     shape = grid_of(high - low, pitch, size)
-    if float(np.prod(shape.astype(np.float64))) > MAX_GRID_SAMPLES:
+    if float(np.prod(shape.astype(np.float64))) > 48_000_000:
         raise too_fine(pitch, high - low)
     scale = size / pitch
     # What is equal but for rounding shall fall on the same side of every sample.
@@ -123,7 +115,7 @@ def sample(
             others = np.zeros(marks.shape, dtype=np.int8)
             vote_by_parity(marks, others)
             votes += others.transpose(np.argsort(order))
-        inside = votes >= MIN_VOTES
+        inside = votes >= 2  # the majority of three axes tolerates small holes
     return Sampling(
         inside=inside,
         size=size,

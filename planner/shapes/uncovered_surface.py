@@ -13,15 +13,8 @@ from foldback.planner.arrays import Array, Flags, Ints
 DEPTH_PITCH: Final = 0.25
 """Depth below the surface at which a module must be, in pitches, for the surface to count as
 covered."""
-MAX_CUT_TRIANGLES: Final = 60_000
-"""Number of triangles from which no more are cut."""
 ON_PLANE: Final = 1e-6
 """Distance in units of the planes' spacing below which a corner counts as on a plane."""
-MIN_PIECE_AREA: Final = 1e-9
-"""Area below which a cut-off piece is dropped, in square pitches."""
-LIFT_PITCH: Final = 0.01
-"""Distance by which the result is lifted off the surface, in pitches, so that it is drawn in front
-of it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -65,7 +58,7 @@ def uncovered_surface(
     covered = np.zeros(len(triangles), dtype=np.bool_)
     for depth in depths:
         covered |= modules.is_covered(middles - depth * normals)
-    return triangles[~covered] + LIFT_PITCH * normals[~covered, None]
+    return triangles[~covered] + 0.01 * normals[~covered, None]
 
 
 def _cut(triangles: Array, modules: ModuleRegions) -> tuple[Array, Ints]:
@@ -75,7 +68,7 @@ def _cut(triangles: Array, modules: ModuleRegions) -> tuple[Array, Ints]:
     """
     origin = np.arange(len(triangles))
     for normal in modules.normals:
-        while len(triangles) < MAX_CUT_TRIANGLES:
+        while len(triangles) < 60_000:
             heights = triangles @ normal + modules.offset
             low = np.floor(heights.min(axis=1) + ON_PLANE)
             high = np.ceil(heights.max(axis=1) - ON_PLANE)
@@ -87,7 +80,7 @@ def _cut(triangles: Array, modules: ModuleRegions) -> tuple[Array, Ints]:
             origin = np.concatenate([origin[~crossed], np.tile(origin[crossed], 3)])
             triangles = np.concatenate([triangles[~crossed], pieces])
             sides = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
-            has_area = (sides**2).sum(axis=1) > (2.0 * MIN_PIECE_AREA) ** 2
+            has_area = (sides**2).sum(axis=1) > (2.0 * 1e-9) ** 2  # square pitches
             triangles, origin = triangles[has_area], origin[has_area]
     return triangles, origin
 

@@ -31,16 +31,9 @@ count as equally good."""
 UPRIGHT_BONUS: Final = 0.02
 """Score (as overlap with the solid, IoU from 0 to 1) that a voxelisation in the file's own
 orientation gets in addition."""
-MIN_LAYERED_CELLS: Final = 75
-"""Minimum number of cells (75 blocks of 2×2×2 modules, 600 modules) for which voxelisations with
-connected layers are preferred, because long chains through such shapes are easier to unfold."""
 LAYERED_LOSS: Final = 0.02
 """Score (overlap with the solid, IoU from 0 to 1) by which a voxelisation with connected layers may
 be worse and still be preferred, because it unfolds more easily."""
-OFFER_LOSSES: Final = (0.03, 0.1, 0.3, 1.0)
-"""Scores (overlap with the solid, IoU from 0 to 1) by which a voxelisation with another number of
-modules may be worse than the chosen one and still be offered; tried in this order until one is
-found."""
 OTHER_PITCHES: Final = {False: (1.08, 1.25), True: (0.93, 0.8)}
 """Factors on the chosen pitch (a cell's size) at which voxelisations with more modules (True) or
 fewer (False) are searched, to offer other numbers. Factors farther from 1 offer more distant
@@ -52,15 +45,6 @@ MAX_OFFER_FACTOR: Final = 2.5
 """When a solid is divided into modules, other numbers of modules that also fit it well are offered
 to the user. This is the largest ratio, upwards or downwards, of an offered number to the nearest
 one that could be offered."""
-MAX_OFFERS_TRIED: Final = 8
-"""Maximum number of promising numbers of modules, above and below the chosen one each, for which a
-solid is voxelised in full, until one is found that is offered to the user as an alternative."""
-MAX_OFFER_COUNTS: Final = 400
-"""Maximum number of different numbers of modules, above and below the chosen one each, whose
-estimated fit to the solid is compared to offer the user an alternative."""
-MAX_FIT_SAMPLES: Final = 1.2e8
-"""Maximum number of samples, points at which a solid is sampled to fit cells to it, of all fits
-that are tried for one number of modules."""
 MIN_FITS: Final = 10
 """Minimum number of fits (cell sizes and orientations of the solid) that are tried for one number
 of modules, however large the solid is."""
@@ -74,9 +58,6 @@ are voxelised and compared."""
 PITCHES_PER_SIDE: Final = 4
 """Number of cell sizes (pitches), 1.25 % apart, that are tried on either side of the one that is
 estimated to give the requested number of modules."""
-WIDE_STEPS: Final = range(-16, 17, 2)
-"""Cell sizes that are tried if none near the estimate gives about the requested number of modules,
-as numbers of steps of 1.25 % from the estimated size."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -184,7 +165,7 @@ class Chooser:
         if made is None or not _near(made.count, cells):
             for turn in range(len(ladder.turns)):
                 step = ladder.step(ladder.pitch_for(cells))
-                pitches = [ladder.pitch_of(step + wide) for wide in WIDE_STEPS]
+                pitches = [ladder.pitch_of(step + wide) for wide in range(-16, 17, 2)]
                 self._visit_all(turn, pitches, visited, most)
             made = self._best(visited.values(), cells)
         assert made is not None
@@ -192,7 +173,7 @@ class Chooser:
 
     def _most(self, cells: int) -> int:
         work = self.ladder.work(0, self.ladder.pitch_for(cells))
-        return int(np.clip(MAX_FIT_SAMPLES / max(work, 1.0), MIN_FITS, MAX_FITS))
+        return int(np.clip(1.2e8 / max(work, 1.0), MIN_FITS, MAX_FITS))
 
     def _visit(self, turn: int, pitch: float, visited: dict[tuple[int, float], LatticeFit]) -> bool:
         fit = self.ladder.fit(turn, pitch)
@@ -241,7 +222,7 @@ class Chooser:
             if found:
                 most = max(_worth(made, cells) for made in found)
                 good_ones = [m for m in found if _worth(m, cells) >= most - SCORE_TOLERANCE]
-                if cells >= MIN_LAYERED_CELLS:
+                if cells >= 75:  # 600 modules: such long chains are easier to unfold
                     more = entries.first(by_score, 24 if many else 6, each=4)
                     layered = [
                         made
@@ -272,7 +253,7 @@ class Chooser:
         got = choice.made.count
         # What comes nearer than what was made would belie it.
         limit = max(got + 1, 2 * cells - got) if above else min(got - 1, 2 * cells - got)
-        most = MAX_OFFERS_TRIED if self._most(cells) >= THOROUGH_FROM_FITS else 2
+        most = 8 if self._most(cells) >= THOROUGH_FROM_FITS else 2
         for count in islice(self._likely(choice, limit, above=above), most):
             held = self._held(count, limit, above=above, most=2)
             if held is not None:
@@ -311,9 +292,9 @@ class Chooser:
         np.maximum.at(kept, which, entries.scores)
         rows = np.unique(which[beyond & far])
         said: set[int] = set()
-        for slack in OFFER_LOSSES:
+        for slack in (0.03, 0.1, 0.3, 1.0):
             least = choice.score - SCORE_TOLERANCE - slack
-            for row in (rows if above else rows[::-1])[:MAX_OFFER_COUNTS].tolist():
+            for row in (rows if above else rows[::-1])[:400].tolist():
                 count = int(reached[row])
                 if kept[row] < least or count in said:
                     continue

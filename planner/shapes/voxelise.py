@@ -26,12 +26,6 @@ from foldback.planner.shapes.voxel_choice import Chooser
 POOR_IOU: Final = 0.5
 """Overlap of voxels and solid (IoU, 0 to 1) below which a note to the user says that the shape is
 poorly preserved."""
-MIN_IOU_GAIN: Final = 0.1
-"""Minimum gain in overlap (IoU, 0 to 1) at which a note to the user recommends a smaller number of
-modules."""
-MIN_PRESERVED_SHARE: Final = 0.7
-"""Fraction of a solid's volume in voxels below which the note about a poor overlap says that parts
-are lost; above it, the note says that cells are thicker than the solid."""
 
 
 PART_LOST_SHARE: Final = 0.005
@@ -147,7 +141,7 @@ def voxels_for(chooser: Chooser, cells: int, *, offering: bool = True) -> Voxels
     )
     at = np.array(made.offset_threshold[:3]) * (fine.size // fine.split)
     body_iou = overlap(fine, made.offset_threshold, made.joined.cells)
-    better = below is not None and chooser.choose(below).made.iou > body_iou + MIN_IOU_GAIN
+    better = below is not None and chooser.choose(below).made.iou > body_iou + 0.1
     kept = _kept(ladder, fine, made)
     laid = LaidCells(
         cells=made.joined.cells,
@@ -265,7 +259,7 @@ def _notes(ladder: Ladder, kept: Kept, body_iou: float) -> list[str]:
     notes: list[str] = []
     inside = kept.volume / ladder.share
     of_shape = "shape's volume" if ladder.share == 1.0 else "used body's volume"
-    if body_iou < POOR_IOU and inside < MIN_PRESERVED_SHARE:
+    if body_iou < POOR_IOU and inside < 0.7:
         notes.append(_volume_note(inside, kept.lost, of_shape))
     elif kept.lost > PART_LOST_SHARE:
         notes.append(

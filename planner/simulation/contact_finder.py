@@ -30,12 +30,6 @@ from foldback.planner.simulation.mujoco_models import (
     exclude,
 )
 
-SPARE_BODIES: Final = 32
-"""Number of modules, and of boxes (the folded rest of the chain), by which MuJoCo's contact model
-of a windowed playback exceeds the present need whenever it is compiled anew."""
-CONTACT_TIME_CONSTANT_STEPS: Final = 2.0
-"""Time constant of the soft contacts of simulated robots (MuJoCo's ``solref[0]``), in simulation
-steps: the smallest that MuJoCo permits for stability, hence the hardest contacts."""
 TAIL: Final = "tail"
 
 
@@ -81,7 +75,7 @@ class ContactFinder:
             boxed: Number of modules at the start that lie within boxes and touch nothing.
         """
         if modules > self._cubes or len(self._centres) > self._boxes:
-            spare = SPARE_BODIES if len(self._centres) else 0
+            spare = 32 if len(self._centres) else 0
             self._cubes = max(self._cubes, modules + spare)
             self._boxes = max(self._boxes, len(self._centres) + spare)
             self._compile()
@@ -185,7 +179,7 @@ def robot_contacts(chain: Chain, *, geom_size: float, step_s: float) -> ContactF
         geom_size: Size of the colliding modules as a fraction of the pitch.
         step_s: Time step of the robots, s.
     """
-    contact_time_constant = CONTACT_TIME_CONSTANT_STEPS * step_s
+    contact_time_constant = 2.0 * step_s  # the hardest contacts that MuJoCo permits
     return ContactFinder(
         chain, Material(geom_size=geom_size, contact_time_constant=contact_time_constant)
     )

@@ -39,9 +39,6 @@ LOCKED_ROTOR_INERTIA: Final = 1e12
 """Rotor inertia, module mass · pitch², of a hinge that its stop holds: so large that the hinge does
 not accelerate. With smaller values hinges move past their stops, with larger ones accelerations
 lose digits."""
-MAX_STOP_ITERATIONS: Final = 3
-"""Maximum number of times that a step's accelerations are computed again to find which hinges at
-their stops are held and which turn back."""
 
 
 def build_chain_model(
@@ -163,7 +160,7 @@ class Engine:
         outwards = np.sign(state.angles) * (np.abs(state.angles) >= self.stop_rad)
         locked = outwards != 0.0
         accelerations = self._locked(state, loads, locked, contacts)
-        for _ in range(MAX_STOP_ITERATIONS if locked.any() else 0):
+        for _ in range(3 if locked.any() else 0):
             wrong = ((outwards * accelerations.qdd > 0.0) != locked) & (outwards != 0.0)
             if not wrong.any():
                 break

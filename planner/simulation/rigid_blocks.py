@@ -8,7 +8,7 @@ contact: all other modules of two blocks collide.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -30,10 +30,6 @@ from foldback.planner.simulation.mujoco_models import (
     compiled,
 )
 from foldback.planner.simulation.reduced_state import Acceleration, State
-
-MAX_ACCELERATION: Final = 1e10
-"""Maximum acceleration of a hinge, rad/s², or of the chain's root, pitches/s² or rad/s²; above it
-the simulation of a chain of rigid blocks ends as diverged."""
 
 
 class Blocks:
@@ -165,7 +161,7 @@ class Blocks:
         mujoco.mj_fwdAcceleration(model, data)
         mujoco.mj_fwdConstraint(model, data)
         acceleration = data.qacc
-        if not np.isfinite(acceleration).all() or np.abs(acceleration).max() > MAX_ACCELERATION:
+        if not np.isfinite(acceleration).all() or np.abs(acceleration).max() > 1e10:  # diverged
             raise SimulationError("the accelerations became infinite or undefined.")
         hinges = np.zeros_like(state.angles)
         hinges[self.free] = acceleration[self._dofs]

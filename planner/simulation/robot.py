@@ -12,7 +12,6 @@ as a rotor inertia h² kp + h kv of the hinge, and it is stable for any stiffnes
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Final
 
 import numpy as np
 
@@ -33,10 +32,6 @@ from foldback.planner.parameters.playback import RobotParameters
 from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.engine import DetectedContacts, Engine, build_chain_model
 from foldback.planner.simulation.reduced_state import State
-
-MAX_SATURATION_ITERATIONS: Final = 8
-"""Maximum number of times that the accelerations of one simulation step are computed to find the
-motors that reach their torque limit."""
 
 
 class RobotErrors:
@@ -109,7 +104,7 @@ class RobotErrors:
         rotor_inertia = step_s * step_s * self.stiffness + step_s * self.damping
         friction = -friction_damping * state.rates
         saturated = np.zeros(count)
-        remaining = MAX_SATURATION_ITERATIONS
+        remaining = 8
         while True:
             free, remaining = saturated == 0.0, remaining - 1
             motors = np.where(free, commanded, self.limit * saturated)

@@ -39,9 +39,6 @@ BIAS_STEP_S: Final = 1e-4
 MIN_FREE_GAP_PITCH: Final = 1e-6
 """Gap between the collision hulls of modules, pitches, from which on a simulation step omits
 MuJoCo's contact detection, as nothing touches."""
-WELD_STIFFENING: Final = 1e-4
-"""Factor of the bodies' inverse weights in MuJoCo's regularisation of the welds that join the
-segments of a chain (short trees of modules)."""
 
 
 class Segments(SpringChain):
@@ -84,7 +81,7 @@ class Segments(SpringChain):
         option.iterations = 15
         option.tolerance = 1e-6
         option.enableflags |= int(mujoco.mjtEnableBit.mjENBL_DIAGEXACT)
-        self.model.body_invweight0[:] *= WELD_STIFFENING
+        self.model.body_invweight0[:] *= 1e-4
 
     def set_contact_time_constant(self, seconds: float) -> None:
         """Set the time constant of all contacts, ``solref[0]``, s."""

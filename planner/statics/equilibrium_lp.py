@@ -20,12 +20,6 @@ from foldback.planner.errors import PlannerError
 
 Columns = tuple[NDArray[np.int32], NDArray[np.int32], Array]
 """A sparse matrix by columns: where each starts, rows and values."""
-MIN_RECIPROCAL_TORQUE: Final = 1e-9
-"""Minimum of s, the reciprocal of the largest hinge torque, in 1/(w·p), that counts as an
-equilibrium; less is rounding."""
-MIN_COMMON_RAYS: Final = 0.8
-"""Minimum fraction of the contact force directions in the last solution that must occur again for
-the next linear program to start from that solution."""
 PRIMAL, DUAL = 4, 1
 """HiGHS' numbers of the two simplex methods."""
 BASIC: Final = highspy.HighsBasisStatus.kBasic
@@ -67,7 +61,7 @@ class Program:
             self._once_more()
         scaled = np.array(self._highs.getSolution().col_value)
         self._basis = _Basis.found(self._highs.getBasis(), keys)
-        if scaled[-1] <= MIN_RECIPROCAL_TORQUE:
+        if scaled[-1] <= 1e-9:  # else rounding
             return np.zeros(len(keys))
         return np.maximum(scaled[:-1], 0.0) / scaled[-1]
 
@@ -144,7 +138,7 @@ class _Basis:
             return None
         basic = np.isin(keys, self.basic)
         kept = int(basic.sum())
-        if kept < MIN_COMMON_RAYS * len(self.basic):
+        if kept < 0.8 * len(self.basic):
             return None
         begin = highspy.HighsBasis()
         begin.valid = True

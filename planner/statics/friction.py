@@ -24,25 +24,10 @@ from foldback.planner.statics.contacts import Contacts
 CONE_SIDES: Final = 8
 """Number of edges of the pyramid, inside the friction cone, that approximates the permitted contact
 forces of a module's corner that sticks to the table."""
-SLIP_THRESHOLD: Final = 1e-3
-"""Displacement of a module's corner on the table in the next moment of a motion, as a fraction of
-the largest displacement of a module, above which the corner slips and friction acts against its
-motion; otherwise it sticks."""
-DRIFT_SLIP_THRESHOLD: Final = 0.02
-"""Displacement of a module's corner on the table in the next moment of a motion, as a fraction of
-the largest displacement of a module, above which the corner slips if the chain slides on the table
-as a whole."""
 DIRECTION_SPREADS_RAD: Final = (0.2, 0.8)
 """Friction acts opposite to slipping, but the drift of a chain on a table is only estimated.
 Angles, rad, to either side within which friction may point; the second is used if there is no
 equilibrium with the first."""
-REDUCED_FRICTION_SHARE: Final = 2e-3
-"""Displacement of a module's corner on the table, as a fraction of the largest displacement of a
-module, below which friction is reduced in proportion while it is estimated how the whole chain
-slides; real (Coulomb) friction is not reduced."""
-MAX_DRIFT_ITERATIONS: Final = 100
-"""Maximum number of iterations that estimate how the whole chain slides on the table; beyond it the
-last estimate is used."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -61,7 +46,7 @@ class Friction:
     positions: Array | None = None
     rotations: Array | None = None
     fan: float = 0.0
-    slips_from: float = SLIP_THRESHOLD
+    slips_from: float = 1e-3
 
 
 def rays(
@@ -133,11 +118,10 @@ def with_estimated_drift(
     moves = np.zeros((len(ends), 2, 3))
     moves[:, 0, 0] = moves[:, 1, 1] = 1.0
     moves[:, 0, 2], moves[:, 1, 2] = middle[1] - ends[:, 1], ends[:, 0] - middle[0]
-    least = REDUCED_FRICTION_SHARE * max(_farthest(friction, positions), 1e-9)
+    # Friction is reduced in proportion below this displacement; Coulomb's is not.
+    least = 2e-3 * max(_farthest(friction, positions), 1e-9)
     twist = np.zeros(3)
-    for _ in range(
-        MAX_DRIFT_ITERATIONS
-    ):  # by least squares whose weights follow (Weiszfeld's method)
+    for _ in range(100):  # by least squares whose weights follow (Weiszfeld's method)
         now = ways + moves @ twist
         weights = pressures / np.sqrt((now**2).sum(axis=1) + least**2)
         normal = np.einsum("k,kix,kiy->xy", weights, moves, moves)
@@ -154,7 +138,7 @@ def with_estimated_drift(
         positions=(friction.positions - pivot) @ turn.T + pivot + np.array([*twist[:2], 0.0]),
         rotations=turn @ friction.rotations,
         fan=DIRECTION_SPREADS_RAD[0],
-        slips_from=DRIFT_SLIP_THRESHOLD,
+        slips_from=0.02,
     )
 
 

@@ -7,16 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
 from foldback.planner.arrays import Array, Flags
 from foldback.planner.chain.module import Module
-
-FACE_TOLERANCE: Final = 1e-9
-"""Distance, as a fraction of a triangle's size, by which the centre of mass may lie outside of a
-face of the convex hull that still counts as a stable base: rounding."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -83,7 +78,7 @@ def _inside(triangles: Array, points: Array) -> Flags:
         (np.cross(q - p, points - p) * normals).sum(axis=1) / np.maximum(squares, 1e-20)
         for p, q in ((a, b), (b, c), (c, a))
     ]
-    return (np.min(shares, axis=0) >= -FACE_TOLERANCE) & (squares > 1e-20)
+    return (np.min(shares, axis=0) >= -1e-9) & (squares > 1e-20)  # rounding
 
 
 def _margin(hull: object, normal: Array, centre: Array) -> float:

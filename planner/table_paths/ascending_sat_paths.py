@@ -7,7 +7,6 @@ up or lie flat, and forbidden triples of links.
 from __future__ import annotations
 
 from itertools import pairwise
-from typing import Final
 
 import numpy as np
 
@@ -17,9 +16,6 @@ from foldback.planner.pathfinding.lattice import STEPS, neighbours
 from foldback.planner.pathfinding.sat_paths import SolverResult
 from foldback.planner.table_paths.rules import hairpins
 
-TABLE_SOLVER_EFFORT: Final = 1.0
-"""Budget of one call of the solver that searches a path for a table, in deterministic time units of
-about one second."""
 UP, DOWN = 4, 5
 """Places of the vertical steps among ``STEPS``."""
 
@@ -30,7 +26,7 @@ def find_ascending_path(
     seed: int,
     hairpins_allowed: bool = False,
     downs: bool = False,
-    effort: float = TABLE_SOLVER_EFFORT,
+    effort: float = 1.0,
 ) -> SolverResult:
     """Search for a path from the floor up whose first link is flat.
 

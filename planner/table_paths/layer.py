@@ -18,9 +18,6 @@ from foldback.planner.arrays import Ints
 MAX_EXHAUSTIVE_CELLS: Final = 16
 """Maximum number of cells of a layer through which all paths are enumerated; larger layers are
 searched at random."""
-MAX_TRIAL_STEPS_PER_CELL: Final = 40
-"""Maximum number of steps of one random search for a path through a layer, per cell of the layer;
-then the search starts anew."""
 
 
 @dataclass(slots=True)
@@ -143,7 +140,7 @@ def ways(
         start = starts[
             attempt % len(starts) if attempt < len(starts) else rng.integers(len(starts))
         ]
-        own = Work(min(MAX_TRIAL_STEPS_PER_CELL * len(layer.cells), work.left))
+        own = Work(min(40 * len(layer.cells), work.left))
         before = own.left
         for way in _from(layer, start, ends, rng, own):
             if way not in found:

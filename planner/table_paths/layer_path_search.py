@@ -22,8 +22,6 @@ from foldback.planner.table_paths.score import WEIGHTS, Parts
 POOL_SIZE: Final = 240
 """Maximum number of paths through one layer that are kept, the best first, to be joined with those
 of the layers above and below."""
-RANDOM_TRIALS: Final = 48
-"""Number of random searches for paths through a layer that is too large to enumerate all."""
 BEAM_WIDTH: Final = 24
 """Number of partial paths, from the table up to one layer, that a beam search keeps for each cell
 and direction in which they end."""
@@ -77,7 +75,7 @@ class Climb:
             share = Work(work.left // (len(self.layers) - level))
             before = share.left
             ends = self._below_cells(level)
-            for way in ways(layer, allowed, ends, self.rng, most=RANDOM_TRIALS, work=share):
+            for way in ways(layer, allowed, ends, self.rng, most=48, work=share):
                 self.add(level, way)
             work.left -= before - share.left
             self._thin(level)

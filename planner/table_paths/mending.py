@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Final
-
 import numpy as np
 
 from foldback.planner.arrays import Ints
@@ -14,21 +12,6 @@ from foldback.planner.pathfinding.no_path_proofs import obstacles
 from foldback.planner.pathfinding.path_options import MAX_TABLE_MODULES
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.table_paths.table_paths import paths_or_reasons
-
-MAX_ADDED_CELLS: Final = 24
-"""Maximum number of cells that a repair adds to a shape so that it has a path for a table."""
-MAX_ADDED_SHARE: Final = 0.1
-"""Maximum number of cells that a repair for a table adds, as a fraction of the shape's cells; the
-absolute limit applies as well."""
-MAX_COMPARED_ADDITIONS: Final = 16
-"""Maximum number of candidate cells that are compared for each cell that a repair for a table
-adds."""
-MAX_TRIED_ADDITIONS: Final = 6
-"""Maximum number of single cells that a repair tries to add if the reason why a shape has no path
-for a table is unknown; each takes about 1 s."""
-SEPARATE_PART_WEIGHT: Final = 1000
-"""Severity of each additional separate part of a shape, where a repair chooses its next cell,
-relative to one cell too many of a chessboard colour."""
 
 
 def cells_to_add(cells: Ints, seed: int = 0) -> list[Cell]:
@@ -51,7 +34,7 @@ def cells_to_add(cells: Ints, seed: int = 0) -> list[Cell]:
         return []
     now = {(int(x), int(y), int(z)) for x, y, z in standing} | set(added)
     tries = [added] if added else []
-    tries += [[*added, cell] for cell in _near(now)[:MAX_TRIED_ADDITIONS]]
+    tries += [[*added, cell] for cell in _near(now)[:6]]  # each takes about 1 s
     for each in tries:
         found, _ = paths_or_reasons(_with(standing, each), seed=seed, most=1, turned=False)
         if found:
@@ -95,7 +78,7 @@ def _obstacles_removed(cells: Ints) -> list[Cell] | None:
     """
     now = {(int(x), int(y), int(z)) for x, y, z in cells}
     added: list[Cell] = []
-    most = min(MAX_ADDED_CELLS, max(2, round(MAX_ADDED_SHARE * len(cells))))
+    most = min(24, max(2, round(0.1 * len(cells))))
     trouble = _trouble(now)
     while trouble and len(added) < most:
         options = [(_trouble(now | {cell}), rank, cell) for rank, cell in enumerate(_near(now))]
@@ -119,7 +102,7 @@ def _trouble(cells: set[Cell]) -> int:
 def _amount(cells: Ints) -> int:
     count = parts(cells)[0]
     if count > 1:
-        return SEPARATE_PART_WEIGHT * (count - 1)
+        return 1000 * (count - 1)  # worse than any number of cells too many of a colour
     return sum(problem.amount for problem in obstacles(cells)) if len(cells) > 2 else 0
 
 
@@ -148,4 +131,4 @@ def _near(now: set[Cell]) -> list[Cell]:
             neighbour_counts[cell] = neighbour_counts.get(cell, 0) + 1
     shade = {cell: int(colours(np.array([cell], dtype=np.int64))[0]) for cell in neighbour_counts}
     fitting = [c for c in neighbour_counts if wanted[c[2]] is None or shade[c] == wanted[c[2]]]
-    return sorted(fitting, key=lambda c: (-neighbour_counts[c], c))[:MAX_COMPARED_ADDITIONS]
+    return sorted(fitting, key=lambda c: (-neighbour_counts[c], c))[:16]

@@ -22,10 +22,6 @@ from foldback.planner.table_paths.rules import FALLS, rule_violations
 
 Code = Literal["overhang", "parts", "hairpins-only", "not-stable", "no-path"]
 
-REASON_RANKS: Final[dict[Code, int]] = {"hairpins-only": 0, "not-stable": 2}
-"""A shape that has no path for a table on any of its sides may have another reason on each side.
-Rank of each reason by its code (others: 1); the report states the reason with the lowest rank, that
-of the side which comes closest to having a path."""
 FALLING_EFFORT: Final = 1.5
 """Solver budget, in deterministic time units of about one second, for table paths that may go down,
 tried if no path was found that never goes down; shared among the shape's orientations on the
@@ -152,7 +148,8 @@ def falling(side: Side, seed: int, *, effort: float) -> tuple[Ints | None, NoPat
 
 def closest(reasons: tuple[NoPath, ...]) -> NoPath:
     """Return the reason of the side that comes closest to a path."""
-    return min(reasons, key=lambda reason: REASON_RANKS.get(reason.code, 1))
+    ranks = {"hairpins-only": 0, "not-stable": 2}
+    return min(reasons, key=lambda reason: ranks.get(reason.code, 1))
 
 
 def most_telling(reasons: tuple[NoPath, ...]) -> tuple[str, str]:

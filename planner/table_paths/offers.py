@@ -25,12 +25,6 @@ from foldback.planner.table_paths.table_paths import paths_or_reasons
 
 Kind = Literal["repair", "modules", "blocks"]
 
-OFFERS_LIMIT_S: Final = 20.0
-"""Wall-clock limit, in s, of the search for changed shapes that can fold on a table, to be offered
-instead of one that cannot. After it those found so far are offered."""
-MAX_COUNTS: Final = 12
-"""Maximum number of other numbers of modules, above and below the requested one each, that are
-tried to find a variant that can fold on a table."""
 MAX_BLOCK_COUNTS: Final = 9
 """Maximum number of different numbers of 2×2×2 blocks that are tried to find a variant that can
 fold on a table."""
@@ -75,7 +69,7 @@ def table_offers(
     options: PathOptions,
     *,
     seed: int = 0,
-    time_limit_s: float = OFFERS_LIMIT_S,
+    time_limit_s: float = 20.0,
     cancelled: Callable[[], bool] = lambda: False,
 ) -> Iterator[Offer]:
     """Search for changes with which a chain can fold on a table.
@@ -156,7 +150,7 @@ def _counts(solid: Solid, target: int, seed: int, over: Callable[[], bool]) -> I
     first = voxelise(solid, cells=target, seed=seed)
     following = {"below": target, "above": first.above}
     low, high = MODULE_COUNTS[0], MAX_TABLE_MODULES
-    for _ in range(MAX_COUNTS):
+    for _ in range(12):
         for side, count in list(following.items()):
             if over():
                 return

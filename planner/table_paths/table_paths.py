@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -24,19 +23,6 @@ from foldback.planner.table_paths.no_table_path_proofs import (
 )
 from foldback.planner.table_paths.rules import FALLS, LAYERS, Rule
 from foldback.planner.table_paths.score import WEIGHTS, Parts, parts_of
-
-MAX_TABLE_PATHS: Final = 8
-"""Maximum number of paths through a shape for folding on a table that a search returns, the best
-first."""
-LAYER_WORK_STEPS: Final = 60_000
-"""Maximum number of steps of the search for paths layer by layer, for all sides of a shape
-together."""
-SCORED_PER_PATH: Final = 6
-"""Number of candidate paths for a table that are scored in full for each one that the search
-returns."""
-MAX_SHARED_LINKS: Final = 0.9
-"""Fraction of common links (pairs of consecutive cells) above which two paths for a table count as
-alike; such paths are returned last, so that a fold tries different ones first."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -66,9 +52,9 @@ def paths_or_reasons(
     cells: ArrayLike,
     *,
     seed: int = 0,
-    most: int = MAX_TABLE_PATHS,
+    most: int = 8,
     turned: bool = True,
-    work: int = LAYER_WORK_STEPS,
+    work: int = 60_000,
     weights: Parts = WEIGHTS,
 ) -> tuple[tuple[TablePath, ...], tuple[NoPath, ...]]:
     """Search for paths in which a chain of cubes can fold while it rests on a table.
@@ -125,7 +111,7 @@ def paths_or_reasons(
 
 
 def _made(climb: Climb, side: Side, most: int, weights: Parts) -> list[TablePath]:
-    orders = climb.best(SCORED_PER_PATH * most)
+    orders = climb.best(6 * most)
     return [_path(side, order, LAYERS, weights) for order in orders]
 
 
@@ -154,7 +140,7 @@ def _chosen(paths: list[TablePath], most: int) -> tuple[TablePath, ...]:
     for path in ranked:
         links = [_links(image) for image in images(path.cells)]
         shared = max((len(a & b) for a in links for b in looks), default=0)
-        if shared > MAX_SHARED_LINKS * (len(path.cells) - 1):
+        if shared > 0.9 * (len(path.cells) - 1):
             alike.append(path)
         else:
             chosen.append(path)

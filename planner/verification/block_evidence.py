@@ -29,9 +29,6 @@ group that can move by a whole cell counts as free."""
 SINGLE_PRECISION_ANGLE_RAD: Final = 1e-5
 """Maximum difference, in rad, between the angles of the part of a chain that a jam's evidence
 states as still folded and the folded angles: the record is in single precision."""
-REPORTED_OVERLAP_TOLERANCE_PITCH: Final = 1e-6
-"""Maximum difference, in pitches, between a collision's overlap in the evidence of a jam and the
-one computed again: rounding."""
 AXIS_ROUNDING: Final = 1e-9
 """Tolerance for rounding where a jam's evidence is checked: an angle (rad) or overlap (pitches) up
 to it counts as 0, and so does the squared length of a cross product, so that parallel edges give no
@@ -182,7 +179,7 @@ def _overlap_differs(
         yield f"{name}: got modules {i} and {j}, expected two modules that are not linked"
         return
     found = overlap(chain, poses, i, j, size)
-    if not (found > 0.0 and abs(found - told) <= REPORTED_OVERLAP_TOLERANCE_PITCH):
+    if not (found > 0.0 and abs(found - told) <= 1e-6):  # pitches: rounding
         yield (
             f"{name}: modules {i} and {j} overlap by {found:.3g} pitch, expected {told:.3g} pitch"
         )

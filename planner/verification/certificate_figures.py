@@ -24,16 +24,9 @@ from foldback.planner.plan.value_differences import (
 )
 from foldback.planner.playback.playback import Playback
 
-SAME_CLEARANCE_PITCH: Final = 1e-7
-"""Maximum difference, in pitches, between a certificate's smallest clearance and the clearance at
-the place that the certificate names: rounding. It accepts another place that is equally close."""
 BOUND_RTOL: Final = 1e-3
 """Maximum amount by which a certificate's clearance bound may exceed the one that verification
 computes again, relative to the latter."""
-IN_BETWEENS_RTOL: Final = 1e-2
-"""Maximum relative difference between the number of configurations between frames that a
-certificate states to have checked, and the number computed again, as rounding may halve a few more
-intervals."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -95,7 +88,8 @@ class ReportedFigures:
         if mine is None or theirs is None:
             return mine is theirs
         if name == "in_betweens":
-            return abs(mine - theirs) <= 16 + IN_BETWEENS_RTOL * theirs
+            # rounding may halve a few more intervals
+            return abs(mine - theirs) <= 16 + 1e-2 * theirs
         if name == "clearance_bound":
             told = self.plan.certificate
             seen = [c for c in (told.min_clearance, told.min_clearance_playback) if c is not None]
@@ -119,7 +113,7 @@ class ReportedFigures:
             return False
         size = self.plan.certificate.module_size
         found = clearance_at(chain, motion, place.frame, (i, j), size=size)
-        return abs(found - told) <= SAME_CLEARANCE_PITCH
+        return abs(found - told) <= 1e-7  # rounding; another place may be equally close
 
     def _motion(self, name: str) -> Motion | None:
         if name == "min_clearance_at":

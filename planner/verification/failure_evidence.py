@@ -30,9 +30,6 @@ from foldback.planner.verification.knot_evidence import knot_differs
 MAX_STRAIGHT_HINGE_RAD: Final = 0.1
 """Maximum bend, in rad, of a hinge that counts as straight in the report of a failed explosion; it
 must equal the value with which the report was made."""
-REPORTED_BEND_TOLERANCE_RAD: Final = 1e-9
-"""Maximum difference, in rad, between the largest bend that a failed explosion reports and that of
-its last frame: rounding."""
 STATUSES_BY_LIMIT: Final = {
     "steps": ("timeout",),
     "snapshots": ("timeout",),
@@ -223,5 +220,5 @@ def _bends_differ(angles: Array, told: BudgetFigures) -> Differences:
     if told["bent_hinges"] != bent:
         yield f"bent_hinges: got {told['bent_hinges']}, expected {bent}"
     largest = float(np.abs(angles).max(initial=0.0))
-    if not abs(told["largest_bend_rad"] - largest) <= REPORTED_BEND_TOLERANCE_RAD:
+    if not abs(told["largest_bend_rad"] - largest) <= 1e-9:  # rounding
         yield f"largest_bend_rad: got {told['largest_bend_rad']:.6g}, expected {largest:.6g}"

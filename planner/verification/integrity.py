@@ -25,9 +25,6 @@ from foldback.planner.pipeline.manifest import (
 )
 from foldback.planner.storage.checked_zarr import check_chunks, is_sealed, read_group
 
-MAX_RESULTS: Final = 4096
-"""Maximum number of files whose integrity check (comparison with the manifest) is remembered, so
-that they need not be read again; with more, all results are forgotten."""
 _RESULTS: Final[dict[FilePath, tuple[object, str | None]]] = {}
 _LOCK: Final = threading.Lock()
 
@@ -50,7 +47,7 @@ def check(directory: FilePath, *names: str) -> None:
         if known is None or known[0] != stamp:
             known = (stamp, _reason(directory, name))
             with _LOCK:
-                if len(_RESULTS) >= MAX_RESULTS:
+                if len(_RESULTS) >= 4096:
                     _RESULTS.clear()
                 _RESULTS[path] = known
         if known[1] is not None:

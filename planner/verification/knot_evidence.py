@@ -18,15 +18,6 @@ from foldback.planner.verification.knot_invariants import (
 POSITION_JITTER_PITCH: Final = 1e-3
 """Maximum random shift of modules along each axis, in pitches, so that no projection for the check
 of a knot is degenerate. Much larger values could change the knot."""
-MAX_TOUCHING_ENDS_PITCH: Final = 1.1
-"""Maximum distance of a chain's two ends, in pitches, at which the evidence of a knot may join them
-directly rather than by corners outside of the chain."""
-MIN_FREE_LINE_PITCH: Final = 0.5
-"""Minimum distance, in pitches, from all other modules of the line by which the evidence of a knot
-extends a chain's end; a closer one might cross the chain."""
-MIN_CLOSING_RADIUS_RATIO: Final = 2.0
-"""Minimum distance from a chain's middle of the corners by which the evidence of a knot joins the
-chain's ends, as a multiple of the chain's radius: they must lie outside."""
 MAX_CLOSING_CORNERS: Final = 3
 """Maximum number of corners by which the evidence of a knot may join the chain's ends. With the two
 ends, they are a polygon of five edges, which cannot be knotted; more corners could tie a knot of
@@ -34,9 +25,6 @@ their own outside of the chain."""
 MIN_CLOSINGS: Final = 3
 """Minimum number of closings (lines that join a chain's ends around it) that must all show a knot
 if an end cannot be extended without passing close to other modules."""
-CROSSING_TOLERANCE_EDGES: Final = 1e-6
-"""Maximum difference of a crossing's position between a reported knot diagram and the one computed
-again, as a fraction of a polygon's edge: rounding."""
 
 
 def knot_differs(positions: Array, told: KnotFigures) -> Differences:
@@ -53,8 +41,7 @@ def knot_differs(positions: Array, told: KnotFigures) -> Differences:
     if told["crossings"] != len(diagram):
         yield f"crossings: got {told['crossings']}, expected {len(diagram)}, as in the diagram"
     if len(seen) != len(diagram) or not all(
-        sign == other[2]
-        and np.allclose((over, under), other[:2], rtol=0.0, atol=CROSSING_TOLERANCE_EDGES)
+        sign == other[2] and np.allclose((over, under), other[:2], rtol=0.0, atol=1e-6)  # rounding
         for (over, under, sign), other in zip(sorted(seen), sorted(diagram), strict=True)
     ):
         yield (
@@ -95,7 +82,7 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
     """Yield the reasons why a closing of the ends may tie a knot, or undo one."""
     if not len(corners):
         apart = float(np.linalg.norm(positions[-1] - positions[0]))
-        if apart > MAX_TOUCHING_ENDS_PITCH:
+        if apart > 1.1:
             yield (
                 "closings: got no corners, expected some, because the ends are "
                 f"{apart:.3g} pitches apart"
@@ -105,7 +92,7 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
         yield f"closings: got {len(corners)} corners, expected at most {MAX_CLOSING_CORNERS}"
     middle = positions.mean(axis=0)
     radius = float(np.linalg.norm(positions - middle, axis=1).max())
-    if np.linalg.norm(corners - middle, axis=1).min() < MIN_CLOSING_RADIUS_RATIO * radius:
+    if np.linalg.norm(corners - middle, axis=1).min() < 2.0 * radius:  # outside of the chain
         yield "closings: got a corner near the chain, expected all corners far outside the chain"
     for start, end in zip(corners[:-1], corners[1:], strict=True):
         if _distances(middle[None], start, end)[0] < radius:
@@ -114,7 +101,8 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
         return
     for end, corner in ((0, corners[-1]), (len(positions) - 1, corners[0])):
         others = np.delete(positions, end, axis=0)
-        if _distances(others, positions[end], corner).min() < MIN_FREE_LINE_PITCH:
+        # a closer line might cross the chain
+        if _distances(others, positions[end], corner).min() < 0.5:
             yield (
                 f"closings: the line from module {end} crosses other modules; this is allowed "
                 f"only if there are at least {MIN_CLOSINGS} closings"

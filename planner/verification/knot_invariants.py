@@ -14,12 +14,6 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 
-MAX_CROSSINGS: Final = 200
-"""Maximum number of crossings of a diagram for which knot invariants are computed, to check that a
-chain is knotted. Elimination takes time by their cube."""
-RANDOM_VIEWS: Final = 12
-"""Number of random projections of a chain, of which the check of a knot uses the one with the
-fewest crossings."""
 TRIANGLE_MARGIN: Final = 1e-9
 """Margin around a triangle, as a fraction of its sides, within which an edge counts as crossing it,
 so that rounding never hides a crossing when a polygon's vertex is removed."""
@@ -53,13 +47,13 @@ def invariants_of(polygon: Array, rng: np.random.Generator) -> Invariants | None
         rng: Generator of the projections.
     """
     points = without_idle_vertices(polygon)
-    views = (crossings_of(points, sight) for sight in rng.normal(size=(RANDOM_VIEWS, 3)))
+    views = (crossings_of(points, sight) for sight in rng.normal(size=(12, 3)))
     return invariants_of_crossings(min(views, key=len))
 
 
 def invariants_of_crossings(crossings: Crossings) -> Invariants | None:
     """Return the invariants of a diagram; None if it has too many crossings."""
-    if len(crossings) > MAX_CROSSINGS:
+    if len(crossings) > 200:  # elimination takes time by the cube of the number
         return None
     at_two = abs(_alexander(crossings, 2))
     while at_two and at_two % 2 == 0:

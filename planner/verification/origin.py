@@ -27,13 +27,6 @@ from foldback.planner.plan.value_differences import Differences, value_differenc
 from foldback.planner.shapes.likeness import Likeness
 from foldback.planner.storage.file_names import CANDIDATES, INPUT, REQUEST, START_CHAIN
 
-CELL_TOLERANCE_PITCH: Final = 1e-6
-"""Maximum distance between the places of modules of two chains through the same cells, pitches:
-rounding."""
-LIKENESS_ATOL: Final = 1e-3
-"""Maximum difference between a stored likeness and one measured again (shares, 0 to 1): a few of
-the points that measure it may lie on the other side of a surface on another processor."""
-
 COMPARED: Final = frozenset(
     {"fold_time_s", "peak_torque_nm", "clearance_bound", "frames", "one_hinge_rad"}
 )
@@ -100,7 +93,7 @@ def _likeness_differs(plan: Plan, again: Likeness | None, notes: list[str]) -> D
         None if plan.likeness is None else plan.likeness.as_dict(),
         None if again is None else again.as_dict(),
         f"plan.npz likeness, measured again from {INPUT}",
-        atol=LIKENESS_ATOL,
+        atol=1e-3,  # some points may lie on the other side of a surface on another processor
     )
 
 
@@ -132,7 +125,7 @@ def _fills(one: Chain, other: Chain) -> bool:
 
 def _rows(positions: Any) -> Any:
     """Return one comparable value for each rounded place."""
-    whole = np.rint(positions / CELL_TOLERANCE_PITCH).astype(np.int64)
+    whole = np.rint(positions / 1e-6).astype(np.int64)
     return whole.view([("x", np.int64), ("y", np.int64), ("z", np.int64)]).reshape(-1)
 
 

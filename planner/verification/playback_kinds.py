@@ -6,7 +6,7 @@ which are compared with the frames.
 
 from __future__ import annotations
 
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 
@@ -28,10 +28,6 @@ from foldback.planner.verification.plan_parameters import (
     plan_preset,
     playback_number,
 )
-
-STEP_COUNT_TOLERANCE_STEPS: Final = 1e-3
-"""Maximum difference, in simulation steps, between the duration of a simulated playback's frames
-and its reported number of steps: rounding."""
 
 
 def kind_differs(plan: Plan, playback: Playback) -> Differences:
@@ -75,7 +71,7 @@ def _simulated_figures(plan: Plan, playback: Playback) -> Differences:
                 "simulated"
             )
     steps = float(np.diff(plan.time_s).sum()) / _step_s(plan)
-    if not abs(playback.steps - steps) <= STEP_COUNT_TOLERANCE_STEPS:
+    if not abs(playback.steps - steps) <= 1e-3:  # rounding
         yield f"plan.npz playback.steps: got {playback.steps}, expected {steps:.9g}"
     played, reference = playback.frames, playback.reference
     moves = reference.steps(plan.chain)[0].any()

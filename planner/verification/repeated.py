@@ -45,24 +45,9 @@ from foldback.planner.storage.files import json_of, zarr_group
 from foldback.planner.verification.origin import own_attempt
 from foldback.planner.verification.plan_parameters import plan_parameters
 
-MAX_REPEATED_MODULE_STEPS: Final = 4_000_000
-"""Maximum size of a simulation that verification repeats: modules × steps × robots. Three robots of
-160 modules fold in 0.8 million, which take 2 s."""
-MAX_PLOTTED_POSES: Final = 2_000_000
-"""Maximum number of module poses (frames × modules) of a fold whose plots and moments verification
-computes again. A fold of 160 modules has 0.16 million, which take 0.5 s."""
 SAME_SIMULATION_RAD: Final = 2e-5
 """Maximum difference between the angles of a simulated robot and those of its repetition, rad. On
 another processor, an encoder may round the other way; the robots' errors are ten times larger."""
-SAME_SIMULATION_RTOL: Final = 0.05
-"""Maximum relative difference between the figures of a simulation and those of its repetition, for
-the same reason."""
-SAME_CURVES_RTOL: Final = 1e-4
-"""Maximum relative difference between the curves of the plots and those computed again: they are in
-single precision."""
-SAME_CURVES_ATOL: Final = 1e-6
-"""Maximum absolute difference between the curves of the plots and those computed again, in their
-units."""
 SAME_TORQUES_RTOL: Final = 1e-3
 """Maximum difference between the largest torques of a fold on a table and those computed again,
 relative and in w·p: linear programs are solved to such a tolerance."""
@@ -77,7 +62,7 @@ def why_not_repeated(directory: FilePath, plan: Plan, playback: Playback) -> str
         if not (directory / name).exists():
             return f"there is no {name}"
     size = len(plan.chain) * playback.steps * (playback.robots or 1)
-    if not 0 <= size <= MAX_REPEATED_MODULE_STEPS:
+    if not 0 <= size <= 4_000_000:  # 160 modules take 0.8 million, and 2 s
         return "it would take too long"
     for name in ("foldback", "mujoco"):
         here, made = versions().get(name), plan.versions.get(name)
@@ -118,7 +103,7 @@ def robots_differ(directory: FilePath, plan: Plan, playback: Playback) -> Differ
             told[name],
             found[name],
             f"{where} {name}",
-            rtol=SAME_SIMULATION_RTOL,
+            rtol=0.05,
             atol=SAME_SIMULATION_RAD,
         )
     for name in ("angles_rad", "others_rad"):
@@ -174,7 +159,8 @@ def plots_differ(
     if not stored:
         return
     timeline = Timeline.open(directory / TIMELINE)
-    if len(timeline) * len(plan.chain) > MAX_PLOTTED_POSES:
+    # 160 modules have 0.16 million, which take 0.5 s
+    if len(timeline) * len(plan.chain) > 2_000_000:
         notes.append(
             f"{' and '.join(stored)} were compared only with their digests, because the fold is "
             "long."
@@ -211,7 +197,11 @@ def _curves_differ(stored: FilePath, again: FilePath) -> Differences:
             np.asarray(cast("Any", group[name])[:], dtype=np.float64) for group in (mine, theirs)
         )
         if got.shape != expected.shape or not np.allclose(
-            got, expected, rtol=SAME_CURVES_RTOL, atol=SAME_CURVES_ATOL, equal_nan=True
+            got,
+            expected,
+            rtol=1e-4,
+            atol=1e-6,
+            equal_nan=True,  # they are in single precision
         ):
             yield f"{FIGURES} {name}: the curve is not that of timeline.zarr"
 

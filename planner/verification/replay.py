@@ -18,12 +18,6 @@ from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.value_differences import Differences
 from foldback.planner.simulation.lazy_mujoco import mujoco
 
-POSITION_TOLERANCE_PITCH: Final = 1e-6
-"""Maximum distance, in pitches, between a module of the plan's MuJoCo model and its position in the
-plan: rounding."""
-OVERLAP_ROUNDING_PITCH: Final = 1e-9
-"""Maximum overlap of two modules, in pitches, that counts as contact when MuJoCo replays a plan:
-rounding in double precision."""
 MAX_REPLAYED_MODULES: Final = 5_000_000
 """Maximum number of module poses (frames × modules) that MuJoCo replays to verify a plan; of a
 longer plan every n-th frame is replayed."""
@@ -185,9 +179,9 @@ def _configurations(plan: Plan, stride: int) -> Any:
 
 def replay_differs(found: Replay) -> Differences:
     """Yield the differences of a replay from the plan, and overlaps."""
-    if not found.pose_difference <= POSITION_TOLERANCE_PITCH:
+    if not found.pose_difference <= 1e-6:  # pitches: rounding
         yield f"model.xml: poses differ from the plan's by {found.pose_difference:.2g} pitch"
-    if not found.overlap <= OVERLAP_ROUNDING_PITCH:
+    if not found.overlap <= 1e-9:  # pitches: rounding
         yield (
             f"plan.npz: MuJoCo finds an overlap of {found.overlap:.2g} pitch at frame "
             f"{found.overlap_frame:g}"

@@ -26,10 +26,6 @@ from foldback.planner.playback.playback import Playback
 from foldback.planner.storage.file_names import PLAN, TIMELINE
 from foldback.planner.verification.plan_parameters import is_on_table, plan_parameters
 
-ROOT_POSE_TOLERANCE: Final = 1e-6
-"""Maximum difference between the stored pose of a chain's root and the pose that its joint angles
-imply, in pitches and in components of a unit quaternion: rounding."""
-
 
 def chain_differs(timeline: Timeline, plan: Plan) -> Differences:
     """Yield the differences of a timeline from a closed one of the plan's chain."""
@@ -179,7 +175,7 @@ def _root_differs(plan: Plan, motion: Motion, played: Motion) -> Differences:
                 getattr(frames, name),
                 getattr(wanted, name),
                 f"for {how}: {file} {name}",
-                atol=ROOT_POSE_TOLERANCE,
+                atol=1e-6,  # rounding
             )
 
 
