@@ -143,11 +143,11 @@ def _watched(section: Section, watch: _Watch, address: str) -> None:
         _open_finished(section, page, f"{address}{finished[-1]['links']['page']}", watch)
         browser.close()
         own = _own_fold(http)
-        while http.get("/api/preparing").json()["preparing"] is not None:
+        while http.get("/api/compilation").json()["compilation"] is not None:
             watch.seconds()
             time.sleep(STATUS_POLL_S)
         wall, cpu = watch.seconds()
-        _add(section, "solvers ready, all processes", wall, cpu)
+        _add(section, "kernels ready, all processes", wall, cpu)
         _wait_over(http, own, watch)
         _add(section, "own fold of 24 cubes verified", *watch.seconds())
 

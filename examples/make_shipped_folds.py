@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from foldback.planner.certificate.metrics_store import Figures, write
+from foldback.planner.certificate.figures_store import Figures, write
 from foldback.planner.motion.angle_encoding import PLAN_STEP_RAD
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record

@@ -22,7 +22,7 @@ from foldback.planner.readers.gallery import GalleryShape
 from foldback.server.jobs.eta import EtaEstimator
 from foldback.server.store.estimates import Expected, plain_fold
 from foldback.server.store.folds import FoldRow, Store
-from foldback.server.store.leases import Preparing
+from foldback.server.store.leases import Compilation
 from foldback.server.store.tables import REQUESTED_COLUMNS
 from foldback.words.fold import ShownFold
 
@@ -146,8 +146,8 @@ class Accepted(Body):
     links: Links
 
 
-class PreparingBody(Body):
-    """Progress of compiling the solvers, which happens once on each machine."""
+class CompilationBody(Body):
+    """Progress of compiling the kernels, which happens once on each machine."""
 
     fraction: float
     """Progress, 0 to 1."""
@@ -155,13 +155,13 @@ class PreparingBody(Body):
     """Estimated remaining time, s; null at first."""
 
     @classmethod
-    def of(cls, preparing: Preparing | None) -> PreparingBody | None:
+    def of(cls, compilation: Compilation | None) -> CompilationBody | None:
         """Return the API's representation of the compilation."""
-        if preparing is None:
+        if compilation is None:
             return None
-        left_s = preparing.remaining_s
+        left_s = compilation.remaining_s
         return cls(
-            fraction=preparing.fraction, remaining_s=None if left_s is None else math.ceil(left_s)
+            fraction=compilation.fraction, remaining_s=None if left_s is None else math.ceil(left_s)
         )
 
 
@@ -194,13 +194,13 @@ class Progress(Body):
     """True while the fold waits for a processor much of the time, because the computer has other
     work."""
     wait_s: float | None
-    """Estimated waiting time, s, including the remaining time of `preparing`; null if the fold is
+    """Estimated waiting time, s, including the remaining time of `compilation`; null if the fold is
     not waiting, no worker runs, or the time is not known yet."""
     remaining_s: int | None
     """Estimated remaining time, s, including the wait, based on similar folds; 0 if this fold takes
     longer than they did; null if unknown or finished."""
-    preparing: PreparingBody | None
-    """Progress of compiling the solvers, while no worker is ready or a fold compiles solvers that
+    compilation: CompilationBody | None
+    """Progress of compiling the kernels, while no worker is ready or a fold compiles kernels that
     it needs; null otherwise."""
 
 
@@ -493,8 +493,8 @@ class Preview(Body):
     """Estimated time with the preset `paper`, s."""
     expected_preferred_s: float
     """Estimated time if the plan is optimised for time, torque or clearance, s."""
-    preparing: PreparingBody | None
-    """Progress of compiling the solvers, which a fold waits for before its estimated time begins;
+    compilation: CompilationBody | None
+    """Progress of compiling the kernels, which a fold waits for before its estimated time begins;
     null once a worker is ready to compute."""
     positions: list[list[float]] | None
     """Positions of the folded chain's modules; null without a chain."""
@@ -517,7 +517,7 @@ class Preview(Body):
         report: dict[str, Any],
         times: Mapping[str, float],
         *,
-        preparing: Preparing | None,
+        compilation: Compilation | None,
         full: bool,
     ) -> Preview:
         """Return the report of a preview; without cells, mesh and poses unless ``full``."""
@@ -534,7 +534,7 @@ class Preview(Body):
             "id": preview_id,
             "key": key,
             **times,
-            "preparing": PreparingBody.of(preparing),
+            "compilation": CompilationBody.of(compilation),
             "links": PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds"),
         }
         return cls.model_validate({**report, **large, **more})
@@ -609,7 +609,7 @@ def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
     # At the start of a stage, the stored progress may still be that of the previous one.
     told = row.progress if row.progress.get("stage") in (None, row.stage) else {}
     outlook = remaining.of(row)
-    preparing = PreparingBody.of(outlook.preparing)
+    compilation = CompilationBody.of(outlook.compilation)
     paused = row.status == "queued" and row.pauses > 0
     message = PAUSED_MESSAGE if paused else str(told.get("message", ""))
     if row.stage == "explode" and row.smooths and not paused:
@@ -632,5 +632,5 @@ def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
         "busy": row.status == "running" and bool(row.progress.get("busy", False)),
         "wait_s": outlook.wait_s,
         "remaining_s": outlook.remaining_s,
-        "preparing": None if preparing is None else preparing.model_dump(),
+        "compilation": None if compilation is None else compilation.model_dump(),
     }

@@ -113,9 +113,9 @@ class Settings(BaseSettings):
     """Number of long folds that a worker computes at once. In addition, it computes the same number
     of short folds (up to 10 s)."""
     prewarm: bool = True
-    """Load the solvers (compiled kernels) and prepare the landing page at start. `false` saves
+    """Load the kernels (compiled loops) and render the landing page at start. `false` saves
     about 500 MB of memory while the service is idle, but the first visitor waits a few seconds
-    longer. Start each new version once with `true`, which compiles the solvers."""
+    longer. Start each new version once with `true`, which compiles the kernels."""
     finished_folds: bool = True
     """Add the package's finished folds to a new database. Folds that were deleted are not added
     again."""
@@ -186,9 +186,9 @@ class Settings(BaseSettings):
     """Maximum number of one visitor's exports and pictures that wait or are being created."""
     answers_waiting: Count = 12
     """Maximum number of large responses (frames, trajectories, tables of motors) that wait or
-    are being prepared."""
+    are being computed."""
     answers_waiting_of_visitor: Count = 4
-    """Maximum number of one visitor's large responses that wait or are being prepared."""
+    """Maximum number of one visitor's large responses that wait or are being computed."""
     previews_waiting: Count = 8
     """Maximum number of waiting previews."""
     previews_waiting_of_visitor: Count = 3

@@ -7,6 +7,13 @@ declare namespace Api {
     existing: boolean;
     links: Links;
   }
+  interface CompilationBody {
+    fraction: number;
+    remaining_s: number | null;
+  }
+  interface CompilationState {
+    compilation: CompilationBody | null;
+  }
   interface ExportBody {
     name: string;
     label: string;
@@ -137,13 +144,6 @@ declare namespace Api {
     vertices: number[][];
     faces: number[][];
   }
-  interface PreparingBody {
-    fraction: number;
-    remaining_s: number | null;
-  }
-  interface PreparingState {
-    preparing: PreparingBody | null;
-  }
   interface Preview {
     id: string;
     key: string;
@@ -178,7 +178,7 @@ declare namespace Api {
     expected_s: number;
     expected_as_published_s: number;
     expected_preferred_s: number;
-    preparing: PreparingBody | null;
+    compilation: CompilationBody | null;
     positions: number[][] | null;
     wxyzs: number[][] | null;
     line: number[][] | null;
@@ -221,7 +221,7 @@ declare namespace Api {
     busy: boolean;
     wait_s: number | null;
     remaining_s: number | null;
-    preparing: PreparingBody | null;
+    compilation: CompilationBody | null;
   }
   interface Reach {
     likeness: number;

@@ -375,7 +375,7 @@ interface ViewTold {
   id?: unknown;
 }
 
-// Figures: web/timeline/metrics.py.
+// Figures: web/timeline/figures.py.
 
 interface TableBounds {
   unit_nm: number;

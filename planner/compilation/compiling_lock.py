@@ -31,7 +31,7 @@ bytes; compiled bytes divided by it are the displayed progress. With too large a
 finishes before progress reaches 100 %; with too small a one progress waits near 100 %. Measured; a
 test compares it."""
 IMPORTS_FRACTION: Final = 0.1
-"""Fraction of the time until the solvers are ready that has passed when the first kernel (numba
+"""Fraction of the time until the kernels are ready that has passed when the first kernel (numba
 function) is compiled, mostly for imports. Measured: 0.08 to 0.1."""
 MAX_COMPILED_FRACTION: Final = 0.95
 """Largest progress, from 0 to 1, that is reported while kernels are compiled; 1 is reported only at

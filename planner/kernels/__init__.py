@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """Return options of ``njit``; the first module of kernels that takes them prepares numba.
+    """Return options of ``njit``; the first module of kernels that takes them sets up numba.
 
     This package is imported by processes that compute nothing, and must not import numba itself.
     """

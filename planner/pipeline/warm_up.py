@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from foldback.planner.certificate.frame_metrics import clearances_of
+from foldback.planner.certificate.frame_figures import clearances_of
 from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.floating_torques import floating_torques
@@ -150,7 +150,7 @@ def warm_up_motions(chain: Chain) -> None:
     by then.
     """
     contacts = robot_contacts(chain, geom_size=DEFAULT_MODULE_SIZE, step_s=0.01)
-    contacts.prepare(len(chain))
+    contacts.allocate(len(chain))
     robot = Robot(chain, contacts, RobotParameters(), peak_torque=1.0, seed=[0], step_s=0.01)
     robot.place(chain.folded_rad, chain.folded_position, chain.folded_wxyz)
     robot.begin_step()

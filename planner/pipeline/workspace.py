@@ -19,7 +19,7 @@ from typing import Any, Final
 import numpy as np
 
 from foldback.planner.certificate.certificate import Certificate
-from foldback.planner.certificate.frame_metrics import write_figures
+from foldback.planner.certificate.frame_figures import write_figures
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.planner.explosion.diagnosis import stopped

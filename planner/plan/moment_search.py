@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array
-from foldback.planner.certificate.metrics_store import Curves, Figures
+from foldback.planner.certificate.figures_store import Curves, Figures
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses

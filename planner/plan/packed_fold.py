@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array
-from foldback.planner.certificate.metrics_store import Curves, Figures, write
+from foldback.planner.certificate.figures_store import Curves, Figures, write
 from foldback.planner.chain.chain_attributes import chain_from_attributes
 from foldback.planner.errors import InputError
 from foldback.planner.motion.angle_encoding import (

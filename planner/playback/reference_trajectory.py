@@ -81,7 +81,7 @@ class ReferenceTrajectory:
         """Finder of the robots' contacts, which they share; None if no robots fold."""
         if folds_robots:
             self.contacts = robot_contacts(chain, geom_size=module_size, step_s=self.step_s)
-            self.contacts.prepare(len(chain))
+            self.contacts.allocate(len(chain))
         zero = np.zeros_like(chain.folded_rad)
         if unfolding is not None:
             self.begins = (unfolding.chain.folded_rad, *root_folded(unfolding.chain))

@@ -66,8 +66,8 @@ class ContactFinder:
         """Set the time constant of all contacts, ``solref[0]``, s."""
         self.model.geom_solref[:, 0] = seconds
 
-    def prepare(self, modules: int, tail: int = 0, *, boxed: int = 0) -> None:
-        """Prepare the model for a number of modules, the boxes that are set, and a tail.
+    def allocate(self, modules: int, tail: int = 0, *, boxed: int = 0) -> None:
+        """Allocate the model for a number of modules, the boxes that are set, and a tail.
 
         Args:
             modules: Number of modules.

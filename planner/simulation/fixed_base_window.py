@@ -37,7 +37,7 @@ class FixedBaseWindow(SpringChain):
         heaviest_rod: int,
     ) -> None:
         self._finder = finder
-        finder.prepare(len(chain), rod, boxed=1)
+        finder.allocate(len(chain), rod, boxed=1)
         lumps = Lumps.none()
         mass = float(min(rod, heaviest_rod))
         if rod:

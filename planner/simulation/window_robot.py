@@ -173,7 +173,7 @@ class WindowRobot(ServoChain):
             self._centre = self.engine.centre_of_mass
         self.stop_drifting()
         self._contacts.set_boxes(*self._ends.boxes(core))
-        self._contacts.prepare(joints + 1, len(self.chain) - 1 - tail)
+        self._contacts.allocate(joints + 1, len(self.chain) - 1 - tail)
 
     def step(self, angles: Array, rates: Array, torques: NDArray[np.floating]) -> Array:
         """Integrate one step, and return the (H,) torques of the motors.

@@ -13,7 +13,7 @@ from typing import Any, Final, cast
 import numpy as np
 
 from foldback.planner.arrays import Array
-from foldback.planner.certificate.frame_metrics import write_figures
+from foldback.planner.certificate.frame_figures import write_figures
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.errors import UNREADABLE, InputError, PlannerError
 from foldback.planner.motion.timeline import Timeline

@@ -19,7 +19,7 @@ from foldback.server.errors import Forbidden, NotFound
 from foldback.server.http.base_path import BELOW
 from foldback.server.ops.metrics import METRICS_MEDIA_TYPE
 from foldback.server.ops.readiness import Readiness
-from foldback.server.schemas import Body, PreparingBody
+from foldback.server.schemas import Body, CompilationBody
 from foldback.server.store.stats import Stats
 
 router = APIRouter(tags=["operation"])
@@ -62,18 +62,18 @@ def get_ready(request: Request) -> JSONResponse:
     )
 
 
-class PreparingState(Body):
-    """Compilation of the solvers."""
+class CompilationState(Body):
+    """Compilation of the kernels."""
 
-    preparing: PreparingBody | None
+    compilation: CompilationBody | None
     """Null once a worker is ready to compute."""
 
 
-@router.get("/api/preparing", summary="Get the progress of compiling the solvers")
-def get_preparing(context: Here, response: Response) -> PreparingState:
-    """Return the progress of compiling the solvers, which happens once on each machine."""
+@router.get("/api/compilation", summary="Get the progress of compiling the kernels")
+def get_compilation(context: Here, response: Response) -> CompilationState:
+    """Return the progress of compiling the kernels, which happens once on each machine."""
     response.headers["Cache-Control"] = "no-store"
-    return PreparingState(preparing=PreparingBody.of(context.leases.preparing()))
+    return CompilationState(compilation=CompilationBody.of(context.leases.compilation()))
 
 
 @router.get(
@@ -84,7 +84,7 @@ def get_preparing(context: Here, response: Response) -> PreparingState:
     responses=problems(403, 404),
 )
 async def get_metrics(request: Request, context: Here, credentials: Bearer) -> Response:
-    """Return figures in Prometheus' text format to clients that send the operator's token.
+    """Return counts in Prometheus' text format to clients that send the operator's token.
 
     Requests through a proxy are answered with 404.
     """
@@ -98,11 +98,11 @@ async def get_metrics(request: Request, context: Here, credentials: Bearer) -> R
     readiness: Readiness = request.app.state.readiness
     streams, target_streams = len(context.streams), len(context.target_streams)
     try:
-        figures = await asyncio.to_thread(stats.figures)
+        counts = await asyncio.to_thread(stats.counts)
     except SQLAlchemyError:
-        figures = None
+        counts = None
     places = await asyncio.to_thread(readiness.places)
-    text = context.metrics.text(figures, places, streams=streams, target_streams=target_streams)
+    text = context.metrics.text(counts, places, streams=streams, target_streams=target_streams)
     return Response(text, media_type=METRICS_MEDIA_TYPE)
 
 

@@ -25,8 +25,8 @@ from foldback.server.http.response_cache import mark
 from foldback.server.store.fold_source import FoldSource, Found
 from foldback.server.viewing.fold_lookup import found_fold, viewing_of
 from foldback.server.viewing.fold_notes import steps_in, tour_of, values_of
+from foldback.web.timeline.figures import FIGURES, cached_figures
 from foldback.web.timeline.frame_batch import cached_batch
-from foldback.web.timeline.metrics import FIGURES, cached_figures
 from foldback.web.timeline.shared_views import unless_replaced
 from foldback.web.timeline.view import TimelineView
 from foldback.web.viser.client import client

@@ -132,14 +132,14 @@ async def post_preview(
         if owner is not None:
             context.previews.note_view(known, owner, viewed(answered, report))
         times = expected_times(report, options.world, context.estimates.total_s)
-        preparing = context.leases.preparing()
+        compilation = context.leases.compilation()
         most = context.settings.max_modules
         reach = [
             {**each, "modules": None} if (each["modules"] or 0) > most else each
             for each in report.get("reach", [])
         ]
         report = {**report, "reach": reach}
-        return Preview.of(known, answered.key, report, times, preparing=preparing, full=full)
+        return Preview.of(known, answered.key, report, times, compilation=compilation, full=full)
 
     async with asking(request, context) as asker:
         return await run_in_threadpool(reported, asker)

@@ -79,9 +79,9 @@ def kernels(_: Settings) -> CheckResult:
     """Check that compiled kernels can be cached."""
     code, words = run_python(_COMPILE)
     if code == 0:
-        return ok(f"compiled solvers are stored in {words}")
+        return ok(f"compiled kernels are stored in {words}")
     return problem(
-        f"compiled solvers cannot be used ({words})", "Set NUMBA_CACHE_DIR to a writable directory."
+        f"compiled kernels cannot be used ({words})", "Set NUMBA_CACHE_DIR to a writable directory."
     )
 
 

@@ -20,7 +20,7 @@ from foldback.server.jobs.progress import REPEATED_STAGES, STAGES
 from foldback.server.limits.fair_queue import wait_s
 from foldback.server.store.estimates import Estimates
 from foldback.server.store.folds import Store, compiled_fraction
-from foldback.server.store.leases import Leases, Preparing
+from foldback.server.store.leases import Compilation, Leases
 from foldback.server.store.tables import FoldRow
 
 SHOWN_ESTIMATE_S: Final = 60.0
@@ -55,12 +55,12 @@ class QueueEstimate:
     Attributes:
         place: Position in the queue, from 1; 0 if the fold does not wait.
         running: Number of folds in its lane that are being computed while it waits.
-        wait_s: Estimated wait, including the rest of ``preparing``, s; None if the fold does not
+        wait_s: Estimated wait, including the rest of ``compilation``, s; None if the fold does not
             wait, there is no worker, or the wait is unknown.
         remaining_s: Estimated time to the end, including the wait, s; 0 if it takes longer than
             usual; None if its modules are not counted yet, there is no worker, or the duration of
-            ``preparing`` is unknown.
-        preparing: Progress of the workers while none of them can compute yet, or of the kernels
+            ``compilation`` is unknown.
+        compilation: Progress of the workers while none of them can compute yet, or of the kernels
             that this fold, or one that it waits for, compiles; None otherwise.
     """
 
@@ -68,7 +68,7 @@ class QueueEstimate:
     running: int
     wait_s: float | None
     remaining_s: int | None
-    preparing: Preparing | None = None
+    compilation: Compilation | None = None
 
 
 class EtaEstimator:
@@ -101,7 +101,7 @@ class EtaEstimator:
     def of(self, row: FoldRow) -> QueueEstimate:
         """Return the estimate for a fold."""
         place, running, wait = 0, 0, None
-        preparing = None if row.over else self._leases.preparing()
+        compilation = None if row.over else self._leases.compilation()
         compiling = compiled_fraction(row.progress) if row.status == "running" else None
         if row.status == "queued":
             ahead = self._store.ahead(row)
@@ -109,19 +109,19 @@ class EtaEstimator:
             wait = wait_s(
                 ahead_s=ahead.ahead_s, running_s=ahead.running_s, at_once=self._leases.at_once()
             )
-        if preparing is None and compiling is not None:
-            preparing = Preparing(fraction=compiling, remaining_s=None)
-        prepared_s = 0.0 if preparing is None else preparing.remaining_s
-        wait = None if wait is None or prepared_s is None else round(wait + prepared_s, 1)
-        left = None if row.over or prepared_s is None else self._left_s(row, wait)
-        if left and prepared_s and row.status == "running":
-            left += prepared_s
+        if compilation is None and compiling is not None:
+            compilation = Compilation(fraction=compiling, remaining_s=None)
+        compilation_s = 0.0 if compilation is None else compilation.remaining_s
+        wait = None if wait is None or compilation_s is None else round(wait + compilation_s, 1)
+        left = None if row.over or compilation_s is None else self._left_s(row, wait)
+        if left and compilation_s and row.status == "running":
+            left += compilation_s
         return QueueEstimate(
             place=place,
             running=running,
             wait_s=wait,
             remaining_s=self._smoothed(row.id, left),
-            preparing=preparing,
+            compilation=compilation,
         )
 
     def _left_s(self, row: FoldRow, wait: float | None) -> float | None:

@@ -34,7 +34,7 @@ class Runner:
         if self._settings.prewarm:
             self._fork_server.start()
 
-    def preparing(self) -> float | None:
+    def compilation(self) -> float | None:
         """Return the compiled fraction of the kernels, 0 to 1; None unless they are compiling.
 
         It is 0 while the fork server starts, because it is not yet known if kernels must compile.

@@ -68,7 +68,7 @@ class _LeaseMonitor:
         self._name = name
         self._leases = Leases.of(settings, store)
         self._housekeeping = Housekeeping(settings, store)
-        self._preparing: float | None = -1.0  # so that the note of an earlier worker is replaced
+        self._compilation: float | None = -1.0  # so that the note of an earlier worker is replaced
         self._swept_at = time.monotonic()
 
     def heartbeat(self) -> None:
@@ -78,12 +78,12 @@ class _LeaseMonitor:
             self._name, host=socket.gethostname()[:200], pid=os.getpid(), folds_at_once=at_once
         )
 
-    def tell_preparing(self) -> None:
+    def note_compilation(self) -> None:
         """Store the compiled fraction of this worker's kernels, if it has changed."""
-        fraction = self._runner.preparing()
-        if fraction != self._preparing:
-            self._leases.note_preparing(self._name, fraction)
-            self._preparing = fraction
+        fraction = self._runner.compilation()
+        if fraction != self._compilation:
+            self._leases.note_compilation(self._name, fraction)
+            self._compilation = fraction
 
     def deregister(self) -> None:
         """Deregister this worker."""
@@ -161,9 +161,9 @@ def work(settings: Settings, *, leash: Leash | None = None) -> None:
     )
     stopping = threading.Event()
     monitor.heartbeat()
-    monitor.tell_preparing()
+    monitor.note_compilation()
     dispatcher.start()
-    _repeat(stopping, COMPILING_REPORT_S, monitor.tell_preparing, "reporting compiled solvers")
+    _repeat(stopping, COMPILING_REPORT_S, monitor.note_compilation, "reporting compiled kernels")
     _repeat(
         stopping, settings.lease_s / HEARTBEATS_PER_LEASE, monitor.heartbeat, "sending heartbeats"
     )

@@ -8,7 +8,7 @@ from typing import Final
 from prometheus_client import CollectorRegistry, Gauge, Histogram, ProcessCollector, generate_latest
 
 from foldback.server.ops.readiness import OK, Places
-from foldback.server.store.stats import Figures
+from foldback.server.store.stats import ServiceCounts
 
 METRICS_MEDIA_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
 BUCKETS_S: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
@@ -49,12 +49,12 @@ class Metrics:
         self._seconds.labels(method, route, f"{status // 100}xx").observe(seconds)
 
     def text(
-        self, figures: Figures | None, places: Places, *, streams: int, target_streams: int
+        self, counts: ServiceCounts | None, places: Places, *, streams: int, target_streams: int
     ) -> bytes:
         """Return all metrics in the text format of Prometheus.
 
         Args:
-            figures: Figures of the rows; None if the database does not answer.
+            counts: Counts of rows; None if the database does not answer.
             places: State of disk and storage.
             streams: Number of open event streams.
             target_streams: Number of open target streams.
@@ -63,9 +63,9 @@ class Metrics:
         _set(rows, "streams_open", "Open event streams.", streams)
         _set(rows, "target_streams_open", "Open target streams.", target_streams)
         _set_places(rows, places)
-        _set(rows, "database_up", "1 if the database answers, else 0.", figures is not None)
-        if figures is not None:
-            _set_figures(rows, figures)
+        _set(rows, "database_up", "1 if the database answers, else 0.", counts is not None)
+        if counts is not None:
+            _set_service_counts(rows, counts)
         return generate_latest(self._registry) + generate_latest(rows)
 
 
@@ -78,7 +78,7 @@ def _set_places(rows: CollectorRegistry, places: Places) -> None:
         _set(rows, "disk_free_bytes", words, places.free_bytes)
 
 
-def _set_figures(rows: CollectorRegistry, found: Figures) -> None:
+def _set_service_counts(rows: CollectorRegistry, found: ServiceCounts) -> None:
     _set_counts(rows, "folds", "Folds by status.", "status", found.folds)
     _set_counts(rows, "movies", "Movies by status.", "status", found.movies)
     _set(rows, "queue_length", "Folds that wait for a worker.", found.folds["queued"])

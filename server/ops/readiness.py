@@ -107,7 +107,7 @@ class Readiness:
         elif database == OK and not workers and self._settings.workers:
             reasons.append("no worker is running")
         if compiled is not None:
-            reasons.append(f"solvers are being compiled ({compiled:.0%})")
+            reasons.append(f"kernels are being compiled ({compiled:.0%})")
         if self._ending.is_set():
             reasons.append("the service is stopping")
         return State(

@@ -123,5 +123,5 @@ def _facts(request: Request, found: Found) -> FoldFacts:
 
 def takes(context: Context) -> Callable[[FoldRow], str]:
     """Return a function that states the expected time of a fold if it is requested now."""
-    after = ONCE_READY if context.leases.preparing() else ""
+    after = ONCE_READY if context.leases.compilation() else ""
     return lambda row: about(context.estimates.total_s(row)) + after

@@ -42,7 +42,7 @@ async def landing(request: Request) -> Response:
         featured=featured,
         kept=visibility(context.settings),
         origin=origin_of(request),
-        preparing=await asyncio.to_thread(context.leases.preparing),
+        compilation=await asyncio.to_thread(context.leases.compilation),
         read_only=READ_ONLY_WORDS if context.settings.read_only else None,
         still=pictures[f"{FEATURED_SHAPE}-480.svg"].decode(),
     )

@@ -92,8 +92,8 @@ async def _page(context: Context, given: Mapping[str, object]) -> Response:
         "next_scripts": _next_scripts(),
         **given,
     }
-    preparing = await asyncio.to_thread(context.leases.preparing)
-    return page("preview.html", facts=facts, facts_json=script_json(facts), preparing=preparing)
+    compilation = await asyncio.to_thread(context.leases.compilation)
+    return page("preview.html", facts=facts, facts_json=script_json(facts), compilation=compilation)
 
 
 @cache

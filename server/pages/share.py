@@ -32,7 +32,7 @@ from foldback.server.store.object_store import TIMELINE_HEAD
 from foldback.server.viewing.fold_lookup import find_fold, found_fold, viewing_of
 from foldback.server.viewing.fold_notes import steps_in, tour_of, values_of
 from foldback.web.pictures.table_top import TableTop
-from foldback.web.timeline.metrics import FIGURES, curves_of, table_forces
+from foldback.web.timeline.figures import FIGURES, curves_of, table_forces
 from foldback.web.timeline.shared_views import unless_replaced
 from foldback.web.timeline.view import TimelineView
 from foldback.web.viser.client import client

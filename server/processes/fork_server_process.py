@@ -203,7 +203,7 @@ class _Forks:
             return
         self._tasks[self._late.kind] = self._late.load()
         self._late = None
-        _prepare_to_fork()
+        _compact_before_fork()
         for fork in self._waiting:
             fork()
 
@@ -273,7 +273,7 @@ def _load_preparer(directory: Path | None) -> Task:
     return task_of(PREPARER, warm=True, progress=silent, directory=directory)
 
 
-def _prepare_to_fork() -> None:
+def _compact_before_fork() -> None:
     """End the threads of libraries, and let children share all existing objects.
 
     Otherwise the garbage collector of a child would copy their memory pages by traversing them.
@@ -293,7 +293,7 @@ def main() -> None:
             directory = asked["directory"] and Path(asked["directory"])
             tasks, late = _tasks(asked["kinds"], requests, warm=asked["warm"], directory=directory)
             load_kernels()
-        _prepare_to_fork()
+        _compact_before_fork()
     except Exception:
         traceback.print_exc()
         requests.refuse(UNEXPECTED_WORDS)

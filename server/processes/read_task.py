@@ -1,6 +1,6 @@
 """Read task: checks and previews of uploads in a child; no other process parses them.
 
-Solvers are imported only when needed, because most uploads are paths.
+Solvers of paths are imported only when needed, because most uploads are paths.
 """
 
 from __future__ import annotations

@@ -87,7 +87,7 @@ class Ahead(NamedTuple):
         ahead_s: Expected seconds of the folds before it, at the recently measured speed.
         running_s: Remaining seconds of the running folds, at most until their slices are over.
         running: Number of running folds.
-        compiling: Compiled fraction of the solvers if a running fold compiles them; else None.
+        compiling: Compiled fraction of the kernels if a running fold compiles them; else None.
     """
 
     place: int
@@ -619,7 +619,7 @@ def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
 
 
 def compiled_fraction(told: Mapping[str, Any]) -> float | None:
-    """Return the compiled fraction of the solvers that a running fold reports; None if ready."""
+    """Return the compiled fraction of the kernels that a running fold reports; None if ready."""
     return told.get("fraction") if told.get("message") == COMPILING else None
 
 

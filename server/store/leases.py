@@ -39,7 +39,7 @@ failed, in s."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Preparing:
+class Compilation:
     """Progress of the workers while none of them can compute yet.
 
     Attributes:
@@ -51,9 +51,9 @@ class Preparing:
     remaining_s: float | None
 
 
-def _preparing_key(name: str) -> str:
+def _compilation_key(name: str) -> str:
     """Return the name of the counter with a worker's compiled fraction."""
-    return f"preparing {sha256(name.encode()).hexdigest()[:20]}"
+    return f"compilation {sha256(name.encode()).hexdigest()[:20]}"
 
 
 class Leases:
@@ -85,7 +85,7 @@ class Leases:
         self._looked_at = clock()
         self._made_at = clock()
         self._expects_workers = expects_workers
-        self._prepared: TTLCache[tuple[()], Preparing | None] = TTLCache(
+        self._cached_compilation: TTLCache[tuple[()], Compilation | None] = TTLCache(
             1, COMPILING_CACHE_S, timer=clock
         )
 
@@ -118,30 +118,30 @@ class Leases:
         """Deregister a worker."""
         with self._store.changing() as session:
             session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
-            session.execute(sa.delete(CounterRow).where(CounterRow.name == _preparing_key(name)))
+            session.execute(sa.delete(CounterRow).where(CounterRow.name == _compilation_key(name)))
 
-    def note_preparing(self, name: str, fraction: float | None) -> None:
+    def note_compilation(self, name: str, fraction: float | None) -> None:
         """Store the compiled fraction of a worker's kernels, 0 to 1; None if it is ready."""
         with self._store.changing() as session:
-            session.execute(sa.delete(CounterRow).where(CounterRow.name == _preparing_key(name)))
+            session.execute(sa.delete(CounterRow).where(CounterRow.name == _compilation_key(name)))
             if fraction is not None:
                 value = round(COMPILED_COUNT * min(max(fraction, 0.0), 1.0))
-                session.add(CounterRow(name=_preparing_key(name), value=value))
+                session.add(CounterRow(name=_compilation_key(name), value=value))
 
-    def preparing(self) -> Preparing | None:
+    def compilation(self) -> Compilation | None:
         """Return the progress of the workers' compilation; None if one can compute.
 
         Callers share one query per ``COMPILING_CACHE_S``.
         """
-        return self._look_at_preparing()
+        return self._read_compilation()
 
-    @cachedmethod(attrgetter("_prepared"), lock=attrgetter("_lock"))
-    def _look_at_preparing(self) -> Preparing | None:
+    @cachedmethod(attrgetter("_cached_compilation"), lock=attrgetter("_lock"))
+    def _read_compilation(self) -> Compilation | None:
         workers = self.workers()
         if not workers:
             starting = self._expects_workers and self._clock() - self._made_at < SERVICE_START_S
-            return Preparing(fraction=0.0, remaining_s=None) if starting else None
-        keys = {_preparing_key(row.name): row for row in workers}
+            return Compilation(fraction=0.0, remaining_s=None) if starting else None
+        keys = {_compilation_key(row.name): row for row in workers}
         rows = self._store.scalars(sa.select(CounterRow).where(CounterRow.name.in_(keys)))
         if len(rows) < len(workers):
             return None
@@ -149,7 +149,7 @@ class Leases:
         fraction, spent_s = best.value / COMPILED_COUNT, time.time() - keys[best.name].started_at
         told = fraction >= MIN_COMPILED_FRACTION and spent_s > 0.0
         left_s = spent_s * (1.0 - fraction) / fraction if told else None
-        return Preparing(fraction=fraction, remaining_s=left_s)
+        return Compilation(fraction=fraction, remaining_s=left_s)
 
     def workers(self) -> list[WorkerRow]:
         """Return the workers that are not known to be dead."""

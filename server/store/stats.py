@@ -1,4 +1,4 @@
-"""Stats: cached figures over all rows, for operators."""
+"""Stats: cached counts of all rows, for operators."""
 
 from __future__ import annotations
 
@@ -18,8 +18,8 @@ from foldback.server.settings import Settings
 from foldback.server.store.leases import Leases
 from foldback.server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, engine_of
 
-FIGURES_CACHE_S: Final = 2.0
-"""Time for which the figures for operators (numbers of folds, durations) are cached, in s."""
+COUNTS_CACHE_S: Final = 2.0
+"""Time for which the counts for operators (numbers of folds, durations) are cached, in s."""
 SIZE_CACHE_S: Final = 60.0
 """Time for which the total size of all folds' files is cached, in s, as its computation reads the
 sizes of all folds from the database."""
@@ -29,11 +29,11 @@ MAX_FOLD_AGE_S: Final = 86400.0
 """Largest assumed time from the request of a fold to its end, in s; the search for recently ended
 folds skips those that were requested earlier."""
 MAX_ENDED_FOLDS: Final = 500
-"""Maximum number of recently ended folds whose durations are read for the figures for operators."""
+"""Maximum number of recently ended folds whose durations are read for the counts for operators."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Figures:
+class ServiceCounts:
     """Counts at one moment.
 
     Attributes:
@@ -56,7 +56,7 @@ class Figures:
 
 
 class Stats:
-    """Counts for operators, cached for ``FIGURES_CACHE_S``.
+    """Counts for operators, cached for ``COUNTS_CACHE_S``.
 
     It has its own connection, so that it works while requests occupy all others.
 
@@ -69,7 +69,7 @@ class Stats:
         self._leases = leases
         self._engine = engine_of(settings)
         self._counted = threading.Condition()
-        self._kept: TTLCache[tuple[()], Figures] = TTLCache(1, FIGURES_CACHE_S)
+        self._kept: TTLCache[tuple[()], ServiceCounts] = TTLCache(1, COUNTS_CACHE_S)
         self._bytes: TTLCache[tuple[()], int] = TTLCache(1, SIZE_CACHE_S)
 
     def close(self) -> None:
@@ -77,8 +77,8 @@ class Stats:
         self._engine.dispose()
 
     @cachedmethod(attrgetter("_kept"), condition=attrgetter("_counted"))
-    def figures(self) -> Figures:
-        """Return the figures, at most ``FIGURES_CACHE_S`` old.
+    def counts(self) -> ServiceCounts:
+        """Return the counts, at most ``COUNTS_CACHE_S`` old.
 
         Raises:
             SQLAlchemyError: If the database does not answer.
@@ -107,7 +107,7 @@ class Stats:
                 .limit(MAX_ENDED_FOLDS)
             ).all()
             taken = self._taken(session)
-        return Figures(
+        return ServiceCounts(
             folds=dict.fromkeys(STATUSES, 0) | {status: count for status, count in folds},
             movies={status: count for status, count in movies},
             oldest_queued_s=0.0 if oldest is None else max(0.0, now - oldest),

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import expect
 
-from foldback.planner.certificate.metrics_store import Figures
+from foldback.planner.certificate.figures_store import Figures
 from tests.browser.conftest import Visit, picture, screenshot, seek, wait_for_view, wait_until
 from tests.server.service_process import Service
 

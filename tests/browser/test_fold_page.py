@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Route, expect
 
-from foldback.planner.certificate.metrics_store import Figures
+from foldback.planner.certificate.figures_store import Figures
 from foldback.planner.motion.timeline import Timeline
 from tests.browser.conftest import Visit, at_frame, choose, picture, seek
 from tests.server.service_process import STAIRS, Service, path_file

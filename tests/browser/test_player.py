@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from playwright.sync_api import Page, expect
 
-from foldback.planner.certificate.metrics_store import Figures
+from foldback.planner.certificate.figures_store import Figures
 from foldback.words.messages import nearest_frame
 from tests.browser.conftest import at_frame, drag, seek, shown_frame, visiting
 from tests.server.service_process import Service

@@ -10,7 +10,7 @@ import pytest
 
 from bench.clearance.forgeries import certainly_false
 from foldback import foldback_check
-from foldback.planner.certificate.frame_metrics import clearances_of
+from foldback.planner.certificate.frame_figures import clearances_of
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import MODULES
 from tests.case import case

@@ -1,4 +1,4 @@
-"""Timeline view: a timeline prepared for display, shared by all viewers of a fold.
+"""Timeline view: a timeline decoded for display, shared by all viewers of a fold.
 
 It caches recently requested frames in chunks, computes poses by forward kinematics on request, and
 holds a summary of all frames for the progress bar below the 3D view. It follows a timeline that is
@@ -84,7 +84,7 @@ class Snapshot:
 
 
 class TimelineView:
-    """A timeline prepared for display. Thread-safe."""
+    """A timeline decoded for display. Thread-safe."""
 
     def __init__(self, path: str | Path) -> None:
         """Open the timeline at ``path``.

@@ -80,8 +80,8 @@ def standalone_html(
         render: Fills the template ``standalone.html`` with the given values.
         facts: Facts of the fold, as for its own page.
         plan: The verified plan's ``.npz`` file, for the checker; None if there is nothing to check.
-        curves: Data of the plots, from ``web.timeline.metrics``.
-        forces: Result of ``web.timeline.metrics.table_forces``, for a fold on a table.
+        curves: Data of the plots, from ``web.timeline.figures``.
+        forces: Result of ``web.timeline.figures.table_forces``, for a fold on a table.
         table: Table under the chain; None if it floats.
         view: Address of viser's client, for pages that share it; None to put it into the page.
         kept: ``tour``, ``values`` and ``steps`` of the fold, each None if there are none.

@@ -7,7 +7,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 
-from foldback.planner.certificate.metrics_store import Figures
+from foldback.planner.certificate.figures_store import Figures
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses
 from foldback.planner.errors import InputError

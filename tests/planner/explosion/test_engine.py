@@ -95,7 +95,7 @@ def test_engine_in_contact_moves_as_one_tree(seed: int) -> None:
     )
     engine.place(state)
     finder = ContactFinder(chain, Material(geom_size=1.0))
-    finder.prepare(len(chain))
+    finder.allocate(len(chain))
     contacts = finder.find(engine.positions, engine.rotations)
     loads = Loads(torques, rotors, np.zeros((len(chain), 3)), np.zeros(3))
     found = engine.constrained(state, loads, contacts)

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from foldback.planner.certificate.certificate import certify
-from foldback.planner.certificate.metrics_store import Curves, Figures
+from foldback.planner.certificate.figures_store import Curves, Figures
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.explosion.strategies import ranked_strategies

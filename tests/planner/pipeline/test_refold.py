@@ -12,8 +12,8 @@ import pytest
 
 from foldback import foldback_check
 from foldback.planner.certificate.certificate import Place, certify
-from foldback.planner.certificate.frame_metrics import write_figures
-from foldback.planner.certificate.metrics_store import Figures
+from foldback.planner.certificate.figures_store import Figures
+from foldback.planner.certificate.frame_figures import write_figures
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import InputError
 from foldback.planner.exports.formats import export_named

@@ -32,7 +32,7 @@ def play(folded: Folded, robot: RobotParameters, **options: Any) -> Playback:
 @pytest.mark.parametrize("chain", [line(7), coil(40)], ids=len)
 def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None:
     contacts = robot_contacts(chain, geom_size=0.3, step_s=0.08)
-    contacts.prepare(len(chain))
+    contacts.allocate(len(chain))
     parameters = replace(FAULTLESS, mass_error=0.1, motor_limit=100.0)
     robot = Robot(chain, contacts, parameters, peak_torque=10.0, seed=[3], step_s=0.08)
     assert robot.errors.masses.std() > 0.05

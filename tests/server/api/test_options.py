@@ -78,7 +78,7 @@ def test_client_docs_and_preview_page_have_each_option() -> None:
     assert row in make_options.page(make_options.PAGE.read_text(encoding="utf-8"), Extended)
     facts = {"name": "Cup", "most_modules": 100, "origin": {}}
     html = rendered(
-        "preview.html", facts=facts, facts_json="{}", options=options_of(Extended), preparing=None
+        "preview.html", facts=facts, facts_json="{}", options=options_of(Extended), compilation=None
     )
     _, _, more = html.partition('id="more-options"')  # the script sends all fields of this form
     control, _, _ = more.partition("</div>")

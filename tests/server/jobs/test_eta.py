@@ -20,7 +20,7 @@ from foldback.server.store.estimates import (
     typical_s,
 )
 from foldback.server.store.folds import Store
-from foldback.server.store.leases import Leases, Preparing
+from foldback.server.store.leases import Compilation, Leases
 from foldback.server.store.worker_identity import WorkerIdentities
 from tests.server.rows import SOMEBODY, a_fold
 from tests.server.store.test_leases import Clock
@@ -187,11 +187,11 @@ def test_wait_of_queued_fold_includes_the_rest_of_preparing(
     folds.add("another")
     both = (folds.add_queued("waiting"), folds.add_running("read", 0.0, began_at=NOW))
     ready = [folds.remaining.of(folds.store.fold(fold)) for fold in both]
-    preparing = Preparing(fraction=0.5, remaining_s=30.0)
-    monkeypatch.setattr(Leases, "preparing", lambda self: preparing)
+    compilation = Compilation(fraction=0.5, remaining_s=30.0)
+    monkeypatch.setattr(Leases, "compilation", lambda self: compilation)
     folds.remaining = folds.new_estimator()
     later = [folds.remaining.of(folds.store.fold(fold)) for fold in both]
-    assert {outlook.preparing for outlook in later} == {preparing}
+    assert {outlook.compilation for outlook in later} == {compilation}
     assert (later[0].wait_s or 0) - (ready[0].wait_s or 0) == 30.0
     for before, after in zip(ready, later, strict=True):
         assert (after.remaining_s or 0) - (before.remaining_s or 0) == 30
@@ -202,11 +202,11 @@ def test_queued_and_running_folds_report_compiling(folds: Folds) -> None:
     assert folds.progress(queued)["running_before"] == 0
     now = folds.add_running("read", 0.25, began_at=NOW)
     progress = folds.progress(queued)
-    assert (progress["running_before"], progress["preparing"]) == (1, None)
+    assert (progress["running_before"], progress["compilation"]) == (1, None)
     folds.store.report(now, 0, folds.store.fold(now).progress | {"message": COMPILING})
     for fold in (queued, now):
         progress = folds.progress(fold)
-        assert progress["preparing"] == {"fraction": 0.25, "remaining_s": None}
+        assert progress["compilation"] == {"fraction": 0.25, "remaining_s": None}
         # The duration of this stage is unknown.
         assert (progress["wait_s"], progress["remaining_s"]) == (None, None)
 

@@ -137,10 +137,10 @@ def test_metrics_token_that_is_short_is_refused_without_repeating_it() -> None:
 def test_stats_are_cached(tmp_path: Path, store: Store) -> None:
     settings = Settings(data_dir=tmp_path)
     with closing(Stats(settings, Leases.of(settings, store))) as stats, statements() as queries:
-        stats.figures()
+        stats.counts()
         once = len(queries)
         for _ in range(100):
-            stats.figures()
+            stats.counts()
     assert 0 < once <= 10  # a few queries set up the connection
     assert len(queries) <= 2 * once
 
@@ -158,7 +158,7 @@ def test_stats_count_rows(each_settings: Settings, each_store: Store) -> None:
         session.add(a_fold("old", status="failed", started_at=1.0, ended_at=2.0))
         session.add(WorkerRow(**worker, folds_at_once=1, started_at=now))
     with closing(Stats(each_settings, Leases.of(each_settings, each_store))) as stats:
-        found = stats.figures()
+        found = stats.counts()
     assert found.folds == {"queued": 2, "running": 1, "verified": 1, "failed": 2, "cancelled": 0}
     assert 1000 <= found.oldest_queued_s < 1100
     assert (found.storage_bytes, found.workers) == (11111, 1)

@@ -10,7 +10,7 @@ from foldback.server.cli.command_line import COMMANDS
 from foldback.server.ops.metrics import Metrics
 from foldback.server.ops.readiness import Places
 from foldback.server.settings import Settings
-from foldback.server.store.stats import Figures
+from foldback.server.store.stats import ServiceCounts
 from foldback.server.store.tables import STATUSES
 from tests.run_python import ROOT
 
@@ -26,10 +26,17 @@ def test_table_of_settings_is_up_to_date() -> None:
 
 def test_table_of_metrics_and_alerts_name_existing_ones() -> None:
     shown = PAGE.partition("| metric | meaning |")[2].partition("\n\n")[0]
-    counts = {"folds": dict.fromkeys(STATUSES, 0), "movies": {}, "failures": {}}
-    figures = Figures(**counts, oldest_queued_s=0.0, storage_bytes=0, workers=0, computed_s=())
+    counts = ServiceCounts(
+        folds=dict.fromkeys(STATUSES, 0),
+        movies={},
+        failures={},
+        oldest_queued_s=0.0,
+        storage_bytes=0,
+        workers=0,
+        computed_s=(),
+    )
     places = Places(disk="ok", storage="ok", free_bytes=0)
-    text = Metrics().text(figures, places, streams=0, target_streams=0).decode()
+    text = Metrics().text(counts, places, streams=0, target_streams=0).decode()
     metrics = set(re.findall(r"# TYPE (foldback_\w+)", text))
     for name in metrics:
         assert name.endswith("_created") or name.removeprefix("foldback") in shown

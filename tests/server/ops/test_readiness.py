@@ -45,7 +45,7 @@ def test_missing_folders_workers_and_kernels_are_reasons(tmp_path: Path) -> None
         lock.add(FIRST_KERNELS_BYTES // 4)
         reasons = ready.state().reasons
         lock.release()
-        assert reasons == ("solvers are being compiled (31%)",)
+        assert reasons == ("kernels are being compiled (31%)",)
         assert ready.state().ready
     with readiness(Settings(data_dir=tmp_path, workers=1)) as ready:
         assert ready.state().reasons == ("no worker is running",)

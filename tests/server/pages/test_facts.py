@@ -29,7 +29,7 @@ from foldback.server.settings import Settings
 from foldback.server.store.estimates import Estimates
 from foldback.server.store.fold_source import Found
 from foldback.server.store.folds import Store
-from foldback.server.store.leases import Leases, Preparing
+from foldback.server.store.leases import Compilation, Leases
 from foldback.words import quantities
 from foldback.words.fold import ShownFold
 from foldback.words.properties import used_parameters
@@ -195,8 +195,8 @@ def test_times_of_offered_folds_name_the_compilation(
         return {offer.get("hint", "") for offer in offers}
 
     assert "Takes less than a minute" in hints()
-    preparing = Preparing(fraction=0.4, remaining_s=60.0)
-    monkeypatch.setattr(Leases, "preparing", lambda _: preparing)
+    compilation = Compilation(fraction=0.4, remaining_s=60.0)
+    monkeypatch.setattr(Leases, "compilation", lambda _: compilation)
     assert "Takes less than a minute, once the folding software is ready" in hints()
 
 

@@ -29,7 +29,7 @@ with TestClient(app, base_url="http://127.0.0.1:8000") as client:
     assert context.store.fold(first).status == "verified" and not context.store.waiting()
     pages = ["/", "/gallery", "/shapes/new", "/paper", "/benchmarks", "/docs", "/my-folds"]
     pages += ["/privacy", "/featured/bundle", "/featured/batch", "/featured/picture.png"]
-    pages += ["/shapes/cat.svg", "/shapes/tetra-ring.svg", "/api/preparing"]
+    pages += ["/shapes/cat.svg", "/shapes/tetra-ring.svg", "/api/compilation"]
     for row in context.store.list_public():
         page, api = f"/folds/{row.id}", f"/api/folds/{row.id}"
         assert "Included with foldback, computed with version" in client.get(page).text

@@ -8,7 +8,7 @@ import pytest
 
 from foldback.server.settings import Settings
 from foldback.server.store.folds import Store
-from foldback.server.store.leases import SERVICE_START_S, Leases, Preparing
+from foldback.server.store.leases import SERVICE_START_S, Compilation, Leases
 from foldback.server.store.worker_identity import WorkerIdentities
 
 LEASE_S = 15.0
@@ -101,23 +101,23 @@ def test_lock_reveals_dead_workers_of_this_machine_at_once(
 
 
 def test_preparing_is_that_of_workers_until_one_is_ready(leases: Leases, clock: Clock) -> None:
-    def preparing_fraction() -> float | None:
+    def compiled_fraction() -> float | None:
         clock.now += 1.0
-        return None if (found := leases.preparing()) is None else found.fraction
+        return None if (found := leases.compilation()) is None else found.fraction
 
     for name in ("a/x/0", "b/x/0"):
         heartbeat(leases, name)
-    leases.note_preparing("a/x/0", 0.25)
-    assert preparing_fraction() is None, "the other one is ready"
-    leases.note_preparing("b/x/0", 0.75)
-    assert preparing_fraction() == 0.75
-    left_s = leases.preparing()
+    leases.note_compilation("a/x/0", 0.25)
+    assert compiled_fraction() is None, "the other one is ready"
+    leases.note_compilation("b/x/0", 0.75)
+    assert compiled_fraction() == 0.75
+    left_s = leases.compilation()
     assert left_s is not None and left_s.remaining_s is not None
-    leases.note_preparing("a/x/0", 0.8)
+    leases.note_compilation("a/x/0", 0.8)
     leases.deregister("b/x/0")
-    assert preparing_fraction() == 0.8
-    leases.note_preparing("a/x/0", None)
-    assert preparing_fraction() is None
+    assert compiled_fraction() == 0.8
+    leases.note_compilation("a/x/0", None)
+    assert compiled_fraction() is None
 
 
 def test_preparing_without_worker_lasts_while_workers_start(
@@ -125,10 +125,10 @@ def test_preparing_without_worker_lasts_while_workers_start(
 ) -> None:
     identities = WorkerIdentities(Settings(data_dir=tmp_path))
     leases = Leases(store, identities, LEASE_S, clock=clock, expects_workers=True)
-    assert leases.preparing() == Preparing(fraction=0.0, remaining_s=None)
+    assert leases.compilation() == Compilation(fraction=0.0, remaining_s=None)
     clock.now += SERVICE_START_S
-    assert leases.preparing() is None
-    assert Leases(store, identities, LEASE_S, clock=clock).preparing() is None
+    assert leases.compilation() is None
+    assert Leases(store, identities, LEASE_S, clock=clock).compilation() is None
 
 
 PROBE = """

@@ -71,15 +71,15 @@ test("the title of a running fold shows its progress", () => {
   );
 });
 
-test("the title shows the progress while solvers are prepared", () => {
+test("the title shows the progress while kernels are compiled", () => {
   for (const status of ["queued", "running"]) {
     assert.equal(
       titleOf(
-        { status, fraction: 0, preparing: { fraction: 0.478, remaining_s: 90 } },
+        { status, fraction: 0, compilation: { fraction: 0.478, remaining_s: 90 } },
         "torus",
         new OverallProgress(),
       ),
-      "Preparing 47 % · torus · foldback",
+      "Compiling 47 % · torus · foldback",
     );
   }
 });

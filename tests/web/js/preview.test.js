@@ -50,7 +50,7 @@ const report = (more = {}) => ({
   notes: [],
   added: [],
   cells: [],
-  preparing: null,
+  compilation: null,
   ...more,
 });
 
@@ -133,13 +133,13 @@ test("the expected time depends on the preset and the preference", () => {
   assert.equal(preview.expected, "–");
 });
 
-test("the expected time counts the solvers that are compiled first", () => {
+test("the expected time counts the kernels that are compiled first", () => {
   const preview = opened();
-  preview.take(report({ preparing: { fraction: 0.4, remaining_s: 62 } }));
+  preview.take(report({ compilation: { fraction: 0.4, remaining_s: 62 } }));
   assert.equal(preview.expected, "about 70 s");
-  preview.preparing = { fraction: 0, remaining_s: null };
+  preview.compilation = { fraction: 0, remaining_s: null };
   assert.equal(preview.expected, "–", "nobody knows yet");
-  preview.preparing = null;
+  preview.compilation = null;
   assert.equal(preview.expected, "about 5 s");
 });
 

@@ -1,7 +1,12 @@
 import assert from "node:assert/strict";
 import { test } from "node:test";
 import { partColours } from "../../../web/static/js/player/player_state.js";
-import { extent, modulesInView, stepWords, stepsDone } from "../../../web/static/js/tour/steps.js";
+import {
+  extent,
+  modulesInView,
+  stepWords,
+  stepsDone,
+} from "../../../web/static/js/panels/steps.js";
 import { isHidden } from "../../../web/static/js/viewer/viewpoint.js";
 
 const steps = [

@@ -2,7 +2,7 @@ import assert from "node:assert/strict";
 import { test } from "node:test";
 import { countFromOne, refusalWords } from "../../../web/static/js/lib/api.js";
 import { factsOf, verdictOf } from "../../../web/static/js/panels/owned_cards.js";
-import { preparingWords, remaining } from "../../../web/static/js/panels/preparing.js";
+import { compilationWords, remaining } from "../../../web/static/js/panels/compilation.js";
 import {
   duration,
   newtonMetres,
@@ -150,7 +150,7 @@ test("the judgement of a motor is a sentence", () => {
 
 test("while the share is unknown, the text does not mention a first start", () => {
   assert.equal(
-    preparingWords({ fraction: 0, remaining_s: null }),
+    compilationWords({ fraction: 0, remaining_s: null }),
     "Starting the folding software…",
   );
   assert.equal(
@@ -158,12 +158,12 @@ test("while the share is unknown, the text does not mention a first start", () =
       status: "queued",
       stage: null,
       summary: {},
-      progress: { preparing: { fraction: 0.42, remaining_s: 25 } },
+      progress: { compilation: { fraction: 0.42, remaining_s: 25 } },
     }).text,
-    "Preparing the folding software: 42 %",
+    "Compiling the folding software: 42 %",
   );
   assert.match(
-    preparingWords({ fraction: 0.42, remaining_s: 25 }),
+    compilationWords({ fraction: 0.42, remaining_s: 25 }),
     /^First start: .*, 42 % done\. .* · about 25 s left$/,
   );
 });

@@ -24,7 +24,7 @@ const SI_PREFIXES = { [-12]: "p", [-9]: "n", [-6]: "µ", [-3]: "m", 0: "", 3: "k
 const [MIN_POWER, MAX_POWER] = [-12, 3];
 const DIGITS = 2;
 const WHOLE_BELOW = 1e6;
-const COARSE_S = 10; // rounding of times that include compiling the solvers, so that they do not change every second
+const COARSE_S = 10; // rounding of times that include compiling the kernels, so that they do not change every second
 
 // Return a quantity with an SI prefix: 34 µN·m, 0 rad, < 1 pN·m.
 /**
@@ -87,14 +87,14 @@ export function duration(value) {
 }
 
 // Return the expected time of a fold that is requested now;
-// null while the time to compile the solvers is unknown.
+// null while the time to compile the kernels is unknown.
 /**
  * @param {number} value of the fold alone, in seconds
- * @param {Api.PreparingBody | null} preparing
+ * @param {Api.CompilationBody | null} compilation
  */
-export function wholeTime(value, preparing) {
-  if (!preparing) return duration(value);
-  const left = preparing.remaining_s;
+export function wholeTime(value, compilation) {
+  if (!compilation) return duration(value);
+  const left = compilation.remaining_s;
   return left === null ? null : duration(COARSE_S * Math.ceil((value + left) / COARSE_S));
 }
 

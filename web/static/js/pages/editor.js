@@ -82,11 +82,11 @@ function check(ready) {
   timer = setTimeout(async () => {
     const words = await exchanging(({ report, pathFile }) =>
       report({ file: pathFile(editor.name, state), full: false }).then(
-        ({ knot, expected_s: s, preparing }) =>
+        ({ knot, expected_s: s, compilation }) =>
           knot?.verdict === "knotted"
             ? { text: "The path is knotted, so the chain cannot be pulled straight.", tone: "bad" }
             : {
-                text: `Computing the fold takes ${wholeTime(s, preparing) ?? `${duration(s)}, once the folding software is ready`}.`,
+                text: `Computing the fold takes ${wholeTime(s, compilation) ?? `${duration(s)}, once the folding software is ready`}.`,
                 tone: "",
               },
         (error) => ({ text: wordsOf(error), tone: "bad" }),

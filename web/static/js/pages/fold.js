@@ -174,7 +174,7 @@ function tryAgain() {
 
 show(facts);
 if (code)
-  import("../tour/follower.js")
+  import("../live_class/follower.js")
     .then(({ Follower }) => new Follower(code, player, place))
     .catch((error) => toast(wordsOf(error)));
 if (facts.running) {

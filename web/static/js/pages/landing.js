@@ -128,8 +128,8 @@ function offer(file) {
   };
 }
 
-if (!get("preparing").hidden)
-  import("../panels/preparing.js").then(({ followPreparing }) => followPreparing());
+if (!get("compilation").hidden)
+  import("../panels/compilation.js").then(({ followCompilation }) => followCompilation());
 follow(get("preset"));
 drop.addEventListener("submit", (event) => event.preventDefault());
 get("file").addEventListener("change", () => {

@@ -272,10 +272,10 @@ addEventListener("pageshow", (event) => {
 showOptions(preview);
 fill(preview.onTable ? get("table-settings") : get("paper-settings"), facts.options.settings ?? "");
 look();
-if (!get("preparing").hidden) {
-  import("../panels/preparing.js").then(({ followPreparing }) =>
-    followPreparing((preparing) => {
-      preview.preparing = preparing;
+if (!get("compilation").hidden) {
+  import("../panels/compilation.js").then(({ followCompilation }) =>
+    followCompilation((compilation) => {
+      preview.compilation = compilation;
       showOptions(preview);
     }),
   );

@@ -8,13 +8,13 @@ const ICON = at("/static/icon.svg");
 
 // Return the title of the tab while a fold runs. The percentage of each stage starts at 0.
 /**
- * @param {Pick<Api.Progress, "status" | "preparing">} now
+ * @param {Pick<Api.Progress, "status" | "compilation">} now
  * @param {string} name
  * @param {Pick<import("./overall_progress.js").OverallProgress, "label">} advance
  */
-export function titleOf({ status, preparing }, name, advance) {
+export function titleOf({ status, compilation }, name, advance) {
   const waiting = status === "queued" ? "Waiting" : advance.label();
-  const share = preparing ? `Preparing ${Math.floor(100 * preparing.fraction)} %` : waiting;
+  const share = compilation ? `Compiling ${Math.floor(100 * compilation.fraction)} %` : waiting;
   return `${share} · ${name} · foldback`;
 }
 

@@ -62,8 +62,8 @@ export class Preview {
     this.prefer = earlier.prefer ?? "computing";
     /** @type {Api.Preview | null} */
     this.report = null;
-    /** @type {Api.PreparingBody | null} */
-    this.preparing = null; // progress of compiling the solvers
+    /** @type {Api.CompilationBody | null} */
+    this.compilation = null; // progress of compiling the kernels
     /** @type {{ module: number, cell: number[] | null } | null} */
     this.picked = null;
     /** @type {Api.TableOffer[]} versions of the shape that are known to fold on a table */
@@ -167,7 +167,7 @@ export class Preview {
     this.picked = null;
     this.offers = [];
     this.report = report;
-    this.preparing = report.preparing;
+    this.compilation = report.compilation;
     if (report.not_started) this.options.start = null; // the report has another path
     if (report.kind === "mesh" && this.options.modules === null) this.bounded(report.modules);
   }
@@ -202,10 +202,12 @@ export class Preview {
   }
 
   get expected() {
-    const { report, preset, prefer, preparing } = this;
+    const { report, preset, prefer, compilation } = this;
     if (!report?.has_path) return "–";
     const usual = prefer === "computing" ? report.expected_s : report.expected_preferred_s;
-    return wholeTime(preset === "paper" ? report.expected_as_published_s : usual, preparing) ?? "–";
+    return (
+      wholeTime(preset === "paper" ? report.expected_as_published_s : usual, compilation) ?? "–"
+    );
   }
 
   // Warning before a long chain is folded on a table.

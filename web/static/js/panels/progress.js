@@ -2,7 +2,7 @@
 import { Refusal, ask, askUntil, tokenOf } from "../lib/api.js";
 import { awaitOutcome, titleOf } from "./outcome.js";
 import { OverallProgress, queueWords } from "./overall_progress.js";
-import { preparingWords, remaining, showPreparing } from "./preparing.js";
+import { compilationWords, remaining, showCompilation } from "./compilation.js";
 import { at, get, toast, whole } from "../lib/text.js";
 
 const ASK_MS = 5000; // between two requests without an event stream
@@ -76,7 +76,7 @@ export class Progress {
     const { advance } = this;
     if (now.status === "running") advance.note(now);
     get("cancel").hidden = !this.token;
-    const { preparing } = now;
+    const { compilation } = now;
     const name = get("name").textContent; // the owner may rename the fold meanwhile
     const shown = { ...now, ...(now.status === "running" && { fraction: advance.fraction }) };
     document.title = titleOf(shown, name, advance);
@@ -84,8 +84,8 @@ export class Progress {
     let text;
     const left = now.remaining_s == null ? "" : ` · ${remaining(now.remaining_s, now.busy)}`;
     if (this.cancelling) text = "Cancelling…";
-    else if (preparing)
-      text = `${preparingWords(preparing)}${queue > 1 ? ` · then this fold waits in the queue behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
+    else if (compilation)
+      text = `${compilationWords(compilation)}${queue > 1 ? ` · then this fold waits in the queue behind ${queue - 1} other fold${queue > 2 ? "s" : ""}` : ""}`;
     else if (now.status === "queued") {
       if (now.paused) text = now.message ?? "Paused";
       else text = queueWords(queue, now.running_before);
@@ -105,9 +105,9 @@ export class Progress {
     this.say(text);
     const bar = /** @type {HTMLElement} */ (get("progress").firstElementChild);
     const done = now.status === "queued" ? 0 : advance.fraction;
-    bar.style.transform = `scaleX(${preparing ? preparing.fraction : done})`;
+    bar.style.transform = `scaleX(${compilation ? compilation.fraction : done})`;
     get("progress").classList.toggle("unmeasured", now.status === "running" && advance.writing);
-    showPreparing(preparing);
+    showCompilation(compilation);
   }
 
   /** @param {string} text */
@@ -122,7 +122,7 @@ export class Progress {
     this.pollNoMore();
     get("progress").hidden = true;
     get("cancel").hidden = true;
-    showPreparing(null);
+    showCompilation(null);
     const facts = await this.onDone();
     if (facts) this.announce(facts);
   }

@@ -39,7 +39,7 @@ export function sharing({ id, embed }, { place, player }) {
   if (lead)
     lead.onclick = async () => {
       dialog.close();
-      (await import("../tour/leader.js")).lead(id, place);
+      (await import("../live_class/leader.js")).lead(id, place);
     };
   return () => {
     fill();

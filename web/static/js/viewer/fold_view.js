@@ -162,7 +162,7 @@ export function view({
   );
   const open = offerTour(touring);
   const stepping = later(async () => {
-    const [{ StepsPanel }, steps] = await Promise.all([import("../tour/steps.js"), kept.steps()]);
+    const [{ StepsPanel }, steps] = await Promise.all([import("../panels/steps.js"), kept.steps()]);
     if (!steps) throw new Error("This fold has no steps.");
     return new StepsPanel(player, steps, calm);
   }, toast);

@@ -4,7 +4,7 @@ import { addStyle } from "../lib/lazy_styles.js";
 import { heldStill } from "../player/kinematics.js";
 import { across, axesOf, dot, framing } from "../viewer/camera.js";
 import { clearestSight, isHidden } from "../viewer/viewpoint.js";
-import { frameBetween, movingSeconds } from "./state.js";
+import { frameBetween, movingSeconds } from "../tour/state.js";
 
 const STYLE = "/static/css/tour.css";
 const SLACK = 0.5; // frames; a larger deviation means that the visitor has moved the playhead

@@ -7,8 +7,8 @@ import pytest
 from numpy.typing import NDArray
 
 from foldback.planner.certificate.certificate import Certificate
-from foldback.planner.certificate.frame_metrics import clearances_of, write_figures
-from foldback.planner.certificate.metrics_store import CLEARANCE_REACH_PITCH, Curves, Figures
+from foldback.planner.certificate.figures_store import CLEARANCE_REACH_PITCH, Curves, Figures
+from foldback.planner.certificate.frame_figures import clearances_of, write_figures
 from foldback.planner.certificate.plan_figures import torque_unit_nm
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.floating_torques import floating_torques, spline_derivatives

@@ -17,7 +17,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.certificate.certificate import Certificate
-from foldback.planner.certificate.metrics_store import (
+from foldback.planner.certificate.figures_store import (
     CLEARANCE_REACH_PITCH,
     FIGURE_FRAMES_PER_CHUNK,
     Curves,

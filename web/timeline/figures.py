@@ -20,7 +20,7 @@ from typing import Any, Final
 import numpy as np
 from numpy.typing import NDArray
 
-from foldback.planner.certificate.metrics_store import Curves, Figures
+from foldback.planner.certificate.figures_store import Curves, Figures
 from foldback.planner.certificate.table_figures import TableCertificate
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.errors import UNREADABLE, InputError
@@ -90,7 +90,7 @@ def curves_of(directory: Path) -> bytes:
         "rows": _rows(timeline, forces),
         "table": None if forces is None else _table_told(directory),
         # For windows, torques are computed at some frames only: see
-        # ``planner.certificate.frame_metrics``.
+        # ``planner.certificate.frame_figures``.
         "torque_at_some_frames": timeline.windowed,
         "largest": {
             "torque": largest,

@@ -1,6 +1,6 @@
 """Metrics store: figures of every frame of a timeline, on disk.
 
-``planner.certificate.frame_metrics`` computes them. They are a zarr group beside the timeline; any
+``planner.certificate.frame_figures`` computes them. They are a zarr group beside the timeline; any
 range of frames can be read.
 """
 

@@ -5,8 +5,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from foldback.planner.certificate.frame_metrics import write_figures
-from foldback.planner.certificate.metrics_store import Figures
+from foldback.planner.certificate.figures_store import Figures
+from foldback.planner.certificate.frame_figures import write_figures
 from foldback.planner.errors import TimelineError
 from foldback.planner.motion.timeline import Timeline
 from foldback.planner.parameters.parameters import Parameters
@@ -14,7 +14,7 @@ from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
-from foldback.web.timeline.metrics import curves_of, stretch_of
+from foldback.web.timeline.figures import curves_of, stretch_of
 from tests.planner import peels
 from tests.web import long_folds
 from tests.web.conftest import SNAKE

@@ -2,7 +2,7 @@
 import { get } from "../lib/text.js";
 import { viewIn } from "../player/address.js";
 import { USUAL_COLOURING } from "../player/colours.js";
-import { frameBetween } from "./state.js";
+import { frameBetween } from "../tour/state.js";
 import { MAX_TRIES, RETRY_MS, openPanel, socketAt } from "./leader.js";
 
 const GLIDE_MS = 120; // duration of the motion to a new frame
