@@ -69,9 +69,6 @@ from foldback.server.settings import Settings
 from foldback.server.store.stats import Stats
 from foldback.server.submission.shipped_folds import import_shipped_folds
 
-WARM_UP_DELAY_S: Final = 1.5
-"""Time between the start of the web process and the rendering of its landing page, in s, so that
-the first requests do not compete with the rendering."""
 log = logging.getLogger("foldback.web")
 
 ROUTERS: Final = (
@@ -182,5 +179,5 @@ async def _warm_up(context: Context) -> None:
     """Start the fork server and render the landing page before the first requests."""
     # In a thread, so that the first response does not wait for the start of the process.
     await asyncio.to_thread(context.fork_server.start)
-    await asyncio.sleep(WARM_UP_DELAY_S)  # until the start is complete
+    await asyncio.sleep(1.5)  # until the start is complete
     await asyncio.to_thread(landing.warm_up)

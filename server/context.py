@@ -6,7 +6,7 @@ import secrets
 from contextlib import ExitStack, closing
 from dataclasses import dataclass, replace
 from math import ceil
-from typing import Annotated, Final
+from typing import Annotated
 
 from fastapi import Depends, Request
 from starlette.requests import HTTPConnection
@@ -41,10 +41,6 @@ from foldback.server.viewing.fold_lookup import Viewing
 from foldback.server.viewing.fold_states import FoldStates
 from foldback.server.viewing.frame_waits import FrameWaits
 from foldback.web.timeline.shared_views import TimelineViews
-
-UPLOAD_QUEUE_TIMEOUT_S: Final = 60.0
-"""Maximum time that an upload waits until a process is free to read it, in s; then it is
-refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -243,5 +239,5 @@ def _turns(what: str, total: int, per_visitor: int) -> Quota:
         at_once_per_visitor=1,
         total=total,
         per_visitor=per_visitor,
-        timeout_s=UPLOAD_QUEUE_TIMEOUT_S,
+        timeout_s=60.0,
     )

@@ -49,9 +49,6 @@ from foldback.server.store.tables import CounterRow, upgrade
 
 BLOCK_BYTES: Final = 4096
 """Usual size of a disk's blocks, in bytes; a file takes a whole number of them."""
-ROWS_SPACE: Final = 4
-"""Space that SQLite needs to restore rows, as a multiple of their size in a backup: the tables with
-their indexes, twice (log and database)."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -280,7 +277,8 @@ def _check_space(settings: Settings, manifest: Manifest) -> None:
         needs.append((settings.folds_dir, blocks * BLOCK_BYTES))
     if settings.store_url.startswith("sqlite"):
         path = Path(sa.make_url(settings.store_url).database or "")
-        needs.append((path.parent, ROWS_SPACE * manifest.rows.bytes))
+        # tables with their indexes, twice: log and database
+        needs.append((path.parent, 4 * manifest.rows.bytes))
     needed: Counter[int] = Counter()
     for path, size in needs:
         disk = path.stat().st_dev

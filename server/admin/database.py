@@ -20,8 +20,6 @@ from sqlalchemy.pool import NullPool
 from foldback.server.admin.errors import AdminError
 from foldback.server.store.tables import MIGRATION_LOCK, Base, engine_for, reading_connection
 
-LOCK_WAIT_MS: Final = 5000
-"""Time that a restore waits for a table that another program uses, in ms."""
 DAMAGE_CODES: Final = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 IN_USE_WORDS: Final = "the database is in use; stop all web processes and workers first."
 
@@ -113,7 +111,7 @@ def _begin_in_sqlite(connection: sa.Connection) -> None:
 
 def _begin_in_postgresql(connection: sa.Connection) -> None:
     connection.exec_driver_sql("SET LOCAL statement_timeout = 0")
-    connection.exec_driver_sql(f"SET LOCAL lock_timeout = {LOCK_WAIT_MS}")
+    connection.exec_driver_sql("SET LOCAL lock_timeout = 5000")
     # A service that starts meanwhile waits for this lock.
     locked = connection.scalar(sa.select(sa.func.pg_try_advisory_xact_lock(MIGRATION_LOCK)))
     others = connection.exec_driver_sql(

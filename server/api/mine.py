@@ -31,8 +31,6 @@ from foldback.server.store.owner import Claim, Owner
 from foldback.words.fold import ShownFold, shown_name
 
 router = APIRouter(prefix="/api/mine", tags=["mine"])
-MAX_FOLDS_PER_PAGE: Final = 100
-"""Maximum number of folds in one page of the list of an owner's folds."""
 CURSOR_PATTERN: Final = r"^[0-9]{1,12}(\.[0-9]{1,12})?,[A-Za-z0-9_-]{1,32}$"
 
 
@@ -86,9 +84,7 @@ def get_my_folds(
             description="Value of `before` in the link `next` of the previous page of the list.",
         ),
     ] = None,
-    limit: Annotated[
-        int, Query(ge=1, le=MAX_FOLDS_PER_PAGE, description=("Maximum number of results."))
-    ] = 24,
+    limit: Annotated[int, Query(ge=1, le=100, description=("Maximum number of results."))] = 24,
 ) -> FoldsMade:
     """List the folds that were first requested with this token, including gallery shapes."""
     found = folds_made(context.store, owner, before=before, limit=limit)

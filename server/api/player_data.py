@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from functools import cache
-from typing import Annotated, Final
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, Response
@@ -34,9 +34,6 @@ from foldback.web.viser.scene_bundle import bundle_of
 from foldback.words.fold import RUNNING_STATUSES, ShownFold
 
 router = APIRouter(include_in_schema=False)
-
-MAX_FRAME_WAIT_S: Final = 2.0
-"""Maximum time that a request may wait for new frames of a running fold (long polling), in s."""
 
 
 @router.get("/view")
@@ -76,7 +73,7 @@ async def batch(
     start: Annotated[int, Query(alias="from", ge=0)] = 0,
     stop: Annotated[int | None, Query(alias="to", ge=0)] = None,
     stride: Annotated[int, Query(ge=1, le=1_000_000)] = 1,
-    wait: Annotated[float, Query(ge=0, le=MAX_FRAME_WAIT_S)] = 0.0,
+    wait: Annotated[float, Query(ge=0, le=2.0)] = 0.0,
 ) -> Response:
     """Return frames of a fold's timeline; wait at most ``wait`` seconds for the first one.
 

@@ -35,9 +35,6 @@ from foldback.server.store.folds import FoldRow
 from foldback.words.fold import has_motion, step_count
 
 router = APIRouter(prefix="/api/folds/{fold_id}", tags=["artifacts"])
-MAX_UNQUEUED_NUMBERS: Final = 100_000
-"""Maximum count of numbers in a JSON answer with frames of a motion that is computed at once; a
-larger answer waits in the queue of derived files."""
 PLAN_MEDIA_TYPES: Final = {
     PLAN_TEXT: "application/json",
     PLAN: "application/octet-stream",
@@ -87,7 +84,8 @@ async def get_frames(
         body.next = rest if until < end else None
         return body.model_dump_json(by_alias=True)
 
-    if numbers * ((until - start) // stride) > MAX_UNQUEUED_NUMBERS:
+    # larger answers wait in the queue of derived files
+    if numbers * ((until - start) // stride) > 100_000:
         key = (fold_id, total, start, stop, stride, poses)
         data = await context.answers.get_or_make(key, make, visitor=address_of(request))
     else:

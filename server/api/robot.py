@@ -62,9 +62,6 @@ schemas = APIRouter(prefix="/api", tags=["robots"])
 MAX_TRAJECTORY_NUMBERS: Final = 5_000_000
 """Maximum count of numbers (samples × joints × 2) in a downloaded joint trajectory; a larger one is
 refused."""
-TRAJECTORY_DOWNLOAD_S: Final = 300.0
-"""Maximum time that a client may take to download a trajectory, in s; then the connection is
-closed."""
 MAX_MOTOR_MODULES: Final = 1000
 """Maximum number of modules of a chain whose motor torques the service computes on request; longer
 chains are left to the command line."""
@@ -73,22 +70,11 @@ REFUSED, TRY_LATER, DONE = 1008, 1013, 1000
 MAX_MESSAGES_PER_SECOND: Final = 400
 """Maximum number of websocket messages that a client may send per second; more of them end
 its connection."""
-MAX_MESSAGE_BYTES_PER_JOINT: Final = 32
-"""Maximum size of a websocket message from a client, in bytes per joint of the chain, in addition
-to 4096 bytes; a larger message ends the connection."""
 STREAM_TIMEOUT_S: Final = 60.0
 """Time, in s, after which the connection to a client ends if it has sent no message, or has
 read none."""
 REMINDER_S: Final = 1.0
 """Time after which the current target is sent again to a client that does not report, in s."""
-CLOSE_TIMEOUT_S: Final = 5.0
-"""Time that a client may take to close the websocket after the motion has ended, in s; then the
-service closes it."""
-MAX_LEAD_S: Final = 0.25
-"""Maximum time by which the sent joint targets may be ahead of the client's last report, in s."""
-REMEMBERED_TARGETS: Final = 64
-"""Number of last sent joint targets with which a client's report is compared. It exceeds the number
-of targets that can be unanswered."""
 
 DOCUMENTED_FORMS: Final = ("application/json", "text/csv")
 """Media types that the API's description states for trajectories and motors."""
@@ -161,7 +147,7 @@ async def get_trajectory(
         context.trajectories.stream(visitor),
         media_type=TRAJECTORY_MEDIA_TYPES[form],
         headers={"Content-Disposition": f'attachment; filename="trajectory.{form}"'},
-        longest_s=TRAJECTORY_DOWNLOAD_S,
+        longest_s=300.0,
     )
 
 
@@ -331,11 +317,12 @@ class _TargetStream:
         self._clock = asyncio.get_running_loop().time
         # Before the first target, the robot moves to the start of the motion.
         first = found.trajectory.path.frames[0]
-        self._sent: deque[tuple[int, NDArray[Any]]] = deque([(0, first)], maxlen=REMEMBERED_TARGETS)
+        # more than can be unanswered
+        self._sent: deque[tuple[int, NDArray[Any]]] = deque([(0, first)], maxlen=64)
         self._there = False
         self._number = 0
         self._answered: int | None = None
-        self._ahead = max(2, round(MAX_LEAD_S * ask.rate_hz))
+        self._ahead = max(2, round(0.25 * ask.rate_hz))
         self._heard = self._clock()
         self._pace = StreamClock(
             self._trajectory.duration_s,
@@ -369,7 +356,7 @@ class _TargetStream:
         await first_of(self._listen(), self._speak())
         try:
             # Receive remaining messages, and let the client read the end before closing.
-            async with asyncio.timeout(CLOSE_TIMEOUT_S):
+            async with asyncio.timeout(5.0):
                 while True:
                     await receive(self._websocket)
         except (WebSocketDisconnect, RuntimeError, TimeoutError):
@@ -444,7 +431,7 @@ class _TargetStream:
                 raise TooMany(
                     "too-fast", f"Got more than {MAX_MESSAGES_PER_SECOND} messages per second."
                 )
-            if len(data) > 4096 + MAX_MESSAGE_BYTES_PER_JOINT * joints:
+            if len(data) > 4096 + 32 * joints:
                 raise TooLarge("too-large", f"A message of {len(data)} bytes is too large.")
             try:
                 message = DECODER.decode(data)

@@ -7,7 +7,7 @@ import threading
 from collections.abc import AsyncGenerator, Mapping
 from contextlib import asynccontextmanager
 from dataclasses import replace
-from typing import Annotated, Any, Final
+from typing import Annotated, Any
 from urllib.parse import urlencode
 
 from fastapi import APIRouter, Depends, Form, Request
@@ -40,8 +40,6 @@ from foldback.server.submission.fold_inputs import (
 )
 
 router = APIRouter(prefix="/api/shapes", tags=["shapes"])
-DISCONNECT_POLL_S: Final = 0.1
-"""Time between two checks whether the client that waits for a preview has disconnected, in s."""
 Options = Annotated[PreviewRequest, Depends(form_of(PreviewRequest))]
 Seed = Annotated[int, field(options_of(FoldRequest)["seed"])]
 
@@ -216,7 +214,7 @@ async def asking(request: Request, context: Context) -> AsyncGenerator[Asker]:
 
     async def watch() -> None:
         while not await request.is_disconnected():
-            await asyncio.sleep(DISCONNECT_POLL_S)
+            await asyncio.sleep(0.1)
         gone.set()
 
     watching = asyncio.create_task(watch())

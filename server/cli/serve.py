@@ -7,7 +7,7 @@ import sys
 from collections.abc import Generator
 from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Final
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -19,9 +19,6 @@ from foldback.server.ops.startup_errors import settings_of, starting, warn_of_un
 from foldback.server.ops.stop_signals import on_stop_signals
 from foldback.server.processes.limits import keep_secrets
 
-MAX_HEAD_BYTES: Final = 32 * 1024
-"""Maximum size of an HTTP request's first line and headers, in bytes; a larger request is
-refused."""
 log = logging.getLogger("foldback.serve")
 
 if TYPE_CHECKING:
@@ -143,7 +140,7 @@ def server_of(
             log_config=None,
             access_log=False,
             http=protocol_of(settings),
-            h11_max_incomplete_event_size=MAX_HEAD_BYTES,
+            h11_max_incomplete_event_size=32 * 1024,
             proxy_headers=False,  # see server.http.forwarded_address
             ws_max_size=2**20,
             # Websockets carry arrays many times per second, which compress poorly.

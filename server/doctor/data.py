@@ -27,9 +27,6 @@ NETWORK_FILESYSTEMS: Final = frozenset(
     {"nfs", "nfs4", "cifs", "smb3", "smbfs", "fuse.sshfs", "9p", "afs"}
 )
 VOLATILE_FILESYSTEMS: Final = frozenset({"tmpfs", "ramfs"})
-MAX_CLOCK_DIFFERENCE_S: Final = 5.0
-"""Largest difference between the clocks of the database and of this machine that ``foldback
-doctor`` accepts, in s."""
 
 
 def directory(settings: Settings) -> CheckResult:
@@ -121,7 +118,7 @@ def _tables(url: str, connection: sa.Connection) -> CheckResult:
             "Start the service or run `foldback admin list` to finish it. If the restored files "
             "are lost, restore the backup again.",
         )
-    if ahead_s > MAX_CLOCK_DIFFERENCE_S:
+    if ahead_s > 5.0:
         return warning(
             f"{found}; its times and this machine's clock are {ahead_s:.0f} s apart",
             "Set this machine's clock and the database's clock with NTP.",

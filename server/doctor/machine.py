@@ -38,9 +38,6 @@ WEB_CHILD_BYTES: Final = 272 * 2**20
 """Memory that each computing process of the web process takes without a task, in bytes. ``foldback
 doctor`` uses it to estimate if the service fits into the machine's memory; with a larger value it
 warns on more machines. Measured."""
-PROBE_TIMEOUT_S: Final = 5.0
-"""Maximum time that ``foldback doctor`` waits for the answer of the program that occupies the
-service's port, to find out if it is this service, in s."""
 
 
 def python(_: Settings) -> CheckResult:
@@ -118,7 +115,7 @@ def _foldback_answers(settings: Settings) -> bool:
     anywhere = {"0.0.0.0": "127.0.0.1", "::": "::1"}  # nosec B104
     host = anywhere.get(settings.host, settings.host)
     try:
-        with closing(HTTPConnection(host, settings.port, timeout=PROBE_TIMEOUT_S)) as connection:
+        with closing(HTTPConnection(host, settings.port, timeout=5.0)) as connection:
             connection.request("GET", "/ready")
             found = json.loads(connection.getresponse().read(65536))
     except (OSError, HTTPException, ValueError):

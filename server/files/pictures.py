@@ -20,10 +20,6 @@ from foldback.server.settings import Settings
 from foldback.web.timeline.cache import Cache
 from foldback.web.timeline.view import TimelineView
 
-MAX_PICTURE_BYTES: Final = 8 * 2**20
-"""Maximum number of bytes that are read from a picture file that a child process has drawn, so that
-a faulty process cannot fill the memory. A smaller value could cut off valid pictures; one of
-1200×630 pixels has 0.1 MB."""
 MAX_CACHED_PICTURES: Final = 64
 """Maximum number of drawn pictures of folds that are cached in memory, about 0.1 MB each."""
 
@@ -95,4 +91,5 @@ class Pictures:
             (place / MOMENT_FILE).write_text(json.dumps(moment), encoding="utf-8")
             self._pool.call("picture", place)
             with open(place / PICTURE, "rb") as picture:
-                return picture.read(MAX_PICTURE_BYTES)
+                # a faulty process must not fill the memory; 1200×630 pixels take 0.1 MB
+                return picture.read(8 * 2**20)

@@ -27,20 +27,11 @@ from foldback.web.timeline.cache import Cache
 if TYPE_CHECKING:
     from foldback.planner.robot.trajectory import Trajectory
 
-MAX_IDLE_TRAJECTORY_BYTES: Final = 128 * 2**20
-"""Maximum total size of the cached joint trajectories that no request uses, in bytes."""
-MAX_TRAJECTORY_BYTES: Final = 2**30
-"""Maximum total size of all joint trajectories in memory, in bytes, with those that target streams
-are playing; further ones are refused."""
-MAX_CACHED_CLEARANCES: Final = 1024
-"""Maximum number of exported trajectories whose proved clearance between modules is cached."""
 STREAMS, STREAMS_OF_ADDRESS = 8, 2
 """Maximum numbers of trajectories that are sent at the same time, in total and to one address."""
 MAX_MOTOR_TABLE_BYTES: Final = 32 * 2**20
 """Maximum size of the table of motor torques that a computing process returns, in bytes; a larger
 table is refused. The table of 12 000 modules has about 5 MB."""
-TRAJECTORY_CHUNK_BYTES: Final = 2**20
-"""Number of bytes that are copied at once from the file with a computed trajectory."""
 MAX_RETIMED_PLAN_BYTES: Final = 64 * 2**20
 """Maximum file size of a plan to which the service gives a new timing for a robot, in bytes; larger
 plans are left to the command line."""
@@ -138,8 +129,8 @@ class Trajectories:
         settings: Settings,
         pool: Pool,
         *,
-        kept_bytes: int = MAX_IDLE_TRAJECTORY_BYTES,
-        used_bytes: int = MAX_TRAJECTORY_BYTES,
+        kept_bytes: int = 128 * 2**20,
+        used_bytes: int = 2**30,
     ) -> None:
         self._pool = pool
         self._motions = Scratch(settings.motions_dir)
@@ -152,7 +143,7 @@ class Trajectories:
         )
         self._streams = Quota("motions", total=STREAMS, per_visitor=STREAMS_OF_ADDRESS)
         self._cache: Cache[Retimed] = Cache(kept_bytes, lambda kept: kept.trajectory.nbytes)
-        self._clearances: Cache[dict[str, Any]] = Cache(MAX_CACHED_CLEARANCES, lambda _: 1)
+        self._clearances: Cache[dict[str, Any]] = Cache(1024, lambda _: 1)
         self._used: weakref.WeakValueDictionary[Wanted, Retimed] = weakref.WeakValueDictionary()
         self._used_bytes = used_bytes
 
@@ -295,7 +286,7 @@ def _copy(source: Path, target: Path, most: int) -> None:
         TooLarge: If it has more bytes than ``most``.
     """
     with open(source, "rb") as read, open(target, "wb") as written:
-        while piece := read.read(TRAJECTORY_CHUNK_BYTES):
+        while piece := read.read(2**20):
             if written.tell() + len(piece) > most:
                 raise _too_large()
             written.write(piece)

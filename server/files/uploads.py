@@ -14,7 +14,7 @@ from collections.abc import Generator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import BinaryIO, Final
+from typing import BinaryIO
 
 from foldback.server.errors import ServiceError, Unavailable, Unusable, not_stored
 from foldback.server.limits.concurrency_quota import BUSY_RETRY_S
@@ -23,9 +23,6 @@ from foldback.server.processes.children import ChildError
 from foldback.server.processes.scratch import Scratch
 from foldback.server.settings import Settings
 from foldback.server.store.folds import new_id
-
-UPLOAD_CHUNK_BYTES: Final = 2**18
-"""Number of bytes of an uploaded file that are copied and hashed at once."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,7 +88,7 @@ def _copied(source: BinaryIO, path: Path) -> str:
     """Copy a file durably; return its digest."""
     digest = hashlib.sha256()
     with open(path, "xb") as file:
-        while piece := source.read(UPLOAD_CHUNK_BYTES):
+        while piece := source.read(2**18):
             digest.update(piece)
             file.write(piece)
         file.flush()

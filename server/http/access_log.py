@@ -19,8 +19,6 @@ REQUEST_ID_PATTERN: Final = re.compile(r"[A-Za-z0-9._-]{1,64}")
 LOGGED_FOLD_ID: Final = re.compile(r"[A-Za-z0-9]{1,32}")
 LOGGED_METHODS: Final = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
 UNKNOWN_ROUTE: Final = "unknown"
-MAX_LOGGED_PATH: Final = 200
-"""Maximum length of an unknown path in the access log, in characters; the rest is cut off."""
 log = logging.getLogger("foldback.access")
 
 
@@ -74,7 +72,7 @@ class Access:
         route = route_of(scope)
         self._metrics.count(method=method, route=route, status=status, seconds=seconds)
         fold_id = str(scope.get("path_params", {}).get("fold_id", ""))
-        place = route if route != UNKNOWN_ROUTE else scope["path"][:MAX_LOGGED_PATH]
+        place = route if route != UNKNOWN_ROUTE else scope["path"][:200]
         log.info(
             "%s %s %d in %.1f ms%s",
             *(method, place, status, 1e3 * seconds, ", cut off" if cut else ""),

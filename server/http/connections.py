@@ -28,19 +28,9 @@ from foldback.server.limits.concurrency_quota import Permit, Quota
 from foldback.server.limits.networks import visitor_at
 from foldback.server.settings import Settings
 
-CONNECTION_POLL_S: Final = 2.0
-"""Maximum time between two checks if a connection has exceeded a time limit, in s."""
 MAX_HEADER_FIELDS: Final = 100
 """Maximum number of header fields of an HTTP request; a request with more is answered with 400. The
 default of Apache httpd."""
-SPARE_CONNECTIONS: Final = 64
-"""Number of connections in addition to the service's limit that may request ``/health`` only, so
-that monitoring works under full load."""
-SPARE_CONNECTIONS_OF_VISITOR: Final = 4
-"""Maximum number of connections of one visitor that may request ``/health`` only, while the service
-has reached its limit of connections."""
-SPARE_CONNECTION_S: Final = 2.0
-"""Time after which a connection that may request ``/health`` only is closed, in s."""
 log = logging.getLogger("foldback.serve")
 
 
@@ -56,9 +46,8 @@ class Connections:
             total=settings.max_connections,
             per_visitor=settings.max_connections_of_visitor,
         )
-        self._spare = Quota(
-            "connections", total=SPARE_CONNECTIONS, per_visitor=SPARE_CONNECTIONS_OF_VISITOR
-        )
+        # for ``/health`` only, so that monitoring works under full load
+        self._spare = Quota("connections", total=64, per_visitor=4)
 
     def visitor(self, host: str) -> str | None:
         """Return the visitor at the other end of a connection; None for a trusted proxy."""
@@ -141,7 +130,7 @@ class _BoundedProtocol(H11Protocol):
             return
         if self._spare:
             self.app = _only_health(self.app)
-            self._looking = self.loop.call_later(SPARE_CONNECTION_S, transport.abort)
+            self._looking = self.loop.call_later(2.0, transport.abort)
             return
         _bound_unacknowledged(transport, self.bounds.settings.unread_seconds)
         self._since = self.loop.time()
@@ -206,7 +195,7 @@ class _BoundedProtocol(H11Protocol):
             )
             self.transport.abort()
             return
-        every = min(CONNECTION_POLL_S, settings.header_seconds / 4, settings.unread_seconds / 4)
+        every = min(2.0, settings.header_seconds / 4, settings.unread_seconds / 4)
         self._looking = self.loop.call_later(every, self._look)
 
 

@@ -22,9 +22,6 @@ MAX_STEM_CHARACTERS: Final = 60
 """Maximum length of a fold's name within the name of a downloaded file, in characters; the rest is
 cut off. A larger value could exceed the 255 bytes that file systems permit for the whole name."""
 
-MAX_COMPRESSED_FRACTION: Final = 0.9
-"""Largest size of a gzipped answer, as a fraction of the original size, at which the gzipped form
-is sent; otherwise the original is sent."""
 FILE_POLICY: Final = "sandbox; default-src 'none'; style-src 'unsafe-inline'"
 """Content security policy of downloads: a page that a browser displays instead of saving it would
 otherwise run as one of the service's origin."""
@@ -115,7 +112,7 @@ class Asset:
         packed = gzip.compress(data, mtime=0)
         return cls(
             data=data,
-            packed=packed if len(packed) < MAX_COMPRESSED_FRACTION * len(data) else None,
+            packed=packed if len(packed) < 0.9 * len(data) else None,
             kind=kind,
             etag=etag_of(data),
         )

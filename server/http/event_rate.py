@@ -31,10 +31,6 @@ Measured."""
 HEADER_FIELDS_PER_EVENT: Final = 4
 """Number of HTTP header fields that count as one protocol event (HTTP chunk, websocket frame) in
 the rate limit, beyond which a connection is not read for a while."""
-EVENT_RATE_RESERVE: Final = 2.0
-"""Limit of a visitor's protocol events (HTTP chunks, websocket frames) per second, as a multiple of
-what its permitted requests per second count as; beyond it the visitor's connections are not read
-for a while."""
 EVENT_BURST_S: Final = 5.0
 """Number of protocol events (HTTP chunks, websocket frames) that a visitor or a connection may
 cause at once after a pause, in seconds of its permitted rate. With a larger value a burst delays
@@ -56,7 +52,8 @@ class EventBudget(SharedBuckets):
     """
 
     def __init__(self, settings: Settings) -> None:
-        rate = EVENT_RATE_RESERVE * REQUEST_EVENTS * settings.requests_per_second_of_visitor
+        # twice what the permitted requests count as
+        rate = 2.0 * REQUEST_EVENTS * settings.requests_per_second_of_visitor
         burst = max(EVENT_BURST_S * rate, MIN_BURST_EVENTS)
         self.connection_rate = CONNECTION_FRACTION * rate
         self.connection_burst = max(EVENT_BURST_S * self.connection_rate, MIN_BURST_EVENTS)

@@ -48,8 +48,6 @@ PROBLEM_MEDIA_TYPE: Final = "application/problem+json"
 DISK_ERRNOS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 DATABASE_RETRY_S: Final = 5
 """Value of the ``Retry-After`` header, in s, while the database cannot be reached."""
-STORAGE_RETRY_S: Final = 5
-"""Value of the ``Retry-After`` header, in s, while the object store cannot be reached."""
 log = logging.getLogger("foldback.web")
 HTTP_STATUSES: Final[Mapping[type, int]] = {
     errors.Malformed: 400,
@@ -237,7 +235,7 @@ def _problem_of(error: Exception, path: str) -> Problem:
         case StorageError():
             log.error("%s", error)
             detail = "The storage of the service does not answer right now; try again in a moment."
-            return Problem.of(Unavailable("storage", detail, retry_after_s=STORAGE_RETRY_S))
+            return Problem.of(Unavailable("storage", detail, retry_after_s=5))
         case RequestValidationError():
             return Problem.of(_refusal(error.errors()[0]))
         case HTTPException() if of_trouble(error.__cause__) is None:

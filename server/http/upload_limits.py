@@ -30,12 +30,6 @@ one is refused. Fields are held in memory."""
 FORM_OVERHEAD_BYTES: Final = 64 * 1024
 """Number of bytes by which an upload request may exceed the limit of an uploaded file, for the
 other fields of its form."""
-MAX_SMALL_BODY_BYTES: Final = 64 * 1024
-"""Maximum size of a request body other than a form with a file, in bytes. Such bodies are held in
-memory, so a larger value lets requests take more of it."""
-MAX_DRAINED_BYTES: Final = 64 * 2**20
-"""Maximum number of bytes of a refused upload that are read and discarded before the connection is
-closed, so that the client gets the answer."""
 MAX_DRAIN_S: Final = 10.0
 """Maximum time for which the body of a refused upload is read and discarded before the connection
 is closed, in s, so that slow clients get the answer as well."""
@@ -66,7 +60,8 @@ class BodyLimit:
             return
         headers = Headers(scope=scope)
         upload = headers.get("content-type", "").lower().startswith("multipart/form-data")
-        most = self._most_bytes if upload else min(self._most_bytes, MAX_SMALL_BODY_BYTES)
+        # such bodies are held in memory
+        most = self._most_bytes if upload else min(self._most_bytes, 64 * 1024)
         words = (
             f"the upload is larger than the limit of {megabytes(most)}; use a coarser shape or a "
             "smaller file."
@@ -118,7 +113,7 @@ async def forget(receive: Receive) -> None:
     got = 0
     try:
         async with asyncio.timeout(MAX_DRAIN_S):
-            while got <= MAX_DRAINED_BYTES:
+            while got <= 64 * 2**20:  # so that the client gets the answer
                 message = await receive()
                 got += len(message.get("body", b""))
                 if not message.get("more_body", False):

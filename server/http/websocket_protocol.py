@@ -17,12 +17,6 @@ from foldback.server.limits.networks import visitor_at
 CLOSE_HANDSHAKE_S: Final = 1.0
 """Time that a client may take to answer the close frame of a websocket, in s; then the connection
 is aborted."""
-PARSED_BYTES: Final = 512
-"""Number of received websocket bytes that are parsed before their frames count in the rate limit;
-they hold at most 85 frames."""
-MAX_FRAGMENTS: Final = 256
-"""Maximum number of frames in which a client may send one websocket message; with more the
-connection is closed."""
 
 
 class _CountingServer(ServerProtocol):
@@ -98,7 +92,7 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
 
     def handle_cont(self, event: Frame) -> None:
         """Collect a fragment."""
-        if len(self.frames) >= MAX_FRAGMENTS:
+        if len(self.frames) >= 256:
             self.transport.abort()
             return
         super().handle_cont(event)
@@ -114,7 +108,8 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
             if self.transport.is_closing():
                 self._unparsed.clear()
                 return
-            piece = bytes(self._unparsed) if first else bytes(self._unparsed[:PARSED_BYTES])
+            # at most 85 frames
+            piece = bytes(self._unparsed) if first else bytes(self._unparsed[:512])
             del self._unparsed[: len(piece)]
             before = self.conn.frames
             super().data_received(piece)

@@ -23,29 +23,14 @@ from foldback.server.store.folds import Store, compiled_fraction
 from foldback.server.store.leases import Compilation, Leases
 from foldback.server.store.tables import FoldRow
 
-SHOWN_ESTIMATE_S: Final = 60.0
-"""Time for which the last displayed remaining time of a fold is cached, in s, so that the next one
-continues it without a jump."""
 MAX_CACHED_ESTIMATES: Final = 1024
 """Maximum number of folds whose last displayed remaining time is cached."""
 SETTLING_RANGE_S: Final = (0.5, 3.0)
 """Smallest and largest time constant, in s, with which the displayed remaining time approaches a
 new estimate; in between it is a quarter of the remaining time."""
-PACE_PRIOR: Final = 0.2
-"""Fraction of a fold's typical duration for which it counts as having run at the typical pace,
-before its own pace is measured."""
-MIN_REMAINING_S: Final = 0.1
-"""Smallest remaining time that is reported for a running fold, in s, as 0 means that the fold takes
-longer than usual."""
 LATE_FACTOR: Final = 2.0
 """Multiple of the typical duration of a fold's stage (such as the explosion) after which the stage
 counts as late, so that no remaining time is displayed."""
-LATE_MARGIN_S: Final = 3.0
-"""Time by which a fold's stage (such as the explosion) may exceed the multiple ``LATE_FACTOR`` of
-its typical duration before it counts as late, in s, so that short stages are not late at once."""
-MIN_REMAINING_FRACTION: Final = 0.1
-"""Smallest estimated remaining time of a fold's running stage (such as the explosion), as a
-fraction of the stage's typical duration, also if the stage has taken longer."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +80,9 @@ class EtaEstimator:
         self._clock = clock
         self._lock = threading.Lock()
         self._told: TTLCache[str, tuple[float, float]] = TTLCache(
-            MAX_CACHED_ESTIMATES, SHOWN_ESTIMATE_S, timer=clock
+            MAX_CACHED_ESTIMATES,
+            60.0,
+            timer=clock,  # so that the next continues without a jump
         )
 
     def of(self, row: FoldRow) -> QueueEstimate:
@@ -184,14 +171,14 @@ def left_s(
     place = STAGES.index(stage)
     # The first stage does not show the machine's pace: it may have waited for compilation.
     before = STAGES[1:place]
-    least = PACE_PRIOR * sum(usual.values())
+    least = 0.2 * sum(usual.values())  # so long it counts as running at the typical pace
     known = least + sum(usual.get(other, 0.0) for other in before)
     took = least + sum(spent_s.get(other, 0.0) for other in before)
     typical = usual.get(stage, 0.0) * (1.0 if chooses else took / known)
     taken = spent_s.get(stage, 0.0) + elapsed_s
-    if taken > LATE_FACTOR * typical + LATE_MARGIN_S:
+    if taken > LATE_FACTOR * typical + 3.0:  # s; short stages are not late at once
         return 0.0
-    left = max(typical - taken, MIN_REMAINING_FRACTION * typical)
+    left = max(typical - taken, 0.1 * typical)
     if chooses:
         others = REPEATED_STAGES if stage in REPEATED_STAGES else ()
         later = {other for other in (*others, *STAGES[place + 1 :]) if other != stage}
@@ -202,4 +189,4 @@ def left_s(
         done = max(fraction, elapsed_s / (elapsed_s + left)) if elapsed_s else fraction
         pace = (took + elapsed_s) / (known + done * usual.get(stage, 0.0))
         left += pace * sum(usual.get(other, 0.0) for other in STAGES[place + 1 :])
-    return max(left, MIN_REMAINING_S)
+    return max(left, 0.1)  # 0 means that it takes longer than usual

@@ -33,8 +33,6 @@ from foldback.server.store.fold_files import frames_promised
 from foldback.server.store.folds import NoSuchFoldError, Store
 from foldback.server.store.object_store import StorageError
 
-UPLOAD_INTERVAL_S: Final = 0.7
-"""Time between two copies of a running fold's motion to the object store, in s."""
 MAX_CRASHES: Final = 3
 """Number of crashes of the computing process within one stage of a fold (such as the explosion or
 the certificate) after which the fold fails. With 1 a single accident fails a fold."""
@@ -456,7 +454,7 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
                     error,
                     extra={"fold": fold_id},
                 )
-            if over.wait(UPLOAD_INTERVAL_S):
+            if over.wait(0.7):
                 return
 
     thread = threading.Thread(target=keep, name="keeping", daemon=True)

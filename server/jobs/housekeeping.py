@@ -61,9 +61,6 @@ MAX_CANCELLED_FOLDS: Final = 32
 DELETION_BATCH_ROWS: Final = 500
 """Maximum number of folds that one database query reads when cancelled or expired folds are
 deleted; further queries read the rest."""
-MAX_DELETION_BATCHES: Final = 20
-"""Maximum number of batches, of up to ``DELETION_BATCH_ROWS`` folds each, that one regular clean-up
-deletes of cancelled folds, and again of expired ones; the next one continues."""
 log = logging.getLogger("foldback.janitor")
 _Unused = sa.Row[str, float, int]
 """Id of a fold, time of the last access, and size of its own files."""
@@ -227,7 +224,7 @@ class Housekeeping:
     def _forget_unused(self, since: float, *which: sa.ColumnElement[bool]) -> int:
         """Delete folds without access since a time; return their number."""
         gone = 0
-        for _ in range(MAX_DELETION_BATCHES):
+        for _ in range(20):
             batch = self._unused(since, *which)
             gone += sum(_forget(self._store, fold_id, seen) for fold_id, seen, _ in batch)
             if len(batch) < DELETION_BATCH_ROWS:

@@ -34,8 +34,6 @@ from foldback.web.movies.movie import Movie
 MOVIE_RETRY_S: Final = 10
 """Value of the ``Retry-After`` header, in s, if a movie is requested while its fold is unfinished
 or while too many movies wait. A smaller value brings more requests that are refused again."""
-MAX_LISTED_MOVIES: Final = 100
-"""Maximum number of movies in the list of an owner's movies; older ones are left out."""
 INTERRUPTED: Final = {
     "code": "interrupted",
     "detail": "this movie was interrupted; request it again.",
@@ -139,7 +137,7 @@ class Movies:
             .join(FoldRow, FoldRow.id == MovieRow.fold_id)
             .where(sa.or_(owned_by(owner, MovieRow.token_hash), of_own_fold))
             .order_by(MovieRow.created_at.desc(), MovieRow.job)
-            .limit(MAX_LISTED_MOVIES)
+            .limit(100)
         )
         with self._store.reading() as session:
             return [(movie, fold) for movie, fold in session.execute(wanted)]

@@ -5,13 +5,6 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Final
-
-MIN_WINDOW_S: Final = 2.0
-"""Minimum time over which the wait is measured, in s."""
-BUSY_FRACTION: Final = 0.4
-"""Fraction of the time for which a process waits for a processor above which the computer counts as
-busy: its folds then take 1.7 times as long as alone."""
 
 
 class ProcessorWait:
@@ -40,9 +33,10 @@ class ProcessorWait:
         if waited is None:
             return False
         passed_s = now - self._since
-        if pid == self._pid and passed_s < MIN_WINDOW_S:
+        if pid == self._pid and passed_s < 2.0:
             return self._busy
-        self._busy = pid == self._pid and waited - self._waited_s > BUSY_FRACTION * passed_s
+        # its folds take 1.7 times as long as alone
+        self._busy = pid == self._pid and waited - self._waited_s > 0.4 * passed_s
         self._pid, self._since, self._waited_s = pid, now, waited
         return self._busy
 

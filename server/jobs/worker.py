@@ -13,7 +13,6 @@ import threading
 import time
 from collections.abc import Callable
 from types import FrameType
-from typing import Final
 
 from foldback.server.jobs.dispatcher import Dispatcher
 from foldback.server.jobs.housekeeping import Housekeeping
@@ -31,22 +30,6 @@ from foldback.server.store.folds import Store
 from foldback.server.store.leases import Leases
 from foldback.server.store.worker_identity import WorkerIdentities
 
-RECOVERY_POLL_S: Final = 2.0
-"""Maximum time between two checks of a worker for expired workers and lost jobs, in s."""
-HEARTBEATS_PER_LEASE: Final = 5
-"""Number of times that a worker reports to the database (heartbeat) within the configured time
-``lease_s``; after this time without a report it counts as dead."""
-RECOVERY_POLLS_PER_LEASE: Final = 8
-"""Minimum number of times that a worker checks for dead workers within the configured time
-``lease_s``, after which a worker without reports counts as dead."""
-WORKER_SWEEP_S: Final = 60.0
-"""Minimum time between two deletions of expired files and jobs by a worker, in s."""
-MAX_HANDING_BACK_S: Final = 2.0
-"""Maximum time for which a worker that ends waits for its threads to put their jobs back, in s;
-then it puts them back itself."""
-COMPILING_REPORT_S: Final = 0.5
-"""Time between two reports of a starting worker about the fraction of its numerical kernels that is
-compiled, in s."""
 log = logging.getLogger("foldback.worker")
 
 
@@ -102,7 +85,7 @@ class _LeaseMonitor:
                 log.info("taking over the folds of %s", dead)
                 self.take_back(dead)
             self._leases.deregister(dead)
-        if time.monotonic() - self._swept_at >= WORKER_SWEEP_S:
+        if time.monotonic() - self._swept_at >= 60.0:
             self._swept_at = time.monotonic()
             self._housekeeping.sweep()
 
@@ -163,11 +146,9 @@ def work(settings: Settings, *, leash: Leash | None = None) -> None:
     monitor.heartbeat()
     monitor.note_compilation()
     dispatcher.start()
-    _repeat(stopping, COMPILING_REPORT_S, monitor.note_compilation, "reporting compiled kernels")
-    _repeat(
-        stopping, settings.lease_s / HEARTBEATS_PER_LEASE, monitor.heartbeat, "sending heartbeats"
-    )
-    recovery_poll_s = min(RECOVERY_POLL_S, settings.lease_s / RECOVERY_POLLS_PER_LEASE)
+    _repeat(stopping, 0.5, monitor.note_compilation, "reporting compiled kernels")
+    _repeat(stopping, settings.lease_s / 5, monitor.heartbeat, "sending heartbeats")
+    recovery_poll_s = min(2.0, settings.lease_s / 8)
     _repeat(stopping, recovery_poll_s, monitor.recover_and_sweep, "checking for expired workers")
     log.info("worker %s is ready", identity.name)
     told.acquire()
@@ -178,7 +159,7 @@ def work(settings: Settings, *, leash: Leash | None = None) -> None:
     log.info("worker %s ends; %d jobs go back to the queue", identity.name, dispatcher.active)
     stopping.set()
     runner.stop()
-    dispatcher.wait_idle(MAX_HANDING_BACK_S)
+    dispatcher.wait_idle(2.0)
     try:
         queue.hand_back_all(identity.name, lost=False)
         monitor.deregister()

@@ -30,14 +30,6 @@ them are refused again."""
 BUSY_RETRY_S: Final = 5
 """Value of the ``Retry-After`` header, in s, if a request is refused because too many others wait
 to be processed. A smaller value brings more requests that are refused again."""
-TURN_TIMEOUT_S: Final = 10.0
-"""Default of the maximum time that a request waits until fewer others are being processed, in s;
-then it is refused."""
-TURN_POLL_S: Final = 0.1
-"""Time between two checks if the client of a waiting request has disconnected, in s."""
-NETWORK_DIVISOR: Final = 2
-"""Divisor of a limit for all visitors; the quotient is the limit for one network of IP
-addresses."""
 
 
 class Holder(StrEnum):
@@ -106,7 +98,7 @@ class Quota:
         per_visitor: int,
         at_once: int | None = None,
         at_once_per_visitor: int | None = None,
-        timeout_s: float = TURN_TIMEOUT_S,
+        timeout_s: float = 10.0,
         refuse: Callable[[int, Holder], ServiceError] | None = None,
     ) -> None:
         self._what = what
@@ -182,7 +174,7 @@ class Quota:
         begun = threading.Event()
         with self.enter(visitor, lambda _: begun.set(), end=begun.set) as permit:
             deadline = time.monotonic() + self._timeout_s
-            while not begun.wait(min(TURN_POLL_S, self._timeout_s)):
+            while not begun.wait(min(0.1, self._timeout_s)):
                 if unwanted is not None and unwanted():
                     raise Unavailable("gone", "Cancelled, because the client disconnected.")
                 if time.monotonic() >= deadline:
@@ -328,7 +320,8 @@ class Quota:
 
 def network_share(total: int | None, per_visitor: int) -> int | None:
     """Return the number of permits that one network may hold; None for no limit."""
-    return None if total is None else max(per_visitor, total // NETWORK_DIVISOR)
+    # a network of addresses may take half
+    return None if total is None else max(per_visitor, total // 2)
 
 
 def _first_difference(one: tuple[str, ...], other: tuple[str, ...]) -> int | None:

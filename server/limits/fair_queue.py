@@ -19,30 +19,14 @@ from typing import Final
 
 from foldback.server.limits.networks import networks_of
 
-TICKS_PER_SECOND: Final = 10
-"""Units of virtual time (an integer, by which waiting folds are ordered) per second of a fold's
-expected computing time."""
-MAX_TURN: Final = 2**31 - 2
-"""Maximum virtual time, in tenths of a second of computing time, at which a queued fold is due;
-folds that are due earlier go first. Later times are cut to it, so that their order is lost; at full
-load this takes years. It fits into a signed 32-bit integer."""
 QUICK_FOLD_S: Final = 10.0
 """Maximum expected computing time of a fold in the queue for quick folds, in s. Half of the shapes
 of fewer than 300 modules are quick."""
-SLICE_COST_FACTOR: Final = 3.0
-"""Time for which a fold computes before it pauses for any other waiting fold, as a multiple of its
-expected computing time."""
-FIRST_SLICE_DIVISOR: Final = 3.0
-"""Divisor of the configured time that a fold first computes before it pauses for cheaper folds; the
-quotient is the minimum time before it pauses for any other fold."""
-SLICE_GROWTH: Final = 3.0
-"""Factor by which the time that a fold computes before it pauses for cheaper folds grows with each
-pause. With this value pauses waste at most half of the work since the last one."""
 
 
 def ticks(cost_s: float) -> int:
     """Return the expected cost of a fold in ticks of virtual time."""
-    return max(1, round(TICKS_PER_SECOND * cost_s))
+    return max(1, round(10 * cost_s))  # tenths of a second
 
 
 def is_quick(cost_s: float) -> bool:
@@ -59,8 +43,9 @@ def slice_s(cost_s: float, pauses: int, first_s: float, *, for_cheaper: bool = F
         first_s: Length of the first slice before a pause for cheaper folds, s.
         for_cheaper: True for a pause for cheaper folds; False for any.
     """
-    whole = max(first_s / FIRST_SLICE_DIVISOR, SLICE_COST_FACTOR * cost_s)
-    return min(whole, first_s * SLICE_GROWTH**pauses) if for_cheaper else whole
+    whole = max(first_s / 3.0, 3.0 * cost_s)
+    # so that pauses waste at most half of the work since the last one
+    return min(whole, first_s * 3.0**pauses) if for_cheaper else whole
 
 
 def network_of(visitor: str) -> str:
@@ -95,7 +80,8 @@ def virtual_finish_time(
     if first:
         return now
     begin = now if last_own is None else max(now, last_own)
-    return min(MAX_TURN, begin + ticks(cost_s * sharers))
+    # fits into 32 bits; at full load it takes years
+    return min(2**31 - 2, begin + ticks(cost_s * sharers))
 
 
 def wait_s(*, ahead_s: float, running_s: float, at_once: int) -> float | None:

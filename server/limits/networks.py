@@ -22,12 +22,6 @@ IPV4_BITS: Final = (24, 32)
 the longest prefix that is routed on the internet."""
 TRANSLATED: Final = ipaddress.IPv6Network("64:ff9b::/96")
 """IPv6 network into which translators map IPv4 addresses (RFC 6052)."""
-NETWORK_HEX_DIGITS: Final = 12
-"""Number of hexadecimal digits of a network's pseudonym (a keyed hash of its address)."""
-VISITOR_HEX_DIGITS: Final = 32
-"""Number of hexadecimal digits of the keyed hash that identifies a visitor's address. A larger
-value could exceed the database column: with the digits of the visitor's two networks it takes 58 of
-64 characters."""
 
 
 def visitor_at(host: str) -> str:
@@ -66,6 +60,7 @@ def hidden(visitor: str, secret: bytes) -> str:
     def digest(name: str, digits: int) -> str:
         return hmac.new(secret, name.encode(), hashlib.sha256).hexdigest()[:digits]
 
-    networks = [digest(name, NETWORK_HEX_DIGITS) for name in networks_of(visitor)]
-    own = digest(visitor.rpartition(PSEUDONYM_SEPARATOR)[2], VISITOR_HEX_DIGITS)
+    networks = [digest(name, 12) for name in networks_of(visitor)]
+    # 58 of the 64 characters of the column, with the digits of two networks
+    own = digest(visitor.rpartition(PSEUDONYM_SEPARATOR)[2], 32)
     return PSEUDONYM_SEPARATOR.join((*networks, own))

@@ -10,16 +10,12 @@ import asyncio
 from collections.abc import Callable, Hashable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, Final, TypeVar
+from typing import Any, TypeVar
 
 from foldback.server.errors import ServiceError, TooMany, Unavailable
 from foldback.server.limits.concurrency_quota import Holder, Permit, Quota
 from foldback.web.timeline.cache import Cache
 
-PENDING_RETRY_S: Final = 3
-"""Value of the ``Retry-After`` header, in s, if a derived file or another result cannot be computed
-because too many others are being computed. A smaller value brings more requests that are refused
-again."""
 Thing = TypeVar("Thing")
 
 
@@ -39,7 +35,7 @@ class SingleFlight:
             return (Unavailable if holder is Holder.ALL else TooMany)(
                 "busy",
                 f"{count} other {what}{whose} are being created; try again in a moment.",
-                retry_after_s=PENDING_RETRY_S,
+                retry_after_s=3,
             )
 
         self._busy = busy

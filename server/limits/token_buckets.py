@@ -10,9 +10,6 @@ from cachetools import LRUCache
 
 from foldback.server.limits.networks import networks_of
 
-MAX_BUCKETS: Final = 50_000
-"""Maximum number of visitors and networks whose token buckets (rate limits) are stored; the least
-recently used one is dropped, and starts full again."""
 NETWORK_RATE_FACTOR: Final = 2.0
 """Rate limit and burst of a network of IP addresses, as a multiple of one visitor's."""
 VISITORS_AT_FULL_RATE: Final = 4
@@ -36,7 +33,7 @@ class TokenBuckets:
         rate: float,
         burst: float,
         *,
-        most: int = MAX_BUCKETS,
+        most: int = 50_000,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._rate = rate

@@ -20,20 +20,9 @@ from foldback.server.store.fold_files import NoSuchFoldError
 from foldback.server.viewing.fold_lookup import ADDRESS_ID, viewing_of
 
 router = APIRouter(include_in_schema=False)
-MAX_CLASS_S: Final = 8 * 3600.0
-"""Time after which a class (a leader whose 3D view of a fold others see live) is ended, in s."""
-VIEW_INTERVAL_S: Final = 0.1
-"""Minimum time between two changes of camera or frame that a follower of a class (a shared live 3D
-view of a fold) gets, in s; those in between are left out."""
 MAX_VIEWS_PER_SECOND: Final = 30
 """Maximum number of changes of camera or frame that the leader of a class (a shared live 3D view of
 a fold) may send per second; more of them end the class. Pages send 10."""
-UNREAD_S: Final = 20.0
-"""Time, in s, after which a follower of a class (a shared live 3D view of a fold) that does not
-receive what is sent to it is disconnected."""
-LOST_LEADER_S: Final = 60.0
-"""Time for which a class (a shared live 3D view of a fold) waits until its leader, whose connection
-is lost, connects again, in s; then it ends."""
 DONE, REFUSED = 1000, 1008
 LEFT: Final = {1000, 1001}
 """Codes with which a connection ends if its page closes it or is left (RFC 6455, section 7.4.1);
@@ -70,9 +59,9 @@ async def lead(websocket: WebSocket) -> None:
             raise NoSuchFoldError(fold_id)
         # The class counts for this visitor until it ends, even if its leader reconnects.
         with classes.begun(fold_id) as begun, contextlib.suppress(TimeoutError):
-            async with asyncio.timeout(MAX_CLASS_S):
+            async with asyncio.timeout(8 * 3600.0):
                 await _lead(websocket, begun)
-                await begun.wait_abandoned(LOST_LEADER_S)
+                await begun.wait_abandoned(60.0)
 
 
 @router.websocket("/api/class/follow")
@@ -141,6 +130,6 @@ async def _send_changes(
             await changed.wait()
             continue
         sent = now
-        async with asyncio.timeout(UNREAD_S):
+        async with asyncio.timeout(20.0):
             await websocket.send_text(now)
-        await asyncio.sleep(VIEW_INTERVAL_S)
+        await asyncio.sleep(0.1)

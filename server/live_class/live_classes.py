@@ -27,9 +27,6 @@ see live), of 32 letters and digits: 60 bits."""
 MAX_FOLLOWERS: Final = 100
 """Maximum number of browsers that follow one class (a leader whose 3D view of a fold others see
 live); further ones are refused."""
-MAX_VIEW_LENGTH: Final = 200
-"""Maximum length of a message in which the leader of a class (a shared live 3D view of a fold)
-states what is seen (frame, camera, colours), in characters; a longer one ends the class."""
 VIEW_WORDS: Final = {
     "frame": re.compile(r"[0-9]{1,9}"),
     "module": re.compile(r"[0-9]{1,9}"),
@@ -165,7 +162,7 @@ def is_view(text: str | bytes) -> TypeGuard[str]:
         return True
     words = [part.partition("=") for part in text.split("&", len(VIEW_WORDS))]
     return (
-        len(text) <= MAX_VIEW_LENGTH
+        len(text) <= 200
         and len({name for name, _, _ in words}) == len(words)
         and all(
             name in VIEW_WORDS and VIEW_WORDS[name].fullmatch(value) is not None

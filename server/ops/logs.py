@@ -23,8 +23,6 @@ from foldback.server.settings import Settings
 QUIET_LOGGERS: Final = ("alembic", "httpx", "opentelemetry", "websockets")
 ACCEPT_ERROR: Final = "socket.accept() out of system resource"
 """Message of asyncio about a connection for which no file descriptor is left."""
-ACCEPT_ERROR_INTERVAL_S: Final = 60.0
-"""Minimum time between two log lines about such connections, in s."""
 CONTEXT_FIELDS: Final = ("fold", "movie", "worker", "request")
 ACCESS_FIELDS: Final = ("method", "route", "path", "status", "duration_ms")
 """Fields of a record of the logger ``foldback.access`` that become fields of a JSON log line; text
@@ -126,7 +124,7 @@ class AcceptErrors(logging.Filter):
         if ACCEPT_ERROR not in record.getMessage():
             return True
         now = time.monotonic()
-        if now - self._told_at < ACCEPT_ERROR_INTERVAL_S:
+        if now - self._told_at < 60.0:
             return False
         self._told_at = now
         record.msg = "connections wait, because the limit of open files is reached; raise it"

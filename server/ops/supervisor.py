@@ -11,31 +11,9 @@ import sys
 import threading
 import time
 from collections.abc import Callable
-from typing import Final
 
 from foldback.server.settings import Settings
 
-SUPERVISION_POLL_S: Final = 0.2
-"""Time between two checks of the service's main process if a worker process has ended, in s."""
-STOP_TIMEOUT_S: Final = 10.0
-"""Time that the service's processes may take to stop when the service stops, in s; then they are
-killed."""
-MAX_RESTART_PAUSE_S: Final = 30.0
-"""Maximum pause before a worker process that ends again and again is restarted, in s; the pause
-doubles from 0.5 s."""
-PULSES_PER_LEASE: Final = 5
-"""Number of pulses that a worker process sends to the service's main process within the time
-``lease_s`` of the settings."""
-HUNG_LEASES: Final = 2.0
-"""Time without a pulse after which a worker process counts as hung and is killed, as a multiple of
-``lease_s`` of the settings."""
-MIN_HUNG_S: Final = 5.0
-"""Minimum time without a pulse after which a worker process counts as hung, in s. On a busy
-machine, loading a library can stop all threads of a process for a second."""
-MAX_COUNTED_S: Final = 1.0
-"""Maximum time between two checks that counts as time without a pulse, in s."""
-MAX_PULSES: Final = 65536
-"""Maximum number of pulses that are received at once."""
 log = logging.getLogger("foldback.supervisor")
 
 
@@ -63,7 +41,7 @@ class Supervisor:
             self._thread.join()
         for worker in self._workers:
             worker.release()
-        deadline = time.monotonic() + STOP_TIMEOUT_S
+        deadline = time.monotonic() + 10.0
         for worker in self._workers:
             worker.stop(max(0.0, deadline - time.monotonic()))
 
@@ -71,7 +49,7 @@ class Supervisor:
         while not self._stopping.is_set():
             for worker in self._workers:
                 worker.look(self._environment)
-            self._stopping.wait(SUPERVISION_POLL_S)
+            self._stopping.wait(0.2)
 
 
 class SupervisedWorker:
@@ -86,8 +64,9 @@ class SupervisedWorker:
         self._clock = clock
         self.process: subprocess.Popen[bytes] | None = None
         self.leash: socket.socket | None = None
-        self._pulse_s = lease_s / PULSES_PER_LEASE
-        self._max_silent_s = max(HUNG_LEASES * lease_s, MIN_HUNG_S)
+        self._pulse_s = lease_s / 5
+        # Loading a library can stop all threads of a process for a second.
+        self._max_silent_s = max(2.0 * lease_s, 5.0)
         self._silent_s = 0.0
         self._looked_at = 0.0
         self._started = 0.0
@@ -102,7 +81,7 @@ class SupervisedWorker:
                 self._start(environment, now)
         elif (code := self.process.poll()) is not None:
             lasted = now - self._started
-            self._pause_s = 0.5 if lasted > 10.0 else min(2 * self._pause_s, MAX_RESTART_PAUSE_S)
+            self._pause_s = 0.5 if lasted > 10.0 else min(2 * self._pause_s, 30.0)
             log.warning(
                 "a worker ended (exit code %d); the next starts in %.1f s", code, self._pause_s
             )
@@ -154,11 +133,11 @@ class SupervisedWorker:
         """Return True if the worker has sent no pulse for too long."""
         assert self.leash is not None
         try:
-            heard = bool(self.leash.recv(MAX_PULSES))
+            heard = bool(self.leash.recv(65536))
         except BlockingIOError:
             heard = False
         # If this process was suspended, too, as with the whole machine, that time does not count.
-        passed_s = min(now - self._looked_at, MAX_COUNTED_S)
+        passed_s = min(now - self._looked_at, 1.0)
         self._looked_at = now
         self._silent_s = 0.0 if heard else self._silent_s + passed_s
         return self._silent_s > self._max_silent_s

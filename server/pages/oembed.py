@@ -25,8 +25,6 @@ FRAME_HEIGHT_PX: Final = 480
 the *Share* dialog proposes the same."""
 MIN_FRAME_SIDE_PX: Final = 200
 """Minimum width and height of the frame in which other sites embed a fold (oEmbed), in pixels."""
-MAX_ADDRESS_CHARACTERS: Final = 2000
-"""Maximum length of the address in an oEmbed request, in characters; a longer one is refused."""
 OEMBED_PICTURE_PX: Final = (1200, 630)
 """Width and height of a fold's preview picture in oEmbed responses, in pixels: a copy of
 ``SOCIAL_PICTURE_PX`` of ``web.pictures.social_picture``, whose import would load large libraries
@@ -36,7 +34,7 @@ into the web process."""
 @router.get("/oembed")
 async def oembed(
     request: Request,
-    url: Annotated[str, Query(max_length=MAX_ADDRESS_CHARACTERS)],
+    url: Annotated[str, Query(max_length=2000)],
     wanted: Annotated[str, Query(alias="format", max_length=10)] = "json",
     maxwidth: Annotated[int, Query(ge=1, le=10_000)] = FRAME_WIDTH_PX,
     maxheight: Annotated[int, Query(ge=1, le=10_000)] = FRAME_HEIGHT_PX,

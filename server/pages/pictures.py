@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import errno
-from typing import Annotated, Final
+from typing import Annotated
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
@@ -28,11 +28,6 @@ from foldback.words.fold import RUNNING_STATUSES
 from foldback.words.verdict import COMPUTING_VERDICT, PICTURE_VERDICTS
 
 router = APIRouter(include_in_schema=False)
-
-FINAL_PICTURE_AGE_S: Final = 86400
-"""Time for which browsers may cache the preview picture of a finished fold, in s."""
-RUNNING_PICTURE_AGE_S: Final = 60
-"""Time for which browsers may cache the preview picture of a running fold, in s."""
 
 
 @router.get("/folds/{fold_id}/drawing.svg")
@@ -131,6 +126,6 @@ def picture_answer(data: bytes, *, listed: bool, over: bool = True) -> Response:
         "Cross-Origin-Resource-Policy": "cross-origin",  # other sites are meant to show it
     }
     if listed:
-        max_age_s = FINAL_PICTURE_AGE_S if over else RUNNING_PICTURE_AGE_S
+        max_age_s = 86400 if over else 60  # a day, or a minute while it runs
         headers |= {"Cache-Control": f"public, max-age={max_age_s}", **INDEXED_HEADERS}
     return Response(data, media_type="image/png", headers=headers)

@@ -132,11 +132,6 @@ LOCK_FILE: Final = ".lock"
 """Name of the file in a fold's directory that its computing process locks."""
 EPOCH_DIGITS: Final = 12
 """Number of digits of an epoch in the lock file of a fold's directory: more than any epoch has."""
-MAX_OPEN_FILES: Final = 512
-"""Maximum number of open files of one computing process (``RLIMIT_NOFILE``)."""
-MAX_WRITTEN_FILE_BYTES: Final = 8 * 2**30
-"""Maximum size of a file that a computing process can write, in bytes (``RLIMIT_FSIZE``), so that a
-faulty or malicious input cannot fill the disk."""
 
 
 def _offer() -> None:
@@ -155,8 +150,8 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
     data = reserved + 2 * memory_bytes
     resource.setrlimit(resource.RLIMIT_DATA, (data, data))
     for name, most in (
-        (resource.RLIMIT_FSIZE, MAX_WRITTEN_FILE_BYTES),
-        (resource.RLIMIT_NOFILE, MAX_OPEN_FILES),
+        (resource.RLIMIT_FSIZE, 8 * 2**30),  # a faulty input must not fill the disk
+        (resource.RLIMIT_NOFILE, 512),
     ):
         hard = resource.getrlimit(name)[1]
         most = most if hard == resource.RLIM_INFINITY else min(most, hard)

@@ -43,9 +43,6 @@ MAX_START_S: Final = 3600.0
 KILL_S: Final = 10.0
 """Time within which a killed computing process must end, in s; otherwise its fork server counts as
 hung and is ended, too."""
-CHILD_EXIT_S: Final = 1.0
-"""Time that a computing process may take to exit after it has closed its output, in s; then it is
-killed."""
 BUSY_FACTOR: Final = 6.0
 """Maximum wall time of a short task, such as a preview, as a multiple of its time limit, if the
 machine is too busy to give it that much processor time. With a smaller value shapes are refused
@@ -54,24 +51,12 @@ NO_START: Final = "no-start"
 """Error code if no computing process could be started."""
 BUSY: Final = "busy"
 """Error code if a task ended at its time limit because the machine was too busy."""
-MAX_CALLS_PER_CHILD: Final = 200
-"""Number of tasks after which a computing process is replaced by a new one, since its limit of
-processor time applies to its whole life."""
-MAX_EVENT_BYTES: Final = 2**20
-"""Maximum size of one message (a line of JSON) from a computing process, in bytes; a longer one is
-invalid."""
-MAX_BUFFERED_EVENTS: Final = 32
-"""Maximum number of unprocessed messages from a computing process that are held in memory; with
-more the process has to wait until some are processed."""
 LOST: Final = "lost"
 """Error code if a computing process ended because its parent, the fork server, ended. The task is
 not the cause and may be repeated."""
 CRASHED: Final = "crashed"
 """Error code if a computing process exited by itself, was ended by a signal, or sent an invalid
 message."""
-MAX_LOST_ATTEMPTS: Final = 3
-"""Maximum number of attempts at a short task, such as a preview, whose computing process is lost
-because the fork server, which starts such processes, has ended; then the client gets an error."""
 EVENTS: Final = {
     "ready": set[str](),
     "progress": {
@@ -154,7 +139,7 @@ class Child:
         environment: Mapping[str, str] | None = None,
     ) -> None:
         self._limits = limits
-        self._events: queue.Queue[bytes | None] = queue.Queue(MAX_BUFFERED_EVENTS)
+        self._events: queue.Queue[bytes | None] = queue.Queue(32)
         self._process: Forked | _Spawned = (
             _Spawned(kind, limits, environment or {})
             if fork_server is None
@@ -324,7 +309,7 @@ class Child:
     def _read(self) -> None:
         assert self._process.stdout is not None
         with self._process.stdout as output:
-            while line := output.readline(MAX_EVENT_BYTES):
+            while line := output.readline(2**20):
                 self._events.put(line)
                 if not line.endswith(b"\n"):  # the line is too long, or the last one
                     break
@@ -341,7 +326,7 @@ class Child:
 
     def _death(self) -> ChildError:
         try:
-            code = self._process.wait(CHILD_EXIT_S)
+            code = self._process.wait(1.0)
         except subprocess.TimeoutExpired:
             self.kill()
             return ChildError(CRASHED, "the computing process stopped responding and was stopped.")
@@ -486,7 +471,7 @@ class Pool:
     def _run(
         self, task: str, directory: Path, cancelled: Callable[[], bool] | None
     ) -> dict[str, Any]:
-        for left in reversed(range(MAX_LOST_ATTEMPTS)):
+        for left in reversed(range(3)):
             child = self._take()
             try:
                 result = child.call(
@@ -524,7 +509,8 @@ class Pool:
     def _keep(self, child: Child) -> None:
         # The limit of processor time applies to the child's whole life. A cancellation may have
         # ended the child.
-        if child.calls >= MAX_CALLS_PER_CHILD or not child.alive:
+        # its limit of processor time is for its whole life
+        if child.calls >= 200 or not child.alive:
             self._children.release(child)
             return
         with self._lock:

@@ -35,9 +35,6 @@ from foldback.server.processes.sandbox import end_threads, load_kernels
 MAX_REQUEST_BYTES: Final = 65536
 """Number of bytes that the fork server, which starts computing processes, reads at most at once
 from its control socket. A request must fit into it, so a smaller value could lose requests."""
-MAX_PIPES: Final = 64
-"""Maximum number of file descriptors that the fork server, which starts computing processes,
-receives at once: the pipes of new processes."""
 PREPARER: Final = "preparer"
 """Kind of the children that prepare previews."""
 
@@ -52,7 +49,7 @@ class _Requests:
 
     def receive(self) -> list[dict[str, Any]]:
         """Return the next requests; end the process once the connection is closed."""
-        data, pipes, _, _ = socket.recv_fds(self._control, MAX_REQUEST_BYTES, MAX_PIPES)
+        data, pipes, _, _ = socket.recv_fds(self._control, MAX_REQUEST_BYTES, 64)
         self._pipes.extend(pipes)
         if not data:
             os._exit(0)

@@ -46,14 +46,12 @@ class ChildLimits:
         return cls(
             memory_bytes=settings.child_memory_bytes,
             cpu_s=settings.stage_cpu_seconds,
-            niceness=min(niceness, INTERACTIVE_NICENESS) if awaited else niceness,
+            niceness=min(niceness, 5) if awaited else niceness,
             folders=folders if awaited else (),
             warm=settings.prewarm,
         )
 
 
-INTERACTIVE_NICENESS: Final = 5
-"""Maximum niceness (POSIX) of a computing process for whose result a page waits."""
 READER_PROCESSES: Final = 2
 """Number of processes that read uploaded files, and equal number of those that compute previews of
 shapes; one visitor uses at most one of each at a time."""

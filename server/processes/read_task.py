@@ -29,9 +29,6 @@ from foldback.server.processes.scratch import READ_CONTENT, request_in
 MAX_STORED_CELLS: Final = 4000
 """Maximum number of cells of an upload that are stored for the first drawing on a fold's page;
 larger shapes have no such drawing. Equals ``MAX_DRAWN_MODULES`` of ``server.pages.fold``."""
-OFFERS_TIME_FACTOR: Final = 2.0
-"""Maximum time of the search for changed versions of a shape that can fold on a table, as a
-multiple of the time limit of the search for one path through the shape."""
 
 
 def warm_up() -> None:
@@ -165,7 +162,7 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
             found,
             request.path_options(),
             seed=request.seed,
-            time_limit_s=OFFERS_TIME_FACTOR * about["time_limit_s"],
+            time_limit_s=2.0 * about["time_limit_s"],
             cancelled=cancelled,
         )
         for offer in search:  # stored one by one, because the search may be killed

@@ -21,15 +21,6 @@ from foldback.planner.pipeline.request import FoldRequest
 from foldback.server.store.folds import Store, cost_of
 from foldback.server.store.tables import REQUESTED_COLUMNS, FoldRow, columns_of
 
-MAX_COMPARED_FOLDS: Final = 100
-"""Maximum number of latest folds with the same options whose durations are read to estimate that of
-another fold."""
-SIMILAR_SIZE_RATIO: Final = 1.5
-"""Ratio of numbers of modules at which an earlier fold weighs 0.61 in the estimated duration of
-another one (one standard deviation of a Gaussian in the logarithm)."""
-MAX_SIZE_RATIO: Final = 4.0
-"""Largest ratio of numbers of modules at which an earlier fold counts in the estimated duration of
-another one."""
 MIN_SIMILAR_FOLDS: Final = 3
 """Minimum number of earlier folds of similar size from which a duration is estimated."""
 KIND_COLUMNS: Final = (
@@ -37,10 +28,6 @@ KIND_COLUMNS: Final = (
     *(name for name in REQUESTED_COLUMNS if name not in ("seed", "module_size")),
 )
 """Columns of a fold's row that must be equal for durations to be compared."""
-DURATIONS_CACHE_S: Final = 5.0
-"""Time for which durations of earlier folds are cached, in s."""
-MAX_CACHED_KINDS: Final = 1024
-"""Maximum number of kinds of folds (combinations of options) whose durations are cached."""
 DEFAULT_STAGE_FRACTIONS: Final = {
     "read": 0.05,
     "explode": 0.15,
@@ -97,7 +84,7 @@ class Estimates:
         self._store = store
         self._lock = threading.Lock()
         self._measured: TTLCache[tuple[object, ...], list[Duration]] = TTLCache(
-            MAX_CACHED_KINDS, DURATIONS_CACHE_S, timer=clock
+            1024, 5.0, timer=clock
         )
 
     def stages_s(self, row: FoldRow) -> dict[str, float] | None:
@@ -126,7 +113,7 @@ class Estimates:
             sa.select(FoldRow.modules, FoldRow.progress)
             .where(FoldRow.status == "verified", *alike)
             .order_by(FoldRow.created_at.desc())
-            .limit(MAX_COMPARED_FOLDS)
+            .limit(100)
         )
         found = self._store.rows(query)
         return [
@@ -148,8 +135,9 @@ def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | Non
     weighed: list[tuple[float, Duration]] = []
     for duration in known:
         apart = abs(math.log(row.modules / duration.modules))
-        if apart <= math.log(MAX_SIZE_RATIO):
-            weighed.append((math.exp(-0.5 * (apart / math.log(SIMILAR_SIZE_RATIO)) ** 2), duration))
+        if apart <= math.log(4.0):
+            # a Gaussian in the logarithm, of this standard deviation
+            weighed.append((math.exp(-0.5 * (apart / math.log(1.5)) ** 2), duration))
     if len(weighed) < MIN_SIMILAR_FOLDS:
         return None
     typical: dict[str, float] = {}

@@ -56,21 +56,9 @@ __all__ = ["FoldRow", "NoSuchFoldError", "Store", "new_id", "rows_of"]
 Kind = TypeVar("Kind", bound=Base)
 Value = TypeVar("Value")
 Values = TypeVarTuple("Values")
-ACCESS_RESOLUTION_S: Final = 900.0
-"""Minimum change, in s, at which the time of the last access to a fold is updated in the
-database."""
 TURN_COUNTER: Final = sa.update(CounterRow).where(CounterRow.name == "turn")
-SLICE_END_S: Final = 1.0
-"""Time that a running fold is assumed to take until it has paused for another one, in s: the check
-of the queue and the end of a computing step."""
-CANCELLATION_MEMORY_S: Final = 3600.0
-"""Time, in s, after a visitor has cancelled a gallery fold for which the visitor's gallery folds no
-longer go before all others in the queue."""
 DAY_S: Final = 86400.0
 """Number of seconds in a day."""
-PACE_SAMPLES: Final = 40
-"""Number of latest folds whose actual and expected durations give this machine's speed, for
-estimates of waiting times."""
 
 
 def new_id() -> str:
@@ -291,7 +279,8 @@ class Store:
                 cheaper = row.cost_s < cost_s
                 room_s = slice_s(cost_s, pauses, self._first_slice_s, for_cheaper=cheaper) - spent_s
                 expected_s = max(0.2 * factor * cost_s, factor * cost_s - spent_s)
-                left += min(expected_s, max(SLICE_END_S, room_s))
+                # the check of the queue, and the end of a step
+                left += min(expected_s, max(1.0, room_s))
         compiled = [compiled_fraction(told) for *_, told in computed]
         return Ahead(
             place=count + 1,
@@ -308,7 +297,7 @@ class Store:
             sa.select(FoldRow.ended_at - FoldRow.started_at, FoldRow.cost_s)
             .where(FoldRow.status == "verified", FoldRow.cost_s > 0, FoldRow.pauses == 0)
             .order_by(FoldRow.created_at.desc())
-            .limit(PACE_SAMPLES)
+            .limit(40)
         )
         taken = cost = 0.0
         for took, expected in session.execute(recent_folds):
@@ -352,7 +341,7 @@ class Store:
                     FoldRow.public,
                     FoldRow.visitor == row.visitor,
                     FoldRow.status == "cancelled",
-                    FoldRow.created_at > row.created_at - CANCELLATION_MEMORY_S,
+                    FoldRow.created_at > row.created_at - 3600.0,  # for an hour
                 )
             )
         return virtual_finish_time(
@@ -380,7 +369,7 @@ class Store:
     def looked(self, row: FoldRow) -> None:
         """Record an access to a fold, at a coarse resolution; errors are ignored."""
         now = time.time()
-        if abs(now - row.seen_at) > ACCESS_RESOLUTION_S:
+        if abs(now - row.seen_at) > 900.0:
             with suppress(SQLAlchemyError):
                 self._change(row.id, seen_at=now)
 

@@ -36,9 +36,6 @@ REMOVED_INDEX: Final = ".removed.json"
 fetches the directory ignores these files, because a crash may leave any part of them."""
 TRANSFERS_AT_ONCE: Final = 8
 """Number of files that are transferred to or from the object store at the same time."""
-MAX_FETCH_ATTEMPTS: Final = 5
-"""Maximum number of attempts to fetch a fold's files from the object store while its motion is
-being replaced; then the request fails."""
 log = logging.getLogger("foldback.storage")
 Answer = TypeVar("Answer")
 
@@ -163,7 +160,7 @@ class Storage:
         """
         marks: dict[str, str] = json.loads(_read(directory / FETCHED_INDEX) or b"{}")
         with self._storage_errors():
-            for _ in range(MAX_FETCH_ATTEMPTS):
+            for _ in range(5):  # its motion may be replaced meanwhile
                 head, listed = self._get(f"{key}/{TIMELINE_HEAD}"), self._marks(key)
                 if not listed:
                     return False

@@ -32,30 +32,15 @@ from foldback.server.store.tables import PreviewRow, ReportRow
 
 PREVIEWS_KEY: Final = "previews"
 SWEEPING_THREAD: Final = "preview-sweep"
-MAX_LISTED_PREVIEWS: Final = 50
-"""Maximum number of previews in the list of an owner's previews; older ones are left out."""
-MAX_PREVIEW_ACCESS_AGE_S: Final = 60.0
-"""Time by which the stored time of the last access to a preview may be out of date before an access
-updates it, in s, but at most an eighth of the preview's lifetime."""
-PREVIEW_SWEEP_S: Final = 60.0
-"""Maximum time between two deletions of expired previews, in s."""
-PREVIEW_SWEEP_BYTES: Final = 16 * 2**20
-"""Number of newly written bytes of uploads and previews after which expired previews are deleted to
-make room, but at most an eighth of the limit for all previews."""
 STORED_SWEEP_S: Final = 600.0
 """Minimum time between two searches of the object store for files of previews that are not in the
 database, in s, to delete them."""
 MIN_LOST_AGE_S: Final = 600.0
 """Age up to which a preview whose files are missing, and files that a request may still be
 fetching, are not deleted, in s."""
-UNREAD_UPLOAD_S: Final = 60.0
-"""Age up to which an upload without a preview is not deleted to make room, in s, as a process may
-still be reading it."""
 MAX_PROTECTED_UPLOADS: Final = 4
 """Maximum number of one visitor's newest uploads that are not deleted to make room on the disk
 while they are being read."""
-STAT_BLOCK_BYTES: Final = 512
-"""Size of the blocks that ``st_blocks`` of a file's status counts, in bytes (POSIX)."""
 log = logging.getLogger("foldback.web")
 
 
@@ -104,7 +89,7 @@ class Previews:
         self._root = settings.previews_dir
         if not settings.read_only:
             self._root.mkdir(parents=True, exist_ok=True)
-        self._sweep_bytes = min(PREVIEW_SWEEP_BYTES, settings.previews_bytes // 8)
+        self._sweep_bytes = min(16 * 2**20, settings.previews_bytes // 8)
         self._written = 0
         self._searched = -STORED_SWEEP_S
         self._sweep_due = threading.Event()
@@ -165,7 +150,7 @@ class Previews:
     def touch(self, row: PreviewRow) -> None:
         """Record an access to a preview, at a coarse resolution; errors are ignored."""
         now = time.time()
-        most_s = min(MAX_PREVIEW_ACCESS_AGE_S, self._settings.preview_keep_s / 8)
+        most_s = min(60.0, self._settings.preview_keep_s / 8)
         if abs(now - row.seen_at) > most_s:
             seen = sa.update(PreviewRow).where(PreviewRow.id == row.id).values(seen_at=now)
             with suppress(SQLAlchemyError):
@@ -234,7 +219,7 @@ class Previews:
             .where(owned_by(owner, PreviewRow.owner), PreviewRow.key != "")
             .where(PreviewRow.seen_at > time.time() - self._settings.preview_keep_s)
             .order_by(PreviewRow.seen_at.desc(), PreviewRow.id)
-            .limit(MAX_LISTED_PREVIEWS)
+            .limit(50)
         )
         return self._store.scalars(wanted)
 
@@ -289,7 +274,7 @@ class Previews:
                 self.sweep()
             except (OSError, StorageError, SQLAlchemyError) as error:
                 log.warning("old previews could not be deleted: %s", error)
-            self._sweep_due.wait(PREVIEW_SWEEP_S)
+            self._sweep_due.wait(60.0)
 
     def _sizes(self) -> list[PreviewSize]:
         """Return the sizes of all previews, newest first."""
@@ -308,7 +293,7 @@ class Previews:
         found = self._store.rows(query)
         sizes: list[PreviewSize] = []
         unread: Counter[str] = Counter()
-        since = time.time() - UNREAD_UPLOAD_S
+        since = time.time() - 60.0  # a process may still be reading it
         for row, of_visitor, of_others, reports in found:
             being_read = reports == 0 and row.created_at > since
             unread[row.visitor] += being_read
@@ -411,7 +396,7 @@ def superfluous(
 def blocks_of(directory: Path) -> int:
     """Return the size of the disk blocks of a directory and its files, in bytes."""
     paths = (directory, *directory.rglob("*"))
-    return sum(path.lstat().st_blocks for path in paths) * STAT_BLOCK_BYTES
+    return sum(path.lstat().st_blocks for path in paths) * 512  # POSIX counts blocks of 512 bytes
 
 
 def _is_settled(entry: os.DirEntry[str]) -> bool:

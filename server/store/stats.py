@@ -20,16 +20,8 @@ from foldback.server.store.tables import ENDED, STATUSES, FoldRow, MovieRow, eng
 
 COUNTS_CACHE_S: Final = 2.0
 """Time for which the counts for operators (numbers of folds, durations) are cached, in s."""
-SIZE_CACHE_S: Final = 60.0
-"""Time for which the total size of all folds' files is cached, in s, as its computation reads the
-sizes of all folds from the database."""
 RECENT_WINDOW_S: Final = 3600.0
 """Time since its end for which a fold counts in the durations that operators see, in s."""
-MAX_FOLD_AGE_S: Final = 86400.0
-"""Largest assumed time from the request of a fold to its end, in s; the search for recently ended
-folds skips those that were requested earlier."""
-MAX_ENDED_FOLDS: Final = 500
-"""Maximum number of recently ended folds whose durations are read for the counts for operators."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -70,7 +62,7 @@ class Stats:
         self._engine = engine_of(settings)
         self._counted = threading.Condition()
         self._kept: TTLCache[tuple[()], ServiceCounts] = TTLCache(1, COUNTS_CACHE_S)
-        self._bytes: TTLCache[tuple[()], int] = TTLCache(1, SIZE_CACHE_S)
+        self._bytes: TTLCache[tuple[()], int] = TTLCache(1, 60.0)  # it reads the sizes of all folds
 
     def close(self) -> None:
         """Close the connection."""
@@ -99,12 +91,13 @@ class Stats:
                 sa.select(took, FoldRow.status, FoldRow.error)
                 .where(
                     FoldRow.status.in_(ENDED),
-                    FoldRow.created_at > now - RECENT_WINDOW_S - MAX_FOLD_AGE_S,
+                    # no fold is assumed to take longer than a day
+                    FoldRow.created_at > now - RECENT_WINDOW_S - 86400.0,
                     FoldRow.started_at.is_not(None),
                     FoldRow.ended_at > now - RECENT_WINDOW_S,
                 )
                 .order_by(FoldRow.ended_at.desc())
-                .limit(MAX_ENDED_FOLDS)
+                .limit(500)
             ).all()
             taken = self._taken(session)
         return ServiceCounts(

@@ -33,9 +33,6 @@ from foldback.server.submission.parent_folds import ParentFold, finished_parent,
 MESH_SUFFIXES: Final = (".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf")
 """File name suffixes of uploads that are triangle meshes, in lower case. Other uploads contain
 voxels, paths of cells, or chains."""
-MAX_ID_CHARS: Final = 64
-"""Maximum length of the id of a fold or a preview in a form, in characters; a longer text is
-refused, as no id is longer."""
 OPTIONAL_ID: Final = "^[A-Za-z0-9_-]*$"
 Cells = list[list[int]]
 Uploaded = Annotated[UploadFile | None, File(description="A mesh, voxels, a path or a chain.")]
@@ -46,7 +43,7 @@ GalleryShape = Annotated[
 
 def id_field(description: str) -> Any:
     """Return the form field of the id of a fold or a preview."""
-    return Form(max_length=MAX_ID_CHARS, pattern=OPTIONAL_ID, description=description)
+    return Form(max_length=64, pattern=OPTIONAL_ID, description=description)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

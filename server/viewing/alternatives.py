@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import replace
-from typing import Final, cast
+from typing import cast
 
 from foldback.planner.certificate.figures import AttemptFigures, CertificateFigures, FoldSummary
 from foldback.planner.errors import UNREADABLE
@@ -17,11 +17,6 @@ from foldback.planner.storage.file_names import ATTEMPTS, CERTIFICATE, CHAIN, PL
 from foldback.planner.storage.files import json_of
 from foldback.server.store.fold_source import Found
 from foldback.words.fold import RUNNING_STATUSES
-
-MAX_ATTEMPT_DIGITS: Final = 3
-"""Maximum number of digits of the number in an address that selects one of a fold's attempts (plans
-computed for the same shape). A longer number selects nothing, so a smaller value could hide
-attempts; folds have at most a few dozen."""
 
 
 def alternative(found: Found, number: str) -> Found | None:
@@ -34,7 +29,7 @@ def alternative(found: Found, number: str) -> Found | None:
     if (
         found.row.status in RUNNING_STATUSES
         or not number.isdecimal()
-        or len(number) > MAX_ATTEMPT_DIGITS
+        or len(number) > 3  # folds have at most a few dozen
     ):
         return None
     directory = found.directory / PLANS_DIR / str(int(number))

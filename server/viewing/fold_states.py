@@ -20,8 +20,6 @@ from foldback.server.store.folds import NoSuchFoldError, Store
 
 STATE_CACHE_S: Final = 0.15
 """Time for which the progress of a running fold is cached for all clients that watch it, in s."""
-MAX_CACHED_STATES: Final = 1024
-"""Maximum number of folds whose progress is cached."""
 
 
 class FoldStates:
@@ -31,7 +29,7 @@ class FoldStates:
         self._store = store
         self._remaining = remaining
         self._thread = ThreadPoolExecutor(1, thread_name_prefix="fold-states")
-        self._states: TTLCache[str, dict[str, Any]] = TTLCache(MAX_CACHED_STATES, STATE_CACHE_S)
+        self._states: TTLCache[str, dict[str, Any]] = TTLCache(1024, STATE_CACHE_S)
         self._looks: dict[str, asyncio.Task[dict[str, Any]]] = {}
         """Unfinished reads by fold; at most one for each, even if the database is slow."""
         self._ending = asyncio.Event()

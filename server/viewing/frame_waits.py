@@ -25,12 +25,6 @@ s."""
 FRAME_RETRY_S: Final = 2
 """Value of the ``Retry-After`` header, in s, if too many requests wait for new frames. No request
 waits longer than this time, so that others have been answered by then."""
-MAX_WAITS: Final = 512
-"""Maximum number of requests that wait for new frames at the same time (long polling); further ones
-are refused with 429."""
-MAX_WAITS_OF_VISITOR: Final = 32
-"""Maximum number of requests of one visitor (IP address) that wait for new frames at the same time;
-further ones are refused with 429."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +47,7 @@ class FrameWaits:
         per_visitor: Maximum number of requests of one visitor.
     """
 
-    def __init__(self, total: int = MAX_WAITS, per_visitor: int = MAX_WAITS_OF_VISITOR) -> None:
+    def __init__(self, total: int = 512, per_visitor: int = 32) -> None:
         self._quota = Quota(
             "frame waits", total=total, per_visitor=per_visitor, refuse=_too_many_waits
         )
