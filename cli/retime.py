@@ -37,10 +37,6 @@ from foldback.words import certificate as certificate_words
 from foldback.words.messages import nearest_frame, verdict_for_people
 from foldback.words.quantities import spacings
 
-MAX_LISTED_JOINTS = 10
-"""Maximum number of joints in the printed table of motor torques: those with the largest peak
-torques."""
-
 
 def retime(
     *,
@@ -256,7 +252,7 @@ def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) ->
     columns = Table(box=None, pad_edge=False)
     for heading in ("Joint", "Peak, N·m", "Peak at frame", "Root mean square, N·m"):
         columns.add_column(heading, justify="left" if heading == "Joint" else "right")
-    for k in np.argsort(-motors.peak_torque_nm)[:MAX_LISTED_JOINTS]:
+    for k in np.argsort(-motors.peak_torque_nm)[:10]:
         columns.add_row(
             motors.joint_names[k],
             f"{motors.peak_torque_nm[k]:.3g}",

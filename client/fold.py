@@ -20,9 +20,6 @@ if TYPE_CHECKING:
     from foldback.client.client import Client
     from foldback.client.downloads import Place
 
-EVENT_TIMEOUT_S: Final = 45.0
-"""Time without an event on a fold's event stream, in s, after which the client reconnects; the
-service sends one at least every 15 s."""
 DIRECT_FILES: Final = frozenset({"plan.json", "plan.npz", "model.xml", "certificate.json"})
 """Files of a fold that the client downloads from ``/api/folds/{id}/{name}``; all others are
 exports, which have another address."""
@@ -247,7 +244,8 @@ class Fold:
         self._client.ask("DELETE", self._here, token=self.token, again={403, 404})
 
     def _events(self, deadline: float) -> Iterator[Progress]:
-        silence_s = max(0.001, min(EVENT_TIMEOUT_S, deadline - time.monotonic()))
+        # the service sends an event at least every 15 s
+        silence_s = max(0.001, min(45.0, deadline - time.monotonic()))
         with self._client.opened(f"{self._here}/events", silence_s=silence_s) as answer:
             for event in lines_of(answer):
                 if event is not None and event[0] == "progress":

@@ -37,9 +37,6 @@ NEAR_PITCH_FACTOR: Final = 1.1
 """Ratio between the smallest module pitch, above the requested one, for which a servo is suitable
 and the largest pitch whose servos a fold's page lists too, if none suits the requested pitch; also
 between the largest suitable pitch and smaller ones if all are below the requested one."""
-ON_TABLE_PITCH: Final = 1e-3
-"""Distance of a module's corner from the table top, above or below, within which a page says that
-it lies on the table, in pitches. A smaller value displays rounding errors as gaps."""
 ROUNDING_PITCH: Final = 1e-9
 """Overlap of two modules, in pitches, up to which a page does not report it, as it is only the
 rounding error of a contact; torques, in w·p (module weight × pitch), are rounded up with the same
@@ -351,7 +348,7 @@ def _rounded_up(value: float) -> float:
 
 
 def _lowest(clearance: float) -> str:
-    if abs(clearance) < ON_TABLE_PITCH:
+    if abs(clearance) < 1e-3:  # else rounding shows as a gap
         return "on the table top"
     where = "above" if clearance > 0.0 else "below"
     return f"{quantity(abs(clearance), 'pitch', CERTIFICATE_DIGITS)} {where} the table top"

@@ -38,9 +38,6 @@ CARD_STATUS_LABELS: Final = {
 }
 METHOD_LABELS: Final = {"direct": "joints turned directly", "paper": "method from the paper"}
 """Labels on a fold's card for presets of planner settings other than the default preset."""
-MAX_ZERO_TORQUE_WP: Final = 0.05
-"""Joint torque of a fold on a table below which its gallery card says that it needs no motor
-torque, in w·p (module weight × pitch)."""
 
 
 def module_count(modules: int, module: str) -> str:
@@ -56,7 +53,7 @@ def rest_of(torque_wp: float | None) -> str | None:
     """
     if torque_wp is None:
         return None
-    if torque_wp < MAX_ZERO_TORQUE_WP:
+    if torque_wp < 0.05:
         return "Can be folded on a table (needs almost no motor torque)"
     times = f"{math.ceil(10 * torque_wp) / 10:.1f}"
     held = f"{times} modules at a distance of one spacing"

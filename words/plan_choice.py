@@ -45,14 +45,6 @@ SMOOTHED_WORDS: Final = {
     RECORDED: "with new timing",
 }
 """Labels of the ways in which a plan is made from the motion of another one."""
-MILLI_PER_UNIT: Final = 1e3
-"""Number of thousandths in a unit, to convert N·m to mN·m."""
-CLEARANCE_DECIMALS: Final = 4
-"""Number of decimal places of the clearances between modules, in pitches, in the comparison of
-plans."""
-
-TRAVEL_DECIMALS: Final = 2
-"""Number of decimal places of the travel of hinges, relative to the least, in that comparison."""
 
 
 class PlanDot(TypedDict):
@@ -163,7 +155,7 @@ class _Plan:
         return {
             "label": f"{self.place + 1}. {self._label()}",
             "time_s": figures.fold_time_s,
-            "torque_mnm": None if same is None else MILLI_PER_UNIT * same,
+            "torque_mnm": None if same is None else 1e3 * same,
             "room": figures.clearance_bound,
             "moving": figures.hinges_moving_mean,
             "cells": list(cells),
@@ -245,7 +237,7 @@ def _calmed(after: PlanFigures, before: PlanFigures) -> str:
 
 
 def _travel(figures: PlanFigures) -> str:
-    return "–" if figures.travel_ratio is None else f"{figures.travel_ratio:.{TRAVEL_DECIMALS}f}"
+    return "–" if figures.travel_ratio is None else f"{figures.travel_ratio:.2f}"
 
 
 def _moving(figures: PlanFigures) -> str:
@@ -265,4 +257,4 @@ def _margin(value: float | None) -> str:
 
 
 def _room(value: float | None) -> str:
-    return "–" if value is None else rounded_down(value, CLEARANCE_DECIMALS)
+    return "–" if value is None else rounded_down(value, 4)

@@ -52,9 +52,6 @@ from foldback.words.settings import changed
 VERSIONS: Final = {"python": "Python", "mujoco": "MuJoCo", "numpy": "NumPy", "scipy": "SciPy"}
 PLAN_MEMBER: Final = "plan.npy"
 """Member of the archive plan.npz that holds everything of a plan but its frames, as JSON text."""
-MAX_PLAN_JSON_BYTES: Final = 16 * 2**20
-"""Maximum size of the JSON text in a plan.npz of which a page shows the properties, in bytes; of a
-larger one none are shown, as reading it takes memory. A chain of 12 000 modules has 3 MB."""
 SUMMARY_HEADING: Final = "In short"
 """Heading of the first group of a fold's properties; only its group is open when the page loads."""
 TRACKING_PARAMETERS: Final = (
@@ -287,7 +284,7 @@ def _settings_at(path: Path, changed_ns: int) -> dict[str, dict[str, Any]]:
     del changed_ns
     try:
         with ZipFile(path) as file:
-            if file.getinfo(PLAN_MEMBER).file_size > MAX_PLAN_JSON_BYTES:
+            if file.getinfo(PLAN_MEMBER).file_size > 16 * 2**20:  # 12 000 modules have 3 MB
                 return {}
         with np.load(path, allow_pickle=False) as arrays:
             plan = json.loads(str(arrays["plan"]))

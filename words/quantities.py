@@ -11,9 +11,6 @@ from foldback.planner.parameters.setting import Description, descriptions
 
 SIGNIFICANT_DIGITS: Final = 3
 """Default number of significant digits to which displayed numbers are rounded."""
-MAX_WHOLE_VALUE: Final = 1e6
-"""Value below which a displayed number of at least 1 is written as a whole number, without a power
-of ten."""
 SUPERSCRIPTS: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SI_PREFIXES: Final = {-12: "p", -9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 """SI prefixes of displayed quantities by power of ten; ``SI_PREFIXES`` in ``lib/text.js`` must be
@@ -52,7 +49,7 @@ def number(value: float, digits: int = SIGNIFICANT_DIGITS) -> str:
     power = rounded.adjusted()
     if -4 <= power < digits:
         return _plain(rounded)
-    if 1.0 <= abs(value) < MAX_WHOLE_VALUE:
+    if 1.0 <= abs(value) < 1e6:
         return _plain(Decimal(value).quantize(Decimal(1), ROUND_HALF_UP))
     return f"{_plain(rounded.scaleb(-power))}×10{str(power).translate(SUPERSCRIPTS)}"
 

@@ -19,8 +19,6 @@ from foldback.planner.parameters.settings_text import (
 )
 from foldback.words.quantities import quantity
 
-SETTING_DIGITS: Final = 6
-"""Maximum number of significant digits of a displayed setting's value."""
 PAPER_PRESET: Final = preset("paper")
 SOURCE_LABELS: Final[dict[Source, str]] = {
     "published": "The paper gives this value.",
@@ -95,4 +93,4 @@ def in_a_line(settings: str) -> str:
 def _told(value: Value, unit: str = "") -> str:
     if isinstance(value, str):
         return value
-    return "no limit" if value is None else str(quantity(value, unit, SETTING_DIGITS))
+    return "no limit" if value is None else str(quantity(value, unit, 6))

@@ -17,9 +17,6 @@ from foldback.words.quantities import sentence, spacings
 
 LINKS: Final = ("none", "one", "two", "three", "four")
 """Small numbers as words."""
-MAX_STEP_STOPS: Final = 40
-"""Maximum number of stops that a draft has for the steps of a plan that rests between steps; of a
-plan with more steps, each stop stands for several of them."""
 
 
 def draft_tour(row: ShownFold, frames: int, moments: Moments | None = None) -> Tour | None:
@@ -81,7 +78,7 @@ def _start(row: ShownFold, moments: Moments) -> list[Stop]:
 def _steps(moments: Moments) -> list[Stop]:
     """Return a stop at the end of each step, or of each group of steps if there are many."""
     count = len(moments.steps)
-    size = -(-count // MAX_STEP_STOPS)
+    size = -(-count // 40)
     stops: list[Stop] = []
     for start in range(0, count, size):
         group = moments.steps[start : start + size]

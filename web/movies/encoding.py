@@ -21,25 +21,15 @@ from foldback.web.movies.movie import FORMATS, Movie
 
 AddPicture = Callable[[NDArray[np.uint8]], object]
 """Function that adds a picture to a movie: (H, W, 3) sRGB bytes, from the top."""
-X264_CRF: Final = 19
-"""Constant rate factor of the video encoder x264, from 0 (lossless) to 51."""
 X264_PRESET: Final = "veryfast"
 """Speed preset of the video encoder x264: twice as fast as the next slower one, and the files of
 such plain pictures are no larger. Measured."""
 FFMPEG_SETTING: Final = "IMAGEIO_FFMPEG_EXE"
 """Name of the environment variable with the path of an ffmpeg program that takes precedence over
 the one on PATH."""
-MAX_PALETTE_COLOURS: Final = 255
-"""Number of colours of a GIF's palette. The format permits 256; Pillow needs one of them to mark
-unchanged pixels."""
 PALETTE_STRIDE: Final = 4
 """Step between sampled pixels, in rows, columns and frames, from which the palette of a GIF is
 chosen."""
-DITHER_AMPLITUDE: Final = 8.0
-"""Amplitude of the ordered dither that is added before the colours of a GIF are rounded to its
-palette, in levels of 256."""
-ENCODERS_TIMEOUT_S: Final = 20.0
-"""Maximum time for ffmpeg to list its encoders, in s; a program that takes longer is not used."""
 _BAYER: Final = np.array([[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]])
 """Thresholds of the ordered dither for GIFs, in sixteenths: the 4×4 Bayer matrix."""
 
@@ -99,7 +89,7 @@ def _has_x264(ffmpeg: str) -> bool:
         answer = subprocess.run(
             [ffmpeg, "-hide_banner", "-encoders"],
             capture_output=True,
-            timeout=ENCODERS_TIMEOUT_S,
+            timeout=20.0,
             check=False,
         )
     except (OSError, subprocess.TimeoutExpired):
@@ -158,10 +148,11 @@ def _gif_encoder(movie: Movie, out: Path) -> Generator[AddPicture]:
     if not packed:
         return
     rows, columns = -(-movie.height // 4), -(-movie.width // 4)
-    pattern = np.tile((_BAYER + 0.5) / 16 - 0.5, (rows, columns)) * DITHER_AMPLITUDE
+    pattern = np.tile((_BAYER + 0.5) / 16 - 0.5, (rows, columns)) * 8.0
     dither = pattern[: movie.height, : movie.width, None].round().astype(np.int16)
     sampled = Image.fromarray(np.concatenate(samples))
-    palette = sampled.quantize(MAX_PALETTE_COLOURS, Image.Quantize.MEDIANCUT)
+    # the format has 256, and Pillow marks unchanged pixels by one
+    palette = sampled.quantize(255, Image.Quantize.MEDIANCUT)
 
     def reduced(data: bytes) -> Image.Image:
         """Return a picture in the colours of the palette."""
@@ -189,7 +180,7 @@ def _options(movie: Movie) -> list[str]:
         *("-hide_banner", "-loglevel", "error", "-nostats", "-y"),
         *("-f", "rawvideo", "-pix_fmt", "rgb24", "-video_size", f"{movie.width}x{movie.height}"),
         *("-framerate", str(movie.fps), "-i", "-", "-an"),
-        *("-c:v", "libx264", "-preset", X264_PRESET, "-crf", str(X264_CRF)),
+        *("-c:v", "libx264", "-preset", X264_PRESET, "-crf", "19"),
         # The pixel format that all players read, and the colour space that they assume.
         *("-vf", "scale=out_color_matrix=bt709:out_range=tv,format=yuv420p"),
         *("-colorspace", "bt709", "-color_primaries", "bt709", "-color_trc", "bt709"),

@@ -25,9 +25,6 @@ Array = NDArray[np.float64]
 STILL_S: Final = ((0.4, 0.05), (1.2, 0.15))
 """Time without motion at the beginning and at the end of a movie: (duration in s, largest fraction
 of the movie's duration)."""
-MAX_READING: Final = 0.6
-"""Largest fraction of a movie's duration for which the motion pauses at the captions of a guided
-tour; longer pauses are shortened."""
 
 
 def make_movie(
@@ -104,7 +101,7 @@ def schedule(timeline: TimelineView, movie: Movie) -> tuple[Array, list[MovieSto
     begin, end = (min(seconds, share * movie.seconds) for seconds, share in STILL_S)
     reading = np.array([stop.reading_s for stop in stops])
     if stops:
-        reading *= min(1.0, MAX_READING * movie.seconds / reading.sum())
+        reading *= min(1.0, 0.6 * movie.seconds / reading.sum())
     at = np.array([first, *(stop.frame for stop in stops), last], np.float64)
     rests = np.array([begin, *reading, end])
     # Pictures are shown from t = 0 to `shown`; the time besides the rests is divided by distance.

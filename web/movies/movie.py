@@ -38,11 +38,6 @@ is undefined."""
 MAX_TURN_DEG: Final = 720.0
 """Maximum angle by which a movie's camera may orbit around the chain, in degrees in either
 direction."""
-READING_CHARS_PER_S: Final = 17.0
-"""Assumed reading speed, in characters per s, that gives the time for which a movie pauses at a
-caption of a guided tour: the usual limit for subtitles."""
-MIN_READING_S: Final = 1.5
-"""Minimum time for which a movie pauses at a caption of a guided tour, in s."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,7 +57,7 @@ class MovieStop:
     @property
     def reading_s(self) -> float:
         """Time that it takes to read the caption, s."""
-        return max(MIN_READING_S, len(self.caption) / READING_CHARS_PER_S)
+        return max(1.5, len(self.caption) / 17.0)  # the usual limit for subtitles
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

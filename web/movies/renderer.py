@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import importlib
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,9 +31,6 @@ from foldback.web.pictures.module_faces import module_faces
 
 Array = NDArray[np.float64]
 Picture = NDArray[np.uint8]
-
-SAMPLES_PER_PIXEL: Final = 4
-"""Number of samples per pixel of a movie (OpenGL multisampling)."""
 
 
 class NoGLError(Exception):
@@ -214,7 +211,7 @@ def _model(module: Module, theme: Theme, *, width: int, height: int) -> Any:
     """Return a model that contains only what is drawn: meshes and textures."""
     spec = mujoco.MjSpec()
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
-    spec.visual.quality.offsamples = SAMPLES_PER_PIXEL
+    spec.visual.quality.offsamples = 4
     spec.visual.headlight.active = 0
     for k, piece in enumerate(module_faces(module)):
         added = _add_mesh(spec, f"face_{k}", piece.vertices, piece.triangles)

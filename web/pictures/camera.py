@@ -22,17 +22,9 @@ ELEVATION_RAD: Final = np.deg2rad(24.0)
 ORBIT_SPEED_RAD_S: Final = np.deg2rad(5.0)
 """Angular speed with which the camera orbits around the chain while a web page plays a motion by
 itself, in rad/s."""
-MAX_FRAMED_POINTS: Final = 600
-"""Approximate number of module centres from which the camera's distance is computed; of longer
-chains every n-th one and the extreme ones are taken."""
-DEFAULT_ASPECT: Final = 1.6
-"""Aspect ratio (width / height) for which a camera is placed if the picture's size is unknown."""
 GROUND_GAP_PITCH: Final = 0.35
 """Gap between the lowest module and the drawn ground in movies and pictures of chains without a
 table, in pitches."""
-MIN_STRAIGHT_MODULES: Final = 40
-"""Minimum number of modules of the still straight part of a long chain that the camera keeps in
-view beside the folded part."""
 
 
 _DIRECTIONS_13: Final = np.array(
@@ -70,7 +62,7 @@ def few_points(points: NDArray[np.floating[Any]]) -> Array:
 
     They are every k-th point, and the extreme points in both directions along ``_DIRECTIONS_13``.
     """
-    by = max(1, len(points) // MAX_FRAMED_POINTS)
+    by = max(1, len(points) // 600)
     some = points[::by].astype(np.float64)
     if by == 1:
         return some
@@ -82,7 +74,7 @@ def few_points(points: NDArray[np.floating[Any]]) -> Array:
 def straight_stretch(chain: Chain) -> int:
     """Return the number of straight modules kept in view beside a long fold's folded part."""
     extent = float(np.ptp(chain.folded_poses.positions, axis=0).max())
-    return max(MIN_STRAIGHT_MODULES, round(1.5 * extent))
+    return max(40, round(1.5 * extent))
 
 
 def modules_framed(chain: Chain, last: int, stretch: int) -> int:
@@ -105,7 +97,7 @@ def framing(
     points: Array,
     *,
     radius: float,
-    aspect: float = DEFAULT_ASPECT,
+    aspect: float = 1.6,
     azimuth_rad: float | None = None,
     elevation_rad: float = ELEVATION_RAD,
     margin: tuple[float, float] = (0.9, 0.72),

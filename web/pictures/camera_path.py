@@ -18,23 +18,12 @@ from foldback.web.pictures.camera import GROUND_GAP_PITCH, View, distance_needed
 
 Array = NDArray[np.float64]
 
-POSITION_SMOOTHING_S: Final = 0.5
-"""Standard deviation of the Gaussian filter for the target and distance of a movie's camera, in s
-of the movie."""
-DIRECTION_SMOOTHING_S: Final = 1.2
-"""Standard deviation of the Gaussian filter for the viewing direction of a movie's camera, in s of
-the movie."""
 MAX_SMOOTHING_FRACTION: Final = 0.05
 """Maximum standard deviation of the filter for the target and distance of a movie's camera, as a
 fraction of the movie; for the viewing direction it is twice that."""
 FILTER_TRUNCATION_SIGMA: Final = 3.0
 """Number of standard deviations at which the Gaussian filters of a movie's camera path are cut off
 (``truncate`` of scipy)."""
-MOVIE_FILL: Final = (0.88, 0.82)
-"""Fractions of a movie's width and height that the chain fills."""
-DISTANCE_RESERVE: Final = 1.12
-"""Minimum distance of a movie's camera, as a multiple of the distance at which the chain just fits
-into the picture."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -74,8 +63,8 @@ def camera_path(
         turn_rad: Angle by which the camera orbits around the chain, rad.
     """
     count = len(pictures)
-    smooth = min(POSITION_SMOOTHING_S * fps, MAX_SMOOTHING_FRACTION * count)
-    turning = min(DIRECTION_SMOOTHING_S * fps, 2 * MAX_SMOOTHING_FRACTION * count)
+    smooth = min(0.5 * fps, MAX_SMOOTHING_FRACTION * count)
+    turning = min(1.2 * fps, 2 * MAX_SMOOTHING_FRACTION * count)
     azimuths = np.full(count, azimuth_rad or 0.0)
     if azimuth_rad is None:
         wished = [framing(p, radius=radius, aspect=aspect).azimuth_rad for p in pictures]
@@ -88,7 +77,7 @@ def camera_path(
             aspect=aspect,
             azimuth_rad=float(azimuth),
             elevation_rad=elevation_rad,
-            margin=MOVIE_FILL,
+            margin=(0.88, 0.82),
         )
         for points, azimuth in zip(pictures, azimuths, strict=True)
     ]
@@ -97,7 +86,7 @@ def camera_path(
     needed = [
         max(
             view.distance,
-            DISTANCE_RESERVE * distance_needed(points, view, radius=radius, aspect=aspect),
+            1.12 * distance_needed(points, view, radius=radius, aspect=aspect),
         )
         for points, view in zip(pictures, aimed, strict=True)
     ]

@@ -24,23 +24,6 @@ FAILED_BAND_PX: Final = 84
 SIDE_MARGIN_PX: Final = 40
 """Distance of a caption's text from the left and from the right edge of a preview picture, in
 pixels."""
-NAME_PX: Final = 44
-"""Largest font size of the fold's name in a picture's caption, in pixels; a long name is drawn
-smaller."""
-VERDICT_PX: Final = 30
-"""Font size of the fold's result (such as *verified*) in the caption of a preview picture, in
-pixels."""
-STRIP_FONT: Final = 1 / 26
-"""Size of a caption's font in a movie, as a fraction of the shorter side."""
-MIN_STRIP_FONT_PX: Final = 11
-"""Smallest size of a caption's font in a movie, in pixels; smaller letters cannot be read."""
-MAX_STRIP_LINES: Final = 4
-"""Maximum number of lines of a caption in a movie; the rest of the text is cut off."""
-STRIP_OPACITY: Final = 0.86
-"""Opacity of the strip behind a caption in a movie."""
-MAX_KEPT_STRIPS: Final = 8
-"""Number of drawn captions of movies that are kept in memory, as many pictures show the same
-one."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,12 +48,12 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
     top = height - BAND_HEIGHT_PX
     pen.rectangle((0, top, width, height), fill=BAND_RGB)
     colour = {"good": VERIFIED_RGB, "bad": FAILED_RGB}.get(caption.tone, DETAIL_RGB)
-    verdict = _font(VERDICT_PX)
+    verdict = _font(30)
     right = width - SIDE_MARGIN_PX - pen.textlength(caption.verdict, verdict)
     middle = top + BAND_HEIGHT_PX / 2
     pen.text((right, middle), caption.verdict, colour, verdict, anchor="lm")
     _mark(pen, right - 44, middle, 14.0, caption.tone, colour)
-    name = _font(NAME_PX)
+    name = _font(44)  # a long name is drawn smaller
     pen.text(
         (SIDE_MARGIN_PX, middle),
         _fitting(caption.name, name, right - 80 - SIDE_MARGIN_PX),
@@ -88,7 +71,7 @@ def write_caption(picture: Image.Image, caption: Caption) -> None:
     )
 
 
-@lru_cache(MAX_KEPT_STRIPS)
+@lru_cache(8)  # many pictures show the same caption
 def caption_strip(text: str, *, width: int, height: int, dark: bool) -> Image.Image:
     """Draw a caption of a movie.
 
@@ -101,12 +84,12 @@ def caption_strip(text: str, *, width: int, height: int, dark: bool) -> Image.Im
     Returns:
         An RGBA picture as wide as the movie, for its lower edge.
     """
-    size = max(MIN_STRIP_FONT_PX, round(STRIP_FONT * min(width, height)))
+    size = max(11, round((1 / 26) * min(width, height)))  # smaller letters cannot be read
     font, margin, step = _font(size), size, round(1.35 * size)
     lines = _lines(text, font, width - 2 * margin)
     paper, ink = (DARK_RGB, BAND_RGB) if dark else (BAND_RGB, TEXT_RGB)
     tall = len(lines) * step + margin
-    strip = Image.new("RGBA", (width, tall), (*paper, round(255 * STRIP_OPACITY)))
+    strip = Image.new("RGBA", (width, tall), (*paper, round(255 * 0.86)))
     pen = ImageDraw.Draw(strip)
     for k, line in enumerate(lines):
         pen.text((width / 2, (margin + step) / 2 + k * step), line, (*ink, 255), font, anchor="mm")
@@ -142,7 +125,7 @@ def _lines(text: str, font: ImageFont.FreeTypeFont, width: float) -> list[str]:
         else:
             lines.append(word)
     lines = [line for line in lines if line]
-    shown = lines[:MAX_STRIP_LINES]
+    shown = lines[:4]
     if len(lines) > len(shown):
         shown[-1] += " …"
     return [_fitting(line, font, width) for line in shown]

@@ -20,9 +20,6 @@ Bytes = NDArray[np.uint8]
 SUPERSAMPLING: Final = 2
 """Factor by which pictures are drawn wider and higher than requested before they are averaged
 down."""
-EXPOSURE: Final = 1.1
-"""Factor on the brightness of faces in still pictures, which makes them as bright as in movies,
-where faces have a specular highlight."""
 
 
 class Camera:
@@ -94,7 +91,8 @@ def module_triangles(
         shine = theme.ambient + sum(
             np.maximum(normals @ towards, 0.0)[..., None] * colour for towards, colour in lights
         )
-        lit = paint[:, None] * np.minimum(shine, 1.0) * EXPOSURE * left[:, f, None, None]
+        # as bright as in movies, where faces have a specular highlight
+        lit = paint[:, None] * np.minimum(shine, 1.0) * 1.1 * left[:, f, None, None]
         places = camera.seen(np.einsum("nij,vj->nvi", turns, piece.vertices) + at)
         corners.append(places[:, piece.triangles].reshape(-1, 3, 3).astype(np.float32))
         tones.append(lit[:, piece.triangles].reshape(-1, 3, 3).astype(np.float32))

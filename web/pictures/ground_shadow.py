@@ -13,23 +13,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import ndtr
 
+from foldback.web.pictures.meshes import DISPLAYED_MODULE_SIZE
+
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
 SHADOW_CELLS: Final = 512
 """Number of pixels of a ground shadow's texture along each side."""
-MIN_BLUR_PITCH: Final = 0.3
-"""Standard deviation of the Gaussian blur of the ground shadow of a module that lies on the ground,
-in pitches."""
-BLUR_PER_HEIGHT: Final = 0.07
-"""Increase of the blur's standard deviation of a ground shadow with the module's height, in pitches
-per pitch."""
-MODULE_WIDTH_PITCH: Final = 0.93
-"""Width of the square that stands for a module in ground shadows, in pitches. That of a displayed
-cube."""
-SHADOW_EDGE_SIGMA: Final = 3.0
-"""Width of the margin of a ground shadow's texture around the modules, in standard deviations of
-the widest blur."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -59,9 +49,9 @@ def ground_shadow(positions: Array, *, ground: float, lean: Array) -> GroundShad
         lean: (2,) horizontal shift of a shadow per pitch of height, pitches.
     """
     height = np.maximum(positions[:, 2] - ground, 0.0)
-    blur = MIN_BLUR_PITCH + BLUR_PER_HEIGHT * height
+    blur = 0.3 + 0.07 * height
     at = positions[:, :2] + height[:, None] * lean
-    free = SHADOW_EDGE_SIGMA * float(blur.max()) + MODULE_WIDTH_PITCH
+    free = 3.0 * float(blur.max()) + DISPLAYED_MODULE_SIZE
     low, high = at.min(axis=0) - free, at.max(axis=0) + free
     middle, side = (low + high) / 2, float((high - low).max())
     lines = (np.arange(SHADOW_CELLS) + 0.5) / SHADOW_CELLS * side - side / 2
@@ -75,7 +65,7 @@ def ground_shadow(positions: Array, *, ground: float, lean: Array) -> GroundShad
 def _covered(off: Array, blur: Array) -> Floats:
     """Return the (n, C) coverage of a blurred bar of a module's width at distances ``off``."""
     scale = 1.0 / blur[:, None]
-    covered = ndtr((off + MODULE_WIDTH_PITCH / 2) * scale) - ndtr(
-        (off - MODULE_WIDTH_PITCH / 2) * scale
+    covered = ndtr((off + DISPLAYED_MODULE_SIZE / 2) * scale) - ndtr(
+        (off - DISPLAYED_MODULE_SIZE / 2) * scale
     )
     return covered.astype(np.float32)

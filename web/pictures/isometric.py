@@ -12,14 +12,14 @@ from typing import Final
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from foldback.web.pictures.meshes import DISPLAYED_MODULE_SIZE
+
 Cell = tuple[int, int, int]
 Point = tuple[float, float]
 
 PITCH_UNITS: Final = 24.0
 """Length of one pitch (distance between neighbouring module centres) in an isometric drawing, in
 user units of its SVG."""
-DRAWN_MODULE_SIZE: Final = 0.93
-"""Edge length of a cube in an isometric drawing, in pitches."""
 EDGE_STROKE_PITCH: Final = 0.1
 """Width of the stroke around each face in an isometric drawing, in pitches."""
 DRAWING_MARGIN_PITCH: Final = 0.6
@@ -74,7 +74,7 @@ def isometric_svg(
         paths = layers[sum(cell)]
         paths["gap"].append(_face_path(cell, axis, 1.0, corners))
         tone = marks.get(cell, "") + VISIBLE_SIDES[axis]
-        paths[tone].append(_face_path(cell, axis, DRAWN_MODULE_SIZE - EDGE_STROKE_PITCH, []))
+        paths[tone].append(_face_path(cell, axis, DISPLAYED_MODULE_SIZE - EDGE_STROKE_PITCH, []))
     # Cells of one layer, those with the same x + y + z, never hide one another.
     drawn = "".join(
         f'<path class="iso-{tone}" fill="{FACE_COLOURS[tone]}" {_stroke(tone)}'

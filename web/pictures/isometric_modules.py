@@ -35,9 +35,6 @@ UP_DIRECTION: Final = np.cross(EYE_DIRECTION, RIGHT_DIRECTION)
 LIGHT_DIRECTION: Final = np.array([0.1, 0.25, 0.96]) / math.sqrt(0.1**2 + 0.25**2 + 0.96**2)
 DARKEST, BRIGHTEST = (112, 124, 140), (240, 242, 245)
 SEAM_COLOUR: Final = "#646d79"
-FACE_SCALE: Final = 0.94
-"""Size of the bright area of a module's face in an isometric drawing, relative to the face; the
-rest appears as a dark seam."""
 TONE_STEPS: Final = 12
 """Number of steps of the brightness of faces in an isometric drawing."""
 
@@ -85,7 +82,8 @@ def modules_svg(
     order = np.argsort((corners.mean(axis=1) @ EYE_DIRECTION), kind="stable")
     corners, facing = corners[order], facing[order]
     middle = corners.mean(axis=1, keepdims=True)
-    flat, inner = _project(corners), _project(middle + FACE_SCALE * (corners - middle))
+    # the rest appears as a dark seam
+    flat, inner = _project(corners), _project(middle + 0.94 * (corners - middle))
     unit = PITCH_UNITS / 2.0
     drawn = "".join(
         f'<path fill="{SEAM_COLOUR}" d="{_path(outer * unit)}"/>'

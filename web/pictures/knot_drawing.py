@@ -17,20 +17,12 @@ from foldback.planner.motion.failure_schemas import KnotFigures
 Array = NDArray[np.float64]
 DRAWING_SIDE: Final = 160
 """Width and height of the square drawing of a chain's knot diagram, in SVG user units."""
-DRAWING_RADIUS: Final = 66.0
-"""Radius of the circle that the drawing of a chain's knot diagram fits into, in SVG user units; the
-square has 160."""
 CROSSING_GAP: Final = 7.0
 """Length of the gap in the lower strand on each side of a crossing in a knot drawing, in SVG user
 units."""
 VERTICES_PER_ARC: Final = 2
 """Number of vertices that the computed layout of a knot drawing has on each arc between two
 crossings."""
-POINTS_PER_VERTEX: Final = 8
-"""Number of points of the drawn curve per vertex of a knot drawing's layout."""
-MAX_DRAWN_CROSSINGS: Final = 60
-"""Maximum number of crossings of a chain's knot diagram that is drawn; with more there is no
-drawing, as it would be too dense to read."""
 Face = list[int]
 
 
@@ -45,7 +37,7 @@ class KnotDrawing(TypedDict):
 def drawing_of(told: KnotFigures) -> KnotDrawing | None:
     """Return the drawing of a knot's diagram; None when it has too many crossings."""
     count = len(told["diagram"])
-    if not 0 < count <= MAX_DRAWN_CROSSINGS:
+    if not 0 < count <= 60:  # more are too dense to read
         return None
     # Passes are the crossings in their order along the strand, each of them twice.
     passes = sorted(
@@ -127,7 +119,7 @@ def _laid_out(crossing_at: list[int], faces: list[Face], count: int) -> Array:
     places = np.linalg.solve(system, wanted)[:vertices]
     # Faces are traversed with their inside on the left, so the outer one clockwise, the direction
     # of growing angles with y downwards. The opposite direction would draw the mirrored knot.
-    return np.asarray(0.5 * DRAWING_SIDE + DRAWING_RADIUS * places, dtype=np.float64)
+    return np.asarray(0.5 * DRAWING_SIDE + 66.0 * places, dtype=np.float64)
 
 
 def _strokes(points: Array, unders: list[int]) -> list[str]:
@@ -138,7 +130,7 @@ def _strokes(points: Array, unders: list[int]) -> list[str]:
     curve = CubicSpline(np.arange(len(closed)), closed, bc_type="periodic")
     strokes: list[str] = []
     for begin, end in zip(unders, [*unders[1:], unders[0] + len(points)], strict=True):
-        way = np.asarray(curve(np.linspace(begin, end, POINTS_PER_VERTEX * (end - begin) + 1)))
+        way = np.asarray(curve(np.linspace(begin, end, 8 * (end - begin) + 1)))
         passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
         kept = way[(passed >= CROSSING_GAP) & (passed <= passed[-1] - CROSSING_GAP)]
         if len(kept) > 1:

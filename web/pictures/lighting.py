@@ -26,15 +26,10 @@ FILL_LIGHT: Final = (0.9, 0.6, 0.1)
 towards the camera, up."""
 KEY_LIGHT_RGB: Final = np.array([1.0, 0.985, 0.955])
 """Colour of the key light as factors on linear red, green and blue: slightly warm."""
-SHADOW_LOSS: Final = 0.35
-"""Fraction of its brightness that a face loses in the shadow of the key light, 0 to 1."""
 SHADOW_SHIFT_PER_HEIGHT: Final = 0.25
 """Factor on the horizontal direction of the key light, which gives the shift of a module's ground
 shadow in pitches per pitch of height. It is smaller than the light's angle demands, so that shadows
 stay near the modules."""
-OCCLUDER_RADIUS_FACTOR: Final = 1.12
-"""Radius of the ball that stands for a module in the computation of shadows, as a multiple of the
-radius of the module's inscribed ball."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -117,10 +112,10 @@ def share_left(
         middles + positions[:, None],
         normals,
         positions,
-        radius=OCCLUDER_RADIUS_FACTOR * module.inner_radius,
+        radius=1.12 * module.inner_radius,
         towards_light=key_light(view),
     )
-    bright = (sky * (1.0 - SHADOW_LOSS * (1.0 - lit))).astype(np.float64)
+    bright = (sky * (1.0 - 0.35 * (1.0 - lit))).astype(np.float64)
     return theme.dimmest + (1.0 - theme.dimmest) * bright
 
 

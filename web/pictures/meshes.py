@@ -16,19 +16,11 @@ Array = NDArray[np.float64]
 DISPLAYED_MODULE_SIZE: Final = 0.93
 """Size of a displayed module relative to its true size, so that gaps separate neighbouring
 modules."""
-MODULE_BEVEL: Final = 0.075
-"""Width of the bevel along the edges of a displayed module, in pitches."""
 STUD_RADIUS: Final = 0.21
 """Radius of the disc that marks the free end of a displayed chain, in pitches."""
-STUD_HEIGHT: Final = 0.09
-"""Height by which the disc that marks the free end of a displayed chain stands out of the module's
-face, in pitches."""
 STUD_SIDES: Final = 20
 """Number of sides of the polygon that approximates the disc at the free end of a displayed
 chain."""
-FLAT_TOLERANCE: Final = 1e-6
-"""Distance from a plane up to which a corner of a module's mesh lies in this plane, in pitches. A
-smaller value splits faces because of rounding errors; a larger one merges different faces."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -62,7 +54,7 @@ def sketch_outline(module: Module, modules: int) -> dict[str, Any]:
     normals: list[list[float]] = []
     for normal in np.concatenate([module.face_normals, -module.face_normals]):
         reach = corners @ normal
-        on = np.flatnonzero(reach > reach.max() - FLAT_TOLERANCE)
+        on = np.flatnonzero(reach > reach.max() - 1e-6)  # rounding
         if len(on) < 3:  # the hull is not symmetric: no face on this side
             continue
         faces.append([int(k) for k in on[_around(corners[on], normal)]])
@@ -81,7 +73,7 @@ def stud_mesh() -> Mesh:
     turn = np.linspace(0.0, 2 * np.pi, STUD_SIDES, endpoint=False)
     ring = np.column_stack([np.zeros(STUD_SIDES), np.cos(turn), np.sin(turn)])
     low = ring * STUD_RADIUS
-    high = ring * STUD_RADIUS * 0.86 + np.array([STUD_HEIGHT, 0.0, 0.0])
+    high = ring * STUD_RADIUS * 0.86 + np.array([0.09, 0.0, 0.0])
     return hull_mesh(np.concatenate([low, high]))
 
 
@@ -116,7 +108,7 @@ def inset(ring: Array) -> Array:
     before /= np.linalg.norm(before, axis=1, keepdims=True)
     after /= np.linalg.norm(after, axis=1, keepdims=True)
     sine = np.linalg.norm(np.cross(before, after), axis=1, keepdims=True)
-    return ring + (before + after) * MODULE_BEVEL / sine
+    return ring + (before + after) * 0.075 / sine
 
 
 def hull_mesh(points: Array) -> Mesh:

@@ -17,9 +17,6 @@ Floats = NDArray[np.float32]
 
 MAX_OCCLUDER_DISTANCE: Final = 5.0
 """Distance beyond which a module casts no shadow on a face, in pitches."""
-PENUMBRA_GROWTH: Final = 0.35
-"""Increase of the width of a shadow's soft edge with the distance from the module that casts it, in
-pitches per pitch."""
 
 
 def face_light(
@@ -79,7 +76,7 @@ def _face_light(middles, normals, positions, radius, light):  # pyright: ignore
                 along = dx * light[0] + dy * light[1] + dz * light[2]
                 if along > 0.0:
                     off = np.sqrt(max(square - along * along, np.float32(0.0)))
-                    soft = np.float32(0.25) + np.float32(PENUMBRA_GROWTH) * along
+                    soft = np.float32(0.25) + np.float32(0.35) * along
                     inside = (radius - off) / soft + np.float32(0.5)
                     share = min(max(inside, np.float32(0.0)), np.float32(1.0))
                     lit[i, f] *= 1.0 - fade * share * share * (3.0 - 2.0 * share)

@@ -15,9 +15,6 @@ from foldback.web.pictures.isometric_modules import modules_svg
 MAX_DRAWN_CUBES: Final = 20_000
 """Maximum number of cubes in the drawing of an uploaded shape; larger shapes have no drawing.
 Drawing this number takes 0.2 s. Measured."""
-MAX_DRAWN_POLYHEDRA: Final = 4_000
-"""Maximum number of modules other than cubes in the drawing of an uploaded shape; larger shapes
-have no drawing. All their outer faces are drawn, which takes longer than for cubes."""
 DRAWING_SIZE_PX: Final = 480
 """Nominal width and height of the drawing of an uploaded shape, in CSS pixels. As an SVG it can be
 scaled without loss."""
@@ -38,7 +35,7 @@ def preview_svg(report: Mapping[str, Any], added: Sequence[Sequence[int]] = ()) 
     module = module_named(str(report["module"]))
     if module is not CUBE and report.get("wxyzs"):
         positions = np.asarray(report["positions"], dtype=np.float64)
-        if len(positions) > MAX_DRAWN_POLYHEDRA:
+        if len(positions) > 4_000:
             return None
         rotations = matrix_from_wxyz(np.asarray(report["wxyzs"], dtype=np.float64))
         return modules_svg(module, positions, rotations, size=DRAWING_SIZE_PX)

@@ -20,18 +20,8 @@ TABLE_MARGIN_PITCH: Final = 2.5
 pitches."""
 MIN_TABLE_SIDE_PITCH: Final = 10.0
 """Minimum width and length of the displayed table, in pitches."""
-CORNER_RADIUS_FRACTION: Final = 0.12
-"""Radius of the displayed table's rounded corners, as a fraction of its shorter side."""
-TABLE_BEVEL: Final = 0.12
-"""Width of the bevel along the displayed table's upper edge, as a fraction of twice the table's
-thickness; it is at most half a pitch."""
-THICKNESS_FRACTION: Final = 0.025
-"""Thickness of the displayed table, as a fraction of its longer side, but not less than
-``MIN_THICKNESS_PITCH``."""
 MIN_THICKNESS_PITCH: Final = 0.45
 """Minimum thickness of the displayed table, in pitches."""
-CORNER_STEPS: Final = 12
-"""Number of points of the arc at each of the displayed table's corners."""
 DISC_SIDES: Final = 48
 """Number of sides of the polygon that approximates the disc under a module that presses on the
 table."""
@@ -78,13 +68,13 @@ class TableTop:
     @property
     def thickness(self) -> float:
         """Thickness of the table in pitches."""
-        return max(MIN_THICKNESS_PITCH, THICKNESS_FRACTION * max(self.sides))
+        return max(MIN_THICKNESS_PITCH, 0.025 * max(self.sides))
 
     def outline(self) -> Array:
         """Return the (k, 2) outline with rounded corners, counterclockwise."""
-        radius = CORNER_RADIUS_FRACTION * min(self.sides)
+        radius = 0.12 * min(self.sides)
         inner = np.array(self.sides) / 2 - radius
-        turn = np.linspace(0.0, np.pi / 2, CORNER_STEPS)
+        turn = np.linspace(0.0, np.pi / 2, 12)
         parts = [
             inner * sign + radius * np.column_stack([np.cos(turn + k), np.sin(turn + k)])
             for sign, k in (
@@ -99,7 +89,7 @@ class TableTop:
     def mesh(self) -> Mesh:
         """Return the table's slab with a bevelled upper edge."""
         ring, middle = self.outline(), np.array(self.middle)
-        bevel = min(TABLE_BEVEL * self.thickness * 2.0, 0.5)
+        bevel = min(0.24 * self.thickness, 0.5)
         shrunk = middle + (ring - middle) * (1.0 - 2.0 * bevel / np.array(self.sides))
         levels = [
             (shrunk, self.height),

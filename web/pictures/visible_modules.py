@@ -16,9 +16,6 @@ Ints = NDArray[np.int64]
 MAX_FULLY_DRAWN_MODULES: Final = 4000
 """Maximum number of modules of a chain that are drawn in pictures and movies. Of longer chains
 hidden modules, then those farthest from the camera's target, are left out."""
-FACE_CONTACT_DISTANCE_PITCH: Final = 1.02
-"""Largest distance between the centres of two cubes that share a face, in pitches: 1 and a
-tolerance for rounding. A cube with such neighbours on all sides is hidden and need not be drawn."""
 
 
 def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:
@@ -33,9 +30,8 @@ def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:
     if len(found) <= MAX_FULLY_DRAWN_MODULES:
         return found
     if module.fills_cell:
-        near = KDTree(positions).query_ball_point(
-            positions, FACE_CONTACT_DISTANCE_PITCH, return_length=True
-        )
+        # 1 and rounding
+        near = KDTree(positions).query_ball_point(positions, 1.02, return_length=True)
         found = found[np.asarray(near) <= len(module.face_normals) * 2]
     if len(found) > MAX_FULLY_DRAWN_MODULES:
         away = np.linalg.norm(positions[found] - target, axis=1)

@@ -27,12 +27,6 @@ from foldback.planner.motion.angle_encoding import DIFFERENCE_ORDER
 ALIGNMENT_BYTES: Final = 8
 """Multiple of bytes at which each array in a binary message to the browser starts, so that
 JavaScript can use it as a typed array without copying."""
-COLUMN_DEFLATE_LEVEL: Final = 6
-"""Compression level of arrays in a binary message to the browser, from 1 to 9 (zlib)."""
-MAX_STEP_COUNT: Final = 2**28
-"""Largest absolute value, in quantisation steps, up to which numbers are sent to the browser as
-integers; larger ones are sent as floating-point numbers. Third differences of such values fit into
-32 bits."""
 COLUMN_DTYPES: Final = frozenset({"<f8", "<f4", "|u1", "<u2", "<u4", "<i4"})
 
 
@@ -87,7 +81,7 @@ def encode(
         data = array.tobytes()
         if packed:
             apart = np.frombuffer(data, np.uint8).reshape(-1, array.dtype.itemsize).T
-            data = zlib.compress(np.ascontiguousarray(apart).tobytes(), COLUMN_DEFLATE_LEVEL)
+            data = zlib.compress(np.ascontiguousarray(apart).tobytes(), 6)
             how["size"] = len(data)
         described.append(
             {"name": name, "dtype": array.dtype.str, "shape": list(array.shape), "at": at, **how}
@@ -104,4 +98,5 @@ def encode(
 def _countable(values: NDArray[Any], step: float) -> bool:
     """Return True if all values and their differences fit into integer numbers of steps."""
     largest = float(np.abs(values).max(initial=0.0))
-    return largest < MAX_STEP_COUNT * step  # False if a value is NaN
+    # third differences fit into 32 bits
+    return largest < 2**28 * step  # False if a value is NaN

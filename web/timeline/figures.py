@@ -34,13 +34,6 @@ from foldback.planner.storage.files import json_of
 from foldback.web.timeline.cache import Cache, version_of
 from foldback.web.timeline.columns import encode
 
-MAX_PLOT_ANSWER_NUMBERS: Final = 2**18
-"""Maximum count of numbers in one response with the data of a fold's plots."""
-MAX_PLOT_ANSWER_FRAMES: Final = 128
-"""Maximum number of frames in one response with the data of a fold's plots."""
-ERROR_SAMPLES: Final = 48
-"""Approximate number of frames, spread over a fold's motion, from which the largest position error
-is computed for the scale of its plot."""
 Array = NDArray[np.float64]
 _REFERENCES: Final[Cache[Motion]] = Cache(128 * 2**20, lambda motion: motion.nbytes)
 _FORCES: Final[Cache[TableForces]] = Cache(
@@ -76,7 +69,7 @@ def curves_of(directory: Path) -> bytes:
     error = 0.0
     if total and (reference := _reference(directory, timeline)) is not None:
         # All at once: reading single frames from a timeline takes ten times as long.
-        found = _position_errors(timeline, 0, total, reference, -(-total // ERROR_SAMPLES))
+        found = _position_errors(timeline, 0, total, reference, -(-total // 48))
         error = float(np.nan_to_num(found, nan=0.0).max(initial=0.0))
     forces = _forces(directory, timeline)
     columns = {f.name: _plain(getattr(curves, f.name)) for f in fields(Curves)}
@@ -202,7 +195,7 @@ def _rows(timeline: Timeline, forces: TableForces | None) -> int:
     numbers = 3 * len(timeline.chain) + len(timeline.chain.folded_rad)
     if forces is not None:
         numbers += len(timeline.chain)
-    return max(1, min(MAX_PLOT_ANSWER_FRAMES, MAX_PLOT_ANSWER_NUMBERS // numbers))
+    return max(1, min(128, 2**18 // numbers))
 
 
 def _reference(directory: Path, timeline: Timeline) -> Motion | None:

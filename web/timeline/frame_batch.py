@@ -29,9 +29,6 @@ from foldback.web.timeline.window_columns import (
     window_columns,
 )
 
-MAX_BATCH_BYTES: Final = 2**20
-"""Maximum size of a batch of a motion's frames that a browser gets in one response, in bytes before
-compression."""
 UNLIMITED_BYTES: Final = 2**40
 """Limit for the size of a batch of frames that is to hold a whole motion, in bytes: larger than any
 motion."""
@@ -42,8 +39,6 @@ limit; a larger value makes the estimate larger."""
 WINDOWS_PER_READ: Final = 512
 """Number of frames of a long chain that are read at once until a batch is full; each frame stores
 only the section that moves, so their sizes are not known in advance."""
-SIZE_SAMPLES: Final = 64
-"""Number of frames, spread over a motion, from which its size in bytes is estimated."""
 _BATCHES: Final[Cache[bytes]] = Cache(64 * 2**20, len)
 
 
@@ -72,7 +67,7 @@ def batch_of(
     stop: int | None = None,
     stride: int = 1,
     *,
-    largest: int = MAX_BATCH_BYTES,
+    largest: int = 2**20,
     without: frozenset[str] = frozenset(),
 ) -> bytes:
     """Return as many frames from ``start`` on as fit into one message.
@@ -132,7 +127,7 @@ def unpacked_bytes(timeline: TimelineView) -> int:
     """Return the approximate size of an uncompressed batch of the whole timeline, in bytes."""
     if not timeline.windowed:
         return len(timeline) * (8 * len(timeline.chain.joint_names) + 40)
-    some = timeline.motion(0, len(timeline), max(1, len(timeline) // SIZE_SAMPLES))
+    some = timeline.motion(0, len(timeline), max(1, len(timeline) // 64))
     return len(timeline) * (
         WINDOW_HEADER_BYTES + _hinge(some) * len(some.angles_rad) // max(1, len(some))
     )

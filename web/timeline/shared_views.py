@@ -13,8 +13,6 @@ from typing import Final
 from foldback.planner.errors import DamagedError, TimelineError
 from foldback.web.timeline.view import TimelineView
 
-MAX_CACHED_VIEWS: Final = 512
-"""Maximum number of motions that stay open in memory; the least recently used one is closed."""
 MAX_VIEW_CACHE_BYTES: Final = 192 * 2**20
 """Maximum memory of all opened motions, in bytes. To open one again its summary of all frames has
 to be read, so a smaller value makes pages slower."""
@@ -80,7 +78,5 @@ class TimelineViews:
             self._kept[key] = view
             self._kept.move_to_end(key)
             held = sum(kept.nbytes for kept in self._kept.values())
-            while len(self._kept) > 1 and (
-                len(self._kept) > MAX_CACHED_VIEWS or held > MAX_VIEW_CACHE_BYTES
-            ):
+            while len(self._kept) > 1 and (len(self._kept) > 512 or held > MAX_VIEW_CACHE_BYTES):
                 held -= self._kept.popitem(last=False)[1].nbytes

@@ -35,25 +35,13 @@ from foldback.web.timeline.cache import Cache
 Array = NDArray[np.float64]
 Floats = NDArray[np.float32]
 
-CACHED_CHUNK_FRAMES: Final = 64
-"""Number of frames of a motion that are read from its file and cached at once, if each frame holds
-all joint angles."""
-CACHED_CHUNK_WINDOWS: Final = 512
-"""Number of frames of a long chain's motion that are read from its file and cached at once; each
-frame holds only the section that moves."""
 MAX_CHUNK_CACHE_BYTES: Final = 48 * 2**20
 """Maximum size of the cached frames of one motion, in bytes."""
 REFRESH_INTERVAL_S: Final = 0.1
 """Minimum time between two checks of a running fold's motion for new frames, in s."""
-OUTLINE_COLUMNS: Final = 320
-"""Default number of columns of the progress bar below the 3D view; each shows the phase and the
-largest joint error of its frames."""
 TABLE_EXTENT_SAMPLES: Final = 256
 """Approximate number of frames, spread over a motion, from which the size of the displayed table is
 computed."""
-VIEW_OVERHEAD_BYTES: Final = 2**18
-"""Approximate memory of an opened motion without its per-frame summary and cached frames, in bytes.
-The memory limit of all opened motions counts it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -127,7 +115,7 @@ class TimelineView:
     def nbytes(self) -> int:
         """Approximate memory of the view, bytes."""
         summary = self._phase.nbytes + self._time_s.nbytes + self._max_error.nbytes
-        return VIEW_OVERHEAD_BYTES + summary + self._chunks.nbytes
+        return 2**18 + summary + self._chunks.nbytes
 
     @property
     def chain(self) -> Chain:
@@ -237,7 +225,7 @@ class TimelineView:
             if self._stamp_now() != self._stamp and self._timeline.replaced:
                 raise TimelineError(f"{self.path} is being replaced; try again.")
 
-    def outline(self, columns: int = OUTLINE_COLUMNS) -> dict[str, Any]:
+    def outline(self, columns: int = 320) -> dict[str, Any]:
         """Return the progress bar's data: phases, and the largest error in each column."""
         with self._lock:
             total = self._summarised
@@ -315,7 +303,7 @@ class TimelineView:
 
     def _recorded(self, frame: int) -> tuple[Motion, int]:
         """Return the cached chunk that holds a frame, and the frame's index in it."""
-        rows = CACHED_CHUNK_WINDOWS if self.windowed else CACHED_CHUNK_FRAMES
+        rows = 512 if self.windowed else 64
         start = frame - frame % rows
         stop = min(start + rows, self._summarised)  # the last chunk may still grow
         motion = self._chunks.get_or_make((start, stop), lambda: self.motion(start, stop))

@@ -38,30 +38,10 @@ SCENE_SIZE: Final = 4.0
 scene, so that shapes of all sizes fit into it."""
 PATH_WIDTH_PITCH: Final = 0.3
 """Width of the rods that show the chain's path through the cells in a 3D preview, in pitches."""
-PATH_END_SIZE_PITCH: Final = 0.46
-"""Size of the cubes that mark the two ends of the chain's path in a 3D preview, in pitches."""
-SOLID_RGB: Final[Rgb] = (92, 120, 164)
 GHOST_RGB: Final[Rgb] = (110, 120, 134)
 GHOST_OPACITY: Final = 0.13
 """Opacity (0 to 1) of the modules in a 3D preview around the chain's path, which remains visible
 through them."""
-SOLID_OPACITY: Final = 0.34
-"""Opacity (0 to 1) of the uploaded mesh in a 3D preview that also shows a chain's path."""
-MISSING_OPACITY: Final = 0.6
-"""Opacity (0 to 1) of the uploaded mesh in a 3D preview where no module is behind its surface."""
-SOLID_OPACITY_NO_PATH: Final = 0.1
-"""Opacity (0 to 1) of the uploaded mesh in a 3D preview of cells without a path, which are
-opaque."""
-PREVIEW_SKY_LIGHT: Final = 1.9
-"""Intensity of the light from the sky, in viser's units."""
-ADDED_OPACITY: Final = 0.55
-"""Opacity (0 to 1) of the cells in a 3D preview that a repair adds to the shape."""
-PREVIEW_AZIMUTH_RAD: Final = np.deg2rad(-54.0)
-"""Initial azimuth of a 3D preview's camera, in rad from the x axis around the vertical z axis."""
-PREVIEW_ELEVATION_RAD: Final = np.deg2rad(26.0)
-"""Initial elevation of a 3D preview's camera above the horizontal plane, in rad."""
-PREVIEW_FILL: Final = (0.84, 0.76)
-"""Fractions of a 3D preview's width and height that the shape fills."""
 IDENTITY_WXYZ: Final = (1.0, 0.0, 0.0, 0.0)
 
 
@@ -93,9 +73,9 @@ def preview_scene_of(report: Mapping[str, Any]) -> bytes:
         "radius": 0.62 * scene.unit,
         "camera": {
             "field_of_view_rad": float(FIELD_OF_VIEW_RAD),
-            "azimuth_rad": float(PREVIEW_AZIMUTH_RAD),
-            "elevation_rad": float(PREVIEW_ELEVATION_RAD),
-            "margin": PREVIEW_FILL,
+            "azimuth_rad": float(np.deg2rad(-54.0)),
+            "elevation_rad": float(np.deg2rad(26.0)),
+            "margin": (0.84, 0.76),
         },
         "colours": {"selected": SELECTED_RGB, "ghost": GHOST_RGB, "ghost_opacity": GHOST_OPACITY},
     }
@@ -128,7 +108,7 @@ class _PreviewScene:
         shares = np.array([[x, y, z] for x in (0, 1) for y in (0, 1) for z in (0, 1)])
         self.corners: Array = inner[0] + shares * (inner[1] - inner[0])
         self.colours: Bytes = np.tile(np.array(NO_ERROR_RGB, np.uint8), (count, 1))
-        add_lights(server, sky=PREVIEW_SKY_LIGHT, shadows=False)
+        add_lights(server, sky=1.9, shadows=False)
         if count:
             self._draw(report)
         missing = report.get("missing")
@@ -139,7 +119,7 @@ class _PreviewScene:
                 self._placed(np.asarray(missing["vertices"], dtype=np.float64)),
                 np.asarray(missing["faces"], dtype=np.int64),
                 color=MAX_ERROR_RGB,
-                opacity=MISSING_OPACITY,
+                opacity=0.6,
                 flat_shading=False,
                 side="double",
                 cast_shadow=False,
@@ -150,8 +130,8 @@ class _PreviewScene:
                 "/solid",
                 self._placed(np.asarray(mesh["vertices"], dtype=np.float64)),
                 np.asarray(mesh["faces"], dtype=np.int64),
-                color=SOLID_RGB,
-                opacity=SOLID_OPACITY if report["has_path"] else SOLID_OPACITY_NO_PATH,
+                color=(92, 120, 164),
+                opacity=0.34 if report["has_path"] else 0.1,
                 flat_shading=False,
                 side="front",
                 cast_shadow=False,
@@ -187,7 +167,7 @@ class _PreviewScene:
         """Draw the cells that a repair adds, or has added."""
         if len(self._added):
             blue = np.tile(np.array(SELECTED_RGB, np.uint8), (len(self._added), 1))
-            self._cubes("/added", self._added, blue, opacity=ADDED_OPACITY)
+            self._cubes("/added", self._added, blue, opacity=0.55)
 
     def _path(self, cells: Array, colours: Bytes) -> None:
         self._scene.add_frame("/path", show_axes=False)
@@ -202,7 +182,7 @@ class _PreviewScene:
                 sides[axis] = 1.0
                 self._cubes(f"/path/rods{axis}", middles[along], mixed[along], sides)
         sizes = np.full(len(cells), PATH_WIDTH_PITCH * 1.06)
-        sizes[[0, -1]] = PATH_END_SIZE_PITCH * 1.3
+        sizes[[0, -1]] = 0.46 * 1.3
         self._cubes("/path/beads", cells, colours, batched_scales=sizes.astype(np.float32))
 
     def _modules(

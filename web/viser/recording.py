@@ -16,12 +16,6 @@ if TYPE_CHECKING:
     import viser
     from viser._messages import Message
 
-MAX_RECORDED_FRAMES: Final = 1200
-"""Maximum number of frames in a file for the viser player; of longer motions frames are left
-out."""
-MAX_RECORDED_NUMBERS: Final = 12_000_000
-"""Maximum count of numbers in a file for the viser player: frames × modules × 8 numbers of a pose,
-as it stores every pose."""
 RECORDING_S: Final = 24.0
 """Duration for which a file for the viser player plays at normal speed, in s."""
 
@@ -32,7 +26,7 @@ def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes
     Raises:
         TimelineError: If the timeline is being replaced.
     """
-    most = max(2, min(MAX_RECORDED_FRAMES, MAX_RECORDED_NUMBERS // (8 * len(timeline.chain))))
+    most = max(2, min(1200, 12_000_000 // (8 * len(timeline.chain))))
     frames = np.unique(
         np.linspace(0, len(timeline) - 1, min(most, len(timeline))).round().astype(int)
     )

@@ -22,30 +22,10 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 
-MAX_SCENE_LENGTH: Final = 14.0
-"""Maximum length of the straight chain, or of its part in view, in units of the viser scene.
-viser's shadows reach 20 units from the camera, so a larger value would cut them off."""
-SCENE_STRETCH_FACTOR: Final = 3
-"""Length of a long chain that must fit into the viser scene, as a multiple of the straight part in
-view, so that the folded part beside it fits as well."""
-MAX_SCENE_PITCH: Final = 0.25
-"""Maximum length of a pitch in units of the viser scene."""
-PATH_THICKNESS_PITCH: Final = 0.18
-"""Thickness of the line through the modules' centres in the viser scene, in pitches."""
-TABLE_DISC_OPACITY: Final = 0.85
-"""Opacity (0 to 1) of the discs in the viser scene that show the forces of modules on the table."""
 TABLE_NODES: Final = ("/table", "/pressed")
 """Names of the nodes of a table and of the discs on it; the page's scripts use them, too."""
-SKY_LIGHT: Final = 1.7
-"""Intensity of the light from the sky, in viser's units."""
 SHADOWS: Final = {"cast_shadow": True, "receive_shadow": True}
 """Options of viser for meshes that cast and receive shadows."""
-GROUND_SINK_S: Final = 0.05
-"""Time constant with which the displayed ground follows the lowest module downwards, in s of
-playing time."""
-GROUND_RISE_S: Final = 0.5
-"""Time constant with which the displayed ground follows the lowest module upwards, in s of playing
-time."""
 
 
 def path_colours(modules: int) -> NDArray[np.uint8]:
@@ -132,12 +112,13 @@ class Scene:
         """
         self._server = server
         self._chain = chain
-        span = len(chain) if stretch is None else min(len(chain), SCENE_STRETCH_FACTOR * stretch)
-        self.pitch = min(MAX_SCENE_PITCH, MAX_SCENE_LENGTH / span)
+        # and the folded part beside it
+        span = len(chain) if stretch is None else min(len(chain), 3 * stretch)
+        self.pitch = min(0.25, 14.0 / span)  # viser's shadows reach 20 units from the camera
         self._ground: float | None = None
         self._last: Snapshot | None = None
         self._table = table
-        add_lights(server, sky=SKY_LIGHT, shadows=True)
+        add_lights(server, sky=1.7, shadows=True)
         self._modules = self._add_copies(
             "/modules", module_mesh(chain.module), _black(chain), **SHADOWS
         )
@@ -173,7 +154,7 @@ class Scene:
             "/path",
             np.zeros((n - 1, 2, 3), np.float32),
             instance_colours(path_colours(n)),
-            thickness=PATH_THICKNESS_PITCH * self.pitch,
+            thickness=0.18 * self.pitch,
             visible=False,
         )
 
@@ -195,7 +176,7 @@ class Scene:
             disc_mesh(),
             _black(self._chain),
             batched_scales=np.zeros(len(self._chain), np.float32),
-            opacity=TABLE_DISC_OPACITY,
+            opacity=0.85,
             side="double",
             visible=False,
         )
@@ -248,9 +229,8 @@ class Scene:
         shown = self._last.positions[: self._last.framed]
         low = (float(shown[:, 2].min()) - 0.5 - GROUND_GAP_PITCH) * self.pitch
         before = low if self._ground is None else self._ground
-        after = low + (before - low) * math.exp(
-            -seconds / (GROUND_SINK_S if low < before else GROUND_RISE_S)
-        )
+        # faster down than up
+        after = low + (before - low) * math.exp(-seconds / (0.05 if low < before else 0.5))
         if self._ground is not None and abs(after - self._ground) < 1e-3 * self.pitch:
             return
         self._ground = after

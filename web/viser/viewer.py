@@ -32,29 +32,12 @@ from foldback.web.viser.scene_bundle import quiet
 if TYPE_CHECKING:
     import viser
 
-DEFAULT_DURATION_S: Final = 20.0
-"""Time for which a fold shown from Python plays at speed 1, in s, unless it has very few or very
-many frames."""
-MIN_PLAYED_FPS: Final = 12.0
-"""Minimum number of the motion's frames that are played per second at speed 1, so that motions of
-few frames do not stutter; they are therefore shorter."""
-MAX_PLAYED_FPS: Final = 240.0
-"""Maximum number of the motion's frames that are played per second at speed 1, so that long motions
-can be followed; they therefore take longer."""
-DRAW_INTERVAL_S: Final = 1 / 30
-"""Time between two updates of the 3D view while a motion plays, in s."""
-FRAME_POLL_S: Final = 0.1
-"""Time between two checks for new frames of a running fold while nothing plays, in s."""
 SPEEDS: Final = {"0.25×": 0.25, "0.5×": 0.5, "1×": 1.0, "2×": 2.0, "4×": 4.0}
 NO_MODULE_TEXT: Final = "Click on a module."
 COLOUR_BY_ERROR: Final = "Joint error"
 COLOUR_ALONG_CHAIN: Final = "Along the chain"
 MAX_PORT: Final = 65_535
 """Largest TCP port number (RFC 9293)."""
-GROUND_SETTLING_S: Final = 10.0
-"""Time by which the motion of the displayed ground is advanced when the view jumps to another
-frame, in s; it exceeds the ground's time constants, so that the ground is in its final position at
-once."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -244,7 +227,7 @@ class Shown:
         """Play and read new frames until the view is closed."""
         drawn = time.monotonic()
         while not self._closed:
-            self._wake.wait(DRAW_INTERVAL_S if self._playhead.playing else FRAME_POLL_S)
+            self._wake.wait(1 / 30 if self._playhead.playing else 0.1)
             self._wake.clear()
             now = time.monotonic()
             with self._lock:
@@ -283,7 +266,8 @@ class Shown:
         head = self._playhead
         if not head.playing:
             return
-        per_second = min(max(head.last / DEFAULT_DURATION_S, MIN_PLAYED_FPS), MAX_PLAYED_FPS)
+        # 20 s, but few frames do not stutter, and many can be followed
+        per_second = min(max(head.last / 20.0, 12.0), 240.0)
         head.place += passed_s * per_second * SPEEDS.get(self._controls.speed.value, 1.0)
         if (frame := min(int(head.place), head.last)) != head.frame:
             self._go(frame)
@@ -323,7 +307,7 @@ class Shown:
             return  # the timeline is being replaced; keep the current display
         with self.server.atomic():
             scene.show(snapshot, self._painted(snapshot, moments.error_scale_rad))
-            scene.move_ground(GROUND_SETTLING_S)
+            scene.move_ground(10.0)  # longer than it takes to settle
             self._controls.slider.value = self._playhead.frame + 1
             self._controls.figures = _told(snapshot, self._playhead.last, moments.error_scale_rad)
             self._controls.write()

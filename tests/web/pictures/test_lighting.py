@@ -2,8 +2,9 @@ import numpy as np
 import pytest
 
 from foldback.web.pictures.camera import View
-from foldback.web.pictures.ground_shadow import MODULE_WIDTH_PITCH, ground_shadow
+from foldback.web.pictures.ground_shadow import ground_shadow
 from foldback.web.pictures.lighting import fill_light, key_light
+from foldback.web.pictures.meshes import DISPLAYED_MODULE_SIZE
 from foldback.web.pictures.occlusion import MAX_OCCLUDER_DISTANCE, face_light
 
 VIEW = View(target=np.zeros(3), azimuth_rad=0.7, elevation_rad=0.4, distance=9.0)
@@ -50,8 +51,8 @@ def test_shadows_of_higher_modules_are_wider_fainter_and_lean() -> None:
         return float(density.mean() * shadow.side**2), float(shadow.shade.max())
 
     (low, sharp), (high, faint) = weight_and_peak(0.5), weight_and_peak(20.0)
-    assert low == pytest.approx(MODULE_WIDTH_PITCH**2, rel=0.02)
-    assert high == pytest.approx(MODULE_WIDTH_PITCH**2, rel=0.02)
+    assert low == pytest.approx(DISPLAYED_MODULE_SIZE**2, rel=0.02)
+    assert high == pytest.approx(DISPLAYED_MODULE_SIZE**2, rel=0.02)
     assert faint < sharp / 4
     lean = np.array([0.5, -0.25])
     shadow = ground_shadow(np.array([[0.0, 0.0, 4.0]]), ground=0.0, lean=lean)
