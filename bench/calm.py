@@ -62,7 +62,7 @@ def calm(reference_seconds: float, max_modules: int = MAX_MODULES) -> Section:
     }
     verified: dict[str, list[dict[str, Any]]] = {}
     for strategy, rows in runs.items():
-        verified[strategy] = [row for row in rows if row["verdict"].startswith("verified")]
+        verified[strategy] = [row for row in rows if row["verified"]]
         first = sum(row["attempts"] == 1 for row in verified[strategy])
         text = f"{len(verified[strategy])} of {len(rows)}, {first} at the first attempt"
         section.add(f"verified, {strategy}", text)
@@ -104,6 +104,7 @@ def _row(name: str, data: bytes, strategy: str, reference_seconds: float) -> dic
         "asked": strategy,
         "strategy": plan.attempts[-1]["strategy"],
         "attempts": len(plan.attempts),
+        "verified": certificate.verified,
         "verdict": certificate.verdict,
         "travel": certificate.travel_ratio,
         "moving mean": certificate.hinges_moving_mean,

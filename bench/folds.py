@@ -149,6 +149,7 @@ def gallery(reference_seconds: float) -> Section:
         {
             "shape": file.stem,
             "modules": result["modules"],
+            "verified": result["verified"],
             "verdict": result["verdict"],
             "attempts": result["attempts"],
             "steps": result["steps"],
@@ -157,7 +158,7 @@ def gallery(reference_seconds: float) -> Section:
         }
         for file, result in zip(files, results, strict=True)
     ]
-    verified = [result for result in results if result["verdict"].startswith("verified")]
+    verified = [result for result in results if result["verified"]]
     at_once = sum(result["attempts"] == 1 for result in verified)
     walls = sorted(result["seconds"] for result in results)
     share = at_once / len(files)

@@ -176,13 +176,15 @@ def run(case: Case) -> dict[str, Any]:
         try:
             summary = run_stages(directory, workers=os.cpu_count() or 1)
         except InputError as error:
-            return {**asdict(case), "verdict": f"refused: {error.code}", "attempts": []}
+            refused = f"refused: {error.code}"
+            return {**asdict(case), "verified": False, "verdict": refused, "attempts": []}
         plan = Plan.load(directory / "plan.npz")
         reason = reason_of(directory, plan, [])
     certificate = plan.certificate
     return {
         **asdict(case),
         "chain": len(plan.chain),
+        "verified": certificate.verified,
         "verdict": certificate.verdict,
         "reason": (summary.get("stuck") or {}).get("words", ""),
         "kind": reason and reason.kind,
@@ -225,7 +227,7 @@ def section_of(rows: list[dict[str, Any]], reference_seconds: float) -> Section:
         of_group = [row for row in rows if row["group"] == group]
         if not of_group:
             continue
-        verified = [row for row in of_group if row["verdict"].startswith("verified")]
+        verified = [row for row in of_group if row["verified"]]
         slowest = max((row["seconds"] for row in verified), default=0.0)
         robot = max((row["fold_time_s"] or 0.0 for row in verified), default=0.0)
         in_time = bar.seconds is None or slowest <= bar.seconds

@@ -16,7 +16,7 @@ from foldback.planner.certificate.figures import FoldSummary
 from foldback.planner.chain.module import module_named
 from foldback.planner.parameters.parameters import TURN_STRATEGIES
 from foldback.words import certificate as certificate_words
-from foldback.words.failures import reason_for_people
+from foldback.words.failures import verdict_words
 from foldback.words.likeness import likeness_words
 from foldback.words.messages import verdict_for_people
 from foldback.words.plan_choice import Choice
@@ -74,7 +74,7 @@ def show(summary: dict[str, Any], out: Path) -> None:
     verdict = (
         certificate_words.headline(certificate)
         if summary["status"] == "verified"
-        else reason_for_people(certificate["verdict"], cast("FoldSummary", summary))
+        else verdict_words(cast("FoldSummary", summary))
     )
     console.print(verdict, markup=False, soft_wrap=True)
     if stuck := summary["stuck"]:

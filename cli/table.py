@@ -20,7 +20,7 @@ from foldback.planner.parameters.explosion import Base
 from foldback.planner.plan.plan import Plan
 from foldback.planner.storage.file_names import PLAN, TABLE_FILE
 from foldback.planner.storage.files import write_whole
-from foldback.words.messages import assumption_for_people, verdict_for_people
+from foldback.words.messages import assumption_for_people, reason_text
 
 MM_PER_M = 1000.0
 """Millimetres in a metre: the command line takes and prints lengths in millimetres, and computes
@@ -126,9 +126,9 @@ def _write(path: Path, found: TableCertificate) -> None:
 
 def _show(found: TableCertificate, written: Path) -> None:
     console = Console(highlight=False)
-    told = found.told_friction
+    told = found.base_text
     facts = Table(box=None, show_header=False, pad_edge=False)
-    verdict = "stays on the table" if found.rests else verdict_for_people(found.verdict)
+    verdict = "stays on the table" if found.reason is None else reason_text(found.reason)
     facts.add_row("Verdict", verdict)
     if found.torque is not None and found.torque_nm is not None:
         at = "" if found.frame is None else f", in frame {found.frame + 1}"

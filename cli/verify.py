@@ -99,8 +99,10 @@ def _show(result: Verification, largest: tuple[float, str] | None) -> None:
     headline = certificate_words.headline(result.certificate.as_dict())
     if result.robots_repeated is False:
         headline += "; the figures of the simulated robots are reported only"
-    for line in result.problems or (headline,):
-        console.print(verdict_for_people(line), markup=False)
+    if not result.problems or not result.certificate.verified:
+        console.print(headline, markup=False)
+    for line in result.problems:
+        console.print(line, markup=False)
     if result.reason is not None:
         holds = "confirmed" if result.reason.confirmed else "refuted"
         reason = verdict_for_people(result.reason.words)

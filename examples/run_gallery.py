@@ -33,6 +33,7 @@ SHAPES, RESULTS, TABLE_RESULTS = (
 )
 LARGEST_ON_TABLE = 64
 FORMAT = "foldback-results/1"
+NO_PATH = "no path"
 SEEDS = (0, 1, 2, 3)
 PROCESSES = 2
 
@@ -53,6 +54,7 @@ def fold_once(file: FilePath, seed: int) -> dict[str, Any]:
     certificate, playback = summary["certificate"], summary["playback"] or {}
     return {
         "modules": summary["modules"],
+        "verified": certificate["verified"],
         "verdict": certificate["verdict"],
         "seed": seed,
         "steps": summary["explosion"]["steps"] + playback.get("steps", 0),
@@ -72,12 +74,19 @@ def fold_once_on_table(file: FilePath, seed: int) -> dict[str, Any]:
         try:
             summary = run_stages(FilePath(directory))
         except InputError as error:
-            return {"verdict": "no path", "seed": seed, "reason": error.detail, "attempts": 0}
+            return {
+                "verified": False,
+                "verdict": NO_PATH,
+                "seed": seed,
+                "reason": error.detail,
+                "attempts": 0,
+            }
         attempts = len(json.loads((FilePath(directory) / ATTEMPTS).read_bytes()))
     certificate = summary["certificate"]
     table = certificate.get("table") or {}
     return {
         "modules": summary["modules"],
+        "verified": certificate["verified"],
         "verdict": certificate["verdict"],
         "seed": seed,
         "torque_wp": table.get("torque"),
@@ -97,7 +106,7 @@ def fold_shape(file: FilePath, world: str = "floating") -> dict[str, Any]:
         result = (fold_once if world == "floating" else fold_once_on_table)(file, seed)
         attempts += result["attempts"]
         result |= {"attempts": attempts, "digest": digest(file)}
-        if result["verdict"].startswith(("verified", "no path")):
+        if result["verified"] or result["verdict"] == NO_PATH:
             break
     return result
 

@@ -6,13 +6,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
-from typing import Any, Final, Literal, cast
+from typing import Any, Final, Literal
 
 from pydantic import BaseModel, ConfigDict, Field, GetJsonSchemaHandler
 from pydantic_core import CoreSchema
 
-from foldback.planner.certificate.earlier_certificates import summary_told_honestly
-from foldback.planner.certificate.figures import FoldSummary
 from foldback.planner.exports.export import Export
 from foldback.planner.parameters.parameters import World
 from foldback.planner.pathfinding import PATH_METHODS
@@ -265,7 +263,7 @@ class Fold(Body):
             created_at=moment(row.created_at),
             expires_at=None if until is None else moment(until),
             progress=Progress.model_validate(progress_of(row, remaining)),
-            summary={**summary_told_honestly(cast(FoldSummary, row.summary or {}))},
+            summary=row.summary or {},
             error=Fault.model_validate(row.error) if row.error else None,
             links=Links.of(row.id),
         )

@@ -9,14 +9,19 @@ import math
 from dataclasses import dataclass
 from typing import Any, Final, TypedDict
 
-from foldback.planner.certificate.figures import CertificateFigures, MarginFigures
+from foldback.planner.certificate.figures import (
+    KINEMATICS_ONLY,
+    SIMULATED,
+    CertificateFigures,
+    MarginFigures,
+)
 from foldback.planner.certificate.table_figures import TableCertificate
 from foldback.planner.motion.record import TableRecord
 from foldback.planner.parameters.parameters import BASELINE
 from foldback.planner.robot.module_materials import CASINGS
 from foldback.planner.robot.servos import Servo, servos
 from foldback.planner.robot.sizing import find_suitable_servos, suitable_pitches
-from foldback.words.messages import assumption_for_people, nearest_frame, verdict_for_people
+from foldback.words.messages import assumption_for_people, nearest_frame, reason_text
 from foldback.words.quantities import (
     SIGNIFICANT_DIGITS,
     STRATEGY_LABELS,
@@ -87,10 +92,14 @@ MOTION_FIGURES: Final = (
 
 
 def headline(certificate: CertificateFigures) -> str:
-    """Return the verdict, with the proved clearance of a verified plan."""
-    verdict = verdict_for_people(str(certificate.get("verdict") or ""))
-    told = clearance(certificate)
-    return f"{verdict}: {told}" if told and verdict.startswith("verified") else verdict
+    """Return the verdict, with the proved clearance of a verified plan; empty without a verdict."""
+    if (reason := certificate.get("reason")) is not None:
+        return f"failed: {reason_text(reason)}"
+    if not certificate.get("verified"):
+        return ""
+    verdict = SIMULATED if certificate.get("simulated") else KINEMATICS_ONLY
+    proved = clearance(certificate)
+    return f"{verdict}: {proved}" if proved else verdict
 
 
 def clearance(certificate: CertificateFigures) -> str | None:
@@ -229,7 +238,7 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
     if told is None:
         return None
     table = TableCertificate.from_dict(told)
-    friction = _friction(table)
+    friction = table.base_text
     largest = _torque(table.torque, table.unit_nm, friction)
     needs = (
         f"its hinges need at most {largest}"
@@ -237,8 +246,7 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
         else f"no hinge needs any torque ({friction})"
     )
     rests = f"the chain stays on the table; {needs}"
-    fails = verdict_for_people(table.verdict.removeprefix("failed: "))
-    text = sentence(rests if table.rests else fails)
+    text = sentence(rests if table.reason is None else reason_text(table.reason))
     rows: list[tuple[str, str | None]] = [
         ("Frame with the highest torque", None if table.frame is None else str(table.frame + 1)),
         ("1 w·p (module weight × spacing)", quantity(table.unit_nm, "N·m")),
@@ -320,7 +328,7 @@ def _torque_of(table: dict[str, Any] | None) -> str | None:
     if table is None:
         return None
     found = TableCertificate.from_dict(table)
-    return _torque(found.torque, found.unit_nm, _friction(found))
+    return _torque(found.torque, found.unit_nm, found.base_text)
 
 
 def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | None:
@@ -329,14 +337,6 @@ def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | Non
         return None
     in_nm, in_wp = _rounded_up(torque_wp * unit_nm), _rounded_up(torque_wp)
     return f"{quantity(in_nm, 'N·m')} ({in_wp:.3g} w·p) {friction}"
-
-
-def _friction(table: TableCertificate) -> str:
-    """Return the friction and the base that a torque assumes, in words."""
-    if table.friction == 0.0:
-        return "without friction"
-    clamp = "a clamped first module" if table.base == "clamped" else "no clamped module"
-    return f"with friction μ = {table.friction:g} and {clamp}"
 
 
 def _rounded_up(value: float) -> float:
@@ -429,11 +429,7 @@ def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -
         )
     if not told:
         return None
-    plan = (
-        " This does not happen in the plan."
-        if str(certificate.get("verdict")).startswith("verified")
-        else ""
-    )
+    plan = " This does not happen in the plan." if certificate.get("verified") else ""
     return f"During unfolding, {' and '.join(told)}.{plan}"
 
 

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import json
 import re
+from dataclasses import replace
 from pathlib import Path
 from typing import Final, TypedDict, cast
 
 import numpy as np
 
 from foldback.planner.certificate.figures import (
+    KINEMATICS_ONLY,
+    SIMULATED,
     AttemptFigures,
     CertificateFigures,
     ExplosionFigures,
@@ -18,11 +21,19 @@ from foldback.planner.certificate.figures import (
 )
 from foldback.planner.errors import DamagedError
 from foldback.planner.motion.failure_schemas import EvidenceFigures
+from foldback.planner.reasons import ReasonCode, ReasonFigures
 from foldback.planner.storage.file_names import ATTEMPTS
 from foldback.planner.verification.integrity import check
 from foldback.web.pictures.knot_drawing import KnotDrawing, drawing_of
 from foldback.words.fold import ShownFold
-from foldback.words.messages import verdict_for_people
+from foldback.words.messages import (
+    PEOPLE,
+    PEOPLE_WITHOUT_PLACES,
+    count_from_one,
+    nearest_frame,
+    reason_text,
+    verdict_for_people,
+)
 from foldback.words.quantities import STRATEGY_LABELS, quantity, sentence, spacings
 
 FAILURE_HEADINGS: Final = {
@@ -60,8 +71,10 @@ STAGES_WITH_MOTION: Final = ("explode", "play_back")
 MAX_BLOCKING_LINES: Final = 24
 """Maximum number of blocked hinge rotations and part movements that the page of a failed fold lists
 one by one; further ones are only counted."""
-WRONG_END_VERDICT: Final = re.compile(r"ends .* from the folded shape|does not end folded")
-"""Matches verdicts which say that a simulated chain does not end in its target shape."""
+WRONG_END_CODES: Final = frozenset(
+    {ReasonCode.PLAN_END, ReasonCode.PLAYBACK_END, ReasonCode.OTHER_ROBOT_END}
+)
+"""Codes of reasons which say that a chain does not end in its target shape."""
 EXPLOSION_ENDS: Final = {
     "stalled": "stalled",
     "timeout": "not straight",
@@ -117,10 +130,9 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     elif overlap := _overlap(summary):
         kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
         frame = overlap["frame"] + (exploding(summary) or 0)
-    elif summary.get("certificate"):
-        modules, reason = [], str(summary.get("reason") or "")
-        kind = "off" if WRONG_END_VERDICT.search(reason) else "refused"
-        text = reason_for_people(reason, summary)
+    elif refusal := refusal_of(summary):
+        modules, text = [], refusal_text(refusal, summary)
+        kind = "off" if refusal["code"] in WRONG_END_CODES else "refused"
     else:
         return None
     text = sentence(text.rstrip("."))
@@ -175,17 +187,39 @@ def exploding(summary: FoldSummary) -> int | None:
     return (summary.get("explosion") or ExplosionFigures()).get("frames")
 
 
-def reason_for_people(reason: str, summary: FoldSummary) -> str:
-    """Return ``verdict_for_people`` with frames counted along the whole timeline."""
+def refusal_of(summary: FoldSummary) -> ReasonFigures | None:
+    """Return the reason why a plan is not verified; None if it is, or if there is no plan."""
+    return (summary.get("certificate") or CertificateFigures()).get("reason")
+
+
+def refusal_text(refusal: ReasonFigures, summary: FoldSummary) -> str:
+    """Return the reason why a plan is not verified, with frames counted along the timeline."""
     explosion = exploding(summary)
 
-    def on_the_timeline(found: re.Match[str]) -> str:
-        if explosion is None:
-            return ""  # the percentage before it states the position
-        return f" (frame {explosion + float(found[1]):g})"
+    def on_the_timeline(frame: float, motion: str) -> str:
+        del motion  # all motions of the plan have the same frames
+        # Without the explosion's frames, only the text's percentage states the position.
+        return "" if explosion is None else f" (frame {nearest_frame(explosion + frame) + 1})"
 
-    frame = r" \(frame ([\d.]+) of the (?:plan|simulated playback)\)"
-    return verdict_for_people(re.sub(frame, on_the_timeline, reason))
+    return reason_text(refusal, replace(PEOPLE, place=on_the_timeline))
+
+
+def reason_words(row: ShownFold, summary: FoldSummary) -> str | None:
+    """Return the reason why a fold failed; None if none is recorded."""
+    if (refusal := refusal_of(summary)) is not None:
+        return refusal_text(refusal, summary)
+    detail = (row.error or Fault()).get("detail") or summary.get("reason")
+    return count_from_one(str(detail)) if detail else None
+
+
+def verdict_words(summary: FoldSummary) -> str:
+    """Return the verdict on a plan; empty without a plan."""
+    if (refusal := refusal_of(summary)) is not None:
+        return f"failed: {refusal_text(refusal, summary)}"
+    certificate = summary.get("certificate") or CertificateFigures()
+    if not certificate.get("verified"):
+        return ""
+    return SIMULATED if certificate.get("simulated") else KINEMATICS_ONLY
 
 
 def _stopped(row: ShownFold, words: str) -> str:
@@ -265,7 +299,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
         how.append("played back in a larger number of smaller steps")
     if "patience" in attempt:
         how.append("played back more slowly near straight")
-    verdict = str(attempt.get("verdict", ""))
+    refusal = attempt.get("refusal")
     status = str(attempt["status"])
     tone = "off"
     if status == "begun":
@@ -275,11 +309,10 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
         told = attempt.get("diagnosis")
         words = verdict_for_people(told["words"].rstrip(".")) if told else ""
         end, tone = f"{steps}: {words}" if words else steps, "bad"
-    elif verdict.startswith("verified"):
-        end, tone = verdict, "good"
-    elif verdict:
-        reason = verdict.removeprefix("failed: ").partition(" (frame ")[0]
-        end, tone = verdict_for_people(reason), "bad"
+    elif attempt.get("verified"):
+        end, tone = "verified", "good"
+    elif refusal is not None:
+        end, tone = reason_text(refusal, PEOPLE_WITHOUT_PLACES), "bad"
     else:
         end = "unfolded, not checked"
     return {

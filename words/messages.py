@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import math
 import re
+from dataclasses import replace
 from typing import Final
 
+from foldback.planner.reasons import Reader, Reason, ReasonFigures
+from foldback.planner.storage.plain_values import from_plain
 from foldback.words.quantities import spacings
 
 GOT_EXPECTED: Final = re.compile(
@@ -51,53 +54,7 @@ FRAME: Final = re.compile(r"\b(?P<word>[Ff]rame) (?P<frame>\d+(?:\.\d+)?)\b")
 PITCHES: Final = re.compile(r"(?<![\w.])(?P<pitches>-?\d+(?:\.\d+)?(?:e[-+]?\d+)?) pitch(?:es)?\b")
 """Matches a length in a verdict."""
 VERDICT_PHRASES: Final = (
-    (
-        re.compile(
-            r"\bthe (?:explosion|playback) (?:stalled|missed|diverged|cancelled|timeout): (?=\S)"
-        ),
-        "",
-    ),
-    (re.compile(r"\brests on a table within "), "stays on the table; its hinges need at most "),
-    (
-        re.compile(
-            r"\bthe chain floats and does not rest on a table; laid down in each frame, it needs "
-        ),
-        "the chain floats, so a table does not support it. "
-        "If the chain rested on a table in each frame, the largest torque of a hinge would be ",
-    ),
-    (
-        re.compile(r"\bthe chain needs (\S+ w·p .+?), expected at most (?=\S+ w·p)"),
-        r"a hinge needs a torque of \1, but the limit is ",
-    ),
-    (
-        re.compile(r"\binto the table in frame (\d+), expected at most (\S+)$"),
-        r"into the table in frame \1, but at most \2 pitch is allowed",
-    ),
-    (re.compile(r"\bdoes not start folded as (?=\S)"), "does not start in the folded shape of "),
-    (
-        re.compile(r"\bthe playback passes (\S+ pitch) \(RMS\) from straight"),
-        r"at the straight shape, the modules are \1 (RMS) from their places",
-    ),
-    (re.compile(r"\bhas numbers that are not finite\b"), "contains infinite or undefined numbers"),
-    (
-        re.compile(r"\bthe clearance between two frames could not be bounded\b"),
-        "it could not be proved that the modules stay apart between one frame and the next",
-    ),
-    (re.compile(r"\bplan does not end folded\b"), "plan does not end in the folded shape"),
-    (
-        re.compile(r"\bdo not have the same modules\b"),
-        "differ in the type or the number of their modules",
-    ),
-    (
-        re.compile(r"\bdoes not consist of frames of (\d+) joint angles\b"),
-        r"does not have \1 joint angles in each frame",
-    ),
-    (
-        re.compile(r"\bthe times of the (.+?) run backwards\b"),
-        r"in the \1, a frame has an earlier time than the frame before it",
-    ),
     (re.compile(r"(?<=\)), the torque limit\. Try\b"), ", which is the torque limit. Try"),
-    (re.compile(r"\bthe frames have no plan\b"), "there is no plan for these frames"),
     (
         re.compile(
             r"\ba robot lost its target: (\S+ is off by \S+ rad), more than its motor can correct, "
@@ -143,21 +100,6 @@ VERDICT_PHRASES: Final = (
         r"was exceeded \1 times, but only \2 times are allowed",
     ),
     (
-        re.compile(r"\ba playback of windows\b"),
-        "a playback in which only the moving hinges are stored",
-    ),
-    (re.compile(r"\bangles in windows\b"), "angles of the hinges in motion"),
-    (
-        re.compile(r"\bthe phases of the playback are out of order\b"),
-        "in the playback, unfolding and folding are in the wrong order",
-    ),
-    (
-        re.compile(r"\bthe playbacks of other robots do not have the plan's frames\b"),
-        "the playbacks of the other simulated robots do not match the plan, or contain infinite or "
-        "undefined joint angles",
-    ),
-    (re.compile(r"\bthe playback of another robot\b"), "the playback of another simulated robot"),
-    (
         re.compile(r"\bthe (\d+) hinges (bent .+?°) at (.+?) cannot straighten, each by itself: "),
         r"none of the \1 hinges \2 (at \3) can straighten by itself, "
         "because modules would overlap: ",
@@ -173,15 +115,6 @@ VERDICT_PHRASES: Final = (
     (re.compile(r"\bmodule (\d+) against (?=\d)"), r"modules \1 and "),
     (re.compile(r"\b1 pairs more\b"), "1 more pair"),
     (re.compile(r"\b(\d+) pairs more\b"), r"\1 more pairs"),
-    (re.compile(r"(?<= \()frictionless(?=\))"), "without friction"),
-    (
-        re.compile(r"(?<= \()friction ([\d.]+), free base(?=\))"),
-        r"with friction μ = \1 and no clamped module",
-    ),
-    (
-        re.compile(r"(?<= \()friction ([\d.]+), clamped base(?=\))"),
-        r"with friction μ = \1 and a clamped first module",
-    ),
     (re.compile(r"\(module weight × pitch\)"), "(module weight × spacing)"),
     (
         re.compile(r"\bthe chain ended (\S+ pitches) \(RMS\) from its target\b"),
@@ -246,6 +179,12 @@ def nearest_frame(frame: float) -> int:
     return math.floor(frame + 0.5)
 
 
+def reason_text(reason: Reason | ReasonFigures, reader: Reader | None = None) -> str:
+    """Return a reason for people, with modules and frames counted from 1."""
+    value = reason if isinstance(reason, Reason) else from_plain(reason, Reason)
+    return value.text(reader or PEOPLE)
+
+
 def verdict_for_people(verdict: str) -> str:
     """Return a stored verdict, or its reason, in words for people.
 
@@ -258,6 +197,25 @@ def verdict_for_people(verdict: str) -> str:
     for pattern, words in VERDICT_PHRASES:
         verdict = pattern.sub(words, verdict)
     return PITCHES.sub(lambda length: spacings(float(length["pitches"])), verdict)
+
+
+PEOPLE: Final = Reader(
+    first=1,
+    length=spacings,
+    frame=lambda frame: str(nearest_frame(frame) + 1),
+    place=lambda frame, motion: f" (frame {nearest_frame(frame) + 1} of the {motion})",
+    detail=verdict_for_people,
+)
+"""Style of reasons for people: numbers count from 1, lengths are shares of the spacing."""
+
+
+def _no_place(frame: float, motion: str) -> str:
+    del frame, motion
+    return ""
+
+
+PEOPLE_WITHOUT_PLACES: Final = replace(PEOPLE, place=_no_place)
+"""The same, without the frames of a motion."""
 
 
 def assumption_for_people(assumption: str) -> str:

@@ -135,7 +135,7 @@ class _Plan:
 
     @property
     def verified(self) -> bool:
-        return self.attempt.get("verdict", "").startswith("verified")
+        return self.attempt.get("verified", False)
 
     @property
     def chosen(self) -> bool:

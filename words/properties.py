@@ -35,7 +35,7 @@ from foldback.planner.storage.file_names import CHAIN, PLAN, TIMELINE
 from foldback.planner.storage.files import json_of
 from foldback.planner.verification.integrity import damaged_among
 from foldback.words import certificate as certificate_words
-from foldback.words.failures import reason_for_people
+from foldback.words.failures import verdict_words
 from foldback.words.fold import RUNNING_STATUSES, ShownFold
 from foldback.words.likeness import likeness_words
 from foldback.words.plan_choice import PREFERENCE_WORDS
@@ -138,9 +138,8 @@ class _Fold:
 
     def summary_rows(self) -> Rows:
         row = self.row
-        verdict = str(self.certificate.get("verdict") or "")
         return [
-            ("Verdict", sentence(reason_for_people(verdict, self.summary))),
+            ("Verdict", sentence(verdict_words(self.summary))),
             *certificate_words.main_rows(self.certificate),
             ("Modules", row.modules or None),
             ("Likeness", likeness_words(self.summary.get("likeness"))),

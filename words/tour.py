@@ -121,7 +121,7 @@ def _tightest(certificate: CertificateFigures, plan: int) -> Stop | None:
     extreme = "largest overlap" if least < 0.0 else "smallest distance"
     text = f"The {extreme} in the plan: {_modules((one, other))} {how}."
     proved = clearance(certificate)
-    if proved and str(certificate.get("verdict")).startswith("verified"):
+    if proved and certificate.get("verified"):
         text += f" The clearance check proved that {proved} during the whole motion."
     met = Meeting(frame=nearest_frame(plan + place["frame"]), modules=(one, other))
     return _meeting(text, met, colour="clearance")

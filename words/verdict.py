@@ -10,7 +10,7 @@ from foldback.planner.certificate.figures import CertificateFigures, Fault, Fold
 from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.progress import STAGES
 from foldback.words import certificate as certificate_words
-from foldback.words.failures import reason_for_people
+from foldback.words.failures import reason_words, refusal_of
 from foldback.words.fold import ShownFold
 from foldback.words.messages import count_from_one, message_for_people
 from foldback.words.plan_choice import Choice, superlative
@@ -66,8 +66,7 @@ def verdict_of(
         baseline = certificate_words.baseline(strategy)
         return _verdict("good", sentence(told), baseline, best, modules)
     if row.status == "failed":
-        detail = summary.get("reason") or (row.error or {}).get("detail") or ""
-        reason = sentence(reason_for_people(detail, summary)).removesuffix(".")
+        reason = sentence(reason_words(row, summary) or "").removesuffix(".")
         return _verdict("bad", "Not verified", reason, modules)
     if row.status == "cancelled":
         return _verdict("off", CANCELLED)
@@ -85,9 +84,11 @@ def problem_of(row: ShownFold, summary: FoldSummary) -> Problem | None:
     """Return the reason why a fold failed or was cancelled; None for others."""
     error = row.error or Fault()
     if row.status == "failed":
-        text = str(error.get("detail") or summary.get("reason") or "No reason was recorded.")
+        if refusal_of(summary) is None:
+            text = message_for_people(reason_words(row, summary) or "No reason was recorded.")
+        else:
+            text = sentence(reason_words(row, summary) or "")
         where = count_from_one(error.get("where") or "")
-        text = message_for_people(reason_for_people(text, summary))
         if where and where not in text:
             text = f"{sentence(where)}: {text}"
         judged = error.get("code", "not-verified") == "not-verified" and "certificate" in summary

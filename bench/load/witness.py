@@ -219,7 +219,7 @@ def _disagreement(
         return f"its plan has {len(angles)} frames and its timeline {len(shown)}"
     if shown and not np.allclose(body["joint_angles_rad"][shown[-1]], angles[-1], atol=1e-3):
         return "its timeline ends elsewhere than its plan"
-    if not json.loads(files["certificate.json"])["verdict"].startswith("verified"):
+    if not json.loads(files["certificate.json"])["verified"]:
         return "is verified, and its certificate is not"
     return None
 

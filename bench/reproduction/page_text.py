@@ -16,7 +16,7 @@ from bench.reproduction.experiments import (
 from bench.reproduction.runs import Phase, Run
 from foldback.planner.parameters.parameters import preset
 from foldback.planner.parameters.settings_text import SETTINGS, value_of
-from foldback.words.messages import count_from_one
+from foldback.words.messages import reason_text
 
 FORMAT: Final = "foldback-reproduction/1"
 """Format of the page's data."""
@@ -181,7 +181,7 @@ def verdict(run: Run | None) -> str:
         return "not run yet"
     if run.verified:
         return run.verdict
-    if run.verdict.startswith("refused"):
+    if run.refused:
         return "refused"
     if run.overlap is not None:
         return "tangles"
@@ -193,7 +193,7 @@ def verdict(run: Run | None) -> str:
 def why(run: Run) -> str:
     """Return the reason of a failure in one line, with modules counted from 1."""
     if (place := run.overlap) is None:
-        return count_from_one(run.verdict.partition(": ")[2])
+        return reason_text(run.reason) if run.reason else run.verdict
     a, b = (module + 1 for module in place.modules)
     where = "" if place.of == "playback" else " in the plan"
     return (

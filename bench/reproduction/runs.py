@@ -25,6 +25,7 @@ from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.warm_up import warm_up
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
+from foldback.planner.reasons import ReasonFigures
 from foldback.planner.storage.files import write_whole
 from foldback.web.timeline.view import TimelineView
 
@@ -86,7 +87,9 @@ class Run:
         id, asked: Fields of its ``Case``.
         modules: Number of modules of the chain.
         module: Kind of the modules.
+        verified: True if the fold is verified.
         verdict: Verdict of the certificate, or reason of a refusal.
+        reason: Reason why the fold is not verified; None if it is, or if the input was refused.
         explosion, playback: Its simulations; None if there was none.
         wall_s: Wall time of all stages, from reading to written files, s.
         processor_s: Processor time of the same, s.
@@ -109,7 +112,9 @@ class Run:
     asked: str
     modules: int
     module: str
+    verified: bool
     verdict: str
+    reason: ReasonFigures | None
     explosion: Phase | None
     playback: Phase | None
     wall_s: float
@@ -130,9 +135,9 @@ class Run:
     reference_s: float
 
     @property
-    def verified(self) -> bool:
-        """True if the verdict is that the fold is verified."""
-        return self.verdict.startswith("verified")
+    def refused(self) -> bool:
+        """True if the input was refused."""
+        return not self.verified and self.reason is None
 
     @classmethod
     def of(cls, row: dict[str, Any]) -> Run:
@@ -164,15 +169,16 @@ def run(experiment: Experiment, files: Path) -> dict[str, Any]:
             _ask(directory, experiment)
             begun, worked = time.perf_counter(), _processor_seconds()
             summary = run_stages(directory)
-            verdict = str(summary["certificate"]["verdict"])
+            certificate = summary["certificate"]
+            result = {name: certificate[name] for name in ("verified", "verdict", "reason")}
         except InputError as error:
-            verdict = f"refused: {error.detail}"
+            result = {"verified": False, "verdict": f"refused: {error.detail}", "reason": None}
         wall_s, processor_s = time.perf_counter() - begun, _processor_seconds() - worked
         return asdict(
             Run(
                 id=experiment.id,
                 asked=experiment.asked,
-                verdict=verdict,
+                **result,
                 wall_s=round(wall_s, 2),
                 processor_s=round(processor_s, 2),
                 planner=version_of("planner"),
@@ -202,7 +208,7 @@ def _figures(
     moment = None
     if overlap is not None:
         moment = Moment(frame=overlap.frame, modules=overlap.modules)
-    elif not certificate["verdict"].startswith("verified"):
+    elif not certificate["verified"]:
         moment = Moment(frame=float(len(film) - 1), modules=stuck)
     frames, stuck_frame = keep_pictures(
         film,

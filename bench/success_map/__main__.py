@@ -23,7 +23,6 @@ from rich.table import Table
 
 from bench.success_map.picture import Shares, picture
 from bench.success_map.stored import judge, run_missing
-from foldback.planner.certificate.figures import KINEMATICS_ONLY, SIMULATED
 from foldback.planner.chain.path import Path
 from foldback.planner.errors import InputError
 from foldback.planner.kernels.backbite import grow
@@ -146,7 +145,13 @@ def run(case: Case) -> dict[str, Any]:
     """Return the row of one case."""
     begun = time.process_time()
     cells = path_of(case.kind, BOXES[case.modules], case.seed)
-    outcome: dict[str, Any] = {**asdict(case), "verdict": "no path", "seconds": 0.0}
+    outcome: dict[str, Any] = {
+        **asdict(case),
+        "verified": False,
+        "simulated": None,
+        "verdict": "no path",
+        "seconds": 0.0,
+    }
     if cells is None:
         return outcome
     begun = time.process_time()
@@ -160,8 +165,8 @@ def run(case: Case) -> dict[str, Any]:
         directory = FilePath(place)
         request = FoldRequest(seed=case.seed, module_size=MODULE_SIZE, **METHODS[case.method])
         try:
-            found = judge(directory, request, write_path(path), cancelled=over)
-            outcome["verdict"] = found["verdict"]
+            certificate = judge(directory, request, write_path(path), cancelled=over)
+            outcome |= {name: certificate[name] for name in ("verified", "simulated", "verdict")}
         except InputError as error:
             outcome["verdict"] = f"refused: {error.code}"
     return {**outcome, "seconds": round(time.process_time() - begun, 2)}
@@ -176,8 +181,8 @@ def shares(rows: list[dict[str, Any]]) -> Shares:
         key = (row["method"], row["kind"], row["modules"])
         simulated, by_kinematics, count = found.get(key, (0, 0, 0))
         found[key] = (
-            simulated + (row["verdict"] == SIMULATED),
-            by_kinematics + (row["verdict"] == KINEMATICS_ONLY),
+            simulated + bool(row["verified"] and row["simulated"]),
+            by_kinematics + bool(row["verified"] and not row["simulated"]),
             count + 1,
         )
     return found

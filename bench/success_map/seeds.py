@@ -61,16 +61,18 @@ def run(case: Case) -> dict[str, Any]:
     with tempfile.TemporaryDirectory(prefix="foldback-seeds-") as place:
         directory = Path(place)
         try:
-            verdict = judge(directory, *_input(case))["verdict"]
+            certificate = judge(directory, *_input(case))
+            verified, verdict = certificate["verified"], certificate["verdict"]
             modules = json.loads((directory / "chain.json").read_bytes())["modules"]
             tried = json.loads((directory / "attempts.json").read_bytes())
         except InputError as error:
-            modules, verdict, tried = 0, f"refused: {error.code}", [{}]
+            modules, verified, verdict, tried = 0, False, f"refused: {error.code}", [{}]
     first, last = tried[0], tried[-1]
-    why = first.get("verdict") or (first.get("diagnosis") or {}).get("kind", "")
+    why = (first.get("refusal") or {}).get("code") or (first.get("diagnosis") or {}).get("kind", "")
     return {
         **asdict(case),
         "modules": modules,
+        "verified": verified,
         "verdict": verdict,
         "attempts": len(tried),
         "strategy": last.get("strategy"),
@@ -130,7 +132,7 @@ def section_of(rows: list[dict[str, Any]]) -> Section:
 
 
 def _verified(row: dict[str, Any]) -> bool:
-    return row["verdict"].startswith("verified")
+    return row["verified"]
 
 
 def main() -> None:

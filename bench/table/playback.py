@@ -17,7 +17,6 @@ import numpy as np
 from bench.measured_tables import Section
 from bench.table.folds import SMALL_BOXES
 from bench.table.paths import SHAPES
-from foldback.planner.certificate.table_figures import FRICTIONLESS
 from foldback.planner.pipeline.playing_back import MIN_SIZING_TORQUE_WP, TABLE_MOTOR_RESERVE
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.stages import run_stages
@@ -91,7 +90,7 @@ def _shape(section: Section, name: str, data: bytes, directory: FilePath) -> Non
     )
     section.add(
         f"{name}: RMS of positions, motors of {used / torque:.2f} times the certificate, "
-        f"{FRICTIONLESS}",
+        f"without friction",
         f"{rms:.4f} pitches, {errors[-1]:.4f} at the end, {plan.certificate.verdict}",
         f"≤ {MAX_RMS_PITCH:g} (stretch {STRETCH_RMS_PITCH:g})",
         plan.certificate.verified and rms <= MAX_RMS_PITCH and used <= 1.05 * limit,

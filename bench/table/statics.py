@@ -15,7 +15,6 @@ from numpy.typing import NDArray
 
 from bench.measured_tables import Section
 from foldback.planner.certificate.table_certificate import table_certificate
-from foldback.planner.certificate.table_figures import FRICTIONLESS
 from foldback.planner.chain.cantilever_statics import static_torque
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
@@ -200,7 +199,7 @@ def _plans(section: Section) -> None:
             abs(held / shape.held - 1.0) <= 0.1,
         )
         section.add(
-            f"{shape.name}: best resting pose of each frame, {FRICTIONLESS}, {len(SEEDS)} seeds",
+            f"{shape.name}: best resting pose of each frame, without friction, {len(SEEDS)} seeds",
             f"{', '.join(f'{one:.0f}' for one in asked)} w·p",
             f"a prototype's plan: {shape.resting:g}",
         )

@@ -20,7 +20,6 @@ from numpy.typing import NDArray
 
 from bench.measured_tables import Section
 from foldback.planner.certificate.table_certificate import table_certificate
-from foldback.planner.certificate.table_figures import FRICTIONLESS
 from foldback.planner.chain.cantilever_statics import static_torque
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.rotations import wxyz_from_matrix
@@ -107,7 +106,7 @@ def table_tetrahedra(reference_seconds: float) -> Section:
         asked = table_certificate(chain, fold(chain).motion)
         held = static_torque(chain, np.zeros_like(chain.folded_rad))
         section.add(
-            f"{name}, {len(chain)}: today's plan, {FRICTIONLESS}",
+            f"{name}, {len(chain)}: today's plan, without friction",
             f"held at its root {held:.0f} w·p, best resting pose of each frame "
             + ("never balances" if asked.torque is None else f"{asked.torque:.1f} w·p"),
         )
@@ -116,7 +115,7 @@ def table_tetrahedra(reference_seconds: float) -> Section:
         ]
         good = [torque for torque in tried if torque is not None]
         section.add(
-            f"{name}, {len(chain)}: straight within {MAX_TORQUE_WP:g} w·p, {FRICTIONLESS}",
+            f"{name}, {len(chain)}: straight within {MAX_TORQUE_WP:g} w·p, without friction",
             f"{len(good)} of {SEEDS_PER_CHAIN}"
             + (f", the least {min(good):.1f} w·p" if good else ""),
             "tried, told",

@@ -15,14 +15,18 @@ from typing import cast
 import numpy as np
 
 from foldback.planner.arrays import Array
-from foldback.planner.certificate.earlier_certificates import told_honestly
-from foldback.planner.certificate.figures import CertificateFigures, PlaybackFigures, RobotFigures
+from foldback.planner.certificate.figures import (
+    KINEMATICS_ONLY,
+    SIMULATED,
+    CertificateFigures,
+    RobotFigures,
+)
 from foldback.planner.certificate.plan_figures import largest_angle, plan_figures, robot_figures
 from foldback.planner.certificate.swept_motions import Sweeper, followed
 from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.certificate.table_figures import TableCertificate
 from foldback.planner.certificate.table_forces import TableForces
-from foldback.planner.certificate.verdict import find_verdict
+from foldback.planner.certificate.verdict import find_reason
 from foldback.planner.chain.chain import Chain
 from foldback.planner.clearance.exempt_pairs import ExemptPairs, Place, exempt_pairs
 from foldback.planner.clearance.margins import Margins, margins
@@ -32,6 +36,8 @@ from foldback.planner.motion.record import Record
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.playback.playback import Playback
 from foldback.planner.progress import Cancelled, Progress, Report, never, silent
+from foldback.planner.reasons import MotionName, Reason
+from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.storage.plain_values import from_plain
 
 
@@ -43,9 +49,8 @@ class Certificate:
     simulated as a whole, or that were recorded piece by piece, follow their plan by kinematics.
 
     Attributes:
-        verdict: ``verified (simulated)``, ``verified (kinematics only)`` or ``failed: …``.
-        simulated: True if the playback was simulated; None if there is none, or the certificate of
-            an earlier version does not state it.
+        reason: First condition that the plan fails; None if it is verified.
+        simulated: True if the playback was simulated; None if there is none.
         module_size: Size of the modules as a fraction of the pitch.
         exempt_pairs: Pairs of modules that are not checked, and their overlap; None if the
             certificate of an earlier version does not state it.
@@ -91,7 +96,7 @@ class Certificate:
             verified, of very long chains, and in certificates of earlier versions.
     """
 
-    verdict: str
+    reason: Reason | None
     simulated: bool | None
     module_size: float
     exempt_pairs: ExemptPairs | None
@@ -133,41 +138,50 @@ class Certificate:
     @property
     def verified(self) -> bool:
         """True if the plan is verified."""
-        return self.verdict.startswith("verified")
+        return self.reason is None
+
+    @property
+    def verdict(self) -> str:
+        """Verdict as text: ``verified (simulated)``, ``verified (kinematics only)``, ``failed: …``.
+
+        Modules and frames count from 0.
+        """
+        if self.reason is not None:
+            return f"failed: {self.reason.text()}"
+        return SIMULATED if self.simulated else KINEMATICS_ONLY
 
     def as_dict(self) -> CertificateFigures:
         """Return plain JSON values."""
         robots = None if self.robots is None else list(self.robots)
-        values = {**asdict(self), "robots": robots}
+        reason = self.reason and self.reason.as_dict()
+        told = {"verified": self.verified, "verdict": self.verdict}
+        values = {**told, **asdict(self), "robots": robots, "reason": reason}
         del values["table"]
         if self.table is not None:
             values["table"] = self.table.as_dict()
         return cast(CertificateFigures, values)
 
     @classmethod
-    def from_dict(
-        cls, values: CertificateFigures, playback: PlaybackFigures | None = None
-    ) -> Certificate:
-        """Build a certificate from ``as_dict``; drop figures that earlier versions did not compute.
-
-        Args:
-            values: Plain values.
-            playback: The playback's summary: for the certificate of an earlier version, it states
-                if the playback was simulated.
+    def from_dict(cls, values: CertificateFigures) -> Certificate:
+        """Build a certificate from ``as_dict``.
 
         Raises:
             TypeError: A figure is missing, unknown, or of another type.
+            KeyError: The reason lacks a value.
             InputError: ``wrong-format``, of a table's certificate.
         """
-        found = told_honestly(values, playback)
-        if unknown := found.keys() - cls.__dataclass_fields__:
+        if unknown := values.keys() - cls.__dataclass_fields__.keys() - {"verified", "verdict"}:
             names = ", ".join(sorted(unknown))
             raise TypeError(
                 f"got unknown figures ({names}), expected only figures of a certificate"
             )
-        table = found.get("table")
+        table = values.get("table")
         checked = None if table is None else TableCertificate.from_dict(table)
-        return replace(from_plain(found, cls), table=checked)
+        certificate = replace(from_plain(values, cls), table=checked)
+        if values.get("verified") is not certificate.verified:
+            raise TypeError("got a certificate whose verified and reason contradict each other")
+        _ = certificate.verdict  # whose text names all values of the reason
+        return certificate
 
 
 def certify(
@@ -204,7 +218,7 @@ def certify(
     begun = time.perf_counter()
     size = _module_size(parameters)
     unusable = _unusable(chain, record, playback, start)
-    if unusable:
+    if unusable is not None:
         record = playback = None
     if record is not None and playback is not None:
         # As the timeline has them, which holds one layout: a table's record is windowed.
@@ -216,27 +230,26 @@ def certify(
         sweeps = sweeper.sweep_all(record, playback, sink)
         figures = plan_figures(chain, playback, parameters)
         robots = robot_figures(chain, playback, sweeps)
-    if unusable:
-        verdict = f"failed: {unusable}"
+    if unusable is not None:
+        reason = unusable
     elif sweeper.is_cancelled:
-        verdict = "failed: the check was cancelled"
+        reason = Reason.of(Code.CANCELLED)
     else:
-        verdict = find_verdict(chain, start, record, playback, sweeps, figures, size)
+        reason = find_reason(chain, start, record, playback, sweeps, figures, size)
     on_table = None
     if parameters.world == "table" and playback is not None and not sweeper.is_cancelled:
         progress(
             Progress(stage="certify", fraction=0.9, message="computing the torques on the table")
         )
         on_table = _on_table(chain, playback, parameters, forces)
-        if not on_table.rests and not verdict.startswith("failed"):
-            verdict = on_table.verdict
+        reason = reason or on_table.reason
     found = None
-    if with_margins and sweeps.plan is not None and verdict.startswith("verified"):
+    if with_margins and sweeps.plan is not None and reason is None:
         assert playback is not None
         progress(Progress(stage="certify", fraction=0.95, message="computing the margins"))
         found = margins(chain, playback.reference, sweeps.plan, size=size, cancelled=cancelled)
     return Certificate(
-        verdict=verdict,
+        reason=reason,
         table=on_table,
         margins=found,
         simulated=None if playback is None else playback.simulated,
@@ -289,15 +302,15 @@ def _on_table(
 
 def _unusable(
     chain: Chain, record: Record | None, playback: Playback | None, start: Chain | None
-) -> str:
-    """Return the reason why nothing can be checked, or an empty string.
+) -> Reason | None:
+    """Return the reason why nothing can be checked; None if all can.
 
     A number that is none compares with nothing, so it would pass every test that follows.
     """
     joints = len(chain.folded_rad)
     if start is not None and (start.module.name, len(start)) != (chain.module.name, len(chain)):
-        return f"{start.name} and {chain.name} do not have the same modules"
-    motions: dict[str, Motion] = {}
+        return Reason.of(Code.DIFFERENT_MODULES, start=start.name, chain=chain.name)
+    motions: dict[MotionName, Motion] = {}
     if record is not None:
         motions["record"] = record.frames
     if playback is not None:
@@ -305,39 +318,50 @@ def _unusable(
         if unusable := _unusable_angles(playback, joints):
             return unusable
     for name, frames in motions.items():
-        if not len(frames):
-            return f"the {name} has no frames"
-        if frames.is_windowed:
-            try:
-                frames.check(chain)
-            except InputError as error:
-                return f"the {name} cannot be checked: {error.detail}"
-        elif (len(frames.first), frames.hinges) != (len(frames), joints):
-            return f"the {name} does not consist of frames of {joints} joint angles"
-        numbers = (frames.time_s, frames.angles_rad, frames.anchor_position, frames.anchor_wxyz)
-        if not all(np.isfinite(values).all() for values in numbers):
-            return f"the {name} has numbers that are not finite"
-        if (np.diff(frames.time_s) < 0.0).any():
-            return f"the times of the {name} run backwards"
-    return ""
+        if unusable := _unusable_frames(chain, name, frames):
+            return unusable
+    return None
 
 
-def _unusable_angles(playback: Playback, joints: int) -> str:
-    """Return the reason why the plan or other robots cannot be checked, or an empty string.
+def _unusable_frames(chain: Chain, name: MotionName, frames: Motion) -> Reason | None:
+    """Return the reason why the frames of a motion cannot be checked; None if they can."""
+    joints = len(chain.folded_rad)
+    if not len(frames):
+        return Reason.of(Code.NO_FRAMES, motion=name)
+    if frames.is_windowed:
+        try:
+            frames.check(chain)
+        except InputError as error:
+            return Reason.of(Code.UNREADABLE_MOTION, motion=name, detail=error.detail)
+    elif (len(frames.first), frames.hinges) != (len(frames), joints):
+        return Reason.of(Code.ANGLE_COUNT, motion=name, joints=joints)
+    numbers = (frames.time_s, frames.angles_rad, frames.anchor_position, frames.anchor_wxyz)
+    if not all(np.isfinite(values).all() for values in numbers):
+        return Reason.of(Code.NOT_FINITE, motion=name)
+    if (np.diff(frames.time_s) < 0.0).any():
+        return Reason.of(Code.TIME_ORDER, motion=name)
+    return None
+
+
+def _unusable_angles(playback: Playback, joints: int) -> Reason | None:
+    """Return the reason why the plan or other robots cannot be checked; None if they can.
 
     The frames of the playback itself are checked elsewhere.
     """
-    frames, reference, told = playback.frames, playback.reference_rad, playback.others_rad
-    if frames.is_windowed:
-        expected, of = frames.angles_rad.shape, "angles in windows"
-    else:
-        expected, of = (len(frames), joints), f"frames of {joints} joint angles"
+    frames, reference, others_rad = playback.frames, playback.reference_rad, playback.others_rad
+    expected = frames.angles_rad.shape if frames.is_windowed else (len(frames), joints)
     if reference is None:  # the plan of windows may be the playback itself
-        return "" if frames.is_windowed else "the frames have no plan"
+        return None if frames.is_windowed else Reason.of(Code.NO_PLAN)
     if reference.shape != expected:
-        return f"the plan has the shape {reference.shape}, expected {expected[0]} {of}"
+        return Reason.of(
+            Code.PLAN_SHAPE,
+            shape=list(reference.shape),
+            expected=list(expected),
+        )
     if not np.isfinite(reference).all():
-        return "the plan has numbers that are not finite"
-    if told is not None and (told.shape[1:] != expected or not np.isfinite(told).all()):
-        return "the playbacks of other robots do not have the plan's frames"
-    return ""
+        return Reason.of(Code.NOT_FINITE, motion="plan")
+    if others_rad is not None and (
+        others_rad.shape[1:] != expected or not np.isfinite(others_rad).all()
+    ):
+        return Reason.of(Code.OTHER_ROBOTS)
+    return None

@@ -8,6 +8,7 @@ from __future__ import annotations
 from typing import Any, Final, NotRequired, Required, TypedDict
 
 from foldback.planner.motion.failure_schemas import StuckFigures
+from foldback.planner.reasons import ReasonFigures
 
 SIMULATED: Final = "verified (simulated)"
 """Verdict of a verified plan whose playback was simulated."""
@@ -67,6 +68,8 @@ class MarginsFigures(TypedDict):
 class CertificateFigures(TypedDict, total=False):
     """``planner.certificate.certificate.Certificate``."""
 
+    verified: bool
+    reason: ReasonFigures | None
     verdict: str
     table: dict[str, Any]
     simulated: bool | None
@@ -177,7 +180,8 @@ class AttemptFigures(TypedDict, total=False):
     finer: int
     patience: int
     off_straight: bool
-    verdict: str
+    verified: bool
+    refusal: ReasonFigures | None
     between: bool
     figures: ComparedFigures
     chosen: bool

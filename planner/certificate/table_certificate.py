@@ -28,6 +28,8 @@ from foldback.planner.compilation.cpu_cores import cores
 from foldback.planner.errors import InputError
 from foldback.planner.motion.motion import Motion
 from foldback.planner.parameters.explosion import Base
+from foldback.planner.reasons import Reason, ReasonValues
+from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.statics.balance import MIN_TORQUE_WP, Balance, Standing
 from foldback.planner.statics.contacts import FLOOR_GAP, MODULE_GAP, floor_clearances
 from foldback.planner.statics.friction import CONE_SIDES, DIRECTION_SPREADS_RAD, Friction
@@ -102,7 +104,7 @@ def table_certificate(
     largest = None if worst is None else float(torques[worst])
     unit = mass * GRAVITY_M_S2 * pitch
     certificate = TableCertificate(
-        verdict="",
+        reason=None,
         name=chain.name,
         modules=len(chain),
         on_table=stands,
@@ -124,7 +126,7 @@ def table_certificate(
         assumptions=_assumptions(friction, base if stands else "free", stands, module_size),
         seconds=time.perf_counter() - begun,
     )
-    return replace(certificate, verdict=_verdict(certificate))
+    return replace(certificate, reason=_reason(certificate))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -314,29 +316,35 @@ def _check(
         )
 
 
-def _verdict(found: TableCertificate) -> str:
-    """Return the verdict in one sentence."""
-    words = found.told_friction
+def _reason(found: TableCertificate) -> Reason | None:
+    """Return the first condition that a motion on a table fails; None if it rests."""
+    base: ReasonValues = {"friction": found.friction, "clamped": found.base == "clamped"}
     if found.unbalanced:
-        count, first = len(found.unbalanced), found.unbalanced[0]
-        return (
-            f"failed: the chain would tip over in {count} of {len(found.torques)} frames, first in "
-            f"frame {first} ({words})"
+        return Reason.of(
+            Code.TIPS_OVER,
+            base,
+            count=len(found.unbalanced),
+            frames=len(found.torques),
+            frame=found.unbalanced[0],
         )
-    asked = f"{found.torque:.3g} w·p in frame {found.frame} ({words})"
     if not found.on_table:
-        return (
-            "failed: the chain floats and does not rest on a table; laid down in each frame, it "
-            f"needs {asked}"
-        )
+        return Reason.of(Code.NO_TABLE, base, torque=found.torque, frame=found.frame)
     if found.clearance < -MAX_TABLE_ENTRY_PITCH:
-        return (
-            f"failed: modules sink {-found.clearance:.3g} pitch into the table in frame "
-            f"{found.clearance_frame}, expected at most {MAX_TABLE_ENTRY_PITCH:g}"
+        return Reason.of(
+            Code.SINKS_INTO_TABLE,
+            depth=-found.clearance,
+            frame=found.clearance_frame,
+            limit=MAX_TABLE_ENTRY_PITCH,
         )
     if found.bound is not None and (found.torque or 0.0) > found.bound:
-        return f"failed: the chain needs {asked}, expected at most {found.bound:g} w·p"
-    return f"rests on a table within {asked}"
+        return Reason.of(
+            Code.TORQUE_LIMIT,
+            base,
+            torque=found.torque,
+            frame=found.frame,
+            limit_torque=found.bound,
+        )
+    return None
 
 
 def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tuple[str, ...]:

@@ -7,10 +7,10 @@ from typing import Any, Final
 
 from foldback.planner.errors import InputError
 from foldback.planner.parameters.explosion import Base
+from foldback.planner.reasons import Reason, friction_text
 from foldback.planner.storage.plain_values import from_plain, plain_lists
 
 TABLE_FORMAT: Final = "foldback-table/1"
-FRICTIONLESS: Final = "frictionless"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -20,7 +20,7 @@ class TableCertificate:
     1 w·p is the weight of a module times the pitch. F is the number of frames.
 
     Attributes:
-        verdict: ``rests on a table within X w·p, …`` or ``failed: …``.
+        reason: First condition that the motion fails; None if it rests on the table.
         name: Name of the chain.
         modules: Number of its modules.
         on_table: True if the frames stand on the table as they are; else each was laid into its
@@ -46,7 +46,7 @@ class TableCertificate:
         seconds: Wall time, s.
     """
 
-    verdict: str
+    reason: Reason | None
     name: str
     modules: int
     on_table: bool
@@ -71,18 +71,26 @@ class TableCertificate:
     @property
     def rests(self) -> bool:
         """True if the motion rests on a table in all frames, within the bound."""
-        return not self.verdict.startswith("failed")
+        return self.reason is None
 
     @property
-    def told_friction(self) -> str:
-        """Label of every figure: the friction, and the base if that matters."""
-        if self.friction == 0.0:
-            return FRICTIONLESS
-        return f"friction {self.friction:g}, {self.base} base"
+    def verdict(self) -> str:
+        """Verdict as text; frames count from 0."""
+        if self.reason is not None:
+            return f"failed: {self.reason.text()}"
+        torque = f"{self.torque:.3g} w·p in frame {self.frame}"
+        return f"rests on a table within {torque} ({self.base_text})"
+
+    @property
+    def base_text(self) -> str:
+        """Friction and base that all torques assume, as text."""
+        return friction_text(self.friction, clamped=self.base == "clamped")
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain JSON values."""
-        return {"format": TABLE_FORMAT, **plain_lists(asdict(self))}
+        values = {**asdict(self), "reason": self.reason and self.reason.as_dict()}
+        told = {"format": TABLE_FORMAT, "rests": self.rests, "verdict": self.verdict}
+        return {**told, **plain_lists(values)}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> TableCertificate:

@@ -16,13 +16,15 @@ from foldback.planner.motion.record import Record, RecordStatus
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.pipeline.preference import PlanFigures
 from foldback.planner.playback.playback import Playback
+from foldback.planner.reasons import Reason
 from foldback.planner.shapes.likeness import Likeness
+from foldback.planner.storage.plain_values import from_plain
 
 MAX_EXPLOSIONS: Final = 6
 """Maximum number of times that one fold explodes its chain (simulates how the folded chain comes
 loose and straightens), each time with another path, strategy or seed."""
 
-Reason = Kind | Literal["refused"]
+Cause = Kind | Literal["refused"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,14 +117,15 @@ class Attempt:
         diagnosis: Evidence why it did not end straight.
         finer: Factor on the number of frames of its playback.
         patience: Level of slowness near straight of its playback, see ``PlayBack``.
-        verdict: Verdict of its certificate; None until it exists.
+        verified: True if its plan is verified; None until its certificate exists.
+        refusal: Reason why its plan is not verified.
         figures: Figures for comparison; None until its certificate exists.
         between: True if its frames are clear and only the way from one of the playback to the next
             is not.
         off_straight: True if the chain of a refold is not straight enough where its two shapes'
             motions meet.
         chosen: True if its plan is the fold's.
-        played: True if it was played back. Not stored: an attempt with a verdict was.
+        played: True if it was played back. Not stored: a judged attempt was.
         unfolding_overlaps: True if a refold's closest place comes before it is straight. Not
             stored.
     """
@@ -136,7 +139,8 @@ class Attempt:
     diagnosis: Diagnosis | None = None
     finer: int = 1
     patience: int = 0
-    verdict: str | None = None
+    verified: bool | None = None
+    refusal: Reason | None = None
     figures: PlanFigures | None = None
     between: bool = False
     off_straight: bool = False
@@ -167,7 +171,8 @@ class Attempt:
             self,
             finer=self.finer if finer is None else finer,
             patience=self.patience if patience is None else patience,
-            verdict=None,
+            verified=None,
+            refusal=None,
             figures=None,
             between=False,
             off_straight=False,
@@ -189,7 +194,8 @@ class Attempt:
         return replace(
             self,
             played=True,
-            verdict=certificate.verdict,
+            verified=certificate.verified,
+            refusal=certificate.reason,
             figures=PlanFigures.of(certificate.as_dict(), before_s=exploding_s + playing_s),
             between=clearance is not None
             and clearance >= 0.0
@@ -213,12 +219,7 @@ class Attempt:
         return self.status not in ("straight", "none")
 
     @property
-    def verified(self) -> bool:
-        """True if its plan may be trusted."""
-        return self.verdict is not None and self.verdict.startswith("verified")
-
-    @property
-    def why(self) -> Reason:
+    def why(self) -> Cause:
         """Reason why it was not the last one."""
         if self.status == "straight":
             return "refused"
@@ -240,8 +241,9 @@ class Attempt:
             values["finer"] = self.finer
         if self.patience:
             values["patience"] = self.patience
-        if self.verdict is not None:
-            values |= {"verdict": self.verdict, "between": self.between}
+        if self.verified is not None:
+            refusal = self.refusal and self.refusal.as_dict()
+            values |= {"verified": self.verified, "refusal": refusal, "between": self.between}
         if self.off_straight:
             values["off_straight"] = True
         if self.figures is not None:
@@ -256,10 +258,12 @@ class Attempt:
         found = values.get("diagnosis")
         known = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
         known["diagnosis"] = found and Diagnosis.from_dict(found)
+        refusal = values.get("refusal")
+        known["refusal"] = refusal and from_plain(refusal, Reason)
         figures = values.get("figures")
         known["figures"] = figures and PlanFigures(**figures)
         trial = {name: values[name] for name in Trial.__dataclass_fields__ if name in values}
-        return cls(**known, trial=Trial(**trial), played="verdict" in values)
+        return cls(**known, trial=Trial(**trial), played="verified" in values)
 
 
 def latest_playback(history: Sequence[Attempt], number: int) -> int:

@@ -41,7 +41,6 @@ ASSUMED_FIGURES: Final = PlanFigures(
 )
 """Figures that are assumed of a plan which is not computed yet, to tell users about how many plans
 a fold is going to try. One frame makes the plan short enough to be smoothed as well."""
-VERIFIED: Final = "verified"
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,10 +93,10 @@ def next_step(history: Sequence[Attempt], policy: RetryPolicy) -> Step | None:
         if (shown := next((each for each in history if each.failed and each.played), None)) is None:
             following = None if last.status == "cancelled" else _explode(history, policy)
             return following or PlayBack()
-        return Certify() if shown.verdict is None else None
+        return Certify() if shown.verified is None else None
     if not last.played:
         return PlayBack(last.finer, last.patience)
-    if last.verdict is None:
+    if last.verified is None:
         return Certify()
     # What was published, or is a baseline, is shown as it is, with what is wrong with it.
     if last.status == "none" or not policy.retries_refused:
@@ -107,7 +106,7 @@ def next_step(history: Sequence[Attempt], policy: RetryPolicy) -> Step | None:
 
 def _after_verdict(history: Sequence[Attempt], policy: RetryPolicy) -> Step | None:
     last = history[-1]
-    judged = [attempt for attempt in history if attempt.verdict is not None]
+    judged = [attempt for attempt in history if attempt.verified is not None]
     verified = any(attempt.verified for attempt in history)
     if len(judged) >= (MAX_PLAYBACKS if verified else MAX_PLAYBACKS_BEFORE_VERIFIED):
         return None
@@ -144,7 +143,7 @@ def with_begun(history: Sequence[Attempt], step: Step) -> tuple[Attempt, ...]:
 def before_explosion(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[Attempt, ...]:
     """Return the attempts that another explosion follows; none when everything begins anew."""
     kept = list(history)
-    while kept and kept[-1].verdict is None:
+    while kept and kept[-1].verified is None:
         kept.pop()
     return tuple(kept) if kept and isinstance(next_step(kept, policy), Explode) else ()
 
@@ -155,7 +154,7 @@ def before_playback(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[At
     It is added when the same record is played back with more frames. A playback that is run again
     has no verdict any more.
     """
-    if not history or history[-1].verdict is None:
+    if not history or history[-1].verified is None:
         return tuple(history)
     step = next_step(history, policy)
     if isinstance(step, PlayBack):
@@ -185,9 +184,7 @@ def count_plans(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[int, i
     if policy.improvements is None or not history:
         return number, 0
     figures = next((each.figures for each in reversed(history) if each.figures), ASSUMED_FIGURES)
-    assumed = replace(
-        history[-1], status="straight", played=True, verdict=VERIFIED, figures=figures
-    )
+    assumed = replace(history[-1], status="straight", played=True, verified=True, figures=figures)
     ahead = [*history[:-1], assumed]
     while isinstance(step := next_step(ahead, policy), Explode):
         ahead.append(replace(assumed, trial=step.trial, finer=1, patience=0, between=False))

@@ -189,5 +189,4 @@ def judgement(certificate: CertificateFigures | None) -> tuple[bool, float]:
         return False, -inf
     plan, playback = (certificate.get(n) for n in ("min_clearance", "min_clearance_playback"))
     known = [float(value) for value in (plan, playback) if isinstance(value, (int, float))]
-    verified = str(certificate.get("verdict")).startswith("verified")
-    return verified, -inf if plan is None else min(known)
+    return bool(certificate.get("verified")), -inf if plan is None else min(known)

@@ -18,7 +18,7 @@ from foldback.planner.explosion.strategies import (
 )
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.parameters.parameters import AUTO, BASELINE, TURN_STRATEGIES, TURNS
-from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Reason, Trial
+from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Cause, Trial
 from foldback.planner.pipeline.improvements import Improvements
 from foldback.planner.pipeline.preference import CALM, COMPUTING
 from foldback.planner.pipeline.request import MAX_SEED, FoldRequest
@@ -27,7 +27,7 @@ from foldback.planner.robot import MAX_SMOOTHED_ANGLES, SMOOTHING_WAYS
 Change = Literal["plain", "path", "strategy", "end", "forces", "seed"]
 MAX_SEEDS: Final = 3
 """Maximum number of seeds of the random forces with which one fold tries to explode its chain."""
-FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
+FALLBACKS: Final[dict[Cause, tuple[Change, ...]]] = {
     "knot": ("plain", "path", "strategy"),
     "buried": ("plain", "end", "strategy", "path", "seed"),
     "contacts": ("plain", "forces", "strategy", "path", "seed"),
@@ -41,7 +41,7 @@ FALLBACKS: Final[dict[Reason, tuple[Change, ...]]] = {
 """What a fold changes for its next attempt, tried from left to right, by the reason why the last
 explosion failed (for example ``knot``: the chain is knotted). ``plain``, after a calm explosion,
 comes first, so that no fold is lost by calmness. Measured."""
-DEFAULT_REASON: Final[dict[str, Reason]] = {"peel": "buried"}
+DEFAULT_REASON: Final[dict[str, Cause]] = {"peel": "buried"}
 """Assumed reason of a failed explosion by the strategy that stalled, if the explosion reports none:
 the most frequent one. All other strategies assume ``joints``."""
 
@@ -160,7 +160,7 @@ class RetryPolicy:
             known: Results of finished attempts.
         """
         known = known or {}
-        seen: dict[str, Reason] = {attempt.trial.strategy: attempt.why for attempt in tried}
+        seen: dict[str, Cause] = {attempt.trial.strategy: attempt.why for attempt in tried}
         found: dict[Trial, None] = {}
         for reason in (None, *FALLBACKS):
             trial: Trial | None = here
@@ -198,8 +198,8 @@ class RetryPolicy:
                 yield replace(here, seed=(self.seed + k) % (MAX_SEED + 1))
 
 
-def _failed(trial: Trial, reason: Reason) -> Attempt:
+def _failed(trial: Trial, cause: Cause) -> Attempt:
     """Return an attempt that fails for a reason."""
-    if reason == "refused":
+    if cause == "refused":
         return Attempt(trial=trial, status="straight")
-    return Attempt(trial=trial, status="stalled", diagnosis=Diagnosis(kind=reason, modules=()))
+    return Attempt(trial=trial, status="stalled", diagnosis=Diagnosis(kind=cause, modules=()))

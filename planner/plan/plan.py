@@ -214,7 +214,7 @@ class Plan:
         nothing = {"steps": 0, "frames": 0, "seconds": 0.0}
         return {
             "status": "verified" if self.verified else "failed",
-            "reason": "" if self.verified else self.certificate.verdict.removeprefix("failed: "),
+            "reason": self.certificate.reason.text() if self.certificate.reason else "",
             "name": self.chain.name,
             "module": self.chain.module.name,
             "modules": len(self.chain),
@@ -383,7 +383,7 @@ class Plan:
                 chain=chain,
                 motion=motion,
                 max_error_rad=errors,
-                certificate=Certificate.from_dict(values["certificate"], values["playback"]),
+                certificate=Certificate.from_dict(values["certificate"]),
                 attempts=tuple(values.get("attempts", ())),
                 start=chain_from_attributes(start) if (start := values.get("start")) else None,
                 smoothing=values.get("smoothing"),

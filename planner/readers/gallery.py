@@ -120,7 +120,7 @@ def _resting() -> dict[str, float]:
             return {
                 name: float(result["torque_wp"])
                 for name, result in shapes.items()
-                if str(result["verdict"]).startswith("verified")
+                if result["verified"]
             }
     return {}
 

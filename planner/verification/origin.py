@@ -213,11 +213,14 @@ def _own_attempt_differs(
 def own_attempt(plan: Plan) -> int | None:
     """Return the number of the attempt whose plan this is; None if none can be."""
     own = {key: value for key, value in (plan.explosion or {}).items() if key != "strategy"}
+    reason = plan.certificate.reason
+    refusal = None if reason is None else reason.as_dict()
     fits = [
         number
         for number, values in enumerate(plan.attempts)
         if own == {key: values.get(key) for key in own}
-        and values.get("verdict") == plan.certificate.verdict
+        and values.get("verified") == plan.certificate.verified
+        and values.get("refusal") == refusal
     ]
     chosen = [number for number in fits if plan.attempts[number].get("chosen")]
     return next(iter([*chosen, *reversed(fits)]), None)

@@ -96,7 +96,7 @@ class Verification:
         replay: Replay of the exported model with the plan's angles in plain MuJoCo.
         opinion: Result of another program; None if none was asked.
         checked: Checks that found no problem, in plain English.
-        problems: Contradictions of the plan, in plain English; empty if it is verified.
+        problems: Contradictions of the plan, in plain English.
         notes: Checks that were not possible, and the reasons.
     """
 
@@ -111,14 +111,15 @@ class Verification:
 
     @property
     def verified(self) -> bool:
-        """True if there are no problems."""
-        return not self.problems
+        """True if the certificate verifies the plan and there are no contradictions."""
+        return self.certificate.verified and not self.problems
 
     def as_dict(self) -> dict[str, Any]:
-        """Return plain JSON values."""
+        """Return plain JSON values; a certificate that fails is the first problem."""
+        refusal = () if self.certificate.verified else (escaped(self.certificate.verdict),)
         return {
             "status": "verified" if self.verified else "failed",
-            "problems": list(self.problems),
+            "problems": [*refusal, *self.problems],
             "notes": list(self.notes),
             "checked": list(self.checked),
             "robots_repeated": self.robots_repeated,
@@ -225,8 +226,6 @@ def _verified(
         sink=clearances.append if plan.motion.is_windowed else None,
         forces=forces.append,
     )
-    if not certificate.verified:
-        found.problems.append(certificate.verdict)
     if module_size is None:
         told = ReportedFigures(plan, npz["certificate"], record, playback)
         _check_figures(directory, told, certificate, found, repeated=repeated)

@@ -18,7 +18,6 @@ from fastapi.responses import RedirectResponse
 
 from foldback.cli.exit_statuses import INVALID_INPUT
 from foldback.cli.tour import stored_tour
-from foldback.planner.certificate.earlier_certificates import told_honestly
 from foldback.planner.certificate.figures import CertificateFigures, FoldSummary
 from foldback.planner.chain.display_names import escaped
 from foldback.planner.errors import InputError, TimelineError
@@ -29,8 +28,10 @@ from foldback.planner.pipeline.fold_layout import result_path
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.module_values import values_in
+from foldback.planner.reasons import Reason
 from foldback.planner.storage.file_names import CERTIFICATE, FIGURES, PLAN_TEXT, REQUEST, TIMELINE
 from foldback.planner.storage.files import json_of
+from foldback.planner.storage.plain_values import from_plain
 from foldback.planner.verification.stored_fold import check_fold
 from foldback.server.api import player_data as timelines
 from foldback.server.files.artifacts import Artifacts
@@ -78,19 +79,15 @@ def row_of(directory: Path) -> ShownFold:
     chain = Timeline.open(result_path(directory, TIMELINE)).chain
     request = json_of(directory / REQUEST)
     plan = json_of(directory / PLAN_TEXT)
-    certificate = told_honestly(
-        cast(
-            CertificateFigures,
-            plan.get("certificate") or json_of(result_path(directory, CERTIFICATE)),
-        ),
-        plan.get("playback"),
+    certificate = cast(
+        CertificateFigures,
+        plan.get("certificate") or json_of(result_path(directory, CERTIFICATE)),
     )
-    verified = str(certificate.get("verdict")).startswith("verified")
-    status = "verified" if verified else "failed"
-    reason = str(certificate.get("verdict") or "the fold has no plan")
+    verified, reason = certificate.get("verified"), certificate.get("reason")
+    no_plan = None if verified else "the fold has no plan"
     told: dict[str, Any] = {
-        "status": status,
-        "reason": None if verified else reason.removeprefix("failed: "),
+        "status": "verified" if verified else "failed",
+        "reason": from_plain(reason, Reason).text() if reason else no_plan,
         "certificate": certificate,
         **{k: plan[k] for k in ("explosion", "playback", "seed", "smoothing") if k in plan},
     }
@@ -103,7 +100,7 @@ def row_of(directory: Path) -> ShownFold:
     return ShownFold(
         id=PLAYED_FOLD_ID,
         name=chain.name,
-        status=status,
+        status=told["status"],
         modules=len(chain),
         module=chain.module.name,
         preset=str(request.get("preset") or plan.get("preset") or ""),

@@ -9,7 +9,6 @@ from typing import Final, Literal, NotRequired, TypedDict, cast
 
 import numpy as np
 
-from foldback.planner.certificate.earlier_certificates import summary_told_honestly, told_honestly
 from foldback.planner.certificate.figures import (
     CertificateFigures,
     FoldSummary,
@@ -179,7 +178,7 @@ def fold_facts(
     """
     row, directory = found.row, found.directory
     api = api and found.alternative_to is None
-    summary = summary_told_honestly(row.summary)
+    summary = row.summary
     running = row.status in RUNNING_STATUSES
     damaged = [] if running else damaged_among(directory, SHOWN_FILES)
     done = row.status in ("verified", "failed")
@@ -231,7 +230,7 @@ def _certificate(directory: Path, summary: FoldSummary, damaged: list[str]) -> C
     if known := summary.get("certificate"):
         return known
     stored = {} if CERTIFICATE in damaged else json_of(result_path(directory, CERTIFICATE))
-    return told_honestly(cast(CertificateFigures, stored), summary.get("playback"))
+    return cast(CertificateFigures, stored)
 
 
 def _downloads(row: ShownFold, summary: FoldSummary) -> list[Download]:

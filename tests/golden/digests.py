@@ -55,7 +55,7 @@ def summary(directory: FilePath) -> Values:
         plan = json.loads(str(file["plan"]))
     explosion = plan["explosion"] or {}
     return {
-        "verdict": _without_figures(certificate["verdict"]),
+        "verdict": (certificate["reason"] or {}).get("code") or certificate["verdict"],
         "status": explosion.get("status"),
         "hinges": len(chain["folded_rad"]),
         "attempts": [
@@ -128,8 +128,3 @@ def _digest(data: bytes) -> str:
 
 def _rounded(value: float | None) -> float | None:
     return None if value is None else float(f"{value:.3g}")
-
-
-def _without_figures(verdict: str) -> str:
-    """Return the beginning of a verdict, before its figures."""
-    return verdict.partition(":")[0] if verdict.startswith("verified") else verdict[:60]

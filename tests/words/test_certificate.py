@@ -12,7 +12,8 @@ from tests.planner.certificate.test_table_certificate import LIFTED, line, swing
 EXEMPT = {"apart": 2, "worst_overlap_bound": 0.2941, "relief_radius": 0.525, "relief_share": 0.219}
 FINAL_ERROR = "Average position error at the end (root mean square)"
 SIMULATED: dict[str, Any] = {
-    "verdict": "verified (simulated)",
+    "verified": True,
+    "reason": None,
     "simulated": True,
     "min_clearance": 0.0489,
     "min_clearance_playback": 0.0481,
@@ -25,7 +26,6 @@ SIMULATED: dict[str, Any] = {
     "frames": 4036,
 }
 FOLLOWED: dict[str, Any] = SIMULATED | {
-    "verdict": "verified (kinematics only)",
     "simulated": False,
     "min_clearance_playback": None,
     "rms_position_error": None,
@@ -41,7 +41,7 @@ def test_headline_has_the_proved_clearance_rounded_down() -> None:
     )
     tight = SIMULATED | {"clearance_bound": 0.000019, "min_clearance_playback": 0.00029}
     assert headline(tight).endswith("stay at least 0.0019 % of the spacing apart")
-    failed = SIMULATED | {"verdict": "failed: the check was cancelled"}
+    failed = SIMULATED | {"verified": False, "reason": {"code": "cancelled", "values": {}}}
     assert headline(failed) == "failed: the check was cancelled"
 
 

@@ -22,7 +22,7 @@ SMOOTH = {"fold_time_s": 10.0, "peak_torque_nm": 0.03, "clearance_bound": 0.0312
 
 def attempt(strategy: str, figures: dict[str, float] | None, **more: Any) -> dict[str, Any]:
     known = {} if figures is None else {"figures": {**FIGURES, **figures}}
-    verdict = {} if figures is None else {"verdict": "verified (simulated)"}
+    verdict = {} if figures is None else {"verified": True}
     values = {"candidate": 0, "seed": 0, "strategy": strategy, "status": "straight", "steps": 1}
     return {**values, "seconds": 2.0, **verdict, **known, **more}
 
@@ -32,7 +32,7 @@ ATTEMPTS = (
     attempt("blocks", None, status="stalled"),
     attempt("simultaneous", QUICK, candidate=1),
     attempt("smoothed", {**SMOOTH, "one_hinge_rad": 0.01}, smooths=2, seed=1),
-    attempt("simultaneous", {**QUICK, "fold_time_s": 5.0}, verdict="failed: modules overlap"),
+    attempt("simultaneous", {**QUICK, "fold_time_s": 5.0}, verified=False),
 )
 
 

@@ -123,28 +123,30 @@ def test_failure_by_an_overlap_has_its_frame() -> None:
 
 
 def test_failure_of_a_playback_that_ends_elsewhere() -> None:
-    summary = {
-        "certificate": {"min_clearance": 0.1},
-        "reason": "the playback ends 1 pitch (RMS) from the folded shape",
-    }
-    shown = failure(row(), summary)
+    def summary(code: str, **values: Any) -> Any:
+        reason = {"code": code, "values": values}
+        return {"certificate": {"min_clearance": 0.1, "verified": False, "reason": reason}}
+
+    shown = failure(row(), summary("playback-end", error=1.0))
     assert shown["heading"] == "The chain does not end in its target shape"
     assert shown["modules"] == []
     assert shown["text"] == (
         "The playback ends one spacing on average (root mean square) from the folded shape."
     )
-    beyond = failure(row(), {**summary, "reason": "the plan bends a joint beyond its range"})
+    beyond = failure(row(), summary("no-playback"))
     assert beyond is not None and beyond["heading"] == "Not verified"
 
 
 def test_attempts_are_listed_with_strategy_and_outcome(tmp_path: Path) -> None:
     assert attempts(tmp_path) == []
+    values = {"motion": "plan", "modules": [1, 3], "frame": 3.0}
+    touch = {"code": "touch", "values": values}
     made = {"candidate": 0, "seed": 4, "strategy": "simultaneous", "steps": 8400}
     tried = [
-        {**made, "status": "stalled", "diagnosis": KNOT, "verdict": "failed: the explosion …"},
+        {**made, "status": "stalled", "diagnosis": KNOT, "verified": False, "refusal": touch},
         {**made, "strategy": "peel", "status": "timeout", "diagnosis": None},
-        {**made, "status": "straight", "verdict": "failed: in the plan, it overlaps (frame 3 of)"},
-        {**made, "status": "straight", "verdict": "verified", "finer": 4, "candidate": 1},
+        {**made, "status": "straight", "verified": False, "refusal": touch},
+        {**made, "status": "straight", "verified": True, "finer": 4, "candidate": 1},
         {**made, "status": "straight"},
         {"candidate": 1, "seed": 4, "strategy": "peel", "status": "begun"},
     ]
@@ -152,7 +154,7 @@ def test_attempts_are_listed_with_strategy_and_outcome(tmp_path: Path) -> None:
     ends = {
         "Stalled after 8400 steps: its path is knotted": "bad",
         "Not straight after 8400 steps": "bad",
-        "In the plan, it overlaps": "bad",
+        "In the plan, modules 2 and 4 touch": "bad",
         "Verified": "good",
         "Unfolded, not checked": "off",
         "Interrupted": "off",

@@ -2,10 +2,12 @@
 
 from foldback.planner.errors import InputError
 from foldback.planner.readers.formats import READABLE_FORMATS
+from foldback.planner.reasons import TEXTS, Reason, ReasonValues
+from foldback.planner.reasons import ReasonCode as Code
 from foldback.server.errors import Unusable
 from foldback.server.http.problems import Problem
-from foldback.words.certificate import headline
-from foldback.words.messages import message_for_people, verdict_for_people
+from foldback.words.messages import message_for_people, reason_text, verdict_for_people
+from tests.case import case
 
 MESSAGES = {
     "got 0 angles, expected at least 1.": "Type at least one 0 (straight), + or − (bent).",
@@ -28,29 +30,12 @@ MESSAGES = {
     "Not Found": "There is nothing at this address.",
     "The database does not answer.": "The database does not answer.",
 }
-VERDICTS = {
-    "rests on a table within 3.2 w·p in frame 4 (friction 0.2, free base)": (
-        "stays on the table; its hinges need at most 3.2 w·p in frame 5 (with friction μ = 0.2 and "
-        "no clamped module)"
+FREE: ReasonValues = {"friction": 0.2, "clamped": False}
+DETAILS = {
+    "the chain ended 1 pitches (RMS) from its target.": (
+        "the modules ended one spacing from their targets on average (root mean square)."
     ),
-    "rests on a table within 3.2 w·p in frame 4 (without friction)": (
-        "stays on the table; its hinges need at most 3.2 w·p in frame 5 (without friction)"
-    ),
-    "failed: the playback missed: the chain ended 1 pitches (RMS) from its target.": (
-        "failed: the modules ended one spacing from their targets on average (root mean square)."
-    ),
-    "failed: the explosion stalled: modules 1 and 2 block each other": (
-        "failed: modules 2 and 3 block each other"
-    ),
-    "failed: the chain floats and does not rest on a table; laid down in each frame, it needs "
-    "2 w·p": (
-        "failed: the chain floats, so a table does not support it. "
-        "If the chain rested on a table in each frame, the largest torque of a hinge would be 2 w·p"
-    ),
-    "failed: the chain needs 3.2 w·p in frame 4 (without friction), expected at most 2 w·p": (
-        "failed: a hinge needs a torque of 3.2 w·p in frame 5 (without friction), but the limit is "
-        "2 w·p"
-    ),
+    "modules 1 and 2 block each other": ("modules 2 and 3 block each other"),
     "the chain is knotted (determinant 3): drawn as it stalled, with its ends extended outwards, "
     "it has 3 crossings": (
         "the chain is knotted (the knot's determinant is 3; that of a chain without a knot is 1): "
@@ -68,10 +53,6 @@ VERDICTS = {
     "the torque limit was exceeded 41 times; 40 times are allowed": (
         "the torque limit was exceeded 41 times, but only 40 times are allowed"
     ),
-    "failed: modules sink 0.1 pitch into the table in frame 3, expected at most 0.02": (
-        "failed: modules sink 10 % of the spacing into the table in frame 4, but at most 2 % of "
-        "the spacing is allowed"
-    ),
     "the 4 hinges bent by more than 6° at modules 1, 2 and 3 more cannot straighten, each by "
     "itself: module 1 against 9, module 2 against 8, and 1 pairs more; modules 5 to 7, which come "
     "next, cannot move in any of the six directions: module 5 against 2": (
@@ -83,43 +64,67 @@ VERDICTS = {
     "the hinge at module 4 cannot straighten: module 4 against 9": (
         "the hinge at module 5 cannot straighten, because modules would overlap: modules 5 and 10"
     ),
-    "failed: in the plan, modules 82 and 112 touch (frame 1413.5 of the plan)": (
-        "failed: in the plan, modules 83 and 113 touch (frame 1415 of the plan)"
-    ),
-    "failed: the plan does not start folded as hairpin": (
-        "failed: the plan does not start in the folded shape of hairpin"
-    ),
-    "failed: the playback passes 0.2 pitch (RMS) from straight": (
-        "failed: at the straight shape, the modules are 20 % of the spacing on average (root mean "
-        "square) from their places"
-    ),
-    "failed: the plan has numbers that are not finite": (
-        "failed: the plan contains infinite or undefined numbers"
-    ),
-    "failed: in the plan, the clearance between two frames could not be bounded": (
-        "failed: in the plan, it could not be proved that the modules stay apart between one frame "
-        "and the next"
-    ),
-    "failed: the frames have no plan": "failed: there is no plan for these frames",
-    "failed: modules 2 and 9 overlap by 1.03 pitch at module size 0.95": (
-        "failed: modules 3 and 10 overlap by 1.03 times the spacing at module size 0.95"
-    ),
-    "failed: modules 2 and 9 overlap by 1 pitch, 5e-05 pitch before that": (
-        "failed: modules 3 and 10 overlap by one spacing, 0.005 % of the spacing before that"
-    ),
-    "failed: the playback missed: a robot lost its target: joint_4 is off by 0.3 rad, more than "
+    "a robot lost its target: joint_4 is off by 0.3 rad, more than "
     "its motor can correct, 40 % into the fold.": (
-        "failed: a robot could not follow the motion: after 40 % of the motion, the angle of "
+        "a robot could not follow the motion: after 40 % of the motion, the angle of "
         "joint_4 was off by 0.3 rad, more than its motor could correct."
     ),
-    "failed: the playback missed: joint_4 yielded: it is off by 0.3 rad with motors of 8 w·p, "
-    "40 % into the fold.": (
-        "failed: the motor of joint_4 is too weak: it supplies at most 8 w·p (module weight × "
+    "joint_4 yielded: it is off by 0.3 rad with motors of 8 w·p, 40 % into the fold.": (
+        "the motor of joint_4 is too weak: it supplies at most 8 w·p (module weight × "
         "spacing). After 40 % of the motion, the angle of this joint was off by 0.3 rad."
     ),
-    "failed: the explosion stalled: ": "failed: the explosion stalled: ",
-    "verified (simulated)": "verified (simulated)",
+    "the explosion stalled: ": "the explosion stalled: ",
 }
+REASONS = (
+    (
+        Reason.of(Code.TORQUE_LIMIT, torque=3.21, frame=4, limit_torque=2.0, **FREE),
+        "a hinge needs a torque of 3.21 w·p in frame 4 (with friction μ = 0.2 and no clamped "
+        "module), but the limit is 2 w·p",
+        "a hinge needs a torque of 3.21 w·p in frame 5 (with friction μ = 0.2 and no clamped "
+        "module), but the limit is 2 w·p",
+    ),
+    (
+        Reason.of(Code.SINKS_INTO_TABLE, depth=0.1, frame=3, limit=0.02),
+        "modules sink 0.1 pitch into the table in frame 3, but at most 0.02 pitch is allowed",
+        "modules sink 10 % of the spacing into the table in frame 4, but at most 2 % of the "
+        "spacing is allowed",
+    ),
+    (
+        Reason.of(Code.TOUCH, motion="plan", modules=[82, 112], frame=1413.5),
+        "in the plan, modules 82 and 112 touch (frame 1413.5 of the plan)",
+        "in the plan, modules 83 and 113 touch (frame 1415 of the plan)",
+    ),
+    (
+        Reason.of(Code.TOUCH, motion="simulated playback", robot=2, modules=None, frame=0.0),
+        "in the simulated playback of robot 2, modules touch (frame 0 of the simulated playback "
+        "of robot 2)",
+        "in the simulated playback of robot 3, modules touch (frame 1 of the simulated playback "
+        "of robot 3)",
+    ),
+    (
+        Reason.of(Code.STRAIGHT_ERROR, error=0.2),
+        "at the straight shape, the modules are 0.2 pitch on average (root mean square) from "
+        "their places",
+        "at the straight shape, the modules are 20 % of the spacing on average (root mean square) "
+        "from their places",
+    ),
+    (
+        Reason.of(Code.PLAN_SHAPE, shape=[19, 6], expected=[20, 6]),
+        "the plan has the shape (19, 6), expected 20 frames of 6 joint angles",
+        "the plan has the shape (19, 6), expected 20 frames of 6 joint angles",
+    ),
+    (
+        Reason.of(Code.EXPLOSION_FAILED, status="stalled", detail="modules 1 and 2 block"),
+        "modules 1 and 2 block",
+        "modules 2 and 3 block",
+    ),
+    (
+        Reason.of(Code.EXPLOSION_FAILED, status="stalled", detail=""),
+        "the explosion stalled",
+        "the explosion stalled",
+    ),
+)
+"""Reasons, and their texts for programs and for people."""
 
 
 def test_message_for_people_reads_as_sentences() -> None:
@@ -127,10 +132,18 @@ def test_message_for_people_reads_as_sentences() -> None:
         assert message_for_people(detail) == message
 
 
-def test_stored_verdicts_read_as_sentences() -> None:
-    for verdict, words in VERDICTS.items():
-        assert verdict_for_people(verdict) == words
-    assert headline({"verdict": "failed: the playback timeout: it is late"}) == "failed: it is late"
+def test_details_of_failed_motions_read_as_sentences() -> None:
+    for detail, words in DETAILS.items():
+        assert verdict_for_people(detail) == words
+
+
+def test_reasons_count_from_zero_for_programs_and_from_one_for_people() -> None:
+    for reason, for_programs, for_people in REASONS:
+        with case(reason.code):
+            assert reason.text() == for_programs
+            assert reason_text(reason) == for_people
+            assert reason_text(reason.as_dict()) == for_people
+    assert set(TEXTS) == set(Code)
 
 
 def test_problem_body_has_a_message_beside_the_detail() -> None:

@@ -131,7 +131,7 @@ def test_draft_claims_nothing_that_is_unknown() -> None:
     assert [stop.frame for stop in bare.stops] == [965, 1473, 5000]
     assert draft_tour(FOLD, 0) is None
 
-    certificate = {**CERTIFICATE, "verdict": "failed: it", "min_clearance": -0.02}
+    certificate = {**CERTIFICATE, "verified": False, "min_clearance": -0.02}
     failed = replace(FOLD, status="failed", summary=known(certificate=certificate))
     refused = draft_tour(failed, 5000, MOMENTS)
     assert refused is not None

@@ -187,7 +187,7 @@ def _table_told(directory: Path) -> dict[str, Any] | None:
         "unit_nm": table.unit_nm,
         "bound": table.bound,
         "kept": None if record is None else record.bound,
-        "words": table.told_friction,
+        "words": table.base_text,
     }
 
 

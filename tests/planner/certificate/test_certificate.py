@@ -18,7 +18,7 @@ from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.playback.playback import Playback
 from tests.case import case
 from tests.planner.chains import Array, anchored, chain_of, coil, line
-from tests.planner.plans import LATER_FIGURES, turn_by_turn
+from tests.planner.plans import turn_by_turn
 
 PARAMETERS = Parameters()
 
@@ -89,24 +89,24 @@ def test_clearance_bound_holds_for_plan_and_playback() -> None:
     assert closer.clearance_bound > 0.85 * closer.min_clearance_playback
 
 
-def test_certificate_of_an_earlier_version_is_read() -> None:
+def test_stored_certificate_states_its_verdict_as_values() -> None:
     chain, plan = closing()
-    earlier = certify(chain, None, playback_of(plan), PARAMETERS).as_dict()
-    for later in LATER_FIGURES:
-        del earlier[later]
-    for kind, error, simulated in (
-        ("kinematic", 0.0, False),
-        ("dynamic", 3e-4, True),
-        (None, 3e-4, True),
-        (None, 0.0, None),
+    sound = certify(chain, None, playback_of(plan), PARAMETERS).as_dict()
+    assert (sound["verified"], sound["reason"]) == (True, None)
+    failed = certify(chain, None, None, PARAMETERS).as_dict()
+    assert (failed["verified"], failed["reason"]) == (False, {"code": "no-playback", "values": {}})
+    unknown, empty = {"code": "no-such", "values": {}}, {"code": "overlap", "values": {}}
+    for wrong in (
+        {**sound, "verified": False},
+        {**failed, "verified": True},
+        {**failed, "verified": 1},
+        {**failed, "reason": None},
+        {**failed, "reason": unknown},
+        {**failed, "reason": empty},
+        {**failed, "reason": "failed: it overlaps"},
     ):
-        earlier |= {"verdict": "verified", "max_angle_error_rad": error}
-        found = Certificate.from_dict(earlier, kind and {"kind": kind})
-        assert found.verified and found.simulated is simulated
-        assert found.rms_position_error == (earlier["rms_position_error"] if simulated else None)
-        assert found.exempt_pairs is None
-    gaps = {**earlier, "verdict": "verified with gaps: some moments could not be bounded"}
-    assert not Certificate.from_dict(gaps).verified
+        with pytest.raises((TypeError, KeyError)):
+            Certificate.from_dict(wrong)
 
 
 # The tests below attack the verdict: none of these plans may pass.
@@ -158,7 +158,7 @@ def test_collisions_are_refused() -> None:
 
 def test_plan_with_other_ends_or_beyond_its_joints_is_refused() -> None:
     chain, plan = closing()
-    assert "does not end folded" in verdict(chain, playback_of(-plan))
+    assert "does not end in the folded shape" in verdict(chain, playback_of(-plan))
     found = verdict(chain, playback_of(plan, frames=0.9 * plan))
     assert found.startswith("failed: the playback ends")
     done = plan.copy()
@@ -168,7 +168,7 @@ def test_plan_with_other_ends_or_beyond_its_joints_is_refused() -> None:
     assert found.endswith("(frame 20 of the simulated playback)")
     for where, value, words in (
         (0, 0.01, "does not start straight"),
-        (-1, 0.01, "does not end folded"),
+        (-1, 0.01, "does not end in the folded shape"),
         (20, np.deg2rad(92.5), "beyond its range"),
     ):
         other = plan.copy()
@@ -180,12 +180,12 @@ def test_failed_or_missing_stages_are_refused() -> None:
     chain, plan = closing()
     for status in ("missed", "diverged", "cancelled", "timeout"):
         found = verdict(chain, playback_of(plan, status=status, reason="of this."))
-        assert found == f"failed: the playback {status}: of this."
+        assert found == "failed: of this."
     for status in ("stalled", "diverged", "cancelled", "timeout"):
         record = replace(record_of(plan[::-1]), status=status, reason="of that.")
         for playback in (playback_of(plan), None):
             found = verdict(chain, playback, record)
-            assert found == f"failed: the explosion {status}: of that."
+            assert found == "failed: of that."
     for record in (None, record_of(plan)):
         assert verdict(chain, None, record) == "failed: there is no playback"
     failed = certify(line(5), None, None, PARAMETERS)
@@ -215,7 +215,7 @@ def test_arrays_of_other_shapes_and_times_are_refused() -> None:
     assert verdict(line(9), playback_of(plan)).startswith("failed")
     playback = playback_of(plan)
     playback.frames.time_s[10] = 3.0
-    assert "run backwards" in verdict(chain, playback)
+    assert "earlier time" in verdict(chain, playback)
     for size in (np.nan, np.inf, 0.0, -1.0):
         with pytest.raises(InputError, match="module size"):
             certify(chain, None, playback_of(plan), replace(PARAMETERS, module_size=size))

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from foldback.planner.certificate.table_certificate import table_certificate
-from foldback.planner.certificate.table_figures import FRICTIONLESS, TableCertificate
+from foldback.planner.certificate.table_figures import TableCertificate
 from foldback.planner.certificate.table_forces import TableForces
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
@@ -37,12 +37,12 @@ def test_swing_needs_torque_with_friction_alone() -> None:
     chain = line(7)
     found = table_certificate(chain, swing(chain, 0))
     assert found.on_table and found.rests
-    assert found.verdict == f"rests on a table within 0 w·p in frame 0 ({FRICTIONLESS})"
+    assert found.verdict == "rests on a table within 0 w·p in frame 0 (without friction)"
     assert found.standing == (tuple(range(7)),) * FRAMES
     assert found.clearance == pytest.approx(0.0, abs=1e-12)
     found = table_certificate(chain, swing(chain, 0), friction=0.1)
     free = table_certificate(chain, swing(chain, 0), friction=0.1, base="free")
-    assert found.rests and "friction 0.1" in found.verdict
+    assert found.rests and "friction μ = 0.1" in found.verdict
     assert any(
         "Coulomb friction with the table (coefficient 0.1)" in line for line in found.assumptions
     )
@@ -64,7 +64,7 @@ def test_lifted_arm_needs_the_torque_of_its_weight() -> None:
     assert found.rests
     refused = table_certificate(chain, swing(chain, 1, -LIFTED), bound=10.0)
     assert not refused.rests
-    assert "expected at most 10 w·p" in refused.verdict
+    assert "the limit is 10 w·p" in refused.verdict
 
 
 def test_chain_that_tips_over_is_refused() -> None:
@@ -94,8 +94,8 @@ def test_floating_frames_are_put_down_and_refused() -> None:
     found = table_certificate(chain, frames, base="clamped")
     assert not found.on_table and not found.rests
     assert found.base == "free"
-    assert found.verdict.startswith("failed: the chain floats and does not rest on a table")
-    assert FRICTIONLESS in found.verdict
+    assert found.verdict.startswith("failed: the chain floats, so a table does not support it")
+    assert "without friction" in found.verdict
     assert found.torque is not None and 0.0 < found.torque < 15.0
     assert found.torques[0] == found.torques[-1] == 0.0
     as_windows = table_certificate(chain, frames.windowed(chain), on_table=False)

@@ -88,7 +88,7 @@ def test_untouched_fold_is_verified_again(
     monkeypatch.setattr("foldback.planner.verification.replay.MAX_REPLAYED_MODULES", 148 * 24 // 2)
     larger = verify(directory, module_size=1.04)
     assert not larger.verified
-    assert any("module size 1.04" in problem for problem in larger.problems)
+    assert "module size 1.04" in larger.as_dict()["problems"][0]
     note = "the replay in MuJoCo has the plan's poses and no overlap (checked at one frame in 2)"
     assert note in larger.checked
     assert any("folded the chain once more" in line for line in found.checked)
@@ -112,7 +112,7 @@ def test_forged_verdict_is_refuted(directory: FilePath) -> None:
     assert Plan.load(directory / "plan.npz").verified
     found = verify(directory)
     assert not found.verified and "no overlap" not in str(found.checked)
-    problems = "\n".join(found.problems)
+    problems = "\n".join(found.as_dict()["problems"])
     for text in ("manifest.json, the file", "in the plan, modules", "MuJoCo finds an overlap"):
         assert text in problems
     assert found.replay.overlap > 0.1
@@ -138,7 +138,7 @@ def test_copies_that_differ_are_found(directory: FilePath) -> None:
 
 
 def test_fields_missing_in_all_files_are_named(directory: FilePath) -> None:
-    gone = {"certificate": ("simulated", "torque_frames"), "playback": ("kind",)}
+    gone = {"certificate": ("detours", "torque_frames"), "playback": ("kind",)}
     gone["explosion"] = ("strategy",)
 
     def remove(values: dict[str, Any]) -> None:

@@ -157,8 +157,8 @@ def test_certify_refuses_windows_that_are_not_finite_or_out_of_range(
 ) -> None:
     playback = Playback.load(directory / "playback.npz")
     for name, value, words in (
-        ("time_s", -1.0, "run backwards"),
-        ("base_position", np.nan, "not finite"),
+        ("time_s", -1.0, "earlier time"),
+        ("base_position", np.nan, "infinite or undefined"),
         ("first", 10**6, "cannot be checked"),
         ("angles_rad", np.inf, "cannot be checked"),
     ):

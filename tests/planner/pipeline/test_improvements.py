@@ -19,9 +19,11 @@ from foldback.planner.pipeline.preference import PREFERENCES, PlanFigures, Prefe
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.retry_policy import RetryPolicy
 from foldback.planner.progress import Progress
+from foldback.planner.reasons import Reason, ReasonCode
 from tests.planner.chains import chain_of
 
 ALL = ("simultaneous", "blocks", "peel")
+REFUSAL = Reason.of(ReasonCode.PLAN_END)
 FIGURES = PlanFigures(
     fold_time_s=10.0, peak_torque_nm=0.1, clearance_bound=0.04, frames=100, seconds=1.0
 )
@@ -32,14 +34,19 @@ def verified(trial: Trial, **figures: float | None) -> Attempt:
         trial=trial,
         status="straight",
         played=True,
-        verdict="verified (simulated)",
+        verified=True,
         figures=replace(FIGURES, **figures),
     )
 
 
 def refused(trial: Trial) -> Attempt:
     return Attempt(
-        trial=trial, status="straight", played=True, verdict="failed: it", figures=FIGURES
+        trial=trial,
+        status="straight",
+        played=True,
+        verified=False,
+        refusal=REFUSAL,
+        figures=FIGURES,
     )
 
 

@@ -32,6 +32,7 @@ from foldback.planner.plan.shape_writers import write_path
 from foldback.planner.plan.steps import steps_of
 from foldback.planner.playback.playback import Playback, play_back
 from foldback.planner.playback.unfolding import check_fits
+from foldback.planner.reasons import Reason, ReasonCode
 from foldback.planner.verification.verify import verify
 from tests.planner.chains import COIL, HAIRPIN, SQUARE, line
 from tests.planner.folds import falsify
@@ -185,7 +186,7 @@ def test_verify_finds_another_start_or_motion_of_a_refold(copy: FilePath, plan: 
         forged = with_values(plan, **changes)
         forged.save_npz(copy / "plan.npz")
         forged.save_json(copy / "plan.json")
-        return "\n".join(verify(copy).problems)
+        return "\n".join(verify(copy).as_dict()["problems"])
 
     def with_row(row: int, values: Any) -> str:
         angles = plan.joint_angles_rad.copy()
@@ -223,12 +224,12 @@ def test_certify_refuses_simulations_with_another_start_or_not_straight(
     moved = frames.root_position.copy()
     moved[0, 1] += 0.01
     late = np.vstack([frames.joint_angles_rad[1:2], frames.joint_angles_rad[1:]])
-    assert "does not start folded as square" in verdict(root_position=moved)
-    assert "does not start folded as square" in verdict(joint_angles_rad=late)
+    assert "does not start in the folded shape of square" in verdict(root_position=moved)
+    assert "does not start in the folded shape of square" in verdict(joint_angles_rad=late)
     angles = frames.joint_angles_rad.copy()
     angles[straight(plan)] = 0.05
-    assert "from straight" in verdict(joint_angles_rad=angles)
-    assert "out of order" in verdict(start=None)
+    assert "at the straight shape" in verdict(joint_angles_rad=angles)
+    assert "in the wrong order" in verdict(start=None)
 
 
 @pytest.mark.slow
@@ -268,7 +269,7 @@ def test_other_paths_are_tried_for_an_overlap_in_the_second_half_only(
         falsify(
             monkeypatch,
             times=1,
-            verdict="failed: in the plan, modules 0 and 9 overlap",
+            reason=Reason.of(ReasonCode.PLAN_END),
             min_clearance=-0.1,
             min_clearance_at=Place(frame=frame, modules=(0, 9)),
         )

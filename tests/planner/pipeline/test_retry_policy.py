@@ -10,7 +10,7 @@ from foldback.planner.pipeline.attempt import (
     MAX_EXPLOSIONS,
     Attempt,
     Candidates,
-    Reason,
+    Cause,
     Trial,
     latest_playback,
 )
@@ -33,17 +33,17 @@ from foldback.planner.pipeline.retry_policy import RetryPolicy
 from tests.case import case
 from tests.planner.chains import coil
 from tests.planner.peels import snake
-from tests.planner.pipeline.test_improvements import FIGURES
+from tests.planner.pipeline.test_improvements import FIGURES, REFUSAL
 
 BOTH = ("simultaneous", "peel")
 
 
-def trials(choice: RetryPolicy, kind: Reason) -> list[Trial]:
+def trials(choice: RetryPolicy, kind: Cause) -> list[Trial]:
     """Return all attempts if every one fails for the same reason."""
     tried: list[Attempt] = []
     while (trial := choice.next_attempt(tried)) is not None:
         if kind == "refused":
-            tried.append(Attempt(trial=trial, status="straight", verdict="failed: it"))
+            tried.append(Attempt(trial=trial, status="straight", verified=False, refusal=REFUSAL))
         else:
             found = Diagnosis(kind=kind, modules=())
             tried.append(Attempt(trial=trial, status="stalled", diagnosis=found))
@@ -58,7 +58,7 @@ def test_attempt_survives_json() -> None:
     for attempt in (
         started,
         plain,
-        replace(refused, verdict="failed: …"),
+        replace(refused, verified=False, refusal=REFUSAL),
         replace(started, status="stalled", reason="stuck", diagnosis=found),
     ):
         assert Attempt.from_dict(json.loads(json.dumps(attempt.as_dict()))) == attempt
@@ -88,7 +88,7 @@ def test_reason_of_a_failure_decides_the_next_attempt() -> None:
 
 def test_attempts_end_and_none_is_made_twice() -> None:
     choice = RetryPolicy(strategies=(BOTH, ("peel",), BOTH), seed=0)
-    kinds: tuple[Reason, ...] = ("knot", "buried", "contacts", "joints", "limit", "refused")
+    kinds: tuple[Cause, ...] = ("knot", "buried", "contacts", "joints", "limit", "refused")
     for kind in kinds:
         tried = trials(choice, kind)
         assert 1 < len(tried) <= MAX_EXPLOSIONS, kind
@@ -101,7 +101,7 @@ def test_plain_explosions_follow_a_calm_one() -> None:
     calm, plain = (
         RetryPolicy(strategies=(BOTH, BOTH), seed=5, calm=calm) for calm in (True, False)
     )
-    kinds: tuple[Reason, ...] = ("knot", "buried", "contacts", "joints", "limit", "refused")
+    kinds: tuple[Cause, ...] = ("knot", "buried", "contacts", "joints", "limit", "refused")
     for kind in kinds:
         first, *others = trials(calm, kind)
         usual = trials(plain, kind)
@@ -120,14 +120,14 @@ def test_turns_with_the_most_room_come_before_all_explosions() -> None:
     request, short = FoldRequest(seed=3), Candidates((snake((4, 4, 4)),), two_ended=False)
     policy = RetryPolicy.of(request, short)
     roomy = Trial(0, 3, "turns", roomy=True)
-    kinds: tuple[Reason, ...] = ("blocked", "limit", "joints", "refused")
+    kinds: tuple[Cause, ...] = ("blocked", "limit", "joints", "refused")
     for kind in kinds:
         first, *others = trials(policy, kind)
         assert first == roomy
         assert "turns" not in policy.strategies[0]
         usual = trials(replace(policy, turns=False), kind)
         assert others == (usual if kind != "blocked" else usual[:1])
-    straight = Attempt(trial=roomy, status="straight", verdict="verified (simulated)")
+    straight = Attempt(trial=roomy, status="straight", verified=True)
     assert policy.next_attempt([straight]) is None
     assert Attempt.from_dict(json.loads(json.dumps(straight.as_dict()))).trial == roomy
 
@@ -201,15 +201,15 @@ PEELED = Trial(0, 0, "peel")
 
 STRAIGHT = Attempt(trial=FIRST, status="straight")
 PLAYED = replace(STRAIGHT, played=True)
-REFUSED = replace(PLAYED, verdict="failed: modules 1 and 9 overlap")
+REFUSED = replace(PLAYED, verified=False, refusal=REFUSAL)
 BETWEEN = replace(REFUSED, between=True)
 SWINGING = replace(REFUSED, off_straight=True)
 AGAIN = replace(BETWEEN, finer=REPEATED_PLAYBACK_REFINEMENT)
-VERIFIED = replace(PLAYED, verdict="verified (simulated)", figures=FIGURES)
+VERIFIED = replace(PLAYED, verified=True, figures=FIGURES)
 FINER = PlayBack(REPEATED_PLAYBACK_REFINEMENT)
 STALLED = Attempt(trial=FIRST, status="stalled")
 SHOWN = replace(STALLED, played=True)
-JUDGED = replace(SHOWN, verdict="failed: the explosion stalled")
+JUDGED = replace(SHOWN, verified=False, refusal=REFUSAL)
 NOTHING = Attempt(trial=FIRST, status="none")
 
 

@@ -18,6 +18,7 @@ from foldback.planner.pipeline.stages import next_stage, run_stage
 from foldback.planner.plan.plan import Plan
 from foldback.planner.playback.playback import Playback
 from foldback.planner.progress import STAGES, Progress
+from foldback.planner.reasons import Reason, ReasonCode
 from foldback.planner.simulation.reduced_state import Acceleration
 from foldback.planner.simulation.segments import Segments
 from tests.planner.folds import compare_motions, falsify, intercept, untimed, write_request
@@ -67,7 +68,7 @@ def test_all_stages_make_a_verified_plan(full: tuple[FilePath, list[dict[str, An
     assert (read["name"], read["modules"], read["joints"], read["hinges"]) == ("coil", 12, 10, 20)
     assert explode["status"] == "straight"
     assert play_back["status"] == "folded"
-    assert certify["verdict"] == "verified (simulated)"
+    assert certify["verified"] and certify["simulated"]
     assert (export["status"], export["reason"]) == ("verified", "")
     expected = {name for names in OUTPUTS.values() for name in names}
     others = {"request.json", "input", "timeline.zarr", "figures.zarr", "manifest.json"}
@@ -119,7 +120,7 @@ def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
     assert not (copy / "picture.png").exists()
     assert explode["status"] == "diverged"
     assert play_back["status"] == "skipped"
-    assert certify["verdict"].startswith("failed: the explosion diverged")
+    assert certify["reason"]["code"] == "explosion-failed"
     assert (export["status"], export["playback"]) == ("failed", None)
     assert "it blew up" in export["reason"]
     plan = Plan.load(copy / "plan.json")
@@ -180,7 +181,7 @@ def test_overlap_between_frames_is_played_back_again_with_finer_frames(
     falsify(
         monkeypatch,
         times=1,
-        verdict="failed: in the simulated playback, modules 1 and 9 overlap",
+        reason=Reason.of(ReasonCode.PLAN_END),
         min_clearance_playback=-0.001,
         min_clearance_playback_at=Place(frame=3.5, modules=(1, 9)),
     )
@@ -192,7 +193,7 @@ def test_overlap_between_frames_is_played_back_again_with_finer_frames(
         stage = next_stage(stage, run_stage(stage, directory))
     plan = Plan.load(directory / "plan.npz")
     first, second = plan.attempts
-    assert first["verdict"].startswith("failed")
-    assert (second["verdict"], second["seed"], second["finer"]) == ("verified (simulated)", 0, 4)
+    assert first["verified"] is False and first["refusal"]["code"] == "plan-end"
+    assert (second["verified"], second["seed"], second["finer"]) == (True, 0, 4)
     assert len(plan.motion) > 2 * coarse
     assert len(Timeline.open(directory / "timeline.zarr")) == len(plan.motion) + second["frames"]

@@ -25,6 +25,7 @@ from foldback.planner.pipeline.stages import next_stage, run_stage
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_path
+from foldback.planner.reasons import Reason, ReasonCode
 from foldback.planner.storage.file_names import (
     CERTIFICATE,
     PLANS_DIR,
@@ -41,10 +42,21 @@ from tests.planner.peels import snake
 pytestmark = pytest.mark.slow
 
 
+OVERLAP = Reason.of(
+    ReasonCode.OVERLAP,
+    motion="plan",
+    modules=[1, 9],
+    depth=0.001,
+    module_size=0.95,
+    progress=0.5,
+    frame=3.0,
+)
+
+
 def refuse_first_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make certificates refuse the first plan and accept later ones."""
     plans: list[bytes] = []
-    overlap = {"verdict": "failed: in the plan, modules 1 and 9 overlap", "min_clearance": -0.001}
+    overlap = {"reason": OVERLAP, "min_clearance": -0.001}
     overlap["min_clearance_at"] = Place(frame=3.0, modules=(1, 9))
 
     def judge(_: int, original: Any, *arguments: Any, **more: Any) -> Certificate:
@@ -95,7 +107,9 @@ def test_refused_plan_is_shown_though_later_attempts_stick_and_stages_run_twice(
     assert not (directory / "attempts").exists()
 
 
-def write_attempts(directory: FilePath, clearances: Sequence[float | None], *verdicts: str) -> None:
+def write_attempts(
+    directory: FilePath, clearances: Sequence[float | None], *verified: bool
+) -> None:
     """Write straight attempts; those with a clearance have a certificate."""
     workspace = Workspace(directory)
     tried = [Attempt(trial=Trial(0, k, "peel"), status="straight") for k in range(len(clearances))]
@@ -110,22 +124,25 @@ def write_attempts(directory: FilePath, clearances: Sequence[float | None], *ver
             elif name != CERTIFICATE:
                 (place / name).write_text(str(number))
         if clearance is not None:
-            verdict = verdicts[number] if verdicts else "failed: modules 1 and 9 overlap"
-            certificate = {"verdict": verdict, "number": number, "min_clearance": clearance}
+            certificate = {
+                "verified": bool(verified) and verified[number],
+                "number": number,
+                "min_clearance": clearance,
+            }
             write_json(place / CERTIFICATE, {**certificate, "min_clearance_playback": 0.0})
 
 
 def test_keep_best_keeps_the_attempt_with_most_progress(tmp_path: FilePath) -> None:
-    for clearances, verdicts, best in (
+    for clearances, verified, best in (
         ((-0.3, -0.1, -0.2), (), 1),
         ((-0.3, None, None), (), 0),
         ((None, None), (), 1),
         ((-0.1, -0.1), (), 1),
-        ((0.4, 0.1), ("failed: a joint bends too far", "verified"), 1),
+        ((0.4, 0.1), (False, True), 1),
     ):
-        with case((clearances, verdicts)):
+        with case((clearances, verified)):
             place = tmp_path / str(clearances)
-            write_attempts(place, clearances, *verdicts)
+            write_attempts(place, clearances, *verified)
             Workspace(place).keep_best()
             assert attempt_numbers(place) == [best]
             assert latest_attempt_dir(place) == place / "attempts" / str(best)
@@ -134,8 +151,8 @@ def test_keep_best_keeps_the_attempt_with_most_progress(tmp_path: FilePath) -> N
 def test_keep_best_with_a_preference_stores_the_other_verified_plans(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    verdicts = ("verified", "verified", "failed: modules overlap", "verified")
-    write_attempts(tmp_path, (0.1, 0.2, -0.1, 0.3), *verdicts)
+    verified = (True, True, False, True)
+    write_attempts(tmp_path, (0.1, 0.2, -0.1, 0.3), *verified)
     Workspace(tmp_path).keep_best("time")
     assert attempt_numbers(tmp_path) == [0]
     stored = {path.name: path for path in (tmp_path / PLANS_DIR).iterdir()}
@@ -145,7 +162,7 @@ def test_keep_best_with_a_preference_stores_the_other_verified_plans(
     assert not (tmp_path / PLANS_DIR).exists()
 
     monkeypatch.setattr("foldback.planner.pipeline.workspace.MAX_PLANS_BYTES", 0)
-    write_attempts(tmp_path, (0.1, 0.2), "verified", "verified")
+    write_attempts(tmp_path, (0.1, 0.2), True, True)
     Workspace(tmp_path).keep_best("time")
     assert (attempt_numbers(tmp_path), (tmp_path / PLANS_DIR).exists()) == ([0], False)
 

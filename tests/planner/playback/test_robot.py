@@ -113,10 +113,10 @@ def test_each_robot_is_certified_and_refused_if_it_collides(folded: Folded) -> N
     collides, ends = playback.others_rad.copy(), playback.others_rad.copy()
     collides[1, len(collides[1]) // 2, ::2] = 0.5 * np.pi  # around a square, again and again
     ends[0, -1] *= 0.9
-    lost = "the playbacks of other robots do not have the plan's frames"
+    lost = "the playbacks of the other simulated robots do not match the plan"
     for others, words in (
-        (collides, "in the simulated playback of robot 3, modules"),
-        (ends, "the playback of another robot ends"),
+        (collides, "in the simulated playback of robot 2, modules"),
+        (ends, "the playback of another simulated robot ends"),
         (playback.others_rad[:, 1:], lost),
         (np.full_like(ends, np.nan), lost),
     ):

@@ -15,6 +15,7 @@ from foldback.planner.pipeline.stages import run_stages
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_chain
+from foldback.planner.reasons import Reason, ReasonCode
 from foldback.planner.robot import SMOOTHED
 from foldback.planner.robot.smoothed_plan import check_smoothable
 from foldback.planner.verification.verify import verify
@@ -71,7 +72,7 @@ def test_cancelled_smoothing_fails(folded: Folded, tmp_path: FilePath) -> None:
 def test_unsuitable_plans_are_not_smoothed(folded: Folded, monkeypatch: pytest.MonkeyPatch) -> None:
     plan, certificate = folded.plan, folded.plan.certificate
     unsuitable = {
-        "smooth-not-verified": replace(certificate, verdict="failed: it overlaps"),
+        "smooth-not-verified": replace(certificate, reason=Reason.of(ReasonCode.PLAN_END)),
         "smooth-no-motion": replace(certificate, fold_time_s=0.0),
         "smooth-no-torques": replace(certificate, peak_torque_nm=None),
     }

@@ -48,6 +48,7 @@ def dense(*, angles: NDArray[Any] | None = None) -> tuple[Arrays, Meta]:
         "chain": {"module": "cube", "modules": 8, "folded_rad": q[-1].tolist()},
         "claim": {"format": "foldback-claim/1", "module": foldback_check.CUBE},
         "certificate": {
+            "verified": True,
             "verdict": "verified (kinematics only)",
             "module_size": 0.95,
             "clearance_bound": 0.01,
@@ -161,6 +162,15 @@ def value(path: str, new: Any, base: Callable[[], Any] = dense) -> Way:
         meta[last] = new
 
     return told(change, base)
+
+
+def failed(verdict: str) -> Way:
+    """Return a way that states a failure with this text."""
+
+    def change(_: Arrays, meta: Meta) -> None:
+        meta["certificate"] |= {"verified": False, "verdict": verdict}
+
+    return told(change)
 
 
 def module(name: str, **parts: Any) -> Way:
@@ -334,13 +344,10 @@ STRANGE: Final[dict[str, tuple[Way, str]]] = {
         f"{MODULE} and {START.removeprefix('proved, but ')}",
     ),
     # Texts
-    "a hostile verdict": (value("certificate.verdict", f"{HOSTILE} verified"), NOT_PROVED),
-    "a hostile verdict that begins well": (
-        value("certificate.verdict", f"verified{HOSTILE}"),
-        NOT_PROVED,
-    ),
-    "another verdict": (value("certificate.verdict", "verified on real hardware"), NOT_PROVED),
-    "a list as verdict": (value("certificate.verdict", ["verified"]), NOT_PROVED),
+    "a hostile verdict": (failed(HOSTILE), NOT_PROVED),
+    "a text as verified": (value("certificate.verified", "verified"), NOT_PROVED),
+    "a number as verified": (value("certificate.verified", 1), NOT_PROVED),
+    "a list as verified": (value("certificate.verified", [True]), NOT_PROVED),
     "a later claim": (value("claim.format", "foldback-claim/9"), NOT_PROVED),
     "a hostile claim": (value("claim.format", HOSTILE), NOT_PROVED),
     "a claim without format": (value("claim.format", None), NOT_PROVED),

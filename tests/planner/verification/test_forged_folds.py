@@ -191,7 +191,7 @@ FORGERIES = {
     "attempts: finer": Forgery(attempt(finer=4), "attempts[0].finer"),
     "attempts: patience": Forgery(attempt(patience=1), "attempts[0].patience"),
     "attempts: steps": Forgery(attempt(steps=1), "none of them has the figures"),
-    "attempts: verdict": Forgery(attempt(verdict="failed: x"), "none of them has the figures"),
+    "attempts: verdict": Forgery(attempt(verified=False), "none of them has the figures"),
     "attempts: tripled": Forgery(
         plan_with(lambda plan: plan.update(attempts=plan["attempts"] * 3)), "no more attempts"
     ),
@@ -231,8 +231,12 @@ FORGERIES = {
     "certificate: time": Forgery(figure("fold_time_s", 0.5), "certificate.fold_time_s"),
     "certificate: torque": Forgery(figure("peak_torque_nm", 0.5), "certificate.peak_torque_nm"),
     "certificate: verdict": Forgery(
-        plan_with(lambda plan: plan["certificate"].update(verdict="verified on real hardware")),
-        "certificate.verdict",
+        plan_with(
+            lambda plan: plan["certificate"].update(
+                reason={"code": "plan-end", "values": {}}, verified=False
+            )
+        ),
+        "certificate.reason",
     ),
     "certificate: exempt": Forgery(
         plan_with(lambda plan: plan["certificate"]["exempt_pairs"].update(rule="all pairs")),

@@ -155,7 +155,7 @@ FORGED_KNOTS: Final[dict[str, Change]] = {
     ),
     "an unknotted shape": lambda e, t: t["chain"].update(folded_rad=[0.0] * 138),
     "another module": lambda e, t: t["chain"].update(module="tetrahedron"),
-    "another verdict": lambda e, t: t["certificate"].update(verdict="verified"),
+    "another verdict": lambda e, t: t["certificate"].update(verified=True),
     "another reason": lambda e, t: e.update(kind="blocks"),
     "a reason of no kind": lambda e, t: e.update(kind="magic"),
     "no evidence": lambda e, t: t["attempts"][0]["diagnosis"].update(evidence=None),

@@ -9,6 +9,7 @@ import pytest
 
 from foldback.planner.plan.packed_fold import unpack
 from foldback.planner.plan.plan import Plan
+from foldback.planner.reasons import Reason, ReasonCode
 from foldback.planner.verification.verify import verify
 from tests.planner.plans import with_values
 from tests.server.cli.test_command_line import foldback_json
@@ -85,7 +86,7 @@ def test_only_finished_folds_with_a_suitable_plan_are_refolded_or_smoothed(
     status, code, detail = refused("refold")
     assert (status, code) == (422, "refold-not-folded")
     assert "that does not start straight and end folded" in detail
-    failed = replace(plan.certificate, verdict="failed: it overlaps")
+    failed = replace(plan.certificate, reason=Reason.of(ReasonCode.PLAN_END))
     replace(plan, certificate=failed).save_npz(mine / "plan.npz")
     assert refused("smooth")[:2] == (422, "smooth-not-verified")
     assert not idle.http.get(f"/folds/{waiting['id']}/facts").json()["smoothable"]

@@ -18,6 +18,7 @@ from websockets import ConnectionClosed, InvalidStatus
 from websockets.sync.client import ClientConnection, connect
 
 from foldback.planner.plan.plan import Plan
+from foldback.planner.reasons import Reason, ReasonCode
 from foldback.server.settings import Settings
 from foldback.server.store.folds import new_id
 from tests.case import case
@@ -185,7 +186,7 @@ def test_only_finished_and_verified_folds_are_played(finished: FinishedFold) -> 
         store.add(a_fold(doubtful), SOMEBODY)
     path = shutil.copytree(finished.directory, service.directory(doubtful)) / "plan.npz"
     plan = Plan.load(path)
-    failed = replace(plan.certificate, verdict="failed: so it says")
+    failed = replace(plan.certificate, reason=Reason.of(ReasonCode.PLAN_END))
     replace(plan, certificate=failed).save_npz(path)
     path.with_name("manifest.json").unlink()  # otherwise the plan would count as damaged
     with playing(service, doubtful) as client:

@@ -80,7 +80,7 @@ def test_fold_on_a_table_shows_its_torque_and_forces(service: Service) -> None:
     assert (other["form"]["world"], other["form"]["settings"]) == ("table", "table_torque=9")
     assert not facts["refoldable"] and not facts["smoothable"]
     header, curves = decode(service.http.get(f"{under}/figures").content)
-    assert (header["table"]["words"], header["table"]["bound"]) == ("frictionless", 9.0)
+    assert (header["table"]["words"], header["table"]["bound"]) == ("without friction", 9.0)
     assert "peak_torque_nm" not in curves
     assert np.nanmax(curves["table_torque"]) == pytest.approx(table["torque"], abs=1e-5)
     part = {"part": (header["frames"] - 1) // header["rows"]}

@@ -62,13 +62,11 @@ def test_unordered_cells_are_read_as_voxels_on_request(tmp_path: Path) -> None:
 def test_terminal_counts_modules_and_frames_from_one(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    stored = (
-        "failed: in the plan, modules 82 and 112 overlap by 1.16 pitch at module size 0.95, "
-        "66 % into the fold (frame 13.5 of the plan)"
-    )
+    overlap = {"motion": "plan", "modules": [82, 112], "depth": 1.16, "module_size": 0.95}
+    reason = {"code": "overlap", "values": {**overlap, "progress": 0.66, "frame": 13.5}}
     summary = {
         "status": "failed",
-        "certificate": {"verdict": stored},
+        "certificate": {"verified": False, "reason": reason},
         "explosion": {"frames": 100, "steps": 0},
         "stuck": {"words": "modules 4 and 9 block each other."},
         **{"playback": None, "refold": None, "smoothing": None},

@@ -14,6 +14,7 @@ import pytest
 
 from foldback.planner.errors import InputError
 from foldback.planner.plan.plan import Plan
+from foldback.planner.reasons import Reason, ReasonCode
 from foldback.planner.storage.files import json_of
 from foldback.planner.verification.stored_fold import check_fold
 from foldback.viewer import show
@@ -92,8 +93,9 @@ def test_each_part_of_another_fold_is_found(
 
 def test_texts_of_files_do_not_steer_the_terminal(fold: Path) -> None:
     hostile = "\x1b[2Jverified"
+    reason = Reason.of(ReasonCode.PLAN_START, start=hostile)
     plan = Plan.load(fold / "plan.npz")
-    certificate = replace(plan.certificate, verdict=hostile)
+    certificate = replace(plan.certificate, reason=reason)
     replace(plan, certificate=certificate).save_npz(fold / "plan.npz")
     for name in ("plan.json", "certificate.json", "manifest.json"):
         (fold / name).unlink()

@@ -46,7 +46,10 @@ def test_directory_without_a_verified_plan_reports_reason_and_location(directory
     assert sorted(directory.iterdir()) == before
     explosion = {"status": "stalled", "reason": "it stuck", "steps": 90, "frames": 2}
     plan = {
-        "certificate": {"verdict": "failed: the explosion stalled: it stuck"},
+        "certificate": {
+            "verified": False,
+            "reason": {"code": "explosion-failed", "values": {"detail": "it stuck"}},
+        },
         "explosion": explosion,
         "attempts": [{**explosion, "steps": 8}, {**explosion, "diagnosis": KNOT}],
     }

@@ -17,9 +17,14 @@ from tests.words.test_certificate import SIMULATED
 DAY = 1_700_000_000.0
 """Time of all requests, s since 1970."""
 REASON = (
-    "in the plan, modules 3 and 7 overlap by 0.02 pitch at module size 0.95, 40 % into the fold "
-    "(frame 12.5 of the plan)"
+    "in the plan, modules 3 and 7 overlap by 0.02 pitch at module size 0.95, 40 % through the "
+    "motion (frame 12.5 of the plan)"
 )
+OVERLAP = {
+    "code": "overlap",
+    "values": {"motion": "plan", "modules": [3, 7], "depth": 0.02, "module_size": 0.95}
+    | {"progress": 0.4, "frame": 12.5},
+}
 KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
 ATTEMPTS = [
     {"candidate": 0, "seed": 0, "strategy": "simultaneous", "status": "stalled", "steps": 900}
@@ -62,7 +67,7 @@ ROWS: Mapping[str, Mapping[str, Any]] = {
         "summary": {
             **SUMMARY,
             "reason": REASON,
-            "certificate": {**FIGURES, "verdict": f"failed: {REASON}"},
+            "certificate": {**FIGURES, "verified": False, "reason": OVERLAP},
         },
         "error": {"code": "not-verified", "detail": REASON},
     },

@@ -21,10 +21,8 @@ from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.parameters.setting import Setting, descriptions
 from foldback.planner.parameters.settings_text import ALL_SETTINGS, read_settings, with_settings
 from foldback.server.context import Context
-from foldback.server.jobs.eta import EtaEstimator
 from foldback.server.pages.facts import fold_facts
 from foldback.server.pages.fold import takes
-from foldback.server.schemas import Fold
 from foldback.server.settings import Settings
 from foldback.server.store.estimates import Estimates
 from foldback.server.store.fold_source import Found
@@ -36,7 +34,6 @@ from foldback.words.properties import used_parameters
 from foldback.words.quantities import length_m, number, parameters, quantity
 from tests.case import case
 from tests.planner.chains import chain_of
-from tests.server.rows import SOMEBODY, a_fold
 from tests.server.service_process import SNAKE, FinishedFold
 from tests.web.conftest import unfolding
 
@@ -125,30 +122,6 @@ def test_failed_fold_shows_its_frame_count(tmp_path: Path) -> None:
     assert fold_facts(failed_fold(tmp_path / "nothing", 0))["frames"] == 0
 
 
-def test_kinematic_fold_of_earlier_version_is_shown_as_such(tmp_path: Path, store: Store) -> None:
-    errors = {"rms_position_error": 0.0, "max_angle_error_rad": 0.0}
-    figures = {"verdict": "verified", "peak_torque_nm": 0.009, "min_clearance": 0.041}
-    summary = {
-        "certificate": {**figures, "clearance_bound": 0.0017, **errors},
-        "playback": {"kind": "kinematic", **errors},
-        "explosion": {"strategy": "one-by-one"},
-    }
-    store.add(a_fold("earlier", summary=summary), SOMEBODY)
-    leases = Leases.of(Settings(data_dir=tmp_path), store)
-    state = Fold.of(store.fold("earlier"), store, EtaEstimator(store, leases)).summary
-    assert state["certificate"]["verdict"] == "verified (kinematics only)"
-    assert state["certificate"]["rms_position_error"] is None
-    assert state["playback"] == {"kind": "kinematic", **dict.fromkeys(errors)}
-    facts = fold_facts(failed_fold(tmp_path, 0, status="verified", summary=summary))
-    assert facts["verdict"]["text"].startswith("Verified (kinematics only): modules stay at least")
-    values = {row["label"]: row["value"] for group in facts["properties"] for row in group["rows"]}
-    assert values["Average position error at the end (root mean square)"] == "not simulated"
-    assert values["Largest torque found"] == (
-        "9 mN·m, but it is unknown how many frames were checked"
-    )
-    assert "Peak torque" not in values
-
-
 def test_failed_fold_offers_another_try(tmp_path: Path) -> None:
     """tests/server/contract checks the offers of other folds."""
     again = fold_facts(failed_fold(tmp_path, 0, seed=2**32 - 1))["again"]
@@ -201,7 +174,7 @@ def test_times_of_offered_folds_name_the_compilation(
 
 
 def test_fold_has_no_verdict_while_its_files_are_written(tmp_path: Path) -> None:
-    checked = {"verdict": "verified (simulated)", "simulated": True, "robots": []}
+    checked = {"verified": True, "reason": None, "simulated": True, "robots": []}
     (tmp_path / "certificate.json").write_text(json.dumps(checked))
     facts = {
         stage: fold_facts(failed_fold(tmp_path, 0, status="running", stage=stage))["verdict"]

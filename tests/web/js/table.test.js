@@ -51,7 +51,7 @@ test("a fold on a table has other torques than one that floats", async () => {
   assert.equal(withUnit(4, 2.6487e-4), "4 w·p, 1.1 mN·m");
   const { timeline } = await recorded();
   const figures = {
-    plots: { table: { unit_nm: 0.001, bound: 8, kept: 2, words: "frictionless" } },
+    plots: { table: { unit_nm: 0.001, bound: 8, kept: 2, words: "without friction" } },
     largest: () => 3.2,
     row: () => ({
       joint_torque: new Float32Array(timeline.joints).fill(2),
