@@ -29,8 +29,8 @@ def write(plan: Plan) -> bytes:
     """
     require_frames(plan)
     joints = [f"{name}_rad" for name in plan.chain.joint_names]
-    chosen = rising(plan.time_s)
-    steps = _step_column(plan, chosen)
+    rising_frames = rising(plan.time_s)
+    steps = _step_column(plan, rising_frames)
     names = [
         "time_s",
         "phase",
@@ -40,7 +40,7 @@ def write(plan: Plan) -> bytes:
         *(["step"] if steps else []),
     ]
     lines = [",".join(names)]
-    frames = plan.whole()[chosen]
+    frames = plan.whole()[rising_frames]
     numbers = np.column_stack(
         [frames.root_position * plan.chain.pitch_m, frames.root_wxyz, frames.joint_angles_rad]
     )
@@ -48,8 +48,8 @@ def write(plan: Plan) -> bytes:
         frames.time_s.tolist(),
         frames.phase.tolist(),
         numbers.tolist(),
-        plan.max_error_rad[chosen].tolist(),
-        steps or [""] * len(chosen),
+        plan.max_error_rad[rising_frames].tolist(),
+        steps or [""] * len(rising_frames),
         strict=True,
     ):
         last = "" if np.isnan(error) else repr(error)

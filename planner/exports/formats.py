@@ -182,7 +182,7 @@ def export_named(name: str) -> Export:
     for export in EXPORTS:
         if export.name == name:
             return export
-    known = ", ".join(export.name for export in EXPORTS)
+    known_names = ", ".join(export.name for export in EXPORTS)
     raise InputError(
-        "unknown-export", f"got the export format {name[:40]!r}, expected one of: {known}."
+        "unknown-export", f"got the export format {name[:40]!r}, expected one of: {known_names}."
     )

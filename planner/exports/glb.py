@@ -221,15 +221,15 @@ def _animation(times: int, outputs: list[tuple[int, int]], plan: Plan) -> dict[s
 def track_of(plan: Plan) -> Track:
     """Return a limited number of keyframes that, joined by lines and slerps, follow the plan."""
     modules = len(plan.chain)
-    chosen = rising(plan.time_s.astype(np.float32))
-    most = max(2, MAX_KEYFRAME_BYTES // (modules * POSE_BYTES_SINGLE))
+    rising_frames = rising(plan.time_s.astype(np.float32))
+    max_keyframes = max(2, MAX_KEYFRAME_BYTES // (modules * POSE_BYTES_SINGLE))
     # What is looked at fits into memory; of many frames, some are passed over from the outset.
-    seen = chosen[:: -(-len(chosen) // (4 * most))]
-    if seen[-1] != chosen[-1]:
-        seen = np.append(seen, chosen[-1])
-    track = _all_of(plan, seen)
+    sampled = rising_frames[:: -(-len(rising_frames) // (4 * max_keyframes))]
+    if sampled[-1] != rising_frames[-1]:
+        sampled = np.append(sampled, rising_frames[-1])
+    track = _all_of(plan, sampled)
     tolerance = MIN_KEYFRAME_TOLERANCE
-    while len(keys := keyframes(track, tolerance)) > most:
+    while len(keys := keyframes(track, tolerance)) > max_keyframes:
         tolerance *= 2.0
     thinned = Track(
         time_s=track.time_s[keys],
@@ -237,7 +237,7 @@ def track_of(plan: Plan) -> Track:
         wxyzs=track.wxyzs[keys],
         tolerance=tolerance,
     )
-    if len(seen) == len(plan.time_s):
+    if len(sampled) == len(plan.time_s):
         return thinned
     return replace(thinned, tolerance=max(tolerance, _largest_error(plan, thinned)))
 

@@ -85,7 +85,9 @@ def layout_of(drawings: Sequence[Drawing]) -> tuple[int, int]:
     if count > MAX_LARGE_STEPS:
         return 3, 4
     layouts = ((min(count, 2), min(-(-count // 2), 3)), (2, 1))
-    return next((one for one in layouts if _scale_mm(drawings, one) >= MIN_SCALE_MM), (1, 1))
+    return next(
+        (layout for layout in layouts if _scale_mm(drawings, layout) >= MIN_SCALE_MM), (1, 1)
+    )
 
 
 def _scale_mm(drawings: Sequence[Drawing], layout: tuple[int, int]) -> float:

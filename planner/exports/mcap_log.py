@@ -153,10 +153,10 @@ def write(plan: Plan) -> bytes:
     """
     require_frames(plan)
     rounded = np.round(plan.time_s * SECOND_NS).astype(np.int64)
-    chosen = rising(rounded)
-    times_ns: list[int] = rounded[chosen].tolist()
+    rising_frames = rising(rounded)
+    times_ns: list[int] = rounded[rising_frames].tolist()
     names = list(plan.chain.joint_names)
-    frames = plan.whole()[chosen]
+    frames = plan.whole()[rising_frames]
     file = BytesIO()
     writer = Writer(file)
     writer.start(Profile.ROS2, WRITER_LIBRARY)
@@ -168,8 +168,8 @@ def write(plan: Plan) -> bytes:
         for angles, time_ns in zip(frames.joint_angles_rad, times_ns, strict=True)
     ]
     header = {"stamp": time_of(times_ns[0])}
-    whole = {"header": header, "joint_names": names, "points": points}
-    log.add("/joint_trajectory", times_ns[0], whole)
+    message = {"header": header, "joint_names": names, "points": points}
+    log.add("/joint_trajectory", times_ns[0], message)
     for k, time_ns in enumerate(times_ns):
         header = {"stamp": time_of(time_ns)}
         positions = frames.joint_angles_rad[k].tolist()
@@ -182,8 +182,8 @@ def write(plan: Plan) -> bytes:
 
 def time_of(time_ns: int) -> dict[str, int]:
     """Return a ``builtin_interfaces`` Time or Duration."""
-    seconds, rest = divmod(time_ns, SECOND_NS)
-    return {"sec": seconds, "nanosec": rest}
+    seconds, remainder_ns = divmod(time_ns, SECOND_NS)
+    return {"sec": seconds, "nanosec": remainder_ns}
 
 
 def root_transform(chain: Chain, frames: Motion, frame: int, time_ns: int) -> dict[str, object]:

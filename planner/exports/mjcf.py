@@ -55,16 +55,16 @@ def keys_of(plan: Plan) -> tuple[Key, ...]:
     """Frames of the plan at ``KEY_PERCENTS`` of its time; none when it has no frames."""
     if not len(plan.time_s):
         return ()
-    wanted = np.array(KEY_PERCENTS) / 100.0 * plan.time_s[-1]
-    frames = np.abs(plan.time_s[:, None] - wanted).argmin(axis=0)
-    found = plan.motion[frames].dense(plan.chain)
+    key_times = np.array(KEY_PERCENTS) / 100.0 * plan.time_s[-1]
+    frames = np.abs(plan.time_s[:, None] - key_times).argmin(axis=0)
+    motion = plan.motion[frames].dense(plan.chain)
     return tuple(
         Key(
             name=f"at_{percent}",
-            angles_rad=found.joint_angles_rad[k],
-            position=found.root_position[k],
-            wxyz=found.root_wxyz[k],
-            time_s=float(found.time_s[k]),
+            angles_rad=motion.joint_angles_rad[k],
+            position=motion.root_position[k],
+            wxyz=motion.root_wxyz[k],
+            time_s=float(motion.time_s[k]),
         )
         for k, percent in enumerate(KEY_PERCENTS)
     )

@@ -101,13 +101,13 @@ def _lines(chain: Chain, module_size: float) -> Iterator[str]:
     def named(index: int) -> str:
         return f'<geom name="module_{index}"/><site name="module_{index}"/>'
 
-    whole, half = inertial(1.0), inertial(0.5)
+    full_inertial, half = inertial(1.0), inertial(0.5)
     for k, start in enumerate(starts):
         stop = starts[k + 1] if k + 1 < len(starts) else count
         yield f'<body name="module_{start}"><freejoint name="root_{start}"/>'
-        yield f"{half if k else whole}{named(start)}"
+        yield f"{half if k else full_inertial}{named(start)}"
         for i in range(start + 1, stop):
-            yield f'<body name="module_{i}" {body}>{joints(i - 1)}{whole}{named(i)}'
+            yield f'<body name="module_{i}" {body}>{joints(i - 1)}{full_inertial}{named(i)}'
         if stop < count:
             yield f'<body name="ghost_{stop}" {body}>{joints(stop - 1)}{half}</body>'
         yield "</body>" * (stop - start)

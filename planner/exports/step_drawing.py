@@ -132,8 +132,8 @@ class Drawing:
 def line_width(ink: Ink, scale_mm: float) -> float:
     """Return the width of a line on paper in mm, where a pitch is ``scale_mm`` long."""
     bold = {"arrow": 4.0, "halo": 9.0}
-    least = next((k for style, k in bold.items() if ink is INKS[style]), 1.0) * 0.1
-    return max(ink.width * scale_mm, least)
+    min_width = next((k for style, k in bold.items() if ink is INKS[style]), 1.0) * 0.1
+    return max(ink.width * scale_mm, min_width)
 
 
 def radius_of(shape: Shape, scale_mm: float) -> float:
@@ -171,9 +171,12 @@ def draw_step(
     eye = _clear_eye(step, poses, eye)
     view = _View(eye)
     first, last = _shown_modules(step, poses)
-    shown = np.arange(first, last + 1)
-    shapes = [*_faces(view, module, poses, shown, moving), *_ends(view, poses, first, last)]
-    width = float(np.ptp(view.flat(poses.positions[shown]), axis=0).max())
+    visible_modules = np.arange(first, last + 1)
+    shapes = [
+        *_faces(view, module, poses, visible_modules, moving),
+        *_ends(view, poses, first, last),
+    ]
+    width = float(np.ptp(view.flat(poses.positions[visible_modules]), axis=0).max())
     growth = max(1.0, width / small_width)
     if len(step.turns) <= 8:  # more would hide the chain
         for turn in step.turns:
@@ -204,11 +207,11 @@ class _View:
 
 
 def _faces(
-    view: _View, module: Module, poses: Poses, shown: Ints, moving: set[int]
+    view: _View, module: Module, poses: Poses, visible_modules: Ints, moving: set[int]
 ) -> Iterable[Shape]:
     """Return the visible faces of some modules, from back to front."""
     corners, normals = _hull_faces(module)
-    rotations, positions = poses.rotations[shown], poses.positions[shown]
+    rotations, positions = poses.rotations[visible_modules], poses.positions[visible_modules]
     facing = np.einsum("nij,fj->nfi", rotations, normals)
     placed = positions[:, None, None] + np.einsum("nij,fcj->nfci", rotations, corners)
     # Light comes from above and from the right.
@@ -223,7 +226,7 @@ def _faces(
     )
     for k in np.argsort(np.round(depth, 6), kind="stable").tolist():
         i, f = int(index[k]), int(face[k])
-        part = "moving" if int(shown[i]) in moving else "held"
+        part = "moving" if int(visible_modules[i]) in moving else "held"
         yield Shape(style=f"{part}-{tones[i, f]}", points=view.points(placed[i, f]))
 
 
@@ -239,8 +242,8 @@ def _hull_faces(module: Module) -> tuple[Array, Array]:
                 continue
             middle = corners.mean(axis=0)
             across = corners[0] - middle
-            aside = np.cross(normal, across)
-            turns = np.arctan2((corners - middle) @ aside, (corners - middle) @ across)
+            tangent = np.cross(normal, across)
+            turns = np.arctan2((corners - middle) @ tangent, (corners - middle) @ across)
             faces.append(corners[np.argsort(turns)])
             normals.append(normal)
     return np.array(faces), np.array(normals)
@@ -297,7 +300,7 @@ def _numbers(dots: Mapping[int, Point], growth: float) -> Iterable[Shape]:
             base = y + 0.4 * height - row * height
             left, right = sorted((near, near + side * width))
             box = (left, base - height, right, base)
-            if not any(_overlap(box, other) for other in occupied_boxes):
+            if not any(_overlap(box, occupied) for occupied in occupied_boxes):
                 occupied_boxes.append(box)
                 place = (round(near, 3), round(base, 3))
                 yield Shape(style="label", points=(place,), text=text, ends=side < 0)
@@ -305,23 +308,23 @@ def _numbers(dots: Mapping[int, Point], growth: float) -> Iterable[Shape]:
 
 
 def _overlap(
-    one: tuple[float, float, float, float], other: tuple[float, float, float, float]
+    first: tuple[float, float, float, float], second: tuple[float, float, float, float]
 ) -> bool:
     """Return True if two boxes (left, top, right, bottom) overlap."""
-    beside = one[2] <= other[0] or other[2] <= one[0]
-    return not (beside or one[3] <= other[1] or other[3] <= one[1])
+    beside = first[2] <= second[0] or second[2] <= first[0]
+    return not (beside or first[3] <= second[1] or second[3] <= first[1])
 
 
 def _arc(turn: Turn, poses: Poses, axis: Array, pivot: Array, growth: float) -> Array:
     """Return points along the arrow of a turn, which begins at the part that moves."""
     low, high = turn.moves
     outwards = range(low, high + 1) if low > turn.module else range(high, low - 1, -1)
-    away = poses.positions[list(outwards)] - pivot
-    away = away - np.outer(away @ axis, axis)
-    reach = np.linalg.norm(away, axis=1)
+    offsets = poses.positions[list(outwards)] - pivot
+    offsets = offsets - np.outer(offsets @ axis, axis)
+    reach = np.linalg.norm(offsets, axis=1)
     far = np.flatnonzero(reach > 0.9)
     if len(far):
-        start = away[far[0]] / reach[far[0]]
+        start = offsets[far[0]] / reach[far[0]]
         radius = float(np.clip(reach.max(), ARROW_RADIUS_PITCH[0], ARROW_RADIUS_PITCH[1] * growth))
     else:  # all that moves is on the axis
         start = np.cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
@@ -335,11 +338,11 @@ def _arrow_head(flat: Array, growth: float) -> tuple[Point, ...]:
     """Return the triangle at the end of a line on paper."""
     tip, before = flat[-1], flat[-3]
     along = (tip - before) / max(float(np.linalg.norm(tip - before)), 1e-9) * growth
-    aside = np.array([-along[1], along[0]])
+    normal = np.array([-along[1], along[0]])
     corners = (
         tip + 0.3 * along,
-        tip - 0.45 * along + 0.38 * aside,
-        tip - 0.45 * along - 0.38 * aside,
+        tip - 0.45 * along + 0.38 * normal,
+        tip - 0.45 * along - 0.38 * normal,
     )
     return tuple((float(x), float(y)) for x, y in np.round(corners, 3))
 
@@ -348,22 +351,22 @@ def _ends(view: _View, poses: Poses, first: int = 0, last: int | None = None) ->
     """Return the marks of both ends: white and dark dots, or where a tail is cut short."""
     end = len(poses.positions) - 1
     last = end if last is None else last
-    for style, module, shown, inwards in (("first", 0, first, 1), ("last", end, last, -1)):
-        at = poses.positions[shown]
+    for style, module, end_module, inwards in (("first", 0, first, 1), ("last", end, last, -1)):
+        at = poses.positions[end_module]
         (dot,) = view.points(at[None])
-        if module == shown:
+        if module == end_module:
             yield Shape(style=style, points=(dot,), radius=0.3)
             continue
-        outside = view.flat(at + 0.75 * (at - poses.positions[shown + inwards]))
-        aside = np.array([-(outside - dot)[1], (outside - dot)[0]])
-        aside /= max(float(np.linalg.norm(aside)), 1e-9)
+        outside = view.flat(at + 0.75 * (at - poses.positions[end_module + inwards]))
+        normal = np.array([-(outside - dot)[1], (outside - dot)[0]])
+        normal /= max(float(np.linalg.norm(normal)), 1e-9)
         zigzag = [
-            outside + k * aside * 0.35 + 0.2 * (-1) ** k * np.array([aside[1], -aside[0]])
+            outside + k * normal * 0.35 + 0.2 * (-1) ** k * np.array([normal[1], -normal[0]])
             for k in (-2, -1, 0, 1, 2)
         ]
         points = tuple((float(x), float(y)) for x, y in np.round(zigzag, 3))
         yield Shape(style="cut", points=points, closed=False)
-        text = f"{abs(module - shown)} more to {module + 1}"
+        text = f"{abs(module - end_module)} more to {module + 1}"
         place = (float(outside[0]), float(outside[1]) - 0.7)
         yield Shape(style="label", points=(place,), text=text, ends=bool(outside[0] > dot[0]))
 
@@ -392,8 +395,8 @@ def _hidden(positions: Array, modules: Sequence[int], out: Array) -> int:
     """Return how many of some modules others hide from an eye in a direction."""
     count = 0
     for module in modules:
-        away = positions - positions[module]
-        depth = away @ out
-        beside = (away**2).sum(axis=1) - depth**2
+        offsets = positions - positions[module]
+        depth = offsets @ out
+        beside = (offsets**2).sum(axis=1) - depth**2
         count += bool(((depth > 0.5) & (beside < 0.8**2)).any())  # as on the fold's page
     return count

@@ -129,8 +129,10 @@ def sufficient_rate(
         rate_hz *= 2.0
         if cancelled() or rate_hz > MAX_RATE_HZ:
             return None
-        found = clearance(trajectory, chain, size=size, rate_hz=rate_hz, cancelled=cancelled)
-        if found.bound > 0.0:
+        trajectory_clearance = clearance(
+            trajectory, chain, size=size, rate_hz=rate_hz, cancelled=cancelled
+        )
+        if trajectory_clearance.bound > 0.0:
             return rate_hz
     return None
 
@@ -160,11 +162,11 @@ def export(
     moments = times(trajectory, rate_hz)
     if form == "csv":
         return _csv(trajectory, moments)
-    seen, proved = clear or (None, None)
+    min_clearance, proved = clear or (None, None)
     head = {
         "name": name,
         "plan_verified": plan_verified,
-        "min_clearance": seen,
+        "min_clearance": min_clearance,
         "clearance_bound": proved if proved and proved > 0.0 else None,
         "deviation_rad": deviation(trajectory, rate_hz),
     }
@@ -182,10 +184,10 @@ def _csv(trajectory: Trajectory, moments: Array) -> Iterator[bytes]:
         yield ("\n".join(",".join(map(repr, row)) for row in rows) + "\n").encode()
 
 
-def _json(trajectory: Trajectory, moments: Array, what: dict[str, Any]) -> Iterator[bytes]:
+def _json(trajectory: Trajectory, moments: Array, attributes: dict[str, Any]) -> Iterator[bytes]:
     head = {
         "format": TRAJECTORY_FORMAT,
-        **what,
+        **attributes,
         "max_speed_rad_s": trajectory.max_speed_rad_s,
         "max_acceleration_rad_s2": trajectory.max_acceleration_rad_s2,
         "duration_s": trajectory.duration_s,

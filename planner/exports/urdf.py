@@ -142,7 +142,9 @@ def _linked(
     links = [f"module_{parent}", *(f"hinge_{name}" for name in names[:-1]), f"module_{index}"]
     for name in links[1:-1]:
         link = ElementTree.SubElement(robot, "link", name=name)
-        _add_inertial(link, chain, np.zeros(3), hinge_mass, least=MIN_HINGE_LINK_INERTIA_KG_M2)
+        _add_inertial(
+            link, chain, np.zeros(3), hinge_mass, min_inertia=MIN_HINGE_LINK_INERTIA_KG_M2
+        )
     anchor = centre_of(chain, parent) + side.anchor * chain.pitch_m
     if not names:
         name = f"rigid_{min(index, parent)}"
@@ -185,12 +187,12 @@ def _add_module(
 
 
 def _add_inertial(
-    link: ElementTree.Element, chain: Chain, centre: Array, mass: float, *, least: float = 0.0
+    link: ElementTree.Element, chain: Chain, centre: Array, mass: float, *, min_inertia: float = 0.0
 ) -> None:
     inertial = ElementTree.SubElement(link, "inertial")
     _add_origin(inertial, centre)
     ElementTree.SubElement(inertial, "mass", value=repr(mass))
-    inertia = np.maximum(chain.module.inertia * (mass * chain.pitch_m**2), least)
+    inertia = np.maximum(chain.module.inertia * (mass * chain.pitch_m**2), min_inertia)
     ixx, iyy, izz = inertia.tolist()
     moments = {"ixx": ixx, "ixy": 0.0, "ixz": 0.0, "iyy": iyy, "iyz": 0.0, "izz": izz}
     ElementTree.SubElement(inertial, "inertia", {k: repr(v) for k, v in moments.items()})

@@ -188,7 +188,7 @@ def _stages(solid: Solid, modules: int, seed: int, *, exact: bool) -> Iterator[_
     """Yield the results of a fit; of separate bodies all, if joining them pays, or the largest."""
     turns = candidates(solid, np.random.default_rng(seed))
     ladder = Ladder(solid, turns)
-    ladders = [ladder] if ladder.share == 1.0 else [ladder, Ladder(solid, turns, whole=True)]
+    ladders = [ladder] if ladder.share == 1.0 else [ladder, Ladder(solid, turns, all_bodies=True)]
     fits = [fit_path(each, modules, seed=seed, exact=exact) for each in ladders]
     for stage in zip(*fits, strict=True):
         yield max(zip(ladders, stage, strict=True), key=_worth)
@@ -197,7 +197,7 @@ def _stages(solid: Solid, modules: int, seed: int, *, exact: bool) -> Iterator[_
 def _worth(laid: _LaidFit) -> float:
     """Return the IoU with the whole solid, less what joined bodies must gain."""
     ladder, fit = laid
-    return _path_iou(ladder, fit.paths[0]) - (MIN_JOINED_GAIN if ladder.whole else 0.0)
+    return _path_iou(ladder, fit.paths[0]) - (MIN_JOINED_GAIN if ladder.all_bodies else 0.0)
 
 
 def _path_iou(ladder: Ladder, fitted: FittedPath) -> float:
@@ -230,8 +230,8 @@ def _voxels(ladder: Ladder, fitted: FittedPath, modules: int) -> Voxels:
         cells=cells, pitch=place.pitch, rotation=place.turn.rotation, offset=place.offset
     )
     kept = kept_of(ladder, cells, filled, _path_iou(ladder, fitted))
-    voxels = voxels_of(ladder, laid, kept, fitted.iou, asked=modules)
-    if ladder.whole and not voxels.unused:
+    voxels = voxels_of(ladder, laid, kept, fitted.iou, requested_cells=modules)
+    if ladder.all_bodies and not voxels.unused:
         notes = (joined_note(len(ladder.bodies)), *voxels.notes)
         voxels = replace(voxels, notes=notes, joined=True)
     return voxels

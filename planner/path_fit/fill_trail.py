@@ -96,4 +96,4 @@ def _voxels(ladder: Ladder, fitted: FittedTetrahedra, rings: Ints, modules: int)
         parts=fitted.lost <= PART_LOST_SHARE,
     )
     # Tunnels between tetrahedra are not counted.
-    return replace(voxels_of(ladder, laid, kept, fitted.iou, asked=modules), tunnels=None)
+    return replace(voxels_of(ladder, laid, kept, fitted.iou, requested_cells=modules), tunnels=None)

@@ -231,8 +231,8 @@ class Preparation:
             "volume_kept": None if self.likeness is None else 1.0 - self.likeness.missing,
             "tunnels": None
             if voxels.tunnels is None
-            else {"mesh": voxels.tunnels, "cells": voxels.kept.tunnels},
-            "keeps_parts": voxels.kept.parts,
+            else {"mesh": voxels.tunnels, "cells": voxels.retention.tunnels},
+            "keeps_parts": voxels.retention.parts,
             "unused_bodies": list(voxels.unused),
             "reach": [
                 {"likeness": likeness, "modules": modules}
@@ -291,7 +291,7 @@ class Preparation:
         from foldback.planner.shapes.decimation import decimated
         from foldback.planner.shapes.uncovered_surface import uncovered_surface
 
-        vertices, faces = decimated(solid.vertices, solid.faces, most=20_000)
+        vertices, faces = decimated(solid.vertices, solid.faces, max_faces=20_000)
         in_cells = vertices @ voxels.rotation.T / voxels.pitch + voxels.offset
         placed = self.filled.placed(in_cells)
         modules = self.chains[0] if self.chains else self.filled.shape.cells
@@ -405,8 +405,10 @@ def _reach(solid: Solid, made: Preparation) -> dict[float, int | None]:
     if voxels is None or voxels.unused:
         return {}
     uses = {
-        BLOCK_CELLS: CellUse(fewest=MIN_MODULES // BLOCK_CELLS, most=MAX_CELLS // BLOCK_CELLS),
-        1: CellUse(fewest=MIN_MODULES, most=LONG_CHAIN - 10, in_path=True),
+        BLOCK_CELLS: CellUse(
+            min_cells=MIN_MODULES // BLOCK_CELLS, max_cells=MAX_CELLS // BLOCK_CELLS
+        ),
+        1: CellUse(min_cells=MIN_MODULES, max_cells=LONG_CHAIN - 10, in_path=True),
     }
     if options.method == "blocks":
         del uses[1]
@@ -671,7 +673,7 @@ def _is_better(fitted: Preparation, voxelised: Preparation) -> bool:
 
 
 def _keeps_parts(made: Preparation) -> bool:
-    return made.voxels is not None and made.voxels.kept.parts
+    return made.voxels is not None and made.voxels.retention.parts
 
 
 def _fitted(solid: Solid, options: PathOptions, seed: int, *, quick: bool = False) -> Preparation:

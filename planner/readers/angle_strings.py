@@ -64,7 +64,7 @@ def refuse_digits(text: str) -> None:
             f"got {quote(first.strip())!r}, expected numbers without decimal commas; write "
             "decimals with a point.",
         )
-    many = len(first.translate(_NO_SEPARATORS).split()) > MAX_COLUMNS
+    has_columns = len(first.translate(_NO_SEPARATORS).split()) > MAX_COLUMNS
     if len(first.split(",")) == 2 * len("xyz") and text.strip().count("\n"):
         return  # a table with decimal commas: the reader of CSV names the line
     run = len(words) == 1 and len(words[0]) > MAX_COLUMNS
@@ -73,8 +73,8 @@ def refuse_digits(text: str) -> None:
         for _, line in numbered_lines(text[:DIGITS_CHECKED])
         if line.strip()
     ]
-    many |= len(lines) > MAX_COLUMNS and all(len(line) == 1 for line in lines)
-    if (many or run) and all(map(_TURN_NUMBER.fullmatch, words)):
+    has_columns |= len(lines) > MAX_COLUMNS and all(len(line) == 1 for line in lines)
+    if (has_columns or run) and all(map(_TURN_NUMBER.fullmatch, words)):
         raise InputError(
             "digits",
             f"got {quote(first.strip())!r}: digits other than 0 are not angles; for each hinge, "

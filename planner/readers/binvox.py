@@ -42,11 +42,11 @@ def read_binvox(data: bytes, source: Source) -> Shape:
         [],
     )
     if len(dim) != 3 or not all(w.isdigit() and 0 < int(w[:6]) <= MAX_SIDE_CELLS for w in dim):
-        found = quote(b" ".join(dim).decode("latin-1"))
+        size_text = quote(b" ".join(dim).decode("latin-1"))
         raise InputError(
             "damaged",
-            f"got the size {found!r}, expected three whole numbers up to {MAX_SIDE_CELLS} after "
-            "'dim'.",
+            f"got the size {size_text!r}, expected three whole numbers up to {MAX_SIDE_CELLS} "
+            "after 'dim'.",
             where="header",
         )
     depth, width, height = (int(w) for w in dim)
@@ -74,8 +74,8 @@ def read_binvox(data: bytes, source: Source) -> Shape:
     starts = (np.cumsum(lengths) - lengths)[values == 1]
     lengths = lengths[values == 1]
     places = np.repeat(starts - (np.cumsum(lengths) - lengths), lengths) + np.arange(filled)
-    x, rest = np.divmod(places, width * height)
-    z, y = np.divmod(rest, height)
+    x, remainder = np.divmod(places, width * height)
+    z, y = np.divmod(remainder, height)
     return Shape.from_cells(np.column_stack([x, y, z]), name=source.name or "shape")
 
 

@@ -49,13 +49,13 @@ def read_chain(document: dict[str, Any], source: Source) -> Chain:
 
 def _vector(document: dict[str, Any], key: str, length: int) -> Array | None:
     """Return the numbers under a key; None if it is missing."""
-    if (found := document.get(key)) is None:
+    if (value := document.get(key)) is None:
         return None
-    values = cast("list[Any]", found) if isinstance(found, list) else []
+    values = cast("list[Any]", value) if isinstance(value, list) else []
     numbers = [v for v in values if type(v) in (int, float) and abs(v) <= MAX_COORDINATE]
     if len(values) != length or len(numbers) != length:
         raise InputError(
-            "wrong-type", f"got {described(found)}, expected {length} finite numbers.", where=key
+            "wrong-type", f"got {described(value)}, expected {length} finite numbers.", where=key
         )
     return np.array(numbers, dtype=np.float64)
 
@@ -63,10 +63,10 @@ def _vector(document: dict[str, Any], key: str, length: int) -> Array | None:
 def _angles(document: dict[str, Any], module: Module, source: Source) -> list[float]:
     joints = document.get("joint_angles_deg")
     if not isinstance(joints, list) or not joints:
-        found = "nothing" if "joint_angles_deg" not in document else described(joints)
+        got = "nothing" if "joint_angles_deg" not in document else described(joints)
         raise InputError(
             "wrong-type",
-            f"got {found}, expected a list of {_joint_words(module)}, one for each joint.",
+            f"got {got}, expected a list of {_joint_words(module)}, one for each joint.",
             where="joint_angles_deg",
         )
     rows = cast("list[Any]", joints)

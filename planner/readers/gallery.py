@@ -57,12 +57,12 @@ class GalleryShape:
 def gallery() -> tuple[GalleryShape, ...]:
     """Return all example shapes, shortest chain first; read once."""
     resting = _resting()
-    found = [
+    shapes = [
         _shape(entry, resting)
         for entry in shapes_directory().iterdir()
         if entry.is_file() and entry.name.endswith(".json")
     ]
-    return tuple(sorted(found, key=lambda shape: (shape.modules, shape.name)))
+    return tuple(sorted(shapes, key=lambda shape: (shape.modules, shape.name)))
 
 
 class Gallery:
@@ -91,12 +91,12 @@ class Gallery:
         if error.code != "refold-differs":
             return error
         names = [shape.name for shape in self.fitting(module, modules)]
-        more = (
+        suffix = (
             f" and {len(names) - MAX_LISTED_EXAMPLES} more"
             if len(names) > MAX_LISTED_EXAMPLES
             else ""
         )
-        fit = f"these examples fit: {', '.join(names[:MAX_LISTED_EXAMPLES])}{more}"
+        fit = f"these examples fit: {', '.join(names[:MAX_LISTED_EXAMPLES])}{suffix}"
         detail = f"{error.detail.removesuffix('.')}; {fit if names else 'no example fits'}."
         return InputError(error.code, detail, where=error.where)
 

@@ -139,8 +139,8 @@ class _InvalidValueError(ValueError):
     """An invalid value, with a message for people."""
 
 
-def _damaged(found: str) -> InputError:
-    return InputError("damaged", f"{found}; export the scene again as GLB.")
+def _damaged(problem: str) -> InputError:
+    return InputError("damaged", f"{problem}; export the scene again as GLB.")
 
 
 def _chunks(data: bytes) -> dict[int, bytes]:
@@ -195,7 +195,7 @@ class _Scene:
 
     def __init__(self, document: Document, binary: bytes | None, source: Source) -> None:
         self._document = document
-        self._most = source.most_triangles
+        self._max_triangles = source.most_triangles
         self._notes: dict[str, None] = {}
         _check_version(document["asset"])
         _check_extensions(document, self._notes)
@@ -241,7 +241,7 @@ class _Scene:
         used = [mesh for mesh, _ in nodes]
         primitives = {mesh: self._primitives(mesh) for mesh in used}
         counts = {m: sum(self._triangles(p) for p in every) for m, every in primitives.items()}
-        check_triangles(sum(counts[mesh] for mesh in used), self._most)
+        check_triangles(sum(counts[mesh] for mesh in used), self._max_triangles)
         points = {m: sum(len(self._places(p)) for p in every) for m, every in primitives.items()}
         if (total := sum(points[mesh] for mesh in used)) > MAX_GLTF_VERTICES:
             raise InputError(
@@ -251,7 +251,9 @@ class _Scene:
             )
         parts = {mesh: [self._part(p) for p in every] for mesh, every in primitives.items()}
         # The last part comes first, as trimesh has it: how a solid is oriented depends on it.
-        placed_parts = [placed(part, where) for mesh, where in nodes[::-1] for part in parts[mesh]]
+        placed_parts = [
+            placed(part, transform) for mesh, transform in nodes[::-1] for part in parts[mesh]
+        ]
         if not placed_parts:
             raise incomplete("glb", "no triangles")
         return joined(placed_parts)
@@ -283,13 +285,13 @@ class _Scene:
             children = {c for node in nodes for c in node.get("children", [])}
             roots = [i for i in range(len(nodes)) if i not in children]
         meshes: list[tuple[int, Array]] = []
-        seen: set[int] = set()
+        reached: set[int] = set()
         waiting = [(int(root), np.eye(4), True) for root in roots]
         while waiting:
             index, above, visible = waiting.pop()
-            if index in seen or index < 0:
+            if index in reached or index < 0:
                 raise _damaged(f"node {index} is missing or is used twice")
-            seen.add(index)
+            reached.add(index)
             node = nodes[index]
             with np.errstate(all="ignore"):
                 transform = above @ _transform(node)
@@ -311,19 +313,19 @@ class _Scene:
                     f"got {len(meshes)} parts, expected at most {MAX_NODES}; join parts.",
                 )
             waiting += [(int(child), transform, visible) for child in node.get("children", [])]
-        self._note_unreached(seen)
+        self._note_unreached(reached)
         return meshes
 
-    def _note_unreached(self, seen: set[int]) -> None:
+    def _note_unreached(self, reached: set[int]) -> None:
         """Note that the file has meshes outside of its scene.
 
         Args:
-            seen: Nodes of the scene.
+            reached: Nodes of the scene.
         """
         nodes = self._document["nodes"]
-        meshes = {nodes[index].get("mesh") for index in seen} - {None}
-        others = any("mesh" in node for i, node in enumerate(nodes) if i not in seen)
-        if others or len(meshes) < len(self._document.get("meshes", [])):
+        meshes = {nodes[index].get("mesh") for index in reached} - {None}
+        any_unreached = any("mesh" in node for i, node in enumerate(nodes) if i not in reached)
+        if any_unreached or len(meshes) < len(self._document.get("meshes", [])):
             self._notes["meshes outside of the scene were ignored."] = None
 
     def _instances(self, attributes: Document, node: Array) -> list[Array]:
@@ -362,10 +364,10 @@ class _Scene:
         if mesh < 0:
             raise IndexError(f"mesh {mesh}")
         every = self._document["meshes"][mesh]["primitives"]
-        kept = [p for p in every if p.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)]
-        if len(kept) < len(every):
+        supported = [p for p in every if p.get("mode", TRIANGLES) in (TRIANGLES, STRIP, FAN)]
+        if len(supported) < len(every):
             self._notes["points and lines were ignored."] = None
-        used = [p for p in kept if self._triangles(p) and self._points(p)]
+        used = [p for p in supported if self._triangles(p) and self._points(p)]
         for primitive in used:
             # Counts that the file cannot hold are refused before they are added up.
             if (packed := _packed(primitive)) and self._lacks_data(primitive):

@@ -34,7 +34,7 @@ def read_json(text: str, source: Source) -> Path | Chain | Shape | Solid:
     """
     value = parse(text, source.most_cells)
     if isinstance(value, list):
-        return path_from_rows(cast("list[Any]", value), source, name="", where="the list")
+        return path_from_rows(cast("list[Any]", value), source, name="", field="the list")
     document = cast("dict[str, Any]", value)
     format_name = document.get("format")
     if format_name == PATH_FORMAT:
@@ -48,15 +48,15 @@ def read_json(text: str, source: Source) -> Path | Chain | Shape | Solid:
     raise _wrong_format(document, format_name)
 
 
-def _wrong_format(document: dict[str, Any], found: object) -> InputError:
+def _wrong_format(document: dict[str, Any], value: object) -> InputError:
     expected = f'expected "{PATH_FORMAT}", "{CHAIN_FORMAT}" or "{VOXELS_FORMAT}"'
-    if found is None:
+    if value is None:
         keys = quote(", ".join(list(document)[:8])) or "none"
         return InputError(
             "no-format",
             f'got a JSON object without "format" (keys: {keys}), {expected} as its "format".',
         )
-    family, slash, version = found.partition("/") if isinstance(found, str) else ("", "", "")
+    family, slash, version = value.partition("/") if isinstance(value, str) else ("", "", "")
     if slash and family in {f.partition("/")[0] for f in JSON_FORMATS}:
         return InputError(
             "wrong-version",
@@ -64,5 +64,5 @@ def _wrong_format(document: dict[str, Any], found: object) -> InputError:
             where="format",
         )
     return InputError(
-        "wrong-format", f"got the format {quote(found)!r}, {expected}.", where="format"
+        "wrong-format", f"got the format {quote(value)!r}, {expected}.", where="format"
     )

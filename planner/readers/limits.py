@@ -39,11 +39,11 @@ class Source:
     as_voxels: bool = False
 
 
-def quote(found: object) -> str:
+def quote(value: object) -> str:
     """Return a short printable form of a value for a message."""
-    text = found if isinstance(found, str) else repr(found)
-    shown = "".join(c if c.isprintable() else "·" for c in text[: MAX_QUOTE_CHARACTERS + 1])
-    return f"{shown[:MAX_QUOTE_CHARACTERS]}…" if len(text) > MAX_QUOTE_CHARACTERS else shown
+    text = value if isinstance(value, str) else repr(value)
+    printable = "".join(c if c.isprintable() else "·" for c in text[: MAX_QUOTE_CHARACTERS + 1])
+    return f"{printable[:MAX_QUOTE_CHARACTERS]}…" if len(text) > MAX_QUOTE_CHARACTERS else printable
 
 
 def described(value: object) -> str:
@@ -90,8 +90,8 @@ def parse_int(word: str | bytes) -> int:
 
 
 def _no_number(text: str) -> str:
-    found = f"{quote(text)!r} where a number is needed"
-    return f"{found} (write decimals with a point)" if DECIMAL_COMMA.match(text) else found
+    problem = f"{quote(text)!r} where a number is needed"
+    return f"{problem} (write decimals with a point)" if DECIMAL_COMMA.match(text) else problem
 
 
 def megabytes(count: int) -> str:
@@ -121,11 +121,11 @@ def check_size(data: bytes, most_cells: int) -> None:
     Raises:
         InputError: ``too-large``.
     """
-    most = 65_536 + 96 * most_cells  # headings and comments, and each cell
-    if len(data) > most:
+    max_bytes = 65_536 + 96 * most_cells  # headings and comments, and each cell
+    if len(data) > max_bytes:
         raise InputError(
             "too-large",
-            f"got {megabytes(len(data))}, expected at most {megabytes(most)}, which is "
+            f"got {megabytes(len(data))}, expected at most {megabytes(max_bytes)}, which is "
             f"enough for {most_cells} cells; use a coarser shape.",
         )
     # one of data, the others comments or blank
@@ -145,11 +145,11 @@ def check_lines(data: bytes, most_triangles: int) -> None:
         InputError: ``too-large``.
     """
     # the triangle, and its vertices, normals and texture coordinates
-    lines, most = line_ends(data), SPARE_LINES + 4 * most_triangles
-    if lines > most:
+    lines, max_lines = line_ends(data), SPARE_LINES + 4 * most_triangles
+    if lines > max_lines:
         raise InputError(
             "too-large",
-            f"got {lines} lines, expected at most {most}; remove blank lines and comments, or "
+            f"got {lines} lines, expected at most {max_lines}; remove blank lines and comments, or "
             "simplify the mesh.",
         )
 
@@ -159,9 +159,9 @@ def line_ends(data: bytes) -> int:
     return max(data.count(b"\n"), data.count(b"\r"))
 
 
-def too_many(found: int, most: int, what: str = "cells") -> InputError:
+def too_many(count: int, max_count: int, noun: str = "cells") -> InputError:
     """Return the error for more cells than the limit."""
     return InputError(
         "too-many-cells",
-        f"got {found} {what}, expected at most {most}; use a coarser shape.",
+        f"got {count} {noun}, expected at most {max_count}; use a coarser shape.",
     )

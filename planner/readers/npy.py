@@ -104,12 +104,12 @@ def _refuse_batch_axis(shape: tuple[int, ...]) -> None:
 
 
 def _voxels(grid: NDArray[Any], source: Source) -> Shape:
-    other = grid[(grid != 0) & (grid != 1)]
-    if len(other):
+    stray_values = grid[(grid != 0) & (grid != 1)]
+    if len(stray_values):
         raise InputError(
             "not-voxels",
-            f"got a grid with the value {other[0]:g}, expected only 0 and 1; compare the grid "
-            "with a threshold, for example grid > 0.5.",
+            f"got a grid with the value {stray_values[0]:g}, expected only 0 and 1; compare the "
+            "grid with a threshold, for example grid > 0.5.",
         )
     filled = int(np.count_nonzero(grid))
     if filled > source.most_cells:

@@ -35,8 +35,8 @@ COUNTED_BACK: Final = re.compile(rb"\nf[^-\n]*-")
 
 def is_obj(data: bytes) -> bool:
     """Return True if a line near the beginning is an OBJ vertex."""
-    begin = data_start(data)
-    start = data[begin : begin + 65_536]
+    data_begin = data_start(data)
+    start = data[data_begin : data_begin + 65_536]
     return start.lstrip()[:1] not in (b"{", b"[") and VERTEX_LINE.search(start) is not None
 
 
@@ -48,12 +48,13 @@ def read_obj(data: bytes, source: Source) -> Solid:
     """
     check_lines(data, source.most_triangles)
     data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
-    other = FREE_FORM.search(data)
-    if other is not None:
+    free_form = FREE_FORM.search(data)
+    if free_form is not None:
         raise InputError(
             "unsupported",
-            f"the statement {other[1].decode()!r} is not supported; export the model as polygons.",
-            where=f"line {data.count(NEWLINE, 0, other.start(1)) + 1}",
+            f"the statement {free_form[1].decode()!r} is not supported; export the model as "
+            "polygons.",
+            where=f"line {data.count(NEWLINE, 0, free_form.start(1)) + 1}",
         )
     lines = POINTS_OR_LINES.search(data) is not None
     text = BEYOND.sub(rb"\1", _plain(data))
@@ -61,8 +62,10 @@ def read_obj(data: bytes, source: Source) -> Solid:
     # A line of three coordinates has three spaces, one of n corners n.
     triangles = text.count(b" ") - 3 * vertices - 2 * polygons
     if polygons == 0:
-        found = "points and lines" if lines else "points"
-        raise InputError("no-triangles", f"got an OBJ file with only {found}, expected polygons.")
+        contents = "points and lines" if lines else "points"
+        raise InputError(
+            "no-triangles", f"got an OBJ file with only {contents}, expected polygons."
+        )
     check_triangles(max(triangles, min(polygons, 1)), source.most_triangles)
     try:
         # trimesh skips bytes of no text, joins the numbers of all lines, leaves out polygons of
@@ -93,10 +96,10 @@ def read_obj(data: bytes, source: Source) -> Solid:
     )
 
 
-def _damaged(found: str, line: int | None = None) -> InputError:
+def _damaged(problem: str, line: int | None = None) -> InputError:
     return InputError(
         "damaged",
-        f"got {found}, expected 'v x y z' for a vertex, or 'f' and vertex numbers for a polygon.",
+        f"got {problem}, expected 'v x y z' for a vertex, or 'f' and vertex numbers for a polygon.",
         where=None if line is None else f"line {line}",
     )
 
@@ -109,7 +112,7 @@ def _plain(data: bytes) -> bytes:
     text = _continued(data)
     text = b"\n%b" % OTHER_LINES.sub(b"", b"%b\n" % text.translate(BLANKS))
     text = without_comments(text)
-    spare = any(found in text for found in (b"  ", b"\n ", b" \n"))
+    spare = any(pattern in text for pattern in (b"  ", b"\n ", b" \n"))
     return SPARE_SPACE.sub(b"", text) if spare else text
 
 
@@ -118,7 +121,7 @@ def _continued(data: bytes) -> bytes:
     if LINE_BREAK not in data:
         return data
     return CONTINUED.sub(
-        lambda found: found[0].replace(LINE_BREAK, b" ") + NEWLINE * found[0].count(LINE_BREAK),
+        lambda match: match[0].replace(LINE_BREAK, b" ") + NEWLINE * match[0].count(LINE_BREAK),
         data,
     )
 
@@ -129,17 +132,17 @@ def _counted_from_the_first(text: bytes) -> bytes:
     Negative numbers count back from the last vertex before the line; trimesh counts from the
     last vertex of the file.
     """
-    known = 0
+    vertex_count = 0
     lines: list[bytes] = []
     for line in text.split(b"\n"):
-        known += line[:1] == b"v"
+        vertex_count += line[:1] == b"v"
         if line[:1] == b"f" and b"-" in line:
             try:
                 corners = [parse_int(word) for word in line.split()[1:]]
             except ValueError as error:
                 raise _damaged(str(error)) from error
             # One before the first vertex becomes 0.
-            counted = [max(0, known + 1 + at) if at < 0 else at for at in corners]
+            counted = [max(0, vertex_count + 1 + at) if at < 0 else at for at in corners]
             line = b"f " + b" ".join(b"%d" % at for at in counted)
         lines.append(line)
     return b"\n".join(lines)
@@ -147,20 +150,20 @@ def _counted_from_the_first(text: bytes) -> bytes:
 
 def _first_fault(data: bytes, vertices: int) -> InputError | None:
     """Return the error of the first line that cannot be read; None if all can."""
-    known = 0
+    vertex_count = 0
     text = without_comments(_continued(data)).decode("latin-1")
     for number, line in numbered_lines(text):
         kind, *words = line.split() or [""]
         try:
             if kind == "v":
-                known += 1
+                vertex_count += 1
                 if len([parse_float(word) for word in words[:3]]) < 3:
                     raise ValueError(f"a vertex with {len(words)} coordinates")
             elif kind == "f":
                 for corner in (parse_int(word.partition("/")[0]) for word in words):
                     if corner == 0:
                         raise ValueError("the vertex number 0 (OBJ counts from 1)")
-                    if not -known <= corner <= vertices:
+                    if not -vertex_count <= corner <= vertices:
                         return InputError(
                             "bad-index",
                             f"got vertex {corner}, but the file has {vertices} vertices; every "

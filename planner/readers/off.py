@@ -27,8 +27,8 @@ Mesh: TypeAlias = "tuple[Array, Ints, Ints, int]"
 
 def is_off(data: bytes) -> bool:
     """Return True if the first word is an OFF keyword."""
-    begin = data_start(data)
-    return KIND.match(data[begin : begin + 64]) is not None
+    data_begin = data_start(data)
+    return KIND.match(data[data_begin : data_begin + 64]) is not None
 
 
 def read_off(data: bytes, source: Source) -> Solid:
@@ -67,16 +67,16 @@ def read_off(data: bytes, source: Source) -> Solid:
     if vertices + polygons > lines:
         raise _truncated(lines, vertices, polygons)
     check_triangles(polygons, source.most_triangles)
-    found = _many(bytes(body), vertices, polygons) or _one_by_one(
+    mesh_data = _many(bytes(body), vertices, polygons) or _one_by_one(
         bytes(body), number, vertices, polygons
     )
-    points, corners, counts, more = found
+    points, corners, counts, extra_lines = mesh_data
     notes = skipped_note(int((counts < MIN_CORNERS).sum()))
     return Solid.from_triangles(
         points,
         fans(corners, counts),
         name=source.name or "solid",
-        notes=(*notes, "lines after the last polygon were ignored.") if more else notes,
+        notes=(*notes, "lines after the last polygon were ignored.") if extra_lines else notes,
         most_triangles=source.most_triangles,
     )
 
@@ -127,8 +127,8 @@ def _many(body: bytes, vertices: int, polygons: int) -> Mesh | None:
     corners = whole(faces.values[places])
     if corners is None:
         return None
-    more = len(counts) - vertices - polygons
-    return np.ascontiguousarray(points), corners, sizes, more
+    extra_lines = len(counts) - vertices - polygons
+    return np.ascontiguousarray(points), corners, sizes, extra_lines
 
 
 def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
@@ -157,17 +157,17 @@ def _one_by_one(body: bytes, number: int, vertices: int, polygons: int) -> Mesh:
             counts.append(corners)
         rows = np.array(flat, dtype=np.int64)
     except (ValueError, IndexError, OverflowError) as error:
-        found = "too few numbers, or numbers that are too large"
+        problem = "too few numbers, or numbers that are too large"
         if isinstance(error, ValueError):
-            found = str(error)
+            problem = str(error)
         raise InputError(
             "damaged",
-            f"got {found}; expected the three coordinates of a vertex, or the number of a "
+            f"got {problem}; expected the three coordinates of a vertex, or the number of a "
             "polygon's corners and then a vertex number for each corner.",
             where=f"line {number}",
         ) from error
-    more = len(lines) - vertices - polygons
-    return np.array(points).reshape(-1, 3), rows, np.array(counts, dtype=np.int64), more
+    extra_lines = len(lines) - vertices - polygons
+    return np.array(points).reshape(-1, 3), rows, np.array(counts, dtype=np.int64), extra_lines
 
 
 def _counts(number: int, words: list[str]) -> tuple[int, int]:

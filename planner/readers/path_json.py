@@ -26,14 +26,14 @@ def read_path(document: dict[str, Any], source: Source) -> Path | Shape:
     refuse_unread_keys(document, PATH_KEYS)
     rows = document.get("cells")
     if not isinstance(rows, list):
-        found = "nothing" if "cells" not in document else described(rows)
-        raise InputError("wrong-type", f"got {found}, expected a list of [x, y, z].", where="cells")
+        got = "nothing" if "cells" not in document else described(rows)
+        raise InputError("wrong-type", f"got {got}, expected a list of [x, y, z].", where="cells")
     return path_from_rows(
         cast("list[Any]", rows),
         source,
         name=name_field(document),
         pitch_m=pitch_field(document),
-        where="cells",
+        field="cells",
     )
 
 
@@ -43,13 +43,13 @@ def read_voxels(document: dict[str, Any], source: Source) -> Shape:
     Raises:
         InputError: The input is invalid; names the key or the cell.
     """
-    found = read_path(document, replace(source, as_voxels=True))
-    assert isinstance(found, Shape)
-    return found
+    shape = read_path(document, replace(source, as_voxels=True))
+    assert isinstance(shape, Shape)
+    return shape
 
 
 def path_from_rows(
-    rows: list[Any], source: Source, *, name: str, where: str, pitch_m: float = DEFAULT_PITCH_M
+    rows: list[Any], source: Source, *, name: str, field: str, pitch_m: float = DEFAULT_PITCH_M
 ) -> Path | Shape:
     """Return a path from parsed JSON rows, or a shape if ``source.as_voxels`` is set.
 
@@ -62,7 +62,7 @@ def path_from_rows(
         raise InputError(
             "empty",
             f"got no cells, expected at least {'one' if source.as_voxels else 'three'}.",
-            where=where,
+            where=field,
         )
     for index, row in enumerate(rows):
         if not isinstance(row, list) or len(cast("list[Any]", row)) != 3:

@@ -100,17 +100,17 @@ def read_ply(data: bytes, source: Source) -> Solid:
                 raise _damaged("a face has a vertex number that is not a whole number")
             parts.append(fans(rows, counts) if element.name == "face" else _strips(rows, counts))
             skipped += int((counts < MIN_CORNERS).sum())
-    others = [e.name for e in elements if e.count and any(p.length for p in e.properties)]
-    lists = [name for name in others if name not in ("face", "tristrips")]
+    list_elements = [e.name for e in elements if e.count and any(p.length for p in e.properties)]
+    lists = [name for name in list_elements if name not in ("face", "tristrips")]
     if points is None or not sum(map(len, parts)):
-        found = (
+        problem = (
             f"the element {quote(lists[0])!r} is not supported"
             if lists
             else "the file has only points"
         )
         raise InputError(
             "no-triangles",
-            f"got a PLY file without faces ({found}), expected a closed surface of polygons.",
+            f"got a PLY file without faces ({problem}), expected a closed surface of polygons.",
         )
     triangles = np.concatenate(parts)
     notes = list(skipped_note(skipped))
@@ -142,8 +142,8 @@ def _strips(corners: Ints, counts: Ints) -> Ints:
     return np.where(odd[:, None], rows[:, [1, 0, 2]], rows)
 
 
-def _damaged(found: str) -> InputError:
-    return InputError("damaged", f"{found}; save the mesh again as PLY.")
+def _damaged(problem: str) -> InputError:
+    return InputError("damaged", f"{problem}; save the mesh again as PLY.")
 
 
 def _header(data: bytes) -> tuple[str, list[_Element], int]:
@@ -229,10 +229,10 @@ class _Text:
     def read(self, element: _Element) -> Columns:
         """Read the columns of an element: all values in a row, and the number in each row."""
         lines = self._lines[self._at : self._at + element.count]
-        found = self._by_line(element, lines) if self._line_a_row else None
-        if found is not None:
+        columns = self._by_line(element, lines) if self._line_a_row else None
+        if columns is not None:
             self._at += element.count
-            return found
+            return columns
         words = list(chain.from_iterable(self._lines[self._at :]))
         rows = _Rows(element)
         at = 0
@@ -260,8 +260,8 @@ class _Text:
             if any(len(line) < wide for line in lines):
                 return None
             values = self._numbers([word for line in lines for word in line[:wide]])
-            ones = np.ones(element.count, dtype=np.int64)
-            return [(values[i::wide], ones) for i in range(wide)]
+            row_counts = np.ones(element.count, dtype=np.int64)
+            return [(values[i::wide], row_counts) for i in range(wide)]
         rows = _Rows(element)
         if any(rows.add(line, 0) is None for line in lines):
             return None
@@ -334,8 +334,8 @@ class _Binary:
 
     def most(self, element: _Element) -> int:
         """Return an upper bound of the number of rows of an element that are left."""
-        least = sum(np.dtype(p.length or p.kind).itemsize for p in element.properties)
-        return (len(self._data) - self._at) // least
+        min_row_bytes = sum(np.dtype(p.length or p.kind).itemsize for p in element.properties)
+        return (len(self._data) - self._at) // min_row_bytes
 
     def has_more(self) -> bool:
         """Return True if bytes follow the last row that was read."""

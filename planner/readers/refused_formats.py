@@ -76,9 +76,9 @@ def refuse_other_kinds(data: bytes, expected: str) -> None:
         raise wrong_kind(f"this looks like {kind}", expected)
 
 
-def wrong_kind(found: str, expected: str) -> InputError:
+def wrong_kind(description: str, expected: str) -> InputError:
     """Return the error for a file of an unsupported format."""
-    return InputError("wrong-kind", f"{found}, expected {expected}.")
+    return InputError("wrong-kind", f"{description}, expected {expected}.")
 
 
 def unknown_kind(text: str, expected: str) -> InputError:

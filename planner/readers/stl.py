@@ -98,11 +98,11 @@ def _binary(data: bytes, source: Source) -> Solid:
     count = announced(data)
     expected = HEADER_BYTES + TRIANGLE_BYTES * count
     if len(data) < expected:
-        held = (len(data) - HEADER_BYTES) // TRIANGLE_BYTES
+        fitting_count = (len(data) - HEADER_BYTES) // TRIANGLE_BYTES
         raise InputError(
             "truncated",
-            f"the header declares {count} triangles, but the file has {held}; the header is wrong, "
-            "or the file is cut off.",
+            f"the header declares {count} triangles, but the file has {fitting_count}; the header "
+            "is wrong, or the file is cut off.",
         )
     if count or len(data) < HEADER_BYTES + TRIANGLE_BYTES:
         check_triangles(count, source.most_triangles)
@@ -128,14 +128,14 @@ def _text(data: bytes, source: Source) -> Solid:
     check_triangles(text.count(FACET_END), source.most_triangles)
     corners = np.concatenate([_corners(part) for part in _facets(text)])
     end = text.rfind(b"endsolid", -STL_PROBE_BYTES)
-    rest = b" ".join(text[end:].splitlines()[1:]).strip()
-    if end < 0 or UNFINISHED.search(rest):
+    tail = b" ".join(text[end:].splitlines()[1:]).strip()
+    if end < 0 or UNFINISHED.search(tail):
         raise InputError("truncated", "the file ends before 'endsolid'; save or send it again.")
     return Solid.from_triangles(
         corners,
         np.arange(len(corners)).reshape(-1, 3),
         name=source.name or "solid",
-        notes=(TAIL_IGNORED,) if rest else (),
+        notes=(TAIL_IGNORED,) if tail else (),
         most_triangles=source.most_triangles,
     )
 
@@ -156,15 +156,15 @@ def _facets(text: bytes) -> Iterator[bytes]:
 
 def _corners(part: bytes) -> Array:
     """Return the (3 F, 3) vertices of F facets."""
-    expected, found = 3 * part.count(FACET_END), VERTEX.findall(part)
-    if len(found) != expected:
+    expected, vertices = 3 * part.count(FACET_END), VERTEX.findall(part)
+    if len(vertices) != expected:
         raise InputError(
             "damaged",
-            f"got {len(found)} vertices in {expected // 3} triangles, expected three vertices in "
-            "each triangle; the file is cut off or damaged, so save it again.",
+            f"got {len(vertices)} vertices in {expected // 3} triangles, expected three vertices "
+            "in each triangle; the file is cut off or damaged, so save it again.",
         )
     # trimesh wants a vertex to have a line, joins the numbers of all, and skips bytes of no text.
-    text = b"".join(b"vertex %b %b %b\n" % numbers for numbers in found)
+    text = b"".join(b"vertex %b %b %b\n" % numbers for numbers in vertices)
     wrong = NO_NUMBER.search(text)
     if wrong is None:
         points, _ = triangles_in(ASCII_SOLID % text, "stl")

@@ -49,17 +49,17 @@ def parse(text: str, most_cells: int = MAX_CELLS) -> object:
             object_pairs_hook=_no_duplicates,
         )
     except json.JSONDecodeError as error:
-        where = f"line {error.lineno}, column {error.colno}"
+        position = f"line {error.lineno}, column {error.colno}"
         if error.pos >= len(text.rstrip()) or error.msg.startswith("Unterminated string"):
             raise InputError(
                 "truncated",
                 "the file ends in the middle of its JSON; save or send it again.",
-                where=where,
+                where=position,
             ) from error
         raise InputError(
             "bad-json",
             f"this is not valid JSON ({error.msg}); correct the file, or save it again.",
-            where=where,
+            where=position,
         ) from error
     except RecursionError as error:
         raise InputError(
@@ -87,21 +87,21 @@ def _no_duplicates(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return result
 
 
-def refuse_unread_keys(document: dict[str, Any], known: Collection[str]) -> None:
+def refuse_unread_keys(document: dict[str, Any], known_keys: Collection[str]) -> None:
     """Refuse keys that would change the form, place or size of a shape; others say nothing of it.
 
     Args:
         document: An object of one of foldback's formats.
-        known: Keys of the format.
+        known_keys: Keys of the format.
 
     Raises:
         InputError: ``unknown-key``.
     """
     for key in document:
-        if key not in known and KEYS_OF_FORM.match(key.casefold()):
+        if key not in known_keys and KEYS_OF_FORM.match(key.casefold()):
             raise InputError(
                 "unknown-key",
-                f"got the unknown key {quote(key)!r}, expected one of: {', '.join(known)}; "
+                f"got the unknown key {quote(key)!r}, expected one of: {', '.join(known_keys)}; "
                 "use one of these keys, or remove the unknown key.",
                 where=quote(key),
             )

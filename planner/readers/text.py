@@ -164,9 +164,9 @@ def coordinate(field: str, axis: str, line: int) -> float:
             "not-finite", f"got {quote(word)} for {axis}, expected a whole number.", where=where
         )
     if not NUMBER_PATTERN.match(word):
-        found = f"got {quote(word)!r}" if word else "got nothing"
+        problem = f"got {quote(word)!r}" if word else "got nothing"
         raise InputError(
-            "not-a-number", f"{found} for {axis}, expected a whole number.", where=where
+            "not-a-number", f"{problem} for {axis}, expected a whole number.", where=where
         )
     value = float(word)
     if abs(value) > MAX_COORDINATE:

@@ -132,8 +132,8 @@ def read_threemf(data: bytes, source: Source) -> Solid:
     return models.solid()
 
 
-def _damaged(found: str) -> InputError:
-    return InputError("damaged", f"{found}; export the model again as 3MF.")
+def _damaged(problem: str) -> InputError:
+    return InputError("damaged", f"{problem}; export the model again as 3MF.")
 
 
 def _too_many_entries(count: int) -> InputError:
@@ -180,8 +180,8 @@ def _main_model(archive: zipfile.ZipFile) -> str:
         return ""
     with archive.open(RELATIONSHIPS) as stream:
         text = stream.read(1 << 16)  # one takes about 200
-    found = MAIN_MODEL.search(text)
-    target = TARGET.search(found[0]) if found else None
+    relation = MAIN_MODEL.search(text)
+    target = TARGET.search(relation[0]) if relation else None
     return target[1].decode("utf-8", "replace").lower() if target else ""
 
 
@@ -275,8 +275,8 @@ class _Models:
 
     def _leave_out(self, number: str) -> None:
         """Leave out the components of an assembly with this number."""
-        wanted = {key for key, _ in self._now.parts if key[1] == number} if self._now else set()
-        for key in wanted or {key for key in self._objects if key[1] == number}:
+        parts = {key for key, _ in self._now.parts if key[1] == number} if self._now else set()
+        for key in parts or {key for key in self._objects if key[1] == number}:
             if key in self._objects:
                 self._objects[key].kind = "other"
 
@@ -337,8 +337,8 @@ class _Models:
                     self._items.append(self._reference(fields))
             case "metadata" if self._now is not None and fields.get("name") in CURA_ROLES:
                 self._parser.CharacterDataHandler = self._role.append
-            case "beam" | "ball" | "booleanshape" | "levelset" | "displacementmesh" as other:
-                name = OTHER_FORMS[other]
+            case "beam" | "ball" | "booleanshape" | "levelset" | "displacementmesh" as form:
+                name = OTHER_FORMS[form]
                 raise InputError(
                     "unsupported",
                     f"the model has {name}, which are not supported; export it as a mesh.",
@@ -372,11 +372,11 @@ class _Models:
         items = self._items or [
             (key, np.array(IDENTITY).reshape(4, 3)) for key in self._objects if key not in inner
         ]
-        known: dict[Key, tuple[int, int]] = {}
+        totals: dict[Key, tuple[int, int]] = {}
         triangles = instances = 0
         for key, _ in items:
-            more = self._amount(key, known, 0)
-            triangles, instances = triangles + more[0], instances + more[1]
+            part_total = self._amount(key, totals, 0)
+            triangles, instances = triangles + part_total[0], instances + part_total[1]
         if instances > MAX_INSTANCES:
             raise InputError(
                 "too-large",
@@ -394,7 +394,9 @@ class _Models:
             if model.kind not in MATERIAL_TYPES:
                 self._notes[LEFT_OUT] = None
                 continue
-            waiting += [(part, _after(own, transform)) for part, own in model.parts]
+            waiting += [
+                (part, _after(part_transform, transform)) for part, part_transform in model.parts
+            ]
             if not model.corners:
                 continue
             if key not in arrays:
@@ -402,21 +404,21 @@ class _Models:
                     np.array(model.points, dtype=np.float64).reshape(-1, 3),
                     self._material(model),
                 )
-            own, corners = arrays[key]
+            vertices, corners = arrays[key]
             if not len(corners):
                 continue
-            if corners.min() < 0 or corners.max() >= len(own):
+            if corners.min() < 0 or corners.max() >= len(vertices):
                 wrong = corners.min() if corners.min() < 0 else corners.max()
                 raise InputError(
                     "bad-index",
-                    f"a triangle uses vertex {wrong}, but there are {len(own)} vertices, "
+                    f"a triangle uses vertex {wrong}, but there are {len(vertices)} vertices, "
                     "counted from 0; export the model again.",
                 )
             with np.errstate(all="ignore"):
-                points.append(own @ transform[:3] + transform[3])
+                points.append(vertices @ transform[:3] + transform[3])
                 mirrored = np.linalg.det(transform[:3]) < 0
             faces.append((corners[:, ::-1] if mirrored else corners) + rows)
-            rows += len(own)
+            rows += len(vertices)
         if not faces and LEFT_OUT in self._notes:
             raise InputError(
                 "empty",
@@ -445,34 +447,34 @@ class _Models:
             if key in self._objects and key not in reached:
                 reached.add(key)
                 waiting += [part for part, _ in self._objects[key].parts]
-        others = (model for key, model in self._objects.items() if key not in reached)
-        if any(model.corners and model.kind in MATERIAL_TYPES for model in others):
+        leftover_models = (model for key, model in self._objects.items() if key not in reached)
+        if any(model.corners and model.kind in MATERIAL_TYPES for model in leftover_models):
             self._notes[UNBUILT] = None
 
     def _material(self, model: _Object) -> Ints:
         """Return the triangles of an object without those that cut, modify or support others."""
         corners = np.array(model.corners, dtype=np.int64)
-        kept = np.ones(len(corners), dtype=np.bool_)
+        is_material = np.ones(len(corners), dtype=np.bool_)
         for first, last in model.cutters:
-            kept[max(first, 0) : max(last + 1, 0)] = False
-        if not kept.all():
+            is_material[max(first, 0) : max(last + 1, 0)] = False
+        if not is_material.all():
             self._notes[LEFT_OUT] = None
-        return corners[kept]
+        return corners[is_material]
 
-    def _amount(self, key: Key, known: dict[Key, tuple[int, int]], depth: int) -> tuple[int, int]:
+    def _amount(self, key: Key, totals: dict[Key, tuple[int, int]], depth: int) -> tuple[int, int]:
         """Count the triangles and parts of an object without building them."""
-        if key in known:
-            return known[key]
+        if key in totals:
+            return totals[key]
         if key not in self._objects or depth > 64:  # one that contains itself is deeper, too
-            found = "parts nested too deeply" if key in self._objects else "a missing object"
-            raise _damaged(f"the model refers to {found}")
+            problem = "parts nested too deeply" if key in self._objects else "a missing object"
+            raise _damaged(f"the model refers to {problem}")
         model = self._objects[key]
         triangles, instances = len(model.corners), 1
         for part, _ in model.parts:
-            more = self._amount(part, known, depth + 1)
-            triangles, instances = triangles + more[0], instances + more[1]
-        known[key] = triangles, instances
-        return known[key]
+            part_total = self._amount(part, totals, depth + 1)
+            triangles, instances = triangles + part_total[0], instances + part_total[1]
+        totals[key] = triangles, instances
+        return totals[key]
 
 
 def _after(inner: Array, outer: Array) -> Array:

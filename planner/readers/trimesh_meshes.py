@@ -87,11 +87,12 @@ def placed(part: Triangles, transform: Array) -> Triangles:
     return points, faces[:, ::-1] if mirrored else faces
 
 
-def incomplete(kind: Format, found: str) -> InputError:
+def incomplete(kind: Format, problem: str) -> InputError:
     """Return the error for a mesh that cannot be read to its end."""
     return InputError(
         "damaged",
-        f"got an incomplete {kind.upper()} mesh ({found}), expected a complete one; save it again.",
+        f"got an incomplete {kind.upper()} mesh ({problem}), expected a complete one; save it "
+        "again.",
     )
 
 

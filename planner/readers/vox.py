@@ -102,8 +102,8 @@ def read_vox(data: bytes, source: Source) -> Shape:
     return replace(shape, notes=tuple(content.notes))
 
 
-def _damaged(found: str) -> InputError:
-    return InputError("damaged", f"{found}; save the model again.")
+def _damaged(problem: str) -> InputError:
+    return InputError("damaged", f"{problem}; save the model again.")
 
 
 def _chunks(data: bytes) -> _File:
@@ -228,10 +228,10 @@ class _Reader:
         """Read a signed 32-bit integer."""
         return int.from_bytes(self.skip(4), "little", signed=True)
 
-    def counted(self, least: int) -> int:
-        """Read a number of items of at least ``least`` bytes each."""
+    def counted(self, min_bytes: int) -> int:
+        """Read a number of items of at least ``min_bytes`` bytes each."""
         count = self.number()
-        if count < 0 or count * least > self.left:
+        if count < 0 or count * min_bytes > self.left:
             raise _damaged(f"a chunk declares {count} items but has fewer")
         return count
 
@@ -294,11 +294,13 @@ def _placements(content: _File) -> list[tuple[int, _Placed]]:
             _note(content, HIDDEN)
             continue
         if node in content.moves:
-            child, own = content.moves[node]
-            shift = above.turn @ own.shift + above.shift
+            child, placement = content.moves[node]
+            shift = above.turn @ placement.shift + above.shift
             if np.abs(shift).max() > 1 << 30:
                 raise _damaged("an object lies too far from the origin")
-            waiting.append((child, _Placed(turn=above.turn @ own.turn, shift=shift), depth + 1))
+            waiting.append(
+                (child, _Placed(turn=above.turn @ placement.turn, shift=shift), depth + 1)
+            )
         elif node in content.groups:
             waiting += [(child, above, depth + 1) for child in content.groups[node]]
         elif node in content.shapes:

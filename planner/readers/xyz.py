@@ -53,14 +53,14 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
         InputError: A line cannot be read; names it.
     """
     lines = ((n, words) for n, line in numbered_lines(text) if (words := line.split()))
-    comments, begin, first = _head(lines)
+    comments, first_line, first = _head(lines)
     promised = _count(first)
     headers = _headers(first)
     columns = columns_of(headers) or _commented_columns(comments)
-    data = lines if headers or promised is not None else chain([(begin, first)], lines)
+    data = lines if headers or promised is not None else chain([(first_line, first)], lines)
     data = ((n, words) for n, words in data if not _is_comment(words))
     if promised is not None:
-        data = _after_remark(list(islice(data, source.most_cells + 2)), begin, promised)
+        data = _after_remark(list(islice(data, source.most_cells + 2)), first_line, promised)
     rows: list[list[float]] = []
     for line, words in data:
         if promised is not None and len(words) == 4 and words[0].isalnum():
@@ -78,7 +78,7 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
             code,
             f"the first line declares {promised} cells, but the file has {len(rows)}; "
             "the file is cut off, or has more than one frame.",
-            where=f"line {begin}",
+            where=f"line {first_line}",
         )
     return path_or_shape(cells_array(rows), source)
 

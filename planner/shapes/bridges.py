@@ -52,12 +52,12 @@ def bridged(cells: Flags, filled: Array) -> Bridged:
     if len(sizes) == 1:
         return Bridged(cells=cells, parts=1, added=0, dropped=0)
     main = int(np.argmax(sizes)) + 1
-    least = max(2.0, 0.005 * float(sizes.sum()))  # smaller parts are specks
+    min_size = max(2.0, 0.005 * float(sizes.sum()))  # smaller parts are specks
     order = np.argsort(-sizes, kind="stable") + 1
-    wanted = {int(p) for p in order[: 64 + 1] if p != main and sizes[p - 1] >= least}
+    parts = {int(p) for p in order[: 64 + 1] if p != main and sizes[p - 1] >= min_size}
     joined = numbers == main
     added = 0
-    for end, came_from in _ways(numbers, filled, main, wanted) if wanted else ():
+    for end, came_from in _ways(numbers, filled, main, parts) if parts else ():
         joined |= numbers == numbers[end]
         cell: Cell | None = end
         while cell is not None:
@@ -74,10 +74,10 @@ def bridged(cells: Flags, filled: Array) -> Bridged:
 
 
 def _ways(
-    numbers: NDArray[np.int32], filled: Array, main: int, wanted: set[int]
+    numbers: NDArray[np.int32], filled: Array, main: int, parts: set[int]
 ) -> list[tuple[Cell, dict[Cell, Cell]]]:
     """Return the cheapest bridge to each wanted part: its last cell, and predecessors."""
-    remaining = set(wanted)
+    remaining = set(parts)
     bridges: list[tuple[Cell, dict[Cell, Cell]]] = []
     cost: dict[Cell, float] = {}
     came_from: dict[Cell, Cell] = {}

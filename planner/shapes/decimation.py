@@ -10,8 +10,8 @@ from foldback.planner.arrays import Array
 Faces = NDArray[np.int64]
 
 
-def decimated(vertices: Array, faces: Faces, *, most: int) -> tuple[Array, Faces]:
-    """Return a similar mesh of at most ``most`` triangles.
+def decimated(vertices: Array, faces: Faces, *, max_faces: int) -> tuple[Array, Faces]:
+    """Return a similar mesh of at most ``max_faces`` triangles.
 
     Vertices in one cell of a grid become one, in their middle; triangles that vanish are left out.
     The grid is made coarser until few enough are left.
@@ -19,16 +19,16 @@ def decimated(vertices: Array, faces: Faces, *, most: int) -> tuple[Array, Faces
     Args:
         vertices: (V, 3) points.
         faces: (F, 3) indices.
-        most: Maximum number of triangles.
+        max_faces: Maximum number of triangles.
     """
-    if len(faces) <= most:
+    if len(faces) <= max_faces:
         return vertices, faces
     low = vertices.min(axis=0)
     size = float((vertices.max(axis=0) - low).max())
-    cells = max(4.0, 2.0 * np.sqrt(most / 4.0))
+    cells = max(4.0, 2.0 * np.sqrt(max_faces / 4.0))
     for _ in range(40):  # at last the grid is 7500 times coarser, and no triangle remains
         fewer = _merged(vertices, faces, low, size / cells if size > 0 else 1.0)
-        if len(fewer[1]) <= most:
+        if len(fewer[1]) <= max_faces:
             return fewer
         cells /= 1.25
     return vertices[:0], faces[:0]
@@ -44,6 +44,6 @@ def _merged(vertices: Array, faces: Faces, low: Array, grid: float) -> tuple[Arr
     )
     mapped = of[faces]
     a, b, c = mapped.T
-    kept = mapped[(a != b) & (b != c) & (c != a)]
-    _, index = np.unique(np.sort(kept, axis=1), axis=0, return_index=True)
-    return middles, kept[np.sort(index)]
+    proper = mapped[(a != b) & (b != c) & (c != a)]
+    _, index = np.unique(np.sort(proper, axis=1), axis=0, return_index=True)
+    return middles, proper[np.sort(index)]

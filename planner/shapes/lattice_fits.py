@@ -136,18 +136,18 @@ class Ladder:
 
     Attributes:
         solid: The solid; its largest body alone, if others have enough volume and do not touch it,
-            unless the ladder is made with ``whole``.
+            unless the ladder is made with ``all_bodies``.
         bodies: Separate bodies of the whole solid, the one that cells are fitted to first; empty
             for a solid in one piece.
         share: Share of the whole solid's volume that cells are fitted to, 0…1.
         tunnels: Number of tunnels of the used bodies; None if that is undecided.
-        whole: True if all bodies are used.
+        all_bodies: True if all bodies are used.
         apart: True if ``solid`` still has other bodies, because its surfaces do not separate them.
     """
 
-    def __init__(self, solid: Solid, turns: tuple[Array, ...], *, whole: bool = False) -> None:
+    def __init__(self, solid: Solid, turns: tuple[Array, ...], *, all_bodies: bool = False) -> None:
         self.solid = solid
-        self.whole = whole
+        self.all_bodies = all_bodies
         self.turns = turns
         self.volume = enclosed_volume(solid)
         self.thickness = 2.0 * self.volume / _area(solid)
@@ -156,7 +156,7 @@ class Ladder:
         self.share = 1.0
         self.apart = False
         self._fits: dict[tuple[int, float], LatticeFit | None] = {}
-        self._made: dict[tuple[int, float, OffsetThreshold], FittedCells] = {}
+        self._fitted_cells: dict[tuple[int, float, OffsetThreshold], FittedCells] = {}
         self._grids: dict[tuple[int, float, int], Grid] = {}
         self._stored = 0
         self._rough: dict[int, Solid] = {}
@@ -182,11 +182,11 @@ class Ladder:
         numbers, sizes = parts_of(sampling.inside)
         if not len(sizes):
             return
-        main = sampling.inside if self.whole else numbers == int(np.argmax(sizes)) + 1
+        main = sampling.inside if self.all_bodies else numbers == int(np.argmax(sizes)) + 1
         if len(sizes) > 1 or self.solid.surfaces > 1:
             self.bodies = separate_bodies(self.solid, sampling, numbers, sizes)
         self.tunnels = self._count_tunnels(sampling, main)
-        if self.whole or int((sizes >= MIN_BODY_SHARE * sizes.sum()).sum()) <= 1:
+        if self.all_bodies or int((sizes >= MIN_BODY_SHARE * sizes.sum()).sum()) <= 1:
             return
         self.share = checked_fraction(self.bodies[0].share, "share of the largest body")
         self.volume *= float(sizes.max() / sizes.sum())
@@ -202,7 +202,7 @@ class Ladder:
         """Return the number of tunnels of the used bodies; None if that is undecided."""
         tunnels: int | None = None
         rows: Ints | None = np.arange(len(self.solid.faces))
-        if self.bodies and not self.whole:
+        if self.bodies and not self.all_bodies:
             rows = self.bodies[0].faces
         if self.solid.oriented and sampling.crossed <= MAX_CROSSED_SHARE and rows is not None:
             tunnels = tunnels_of_surface(self.solid.faces[rows])
@@ -222,11 +222,11 @@ class Ladder:
 
     def dividing(self, turn: int, pitch: float) -> list[float]:
         """Return pitches near one that divide the box of the turned solid."""
-        found: list[float] = []
+        pitches: list[float] = []
         for extent in self.extents[turn].tolist():
             middle = round(extent / pitch)
-            found += [extent / k for k in (middle, middle - 1, middle + 1) if k >= 1]
-        return [p for p in found if 0.8 <= p / pitch <= 1.26]
+            pitches += [extent / k for k in (middle, middle - 1, middle + 1) if k >= 1]
+        return [p for p in pitches if 0.8 <= p / pitch <= 1.26]
 
     def samples(self, turn: int, pitch: float, size: int) -> float:
         """Return the number of samples of the turned solid's box."""
@@ -294,7 +294,7 @@ class Ladder:
     def made(self, fit: LatticeFit, offset_threshold: OffsetThreshold) -> FittedCells:
         """Return the connected cells of a fit and their overlap by finer samples."""
         key = (fit.turn, fit.pitch, offset_threshold)
-        if key not in self._made:
+        if key not in self._fitted_cells:
             grid = self.grid(fit.turn, fit.pitch, self.size(fit.turn, fit.pitch))
             sums = grid.fill(offset_threshold)
             joined = bridged(
@@ -302,7 +302,7 @@ class Ladder:
             )
             finer = self.finer(fit.turn, fit.pitch, 3_000_000)
             fine = self.grid(fit.turn, fit.pitch, finer)
-            self._made[key] = FittedCells(
+            self._fitted_cells[key] = FittedCells(
                 turn=fit.turn,
                 pitch=fit.pitch,
                 offset_threshold=offset_threshold,
@@ -310,12 +310,12 @@ class Ladder:
                 count=int(joined.cells.sum()),
                 iou=overlap(fine, offset_threshold, joined.cells),
             )
-        return self._made[key]
+        return self._fitted_cells[key]
 
-    def finer(self, turn: int, pitch: float, most: int) -> int:
+    def finer(self, turn: int, pitch: float, max_samples: int) -> int:
         """Return the samples along a cell's edge for measuring, twice as many if possible."""
         size = self.size(turn, pitch)
-        return 2 * size if self.samples(turn, pitch, 2 * size) <= most else size
+        return 2 * size if self.samples(turn, pitch, 2 * size) <= max_samples else size
 
     def _roughened(self, pitch: float) -> tuple[int, Solid]:
         """Return a level and the solid, with close vertices merged if it is large."""
@@ -359,11 +359,11 @@ def _judged(grid: Grid, turn: int, pitch: float) -> LatticeFit:
     levels = min(THRESHOLD_LEVELS, full)
     sums = window_sums(grid.parts, grid.split)
     windows, samples = window_histograms(sums, grid.split, full, levels)
-    chosen = np.arange(
+    chosen_levels = np.arange(
         max(1, round(MIN_FILL_THRESHOLD * levels)), max(1, round(MAX_FILL_THRESHOLD * levels)) + 1
     )
-    counts = np.cumsum(windows[..., ::-1], axis=-1)[..., ::-1][..., chosen]
-    shared = np.cumsum(samples[..., ::-1], axis=-1)[..., ::-1][..., chosen]
+    counts = np.cumsum(windows[..., ::-1], axis=-1)[..., ::-1][..., chosen_levels]
+    shared = np.cumsum(samples[..., ::-1], axis=-1)[..., ::-1][..., chosen_levels]
     union = grid.count + counts * full - shared
     ious = shared / np.maximum(union, 1)
     checked_fraction(float(ious.min()), "intersection over union")
@@ -373,7 +373,7 @@ def _judged(grid: Grid, turn: int, pitch: float) -> LatticeFit:
         pitch=pitch,
         counts=counts,
         ious=ious,
-        thresholds=-(-chosen * full // levels),
+        thresholds=-(-chosen_levels * full // levels),
     )
 
 
@@ -413,8 +413,10 @@ def _around(solid: Solid, sampling: Sampling, body: Flags) -> Solid:
     near = np.zeros(len(at), dtype=np.bool_)
     for step in np.ndindex(3, 3, 3):
         near |= body[tuple(np.clip(at + np.array(step) - 1, 0, np.array(body.shape) - 1).T)]
-    kept = 2 * np.bincount(surface[near], minlength=count) > np.bincount(surface, minlength=count)
-    faces = solid.faces[kept[surface[a]]]
+    near_surface = 2 * np.bincount(surface[near], minlength=count) > np.bincount(
+        surface, minlength=count
+    )
+    faces = solid.faces[near_surface[surface[a]]]
     if not len(faces):
         return solid
     used, inverse = np.unique(faces, return_inverse=True)

@@ -108,8 +108,8 @@ def _cycle(squares: Ints, rng: np.random.Generator) -> dict[Cell, Cell] | None:
     following: dict[Cell, Cell] = {}
     for (x, y), k in index.items():
         for corner, turn, out in zip(SQUARE_CORNERS, ROUND_STEPS, OUT_STEPS, strict=True):
-            other = index.get((x + out[0], y + out[1]), -1)
-            step = out if (k, other) in joined or (other, k) in joined else turn
+            next_cell = index.get((x + out[0], y + out[1]), -1)
+            step = out if (k, next_cell) in joined or (next_cell, k) in joined else turn
             cell = (2 * x + corner[0], 2 * y + corner[1])
             following[cell] = (cell[0] + step[0], cell[1] + step[1])
     return following

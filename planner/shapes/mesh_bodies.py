@@ -109,19 +109,19 @@ def orient_bodies(points: Array, faces: Ints) -> Oriented | None:
     sizes = np.diff(mesh.begins)
     flipped = np.bincount(body, weights=flips, minlength=len(sizes))
     # A body faces as most of its triangles do in the file.
-    said = np.sign(mesh.volumes) * np.where(2 * flipped > sizes, -1, 1)
-    wanted = np.where(_containers(mesh, said) % 2 == 1, -1, 1)
-    wrong = mesh.filled & (np.sign(mesh.volumes) != wanted)
+    orientations = np.sign(mesh.volumes) * np.where(2 * flipped > sizes, -1, 1)
+    outward = np.where(_containers(mesh, orientations) % 2 == 1, -1, 1)
+    wrong = mesh.filled & (np.sign(mesh.volumes) != outward)
     faces = _turned(mesh.faces, wrong[body])
     if wrong.any():
         faces = _once(faces, body)  # both sides of double-sided walls face outwards now
     return Oriented(
         faces=faces,
-        volume=float((np.abs(mesh.volumes) * wanted)[mesh.filled].sum()),
-        outer=int((wanted[mesh.filled] == 1).sum()),
+        volume=float((np.abs(mesh.volumes) * outward)[mesh.filled].sum()),
+        outer=int((outward[mesh.filled] == 1).sum()),
         notes=tuple(
             _notes(
-                wanted[mesh.filled & (said != wanted)],
+                outward[mesh.filled & (orientations != outward)],
                 bodies=int(mesh.filled.sum()),
                 triangles=int(np.minimum(flipped, sizes - flipped).sum()),
                 sheets=_count_sheets(mesh, body),
@@ -135,8 +135,8 @@ def _once(faces: Ints, body: Ints) -> Ints:
     turn = np.argmin(faces, axis=1)
     turned = np.take_along_axis(faces, (turn[:, None] + np.arange(3)) % 3, axis=1)
     _, first, kind = np.unique(turned, axis=0, return_index=True, return_inverse=True)
-    again = first[kind.reshape(-1)] != np.arange(len(faces))
-    repeated = np.bincount(body, weights=~again) == 0
+    is_repeat = first[kind.reshape(-1)] != np.arange(len(faces))
+    repeated = np.bincount(body, weights=~is_repeat) == 0
     return faces[~repeated[body]] if repeated.any() else faces
 
 
@@ -150,18 +150,18 @@ def _count_sheets(mesh: _Bodies, body: Ints) -> int:
     return len(np.unique(outside[~mesh.filled[outside]]))
 
 
-def _turned(faces: Ints, which: Flags) -> Ints:
-    if not which.any():
+def _turned(faces: Ints, flipped: Flags) -> Ints:
+    if not flipped.any():
         return faces
-    return np.where(which[:, None], faces[:, ::-1], faces)
+    return np.where(flipped[:, None], faces[:, ::-1], faces)
 
 
 def _notes(changed: Ints, *, bodies: int, triangles: int, sheets: int) -> list[str]:
     """Return what was turned: bodies to 1 (outwards) or −1 (inwards), and single triangles."""
     notes: list[str] = []
     if sheets:
-        which = "part that encloses" if sheets == 1 else "parts that enclose"
-        notes.append(f"{sheets} {which} no volume {'was' if sheets == 1 else 'were'} ignored.")
+        noun = "part that encloses" if sheets == 1 else "parts that enclose"
+        notes.append(f"{sheets} {noun} no volume {'was' if sheets == 1 else 'were'} ignored.")
     if triangles:
         word = "triangle was" if triangles == 1 else "triangles were"
         notes.append(f"{triangles} {word} flipped to match neighbouring triangles.")
@@ -197,9 +197,9 @@ def _surfaces(points: Array, faces: Ints) -> tuple[Ints, Flags] | None:
     run = np.where(forward[half] ^ flips[half // 3], 1.0, -1.0)
     _, kind = np.unique(edge * count + body[half // 3], return_inverse=True)
     loose = np.bincount(kind, weights=run) != 0.0
-    rest = np.zeros(int(body.max()) + 1, dtype=np.bool_)
-    rest[body[half // 3][loose[kind]]] = True
-    of_rest = rest[body[half // 3]]
+    is_rest = np.zeros(int(body.max()) + 1, dtype=np.bool_)
+    is_rest[body[half // 3][loose[kind]]] = True
+    of_rest = is_rest[body[half // 3]]
     if not of_rest.any():
         return surfaces
     half, edge = half[of_rest], edge[of_rest]
@@ -301,15 +301,17 @@ def _consistent(count: int, pairs: Ints, forward: Flags) -> tuple[Ints, Flags] |
         return _components(count, first, second), np.zeros(count, dtype=np.bool_)
     # Each triangle stands there twice, as it is and turned over: a body with two sides falls into
     # two parts that mirror each other.
-    other = np.where(against, second + count, second)
-    back = np.where(against, second, second + count)
+    same_side = np.where(against, second + count, second)
+    opposite_side = np.where(against, second, second + count)
     part = _components(
-        2 * count, np.concatenate([first, first + count]), np.concatenate([other, back])
+        2 * count,
+        np.concatenate([first, first + count]),
+        np.concatenate([same_side, opposite_side]),
     )
     if (part[:count] == part[count:]).any():
         return None
-    chosen = np.minimum(part[:count], part[count:])
-    return np.unique(chosen, return_inverse=True)[1].reshape(-1), part[:count] != chosen
+    smaller_half = np.minimum(part[:count], part[count:])
+    return np.unique(smaller_half, return_inverse=True)[1].reshape(-1), part[:count] != smaller_half
 
 
 def _components(count: int, first: Ints, second: Ints) -> Ints:
@@ -322,12 +324,12 @@ def _components(count: int, first: Ints, second: Ints) -> Ints:
     return connected(links, directed=False)[1].astype(np.int64)
 
 
-def _containers(mesh: _Bodies, said: Array) -> Ints:
+def _containers(mesh: _Bodies, orientations: Array) -> Ints:
     """Return (B,) the number of bodies that each body lies inside of.
 
     Args:
         mesh: The bodies.
-        said: (B,) 1 or −1, what the file says: it counts where comparing would take too long.
+        orientations: (B,) 1 or −1 from the file, which count where comparing takes too long.
     """
     inside = np.zeros(len(mesh.volumes), dtype=np.int64)
     sizes = np.abs(mesh.volumes)
@@ -339,14 +341,14 @@ def _containers(mesh: _Bodies, said: Array) -> Ints:
         if not mesh.filled[outer] or not within.any():
             continue
         bodies = np.flatnonzero(within)
-        own = mesh.points[mesh.faces[mesh.rows(outer)]]
+        triangles = mesh.points[mesh.faces[mesh.rows(outer)]]
         # The probes and the triangles are gone through once, whatever they are tested against.
-        tests -= len(own) + int(np.minimum(np.diff(mesh.begins)[bodies], MAX_PROBES).sum())
+        tests -= len(triangles) + int(np.minimum(np.diff(mesh.begins)[bodies], MAX_PROBES).sum())
         owners, probes = _probes(mesh, bodies if tests > 0 else bodies[:0])
-        crossings = _crossings(own, probes, tests) if len(probes) else None
+        crossings = _crossings(triangles, probes, tests) if len(probes) else None
         if crossings is None:
             tests = 0
-            inside[bodies] += said[bodies] != said[outer]
+            inside[bodies] += orientations[bodies] != orientations[outer]
             continue
         odd, spent = crossings
         tests -= spent
@@ -358,10 +360,12 @@ def _containers(mesh: _Bodies, said: Array) -> Ints:
 def _probes(mesh: _Bodies, bodies: Ints) -> tuple[Ints, Array]:
     """Return (P,) bodies and (P, 3) points of theirs, a little below the surface."""
     counts = mesh.begins[bodies + 1] - mesh.begins[bodies]
-    taken = np.minimum(counts, MAX_PROBES)
-    owners = np.repeat(bodies, taken)
-    number = np.arange(len(owners)) - np.repeat(np.cumsum(taken) - taken, taken)
-    steps = (number * np.repeat(counts, taken)) // np.repeat(taken, taken)
+    probe_counts = np.minimum(counts, MAX_PROBES)
+    owners = np.repeat(bodies, probe_counts)
+    number = np.arange(len(owners)) - np.repeat(
+        np.cumsum(probe_counts) - probe_counts, probe_counts
+    )
+    steps = (number * np.repeat(counts, probe_counts)) // np.repeat(probe_counts, probe_counts)
     corners = mesh.points[mesh.faces[mesh.order[mesh.begins[owners] + steps]]]
     a, b, c = corners.transpose(1, 0, 2)
     normals = np.cross(b - a, c - a) * np.sign(mesh.volumes[owners])[:, None]
@@ -372,13 +376,13 @@ def _probes(mesh: _Bodies, bodies: Ints) -> tuple[Ints, Array]:
     ]
 
 
-def _crossings(triangles: Array, probes: Array, most: int) -> tuple[Flags, int] | None:
+def _crossings(triangles: Array, probes: Array, max_tests: int) -> tuple[Flags, int] | None:
     """Count the triangles above each probe.
 
     Args:
         triangles: (F, 3, 3) corners of a closed surface.
         probes: (P, 3) points.
-        most: Tests of a probe against a triangle, at most.
+        max_tests: Tests of a probe against a triangle, at most.
 
     Returns:
         (P,) True for an odd number, and the tests done; None where they would be too many.
@@ -408,16 +412,18 @@ def _crossings(triangles: Array, probes: Array, most: int) -> tuple[Flags, int] 
     key = at[:, 0] * side + at[:, 1]
     counts = begins[key + 1] - begins[key]
     ends = np.cumsum(counts)
-    if int(ends[-1]) > most:
+    if int(ends[-1]) > max_tests:
         return None
     odd = np.zeros(len(probes), dtype=np.bool_)
     start = 0
     while start < len(probes):
         done = int(ends[start - 1]) if start else 0
         stop = max(start + 1, int(np.searchsorted(ends, done + (1 << 20))))
-        some = counts[start:stop]
-        probe = np.repeat(np.arange(start, stop), some)
-        step = np.arange(len(probe)) - np.repeat(np.cumsum(some) - some, some)
+        chunk_counts = counts[start:stop]
+        probe = np.repeat(np.arange(start, stop), chunk_counts)
+        step = np.arange(len(probe)) - np.repeat(
+            np.cumsum(chunk_counts) - chunk_counts, chunk_counts
+        )
         above = _is_above(triangles[face[begins[key[probe]] + step]], probes[probe])
         odd[start:stop] = np.bincount(probe[above] - start, minlength=stop - start) % 2 == 1
         start = stop

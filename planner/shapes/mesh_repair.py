@@ -106,14 +106,14 @@ def welded(
     first, inverse = first[order], place[inverse]
     joined = inverse[faces]
     a, b, c = joined.T
-    kept = (a != b) & (b != c) & (c != a)
-    joined = joined[kept]
+    proper = (a != b) & (b != c) & (c != a)
+    joined = joined[proper]
     if not len(joined) or not once:
         return points[first], joined
     turn = np.argmin(joined, axis=1)
     turned = np.take_along_axis(joined, (turn[:, None] + np.arange(3)) % 3, axis=1)
-    again, _ = grouping.unique_rows(turned)
-    return points[first], turned[np.sort(again)] if len(again) < len(turned) else turned
+    first_faces, _ = grouping.unique_rows(turned)
+    return points[first], turned[np.sort(first_faces)] if len(first_faces) < len(turned) else turned
 
 
 def closed_holes(points: Array, faces: Ints, edges: Edges) -> Closed:

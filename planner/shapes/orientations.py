@@ -22,7 +22,7 @@ def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Array, ...]:
     wanted += [_random(rng) for _ in range(3)]
     for rotation in wanted:
         nearest = _nearest_to_upright(rotation)
-        if all(_apart(nearest, other) > 0.05 for other in rotations):  # rad
+        if all(_apart(nearest, earlier) > 0.05 for earlier in rotations):  # rad
             rotations.append(nearest)
     return tuple(rotations)
 

@@ -43,13 +43,13 @@ class CellUse:
     """Use of cells by modules.
 
     Attributes:
-        fewest: Smallest number of cells that may be used.
-        most: Largest number of cells that may be used.
+        min_cells: Smallest number of cells that may be used.
+        max_cells: Largest number of cells that may be used.
         in_path: True if the cells are those of a path that is fitted to the solid.
     """
 
-    fewest: int
-    most: int
+    min_cells: int
+    max_cells: int
     in_path: bool = False
 
     def loss(self, cells: int) -> float:
@@ -58,35 +58,37 @@ class CellUse:
 
 
 def cells_reaching(solid: Solid, uses: Sequence[CellUse]) -> tuple[dict[float, int | None], ...]:
-    """Return, for each use, about how many cells reach each of ``LEVELS``; None if ``most`` do not.
+    """Return, for each use, about how many cells reach each of ``LEVELS``, or None.
 
     Args:
         solid: The solid, as it shall stand.
         uses: Uses of the cells.
     """
     reached = tuple(dict[float, int | None].fromkeys(LEVELS) for _ in uses)
-    count, known = float(min(use.fewest for use in uses)), 0.0
+    count, previous_count = float(min(use.min_cells for use in uses)), 0.0
     inside = InsidePoints(points=np.zeros((0, 3)), volume=0.0)
     while True:
         open_uses = [
             (use, cells)
             for use, cells in zip(uses, reached, strict=True)
-            if count <= COUNT_STEPS[0] * use.most and None in cells.values()
+            if count <= COUNT_STEPS[0] * use.max_cells and None in cells.values()
         ]
         if not open_uses:
             return reached
-        if count > known and len(inside.points) < MAX_POINTS / 2:
-            known = 4.0 * count
-            inside = inside_points(solid, count=int(min(CELL_POINTS * known, MAX_POINTS)))
+        if count > previous_count and len(inside.points) < MAX_POINTS / 2:
+            previous_count = 4.0 * count
+            inside = inside_points(solid, count=int(min(CELL_POINTS * previous_count, MAX_POINTS)))
         is_large = count > MANY_CELLS
-        some = (inside.points - inside.points.min(axis=0)) / np.cbrt(inside.volume / count)
+        scaled_points = (inside.points - inside.points.min(axis=0)) / np.cbrt(inside.volume / count)
         shifts = np.outer(np.arange(SHIFT_COUNTS[is_large]), SHIFT_STEP) % 1.0
-        best, iou = max((_best_set(some + shift, count) for shift in shifts), key=lambda x: x[1])
+        best, iou = max(
+            (_best_set(scaled_points + shift, count) for shift in shifts), key=lambda x: x[1]
+        )
         for use, cells in open_uses:
             for level, number in cells.items():
-                fits = best <= use.most and count >= use.fewest
+                fits = best <= use.max_cells and count >= use.min_cells
                 if number is None and fits and iou - use.loss(best) >= level:
-                    cells[level] = max(best, use.fewest)
+                    cells[level] = max(best, use.min_cells)
         count *= COUNT_STEPS[is_large]
 
 

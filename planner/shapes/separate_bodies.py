@@ -54,13 +54,13 @@ def separate_bodies(
         numbers: (X, Y, Z) the connected part of each sample, from 1; 0 outside.
         sizes: (P,) samples of each part, at least one.
     """
-    least = MIN_BODY_SHARE * float(sizes.sum())
+    min_samples = MIN_BODY_SHARE * float(sizes.sum())
     main = int(np.argmax(sizes)) + 1
     bodies: dict[int, SeparateBody] = {}
     if solid.oriented and sampling.crossed <= MAX_CROSSED_SHARE:
         bodies = _from_surface(solid, sampling, numbers, sizes)
-    if not {int(p) + 1 for p in np.flatnonzero(sizes >= least)} <= set(bodies):
-        bodies = _from_samples(sampling, numbers, np.where(sizes >= least, sizes, 0))
+    if not {int(p) + 1 for p in np.flatnonzero(sizes >= min_samples)} <= set(bodies):
+        bodies = _from_samples(sampling, numbers, np.where(sizes >= min_samples, sizes, 0))
     first = bodies.pop(main)
     return first, *sorted(bodies.values(), key=lambda body: -body.share)
 
@@ -86,17 +86,17 @@ def _from_surface(
     total = float(sums[sums > 0.0].sum())
     of_triangle = body[patch]
     order = np.argsort(of_triangle, kind="stable")
-    found: dict[int, SeparateBody] = {}
+    bodies: dict[int, SeparateBody] = {}
     for number in np.flatnonzero(sums > 0.0).tolist():
         first, last = np.searchsorted(of_triangle[order], [number, number + 1])
         rows = order[first:last]
-        some = rows[:: max(1, len(rows) // MAX_BODY_POINTS)]
-        found[number] = SeparateBody(
+        sample_rows = rows[:: max(1, len(rows) // MAX_BODY_POINTS)]
+        bodies[number] = SeparateBody(
             share=float(sums[number] / total),
-            points=solid.vertices[solid.faces[some]].mean(axis=1),
+            points=solid.vertices[solid.faces[sample_rows]].mean(axis=1),
             faces=rows,
         )
-    return found
+    return bodies
 
 
 def _majority(patch: Ints, part: NDArray[np.int32]) -> Ints:
@@ -121,14 +121,14 @@ def _from_samples(
     sampling: Sampling, numbers: NDArray[np.int32], sizes: Ints
 ) -> dict[int, SeparateBody]:
     total = float(np.count_nonzero(numbers))
-    found: dict[int, SeparateBody] = {}
+    bodies: dict[int, SeparateBody] = {}
     for part in np.flatnonzero(sizes).tolist():
         places = np.argwhere(numbers == part + 1)[:: max(1, int(sizes[part]) // MAX_BODY_POINTS)]
         turned = (places + 0.5 - sampling.offset) * (sampling.pitch / sampling.size)
-        found[part + 1] = SeparateBody(
+        bodies[part + 1] = SeparateBody(
             share=float(sizes[part]) / total, points=turned @ sampling.rotation, faces=None
         )
-    return found
+    return bodies
 
 
 def bodies_note(shares: list[float], unused: list[float]) -> str:
@@ -139,21 +139,21 @@ def bodies_note(shares: list[float], unused: list[float]) -> str:
         unused: Shares of those that are left out, at least one.
     """
     listed = [percent(share) for share in unused[:MAX_LISTED_SHARES]]
-    if more := unused[MAX_LISTED_SHARES:]:
-        listed.append(f"{len(more)} more with {percent(sum(more))} together")
-    told = listed[0] if len(listed) == 1 else f"{', '.join(listed[:-1])} and {listed[-1]}"
+    if unlisted := unused[MAX_LISTED_SHARES:]:
+        listed.append(f"{len(unlisted)} more with {percent(sum(unlisted))} together")
+    body_list = listed[0] if len(listed) == 1 else f"{', '.join(listed[:-1])} and {listed[-1]}"
     if len(unused) == len(shares) - 1:
         word = "the largest" if shares[0] >= max(shares) - 1e-6 else "one"
         return (
             f"the mesh has {len(shares)} separate bodies; only {word}, with "
-            f"{percent(shares[0])} of the volume, is used; {told} "
+            f"{percent(shares[0])} of the volume, is used; {body_list} "
             f"{'is' if len(unused) == 1 else 'are'} left out. Join the bodies, or fold them one "
             "by one."
         )
     is_one = len(unused) == 1
     return (
-        f"{len(unused)} of the mesh's {len(shares)} separate bodies, with {told} of the volume, "
-        f"{'is' if is_one else 'are'} left out. Join the bodies, or fold them one by one."
+        f"{len(unused)} of the mesh's {len(shares)} separate bodies, with {body_list} of the "
+        f"volume, {'is' if is_one else 'are'} left out. Join the bodies, or fold them one by one."
     )
 
 

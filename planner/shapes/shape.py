@@ -49,10 +49,10 @@ class Shape:
         raw = np.asarray(cells)
         if raw.size == 0:
             raise InputError("empty", "got no cells, expected at least one.")
-        whole = np.unique(checked_cells(raw), axis=0)
+        unique_cells = np.unique(checked_cells(raw), axis=0)
         check_pitch(pitch_m)
-        whole.setflags(write=False)
-        return cls(name=name, cells=whole, pitch_m=float(pitch_m))
+        unique_cells.setflags(write=False)
+        return cls(name=name, cells=unique_cells, pitch_m=float(pitch_m))
 
     def __len__(self) -> int:
         return len(self.cells)

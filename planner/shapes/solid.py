@@ -75,19 +75,19 @@ class Solid:
         """
         points = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
         corners = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
-        said = list(notes)
+        remarks = list(notes)
         check_triangles(len(corners), most_triangles)
         _check_corners(corners, len(points))
         points, corners = _used(points, corners)
         _check_lengths(points)
-        corners = _without_slivers(points, corners, said)
+        corners = _without_slivers(points, corners, remarks)
         points, corners = _used(points, corners)
         _check_extents(points, len(corners))
-        solid = _sewn(cls(name=name, vertices=points, faces=corners), said)
-        solid = _outside_out(solid, said)
+        solid = _sewn(cls(name=name, vertices=points, faces=corners), remarks)
+        solid = _outside_out(solid, remarks)
         for array in (solid.vertices, solid.faces):
             array.setflags(write=False)
-        return replace(solid, notes=tuple(said))
+        return replace(solid, notes=tuple(remarks))
 
     @property
     def extents(self) -> Array:
@@ -162,14 +162,14 @@ def _used(points: Array, corners: Ints) -> tuple[Array, Ints]:
     return points[used], (np.cumsum(used) - 1)[corners]
 
 
-def _without_slivers(points: Array, corners: Ints, said: list[str]) -> Ints:
+def _without_slivers(points: Array, corners: Ints, remarks: list[str]) -> Ints:
     longest = max(float(np.ptp(points, axis=0).max()), np.finfo(float).tiny)
     good = np.empty(len(corners), dtype=bool)
     for start in range(0, len(corners), TRIANGLE_CHUNK):
-        some = slice(start, start + TRIANGLE_CHUNK)
-        a, b, c = (points[corners[some, i]] for i in range(3))
+        chunk = slice(start, start + TRIANGLE_CHUNK)
+        a, b, c = (points[corners[chunk, i]] for i in range(3))
         normals = np.cross(b - a, c - a)
-        good[some] = np.linalg.norm(normals, axis=1) > 1e-14 * longest * longest
+        good[chunk] = np.linalg.norm(normals, axis=1) > 1e-14 * longest * longest
     dropped = len(corners) - int(good.sum())
     if dropped == len(corners):
         raise InputError(
@@ -177,7 +177,7 @@ def _without_slivers(points: Array, corners: Ints, said: list[str]) -> Ints:
         )
     if dropped:
         were = "triangle without area was" if dropped == 1 else "triangles without area were"
-        said.append(f"{dropped} {were} left out.")
+        remarks.append(f"{dropped} {were} left out.")
     return corners[good] if dropped else corners
 
 
@@ -191,15 +191,15 @@ def _check_extents(points: Array, triangles: int) -> None:
         or spread[0] <= MIN_THICKNESS_SHARE**2 * spread[-1]
     ):
         size = " × ".join(f"{e:g}" for e in extents)
-        what = "one triangle" if triangles == 1 else f"{triangles} triangles"
+        noun = "one triangle" if triangles == 1 else f"{triangles} triangles"
         raise InputError(
             "flat",
-            f"got a flat mesh of {what}, which measures {size}, expected a closed surface; give "
+            f"got a flat mesh of {noun}, which measures {size}, expected a closed surface; give "
             "the mesh some thickness.",
         )
 
 
-def _sewn(solid: Solid, said: list[str]) -> Solid:
+def _sewn(solid: Solid, remarks: list[str]) -> Solid:
     """Return the solid with equal vertices merged and holes closed."""
     if len(solid.faces) > MAX_LOOSE_TRIANGLES and not is_surface(solid.vertices, solid.faces):
         raise _no_surface(len(solid.faces))
@@ -223,7 +223,7 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
         )
         loose = edges_of(loose_corners) if len(loose_corners) else edges
         if loose.open < edges.open:
-            said.append("vertices that almost coincide were merged.")
+            remarks.append("vertices that almost coincide were merged.")
             points, corners, edges = loose_points, loose_corners, loose
     if edges.scattered:
         raise _no_surface(len(corners))
@@ -238,12 +238,12 @@ def _sewn(solid: Solid, said: list[str]) -> Solid:
                 if closed.share > 0.05
                 else ""
             )
-            said.append(f"the mesh is open: {closed.holes} {word} closed{share}.")
+            remarks.append(f"the mesh is open: {closed.holes} {word} closed{share}.")
         if closed.holes:
             points, corners = closed.vertices, closed.faces
             edges = edges_of(corners)
     if edges.open:
-        said.append(f"the mesh is open along {edges.open} edges, so its inside was estimated.")
+        remarks.append(f"the mesh is open along {edges.open} edges, so its inside was estimated.")
     return replace(
         solid,
         vertices=points,
@@ -260,13 +260,13 @@ def _no_surface(triangles: int) -> InputError:
     )
 
 
-def _outside_out(solid: Solid, said: list[str]) -> Solid:
+def _outside_out(solid: Solid, remarks: list[str]) -> Solid:
     """Return the solid with each of its bodies turned outside out, cavities inside out."""
     if not solid.closed:
         return solid
     oriented = orient_bodies(solid.vertices, solid.faces)
     if oriented is None:
-        said.append(
+        remarks.append(
             "the triangles have inconsistent orientations, so the inside of the mesh was estimated."
         )
         return replace(solid, oriented=False)
@@ -276,5 +276,5 @@ def _outside_out(solid: Solid, said: list[str]) -> Solid:
             "got a closed mesh without volume, expected a solid; its walls coincide, or its "
             "parts cancel each other out.",
         )
-    said += oriented.notes
+    remarks += oriented.notes
     return replace(solid, faces=oriented.faces, oriented=True, surfaces=oriented.outer)

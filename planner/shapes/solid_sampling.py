@@ -112,9 +112,9 @@ def sample(
         for u, v, w, order in ((y, z, x, (1, 2, 0)), (z, x, y, (2, 0, 1))):
             marks = np.zeros(tuple(shape[list(order)]), dtype=np.int16)
             mark_crossings(u, v, w, faces, marks)
-            others = np.zeros(marks.shape, dtype=np.int8)
-            vote_by_parity(marks, others)
-            votes += others.transpose(np.argsort(order))
+            axis_votes = np.zeros(marks.shape, dtype=np.int8)
+            vote_by_parity(marks, axis_votes)
+            votes += axis_votes.transpose(np.argsort(order))
         inside = votes >= 2  # the majority of three axes tolerates small holes
     return Sampling(
         inside=inside,

@@ -65,12 +65,12 @@ class ChosenVoxels:
     """Cells chosen for a requested count.
 
     Attributes:
-        made: The cells.
+        fit: The cells.
         visited: Evaluated fits.
         score: IoU of the cells, with the bonus for the orientation of the file.
     """
 
-    made: FittedCells
+    fit: FittedCells
     visited: tuple[LatticeFit, ...]
     score: float
 
@@ -100,15 +100,15 @@ class _Entries:
         x, y, z, t = np.unravel_index(self.places[entry], fit.counts.shape)
         return fit, (int(x), int(y), int(z), int(t))
 
-    def first(self, order: Ints, most: int, *, each: int) -> Iterator[int]:
-        """Yield the first ``most`` entries of an order, at most ``each`` of one fit."""
-        taken: dict[int, int] = {}
+    def first(self, order: Ints, max_entries: int, *, max_per_row: int) -> Iterator[int]:
+        """Yield the first ``max_entries`` of an order, at most ``max_per_row`` of one fit."""
+        row_counts: dict[int, int] = {}
         for entry in order.tolist():
             row = int(self.rows[entry])
-            if taken.get(row, 0) < each:
-                taken[row] = taken.get(row, 0) + 1
+            if row_counts.get(row, 0) < max_per_row:
+                row_counts[row] = row_counts.get(row, 0) + 1
                 yield entry
-                if sum(taken.values()) >= most:
+                if sum(row_counts.values()) >= max_entries:
                     return
 
 
@@ -121,13 +121,13 @@ class Chooser:
 
     def __init__(self, ladder: Ladder) -> None:
         self.ladder = ladder
-        self._chosen: dict[int, ChosenVoxels] = {}
+        self._choices: dict[int, ChosenVoxels] = {}
 
     def choose(self, cells: int) -> ChosenVoxels:
         """Return the cells for a requested count."""
-        if cells not in self._chosen:
-            self._chosen[cells] = self._search(cells)
-        return self._chosen[cells]
+        if cells not in self._choices:
+            self._choices[cells] = self._search(cells)
+        return self._choices[cells]
 
     def offers(self, cells: int) -> tuple[int | None, int | None]:
         """Return the next smaller and larger counts that requests for them give."""
@@ -135,10 +135,10 @@ class Chooser:
 
     def _search(self, cells: int) -> ChosenVoxels:
         ladder = self.ladder
-        most = self._most(cells)
+        max_fits = self._most(cells)
         visited: dict[tuple[int, float], LatticeFit] = {}
         for turn in range(len(ladder.turns)):
-            if turn and len(visited) > most // 2:
+            if turn and len(visited) > max_fits // 2:
                 break
             pitch = ladder.pitch_for(cells)
             for _ in range(3 if turn == 0 else 2):
@@ -156,20 +156,22 @@ class Chooser:
             )
         best = max(visited.values(), key=lambda fit: _merit(fit, cells))
         for turn in dict.fromkeys([best.turn, 0]):
-            own = [fit for fit in visited.values() if fit.turn == turn]
-            if not own:
+            turn_fits = [fit for fit in visited.values() if fit.turn == turn]
+            if not turn_fits:
                 continue
-            pitch = max(own, key=lambda fit: _merit(fit, cells)).pitch
-            self._visit_all(turn, self._around(turn, pitch), visited, most)
-        made = self._best(visited.values(), cells)
-        if made is None or not _near(made.count, cells):
+            pitch = max(turn_fits, key=lambda fit: _merit(fit, cells)).pitch
+            self._visit_all(turn, self._around(turn, pitch), visited, max_fits)
+        best_fit = self._best(visited.values(), cells)
+        if best_fit is None or not _near(best_fit.count, cells):
             for turn in range(len(ladder.turns)):
                 step = ladder.step(ladder.pitch_for(cells))
                 pitches = [ladder.pitch_of(step + wide) for wide in range(-16, 17, 2)]
-                self._visit_all(turn, pitches, visited, most)
-            made = self._best(visited.values(), cells)
-        assert made is not None
-        return ChosenVoxels(made=made, visited=tuple(visited.values()), score=_score(made))
+                self._visit_all(turn, pitches, visited, max_fits)
+            best_fit = self._best(visited.values(), cells)
+        assert best_fit is not None
+        return ChosenVoxels(
+            best_fit=best_fit, visited=tuple(visited.values()), score=_score(best_fit)
+        )
 
     def _most(self, cells: int) -> int:
         work = self.ladder.work(0, self.ladder.pitch_for(cells))
@@ -186,10 +188,10 @@ class Chooser:
         turn: int,
         pitches: Iterable[float],
         visited: dict[tuple[int, float], LatticeFit],
-        most: int,
+        max_fits: int,
     ) -> None:
         for pitch in pitches:
-            if len(visited) >= most:
+            if len(visited) >= max_fits:
                 return
             if (turn, pitch) not in visited:
                 self._visit(turn, pitch, visited)
@@ -202,7 +204,7 @@ class Chooser:
 
     def _best(self, fits: Iterable[LatticeFit], cells: int) -> FittedCells | None:
         """Return the cells nearest to the count among those with nearly the best score."""
-        many = self._most(cells) >= THOROUGH_FROM_FITS
+        is_thorough = self._most(cells) >= THOROUGH_FROM_FITS
         entries = _entries(fits, self.ladder.volume)
         off = np.abs(entries.counts - cells)
         inside = np.flatnonzero(_near(entries.counts, cells))
@@ -211,97 +213,107 @@ class Chooser:
             by_score = inside[np.lexsort((entries.misfits[inside], -scores))]
             good = inside[scores >= scores.max() - SCORE_TOLERANCE]
             by_count = good[np.lexsort((entries.misfits[good], -entries.scores[good], off[good]))]
-            wanted = [
-                *entries.first(by_score, 6 if many else 2, each=1),
-                *entries.first(by_count, 4 if many else 2, each=2),
+            first_entries = [
+                *entries.first(by_score, 6 if is_thorough else 2, max_per_row=1),
+                *entries.first(by_count, 4 if is_thorough else 2, max_per_row=2),
             ]
-            found = self._made_of(entries, wanted, cells)
+            found = self._made_of(entries, first_entries, cells)
             if not found:  # joining changed the counts of all of those
-                more = entries.first(by_score, 24 if many else 6, each=4)
-                found = self._made_of(entries, more, cells)
+                more_entries = entries.first(by_score, 24 if is_thorough else 6, max_per_row=4)
+                found = self._made_of(entries, more_entries, cells)
             if found:
-                most = max(_worth(made, cells) for made in found)
-                good_ones = [m for m in found if _worth(m, cells) >= most - SCORE_TOLERANCE]
+                best_worth = max(_worth(fit, cells) for fit in found)
+                good_ones = [m for m in found if _worth(m, cells) >= best_worth - SCORE_TOLERANCE]
                 if cells >= 75:  # 600 modules: such long chains are easier to unfold
-                    more = entries.first(by_score, 24 if many else 6, each=4)
+                    more_entries = entries.first(by_score, 24 if is_thorough else 6, max_per_row=4)
                     layered = [
-                        made
-                        for made in (*found, *self._made_of(entries, more, cells))
-                        if _worth(made, cells) >= most - LAYERED_LOSS
-                        and has_whole_layers(made.joined.cells)
+                        fit
+                        for fit in (*found, *self._made_of(entries, more_entries, cells))
+                        if _worth(fit, cells) >= best_worth - LAYERED_LOSS
+                        and has_whole_layers(fit.joined.cells)
                     ]
                     good_ones = layered or good_ones
-                return min(good_ones, key=lambda made: self._rank(made, cells))
+                return min(good_ones, key=lambda fit: self._rank(fit, cells))
         by_off = np.lexsort((entries.misfits, -entries.scores, off))
         nearest = by_off[np.sort(np.unique(entries.counts[by_off], return_index=True)[1])]
         found = [
-            self.ladder.made(*entries.at(entry)) for entry in nearest[: 12 if many else 4].tolist()
+            self.ladder.made(*entries.at(entry))
+            for entry in nearest[: 12 if is_thorough else 4].tolist()
         ]
-        return min(found, key=lambda made: self._rank(made, cells), default=None)
+        return min(found, key=lambda fit: self._rank(fit, cells), default=None)
 
-    def _rank(self, made: FittedCells, cells: int) -> tuple[int, float, float]:
-        misfit = abs(made.count * made.pitch**3 / self.ladder.volume - 1.0)
-        return abs(made.count - cells), -_score(made), misfit
+    def _rank(self, fit: FittedCells, cells: int) -> tuple[int, float, float]:
+        misfit = abs(fit.count * fit.pitch**3 / self.ladder.volume - 1.0)
+        return abs(fit.count - cells), -_score(fit), misfit
 
-    def _made_of(self, entries: _Entries, wanted: Iterable[int], cells: int) -> list[FittedCells]:
-        all_made = (self.ladder.made(*entries.at(entry)) for entry in dict.fromkeys(wanted))
-        return [made for made in all_made if _near(made.count, cells)]
+    def _made_of(self, entries: _Entries, numbers: Iterable[int], cells: int) -> list[FittedCells]:
+        fits = (self.ladder.made(*entries.at(entry)) for entry in dict.fromkeys(numbers))
+        return [fit for fit in fits if _near(fit.count, cells)]
 
     def _offer(self, cells: int, *, above: bool) -> int | None:
         """Return the nearest count to one side that a request for it gives, or None."""
         choice = self.choose(cells)
-        got = choice.made.count
+        chosen_count = choice.fit.count
         # What comes nearer than what was made would belie it.
-        limit = max(got + 1, 2 * cells - got) if above else min(got - 1, 2 * cells - got)
-        most = 8 if self._most(cells) >= THOROUGH_FROM_FITS else 2
-        for count in islice(self._likely(choice, limit, above=above), most):
-            held = self._held(count, limit, above=above, most=2)
-            if held is not None:
-                return held
+        limit = (
+            max(chosen_count + 1, 2 * cells - chosen_count)
+            if above
+            else min(chosen_count - 1, 2 * cells - chosen_count)
+        )
+        max_tries = 8 if self._most(cells) >= THOROUGH_FROM_FITS else 2
+        for count in islice(self._likely(choice, limit, above=above), max_tries):
+            offer = self._held(count, limit, above=above, max_tries=2)
+            if offer is not None:
+                return offer
         for factor in OTHER_COUNTS[above]:
-            held = self._held(max(1, round(limit * factor)), limit, above=above, most=3)
-            if held is not None:
-                return held
+            offer = self._held(max(1, round(limit * factor)), limit, above=above, max_tries=3)
+            if offer is not None:
+                return offer
         return None
 
-    def _held(self, count: int, limit: int, *, above: bool, most: int) -> int | None:
+    def _held(self, count: int, limit: int, *, above: bool, max_tries: int) -> int | None:
         """Return a reproducible count beyond a limit: this one, or what it gives; else None."""
-        for _ in range(most):
+        for _ in range(max_tries):
             if count < limit if above else count > limit:
                 return None
-            made = self.choose(count).made.count
-            if made == count:
+            offered_count = self.choose(count).fit.count
+            if offered_count == count:
                 return count
-            count = made
+            count = offered_count
         return None
 
     def _likely(self, choice: ChosenVoxels, limit: int, *, above: bool) -> Iterator[int]:
         """Yield counts of nearby fits to one side, those with the largest overlap first."""
         ladder = self.ladder
         fits = {(fit.turn, fit.pitch): fit for fit in choice.visited}
-        turn, pitch = choice.made.turn, choice.made.pitch
-        for other in OTHER_PITCHES[above]:
-            near = [ladder.pitch_of(ladder.step(pitch * other))]
-            self._visit_all(turn, near + ladder.dividing(turn, pitch * other), fits, len(fits) + 3)
+        turn, pitch = choice.fit.turn, choice.fit.pitch
+        for pitch_factor in OTHER_PITCHES[above]:
+            near = [ladder.pitch_of(ladder.step(pitch * pitch_factor))]
+            self._visit_all(
+                turn, near + ladder.dividing(turn, pitch * pitch_factor), fits, len(fits) + 3
+            )
         entries = _entries(fits.values(), ladder.volume)
         counts = entries.counts
         beyond = counts >= limit if above else counts <= limit
         far = counts <= MAX_OFFER_FACTOR * limit if above else counts >= limit / MAX_OFFER_FACTOR
-        reached, which = np.unique(counts, return_inverse=True)
-        kept = np.full(len(reached), -np.inf)
-        np.maximum.at(kept, which, entries.scores)
-        rows = np.unique(which[beyond & far])
-        said: set[int] = set()
+        reached, row_of_count = np.unique(counts, return_inverse=True)
+        best_scores = np.full(len(reached), -np.inf)
+        np.maximum.at(best_scores, row_of_count, entries.scores)
+        rows = np.unique(row_of_count[beyond & far])
+        offered: set[int] = set()
         for slack in (0.03, 0.1, 0.3, 1.0):
-            least = choice.score - SCORE_TOLERANCE - slack
+            min_score = choice.score - SCORE_TOLERANCE - slack
             for row in (rows if above else rows[::-1])[:400].tolist():
                 count = int(reached[row])
-                if kept[row] < least or count in said:
+                if best_scores[row] < min_score or count in offered:
                     continue
                 low, high = np.searchsorted(reached, [0.9 * count, 1.1 * count])
                 off = np.abs(reached[low:high] - count) / count
-                if kept[row] >= (kept[low:high] - COUNT_PENALTY * off).max() - SCORE_TOLERANCE:
-                    said.add(count)
+                if (
+                    best_scores[row]
+                    >= (best_scores[low:high] - COUNT_PENALTY * off).max() - SCORE_TOLERANCE
+                ):
+                    offered.add(count)
                     yield count
 
 
@@ -319,15 +331,15 @@ def _entries(fits: Iterable[LatticeFit], volume: float) -> _Entries:
     scores = np.concatenate([(fit.ious + _bonus(fit.turn)).ravel() for fit in listed])
     rows = np.repeat(np.arange(len(listed)), sizes)
     places = np.concatenate([np.arange(size) for size in sizes])
-    some = np.flatnonzero(counts)
+    nonzero = np.flatnonzero(counts)
     volumes = np.array([fit.pitch**3 for fit in listed])[rows] * counts
     return _Entries(
         fits=listed,
-        rows=rows[some],
-        places=places[some],
-        counts=counts[some],
-        scores=np.round(scores[some], 9),
-        misfits=np.abs(volumes[some] / volume - 1.0),
+        rows=rows[nonzero],
+        places=places[nonzero],
+        counts=counts[nonzero],
+        scores=np.round(scores[nonzero], 9),
+        misfits=np.abs(volumes[nonzero] / volume - 1.0),
     )
 
 
@@ -341,13 +353,13 @@ def _bonus(turn: int) -> float:
     return UPRIGHT_BONUS if turn == 0 else 0.0
 
 
-def _score(made: FittedCells) -> float:
-    return round(made.iou + _bonus(made.turn), 9)
+def _score(fit: FittedCells) -> float:
+    return round(fit.iou + _bonus(fit.turn), 9)
 
 
-def _worth(made: FittedCells, cells: int) -> float:
+def _worth(fit: FittedCells, cells: int) -> float:
     """Return the score less the penalty of the count."""
-    return _score(made) - COUNT_PENALTY * abs(made.count - cells) / cells
+    return _score(fit) - COUNT_PENALTY * abs(fit.count - cells) / cells
 
 
 def _merit(fit: LatticeFit, cells: int) -> float:

@@ -58,11 +58,11 @@ class Voxels:
 
     Attributes:
         shape: Its cells, in one piece; the smallest coordinates are 0.
-        kept: What they keep of the solid.
+        retention: What they keep of the solid.
         pitch: Edge of a cell in the solid's units.
         rotation: (3, 3) rotation of the solid.
         offset: (3,) shift in cells: a point x of the solid lies in ``floor(R x / pitch + offset)``.
-        asked: Requested number of cells.
+        requested_cells: Requested number of cells.
         below: Nearest smaller count that a request for it gives, or None.
         above: Nearest larger count that a request for it gives, or None.
         unused: Shares of the solid's volume of the separate bodies that are not used, the largest
@@ -74,11 +74,11 @@ class Voxels:
     """
 
     shape: Shape
-    kept: Kept
+    retention: Kept
     pitch: float
     rotation: Array
     offset: Array
-    asked: int
+    requested_cells: int
     below: int | None
     above: int | None
     unused: tuple[float, ...]
@@ -90,7 +90,7 @@ class Voxels:
     @property
     def iou(self) -> float:
         """Estimated intersection over union of the cells with the whole solid, all its bodies."""
-        return self.kept.iou
+        return self.retention.iou
 
 
 def voxelise(solid: Solid, *, cells: int, seed: int = 0) -> Voxels:
@@ -131,32 +131,32 @@ def voxels_for(chooser: Chooser, cells: int, *, offering: bool = True) -> Voxels
             "wrong-count", f"got a request for {cells} cells, expected 1 to {MAX_CELLS}."
         )
     ladder = chooser.ladder
-    made = chooser.choose(cells).made
+    fit = chooser.choose(cells).fit
     below, above = chooser.offers(cells) if offering else (None, None)
     fine = ladder.grid(
-        made.turn,
-        made.pitch,
-        ladder.finer(made.turn, made.pitch, 2 * MAX_FULL_EDGE_SAMPLES),
+        fit.turn,
+        fit.pitch,
+        ladder.finer(fit.turn, fit.pitch, 2 * MAX_FULL_EDGE_SAMPLES),
         exact=True,
     )
-    at = np.array(made.offset_threshold[:3]) * (fine.size // fine.split)
-    body_iou = overlap(fine, made.offset_threshold, made.joined.cells)
-    better = below is not None and chooser.choose(below).made.iou > body_iou + 0.1
-    kept = _kept(ladder, fine, made)
+    at = np.array(fit.offset_threshold[:3]) * (fine.size // fine.split)
+    body_iou = overlap(fine, fit.offset_threshold, fit.joined.cells)
+    better = below is not None and chooser.choose(below).fit.iou > body_iou + 0.1
+    retention = _kept(ladder, fine, fit)
     laid = LaidCells(
-        cells=made.joined.cells,
-        pitch=made.pitch,
-        rotation=ladder.turns[made.turn],
+        cells=fit.joined.cells,
+        pitch=fit.pitch,
+        rotation=ladder.turns[fit.turn],
         offset=(fine.offset - at) / fine.size,
     )
-    voxels = voxels_of(ladder, laid, kept, body_iou, asked=cells)
+    voxels = voxels_of(ladder, laid, retention, body_iou, requested_cells=cells)
     advice = ("use fewer modules; then the cells would match the shape better.",) if better else ()
     return replace(
         voxels,
         below=below,
         above=above,
         notes=(*voxels.notes, *advice),
-        remarks=tuple(_remarks(fine, made)),
+        remarks=tuple(_remarks(fine, fit)),
     )
 
 
@@ -178,31 +178,31 @@ class LaidCells:
 
 
 def voxels_of(
-    ladder: Ladder, laid: LaidCells, kept: Kept, body_iou: float, *, asked: int
+    ladder: Ladder, laid: LaidCells, retention: Kept, body_iou: float, *, requested_cells: int
 ) -> Voxels:
     """Return cells as voxels of a solid, with notes about what they lose.
 
     Args:
         ladder: The solid.
         laid: The cells.
-        kept: What they keep.
+        retention: What they keep.
         body_iou: Intersection over union with the used body.
-        asked: Requested number of cells.
+        requested_cells: Requested number of cells.
     """
     cells = np.argwhere(laid.cells)
     offset = laid.offset - cells.min(axis=0)
     shape = Shape.from_cells(cells - cells.min(axis=0), name=ladder.solid.name)
     unused = _unused(ladder, shape, laid.rotation / laid.pitch, offset)
-    notes = _notes(ladder, kept, body_iou)
+    notes = _notes(ladder, retention, body_iou)
     if unused:
         notes.insert(0, bodies_note([body.share for body in ladder.bodies], unused))
     return Voxels(
         shape=shape,
-        kept=kept,
+        retention=retention,
         pitch=laid.pitch,
         rotation=laid.rotation,
         offset=offset,
-        asked=asked,
+        requested_cells=requested_cells,
         below=None,
         above=None,
         unused=tuple(unused),
@@ -211,10 +211,10 @@ def voxels_of(
     )
 
 
-def _kept(ladder: Ladder, grid: Grid, made: FittedCells) -> Kept:
-    iou = overlap(grid, made.offset_threshold, made.joined.cells, share=ladder.share)
-    filled = grid.fill(made.offset_threshold).astype(np.float64)
-    return kept_of(ladder, made.joined.cells, filled, iou)
+def _kept(ladder: Ladder, grid: Grid, fit: FittedCells) -> Kept:
+    iou = overlap(grid, fit.offset_threshold, fit.joined.cells, share=ladder.share)
+    filled = grid.fill(fit.offset_threshold).astype(np.float64)
+    return kept_of(ladder, fit.joined.cells, filled, iou)
 
 
 def kept_of(ladder: Ladder, cells: Flags, filled: Array, iou: float) -> Kept:
@@ -241,43 +241,43 @@ def kept_of(ladder: Ladder, cells: Flags, filled: Array, iou: float) -> Kept:
 
 def _unused(ladder: Ladder, shape: Shape, turn: Array, offset: Array) -> list[float]:
     """Return the shares of the bodies that no cell contains a point of."""
-    others = ladder.bodies[1:]
-    if ladder.share == 1.0 and others:
+    unused_bodies = ladder.bodies[1:]
+    if ladder.share == 1.0 and unused_bodies:
         cells = {tuple(cell) for cell in shape.cells.tolist()}
-        others = [
+        unused_bodies = [
             body
-            for body in others
+            for body in unused_bodies
             if not any(
                 tuple(cell) in cells
                 for cell in np.floor(body.points @ turn.T + offset).astype(np.int64).tolist()
             )
         ]
-    return [body.share for body in others]
+    return [body.share for body in unused_bodies]
 
 
-def _notes(ladder: Ladder, kept: Kept, body_iou: float) -> list[str]:
+def _notes(ladder: Ladder, retention: Kept, body_iou: float) -> list[str]:
     notes: list[str] = []
-    inside = kept.volume / ladder.share
+    inside = retention.volume / ladder.share
     of_shape = "shape's volume" if ladder.share == 1.0 else "used body's volume"
     if body_iou < POOR_IOU and inside < 0.7:
-        notes.append(_volume_note(inside, kept.lost, of_shape))
-    elif kept.lost > PART_LOST_SHARE:
+        notes.append(_volume_note(inside, retention.lost, of_shape))
+    elif retention.lost > PART_LOST_SHARE:
         notes.append(
-            f"{percent(kept.lost)} of the {of_shape} is in thin parts that are left out; use more "
-            "modules to keep them."
+            f"{percent(retention.lost)} of the {of_shape} is in thin parts that are left out; use "
+            "more modules to keep them."
         )
     elif body_iou < POOR_IOU:
         notes.append("parts of the shape are thinner than a cell; use more modules.")
-    if ladder.tunnels is not None and kept.tunnels < ladder.tunnels:
-        notes.append(_tunnels_note(ladder.tunnels, kept.tunnels))
+    if ladder.tunnels is not None and retention.tunnels < ladder.tunnels:
+        notes.append(_tunnels_note(ladder.tunnels, retention.tunnels))
     return notes
 
 
-def _remarks(fine: Grid, made: FittedCells) -> list[str]:
+def _remarks(fine: Grid, fit: FittedCells) -> list[str]:
     notes: list[str] = []
     if fine.crossed > MAX_CROSSED_SHARE:
         notes.append("the surface crosses itself; everything it encloses counts as inside.")
-    joined = made.joined
+    joined = fit.joined
     if joined.added:
         word = "cell was" if joined.added == 1 else "cells were"
         notes.append(f"{joined.added} {word} added to keep thin parts connected.")
@@ -294,7 +294,7 @@ def _volume_note(inside: float, lost: float, of_shape: str) -> str:
         (lost_percent, "in thin parts that are left out"),
         (100 - round(100 * inside) - lost_percent, "outside of the cells"),
     )
-    parts = [f"{share} % of the {of_shape} is {where}" for share, where in shares if share > 0]
+    parts = [f"{share} % of the {of_shape} is {outcome}" for share, outcome in shares if share > 0]
     return f"{' and '.join(parts)}. Use more modules."
 
 

@@ -81,8 +81,8 @@ def test_walls_much_thinner_than_a_module_are_closed() -> None:
     tray = prepared(mesh, modules=96)
     assert tray.method == "fitted" and tray.likeness is not None and tray.voxels is not None
     assert tray.likeness.missing < 0.05
-    assert tray.voxels.kept.tunnels == 0
-    assert tray.voxels.kept.volume == pytest.approx(1.0 - tray.likeness.missing, abs=0.02)
+    assert tray.voxels.retention.tunnels == 0
+    assert tray.voxels.retention.volume == pytest.approx(1.0 - tray.likeness.missing, abs=0.02)
 
 
 def test_the_method_exact_meets_the_number_of_modules() -> None:

@@ -53,7 +53,7 @@ def test_separate_bodies_are_reported_with_exact_shares(
     assert "separate bodies" in voxels.notes[0]
     assert text in voxels.notes[0]
     assert voxels.iou <= 1.0 - sum(shares)
-    assert voxels.kept.volume <= 1.0 - sum(shares)
+    assert voxels.retention.volume <= 1.0 - sum(shares)
 
 
 def test_bodies_that_overlap_or_lie_in_cavities_are_not_separate() -> None:
@@ -140,7 +140,7 @@ def test_volume_note_adds_up_to_what_is_missing() -> None:
     voxels = voxelise(solid_of(sheet), cells=BODY_CELLS)
     note = next(note for note in voxels.notes if "outside of the cells" in note)
     shares = [int(word) for word in note.split() if word.isdigit()]
-    assert sum(shares) == 100 - round(100 * voxels.kept.volume)
+    assert sum(shares) == 100 - round(100 * voxels.retention.volume)
 
 
 def ring_cells() -> NDArray[np.bool_]:
