@@ -37,10 +37,10 @@ def first_close_pair(points: Array, closest: float) -> tuple[int, int] | None:
         place = np.minimum(np.searchsorted(ranked, keys + shift), len(keys) - 1)
         near = np.flatnonzero(ranked[place] == keys + shift)
         pairs.append(np.column_stack([near, order[place[near]]]))
-    found = np.concatenate(pairs)
-    gaps = np.linalg.norm(points[found[:, 0]] - points[found[:, 1]], axis=1)
-    found = np.sort(found[gaps < closest], axis=1)
-    if not len(found):
+    pairs_found = np.concatenate(pairs)
+    gaps = np.linalg.norm(points[pairs_found[:, 0]] - points[pairs_found[:, 1]], axis=1)
+    pairs_found = np.sort(pairs_found[gaps < closest], axis=1)
+    if not len(pairs_found):
         return None
-    i, j = found[np.lexsort((found[:, 0], found[:, 1]))[0]].tolist()
+    i, j = pairs_found[np.lexsort((pairs_found[:, 0], pairs_found[:, 1]))[0]].tolist()
     return i, j

@@ -32,7 +32,7 @@ def clean_name(name: str, *, max_length: int = MAX_NAME_LENGTH) -> str:
         name: The name as somebody wrote it.
         max_length: Maximum number of characters; a longer name ends with ``…``.
     """
-    shown: list[str] = []
+    letters: list[str] = []
     marks = 0
     for letter in name[: 20 * max_length]:
         kind = unicodedata.category(letter)
@@ -42,13 +42,13 @@ def clean_name(name: str, *, max_length: int = MAX_NAME_LENGTH) -> str:
             continue
         elif kind[0] == "M":
             marks += 1
-            if not shown or shown[-1] == " " or marks > 4:  # scripts need three at most
+            if not letters or letters[-1] == " " or marks > 4:  # scripts need three at most
                 continue
-            shown.append(letter)
+            letters.append(letter)
             continue
         marks = 0
-        shown.append(letter)
-    words = " ".join("".join(shown).split())
+        letters.append(letter)
+    words = " ".join("".join(letters).split())
     return words if len(words) <= max_length else words[: max_length - 1].rstrip() + "…"
 
 

@@ -153,8 +153,8 @@ class Module:
         Args:
             size: Module size as a fraction of the pitch.
         """
-        away = float(np.linalg.norm(self.offset))
-        return away + size * float((self.vertices @ self.offset).min()) / away
+        distance = float(np.linalg.norm(self.offset))
+        return distance + size * float((self.vertices @ self.offset).min()) / distance
 
     def relief_radius(self, size: float) -> float | None:
         """Return the largest ``reach`` of the points of a real module, in pitches.
@@ -190,13 +190,13 @@ class Module:
         if self.hinges_per_joint != 2:
             raise ValueError(f"got a {self.name}, expected a module with universal joints")
         # d = R(axis_1, a) R(axis_2, b) n, and the three directions are at right angles.
-        away = self.turn @ self.offset
-        away = away / np.linalg.norm(away)
+        outward = self.turn @ self.offset
+        outward = outward / np.linalg.norm(outward)
         p = points - self.anchor
-        along, aside, up = p @ away, p @ np.cross(self.axes[0], away), p @ self.axes[0]
+        along, sideways, up = p @ outward, p @ np.cross(self.axes[0], outward), p @ self.axes[0]
         limit = self.angle_limit_rad
-        farthest = _largest_projection(along, aside, limit)
-        nearest = -_largest_projection(-along, aside, limit)
+        farthest = _largest_projection(along, sideways, limit)
+        nearest = -_largest_projection(-along, sideways, limit)
         return np.maximum(
             _largest_projection(farthest, up, limit), _largest_projection(nearest, up, limit)
         )
@@ -293,7 +293,7 @@ def module_named(name: str) -> Module:
     try:
         return MODULES[name]
     except KeyError:
-        known = ", ".join(sorted(MODULES))
+        known_names = ", ".join(sorted(MODULES))
         raise InputError(
-            "unknown-module", f"got the module type {name!r}, expected one of: {known}."
+            "unknown-module", f"got the module type {name!r}, expected one of: {known_names}."
         ) from None

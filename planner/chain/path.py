@@ -54,11 +54,11 @@ class Path:
         Raises:
             InputError: Naming the cells that break the rule.
         """
-        whole = checked_cells(cells)
+        unique_cells = checked_cells(cells)
         check_pitch(pitch_m)
-        _check_order(whole)
-        whole.setflags(write=False)
-        return cls(name=name, cells=whole, pitch_m=float(pitch_m))
+        _check_order(unique_cells)
+        unique_cells.setflags(write=False)
+        return cls(name=name, cells=unique_cells, pitch_m=float(pitch_m))
 
     def __len__(self) -> int:
         return len(self.cells)
@@ -135,15 +135,16 @@ def _check_order(cells: Ints) -> None:
             f"got {len(cells)} cell{'' if len(cells) == 1 else 's'}, expected at least "
             f"{MIN_CELLS}; a shorter chain has no joint.",
         )
-    seen: dict[tuple[int, ...], int] = {}
+    first_visit: dict[tuple[int, ...], int] = {}
     for index, cell in enumerate(map(tuple, cells.tolist())):
-        if cell in seen:
+        if cell in first_visit:
             raise InputError(
                 "repeated-cell",
-                f"cells {seen[cell]} and {index} are both at {cell}; a path visits each cell once.",
-                where=f"cells {seen[cell]} and {index}",
+                f"cells {first_visit[cell]} and {index} are both at {cell}; a path visits each "
+                "cell once.",
+                where=f"cells {first_visit[cell]} and {index}",
             )
-        seen[cell] = index
+        first_visit[cell] = index
     steps = np.abs(np.diff(cells, axis=0)).sum(axis=1)
     if (steps != 1).any():
         index = int(np.argmax(steps != 1))

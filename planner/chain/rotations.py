@@ -70,8 +70,8 @@ def motion_in_plane(points: Array, target: Array) -> tuple[Array, Array]:
     Returns:
         (F, 3, 3) rotations and (F, 3) shifts, whose z is 0.
     """
-    middles, there = points.mean(axis=1), target.mean(axis=1)
-    moved, fixed = points - middles[:, None], target - there[:, None]
+    middles, target_middle = points.mean(axis=1), target.mean(axis=1)
+    moved, fixed = points - middles[:, None], target - target_middle[:, None]
     along = (moved * fixed)[..., :2].sum(axis=(1, 2))
     across = (moved[..., 0] * fixed[..., 1] - moved[..., 1] * fixed[..., 0]).sum(axis=1)
     turns = np.arctan2(across, along)
@@ -80,6 +80,6 @@ def motion_in_plane(points: Array, target: Array) -> tuple[Array, Array]:
     rotations[:, 1, 0] = np.sin(turns)
     rotations[:, 0, 1] = -rotations[:, 1, 0]
     rotations[:, 2, 2] = 1.0
-    shifts = there - (rotations @ middles[:, :, None])[..., 0]
+    shifts = target_middle - (rotations @ middles[:, :, None])[..., 0]
     shifts[:, 2] = 0.0
     return rotations, shifts

@@ -30,9 +30,9 @@ class TableProjection:
     """
 
     def __init__(self, up: Array) -> None:
-        one = np.eye(3)[int(np.argmin(np.abs(up)))]
+        unit_axis = np.eye(3)[int(np.argmin(np.abs(up)))]
         self.up = up
-        self.across: Array = np.stack([one, np.cross(up, one).astype(np.float64)])
+        self.across: Array = np.stack([unit_axis, np.cross(up, unit_axis).astype(np.float64)])
         """(2, 3) unit vectors along the table."""
 
     def seen(self, vectors: Array) -> Array:
@@ -56,11 +56,11 @@ class TableProjection:
             first, last: (3,) directions of the first and the last link.
         """
         ways = (positions[HEADING_LINKS:] - positions[:-HEADING_LINKS]) / HEADING_LINKS
-        seen = self.seen(np.vstack([first, ways, last]))
+        projected = self.seen(np.vstack([first, ways, last]))
         # steeper links take the direction of the link before
-        points = np.hypot(seen[:, 0], seen[:, 1]) > 0.3
+        points = np.hypot(projected[:, 0], projected[:, 1]) > 0.3
         points[0] = True
-        turns = wrapped(np.diff(np.arctan2(seen[points, 1], seen[points, 0])))
+        turns = wrapped(np.diff(np.arctan2(projected[points, 1], projected[points, 0])))
         counted = np.concatenate([[0.0], np.cumsum(turns)])
         return counted[np.cumsum(points) - 1]  # steep ones are turned as the one before
 
@@ -82,9 +82,9 @@ def unwrap_near(angle: float, counted: float) -> float:
 
 def crosses_itself(points: Array) -> bool:
     """Return True if a line through (m, 2) points crosses itself."""
-    begin, way = points[:-1], np.diff(points, axis=0)
+    starts, way = points[:-1], np.diff(points, axis=0)
     x, y = way.T
-    between = begin[None] - begin[:, None]
+    between = starts[None] - starts[:, None]
     across = x[:, None] * y - y[:, None] * x
     with np.errstate(divide="ignore", invalid="ignore"):
         on_first = (between[..., 0] * y - between[..., 1] * x) / across

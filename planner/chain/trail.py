@@ -68,17 +68,17 @@ class Trail:
                 "two modules and a hinge.",
             )
         check_pitch(pitch_m)
-        whole = raw.astype(np.int64)
-        farthest = int(whole.flat[np.abs(whole).argmax()])
+        int_nodes = raw.astype(np.int64)
+        farthest = int(int_nodes.flat[np.abs(int_nodes).argmax()])
         if abs(farthest) > MAX_COORDINATE:
             raise InputError(
                 "too-far",
                 f"got the coordinate {farthest}, expected −{MAX_COORDINATE} to {MAX_COORDINATE}; "
                 "move the shape to the origin.",
             )
-        _check(whole)
-        whole.setflags(write=False)
-        return cls(name=name, nodes=whole, pitch_m=float(pitch_m))
+        _check(int_nodes)
+        int_nodes.setflags(write=False)
+        return cls(name=name, nodes=int_nodes, pitch_m=float(pitch_m))
 
     def __len__(self) -> int:
         """Number of modules."""
@@ -93,7 +93,7 @@ def hinge_axes(nodes: Nodes) -> Nodes:
 
 def _check(nodes: Nodes) -> None:
     odd = (nodes % 2 != 0).sum(axis=1)
-    for bad, code, why in (
+    for bad, code, expectation in (
         ((odd == 0) | (odd == 3), "not-a-node", "expected one or two odd coordinates"),
         (
             np.append(np.abs(np.diff(nodes, axis=0)).sum(axis=1) != 1, False),
@@ -104,16 +104,15 @@ def _check(nodes: Nodes) -> None:
         if bad.any():
             index = int(np.argmax(bad))
             raise InputError(
-                code, f"got {tuple(map(int, nodes[index]))}, {why}.", where=f"node {index}"
+                code, f"got {tuple(map(int, nodes[index]))}, {expectation}.", where=f"node {index}"
             )
     keys = np.concatenate([nodes[:-1] + nodes[1:]])
     _, first, counts = np.unique(keys, axis=0, return_index=True, return_counts=True)
     if (counts > 1).any():
         key = keys[first[np.argmax(counts > 1)]]
-        one, two = np.flatnonzero((keys == key).all(axis=1))[:2]
+        a, b = np.flatnonzero((keys == key).all(axis=1))[:2]
         raise InputError(
             "repeated-cell",
-            f"modules {one} and {two} occupy the same tetrahedron; a trail uses each "
-            "tetrahedron once.",
-            where=f"modules {one} and {two}",
+            f"modules {a} and {b} occupy the same tetrahedron; a trail uses each tetrahedron once.",
+            where=f"modules {a} and {b}",
         )

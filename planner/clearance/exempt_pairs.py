@@ -71,10 +71,10 @@ def exempt_pairs(chain: Chain, motions: Sequence[Motion | Array], *, size: float
     """
     module, count = chain.module, len(chain)
     pairs = len(module.exempt_pairs(count))
-    depth, bound, where = 0.0, 0.0, None
+    depth, bound, place = 0.0, 0.0, None
     for motion in motions if pairs and len(chain.folded_rad) else ():
         motion = as_motion(motion)
-        found = deepest_overlap(
+        overlap = deepest_overlap(
             _link(module, size),
             chain.folded_rad.copy(),
             motion.first.astype(np.int64),
@@ -82,17 +82,17 @@ def exempt_pairs(chain: Chain, motions: Sequence[Motion | Array], *, size: float
             # A copy: a read-only array would be another type, for which all is compiled anew.
             motion.angles_rad.astype(np.float64),
         )
-        bound = max(bound, found.bound)
-        if found.depth > depth:
-            holds = found.joint + module.rigid_links
-            depth = found.depth
-            where = Place(frame=found.frame, modules=(holds, holds + 1))
+        bound = max(bound, overlap.bound)
+        if overlap.depth > depth:
+            holds = overlap.joint + module.rigid_links
+            depth = overlap.depth
+            place = Place(frame=overlap.frame, modules=(holds, holds + 1))
     return ExemptPairs(
         rule=RULE_LINKED if pairs else RULE_NONE,
         apart=module.apart,
         count=pairs,
         worst_overlap=depth if motions else None,
-        worst_overlap_at=where,
+        worst_overlap_at=place,
         worst_overlap_bound=bound if motions else None,
         relief_radius=module.relief_radius(size),
         relief_share=module.relief_share(size),

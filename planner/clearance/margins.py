@@ -107,14 +107,14 @@ def margins(
         return None
     kinds = _Kinds.of(chain, motion, size, FAILURE_PROBABILITY)
     (larger,) = search.largest(kinds.larger, (FULL_SIZE - size,))
-    most = (MAX_ANGLE_RAD, MAX_SUM_RAD / len(chain.folded_rad))
-    one, each = search.largest(kinds.turned, most)
-    found = Margins(
+    limits = (MAX_ANGLE_RAD, MAX_SUM_RAD / len(chain.folded_rad))
+    one_hinge, independent = search.largest(kinds.turned, limits)
+    result = Margins(
         module_size=replace(larger, value=size + larger.value),
-        one_hinge_rad=one,
-        independent_rad=each,
+        one_hinge_rad=one_hinge,
+        independent_rad=independent,
     )
-    return None if cancelled() else found
+    return None if cancelled() else result
 
 
 def largest_size(chain: Chain, motions: Sequence[Motion | Array], *, clear_at: float) -> float:
@@ -135,27 +135,27 @@ def largest_size(chain: Chain, motions: Sequence[Motion | Array], *, clear_at: f
     return size
 
 
-def unproved_margins(chain: Chain, motion: Motion, told: Margins, *, size: float) -> list[str]:
+def unproved_margins(chain: Chain, motion: Motion, stated: Margins, *, size: float) -> list[str]:
     """Return the names of those margins at which a motion is not proved clear.
 
     Args:
         chain: The chain.
         motion: The motion.
-        told: The margins.
+        stated: The margins.
         size: Module size as a fraction of the pitch, for the margins of hinges.
     """
-    kinds = _Kinds.of(chain, motion, size, told.failure_probability)
-    tried = {
-        "module_size": kinds.larger(told.module_size.value - size),
-        "one_hinge_rad": kinds.turned(told.one_hinge_rad.value, 0.0),
-        "independent_rad": kinds.turned(0.0, told.independent_rad.value),
+    kinds = _Kinds.of(chain, motion, size, stated.failure_probability)
+    errors_by_name = {
+        "module_size": kinds.larger(stated.module_size.value - size),
+        "one_hinge_rad": kinds.turned(stated.one_hinge_rad.value, 0.0),
+        "independent_rad": kinds.turned(0.0, stated.independent_rad.value),
     }
     return [
         name
-        for name, errors in tried.items()
+        for name, errors in errors_by_name.items()
         if not all(
-            disturbed_sweep(chain, each, errors.hinges, size=errors.size).bound > 0.0
-            for each, _ in _proof_motions(chain, motion)
+            disturbed_sweep(chain, motion_part, errors.hinges, size=errors.size).bound > 0.0
+            for motion_part, _ in _proof_motions(chain, motion)
         )
     ]
 
@@ -174,8 +174,8 @@ def limit_at(chain: Chain, motion: Motion, name: str, place: Place, *, size: flo
     search = _Search(chain=chain, motion=motion, closest=place, cancelled=never)
     if name == "module_size":
         return size + search.touching(place, kinds.larger, (FULL_SIZE - size,))[0]
-    most = (MAX_ANGLE_RAD, MAX_SUM_RAD / len(chain.folded_rad))
-    return search.touching(place, kinds.turned, most)[name == "independent_rad"]
+    limits = (MAX_ANGLE_RAD, MAX_SUM_RAD / len(chain.folded_rad))
+    return search.touching(place, kinds.turned, limits)[name == "independent_rad"]
 
 
 def _proof_motions(chain: Chain, motion: Motion) -> list[tuple[Motion, int]]:
@@ -186,14 +186,14 @@ def _proof_motions(chain: Chain, motion: Motion) -> list[tuple[Motion, int]]:
     are rigid with each other.
     """
     last = len(motion) - 1
-    begin = max(0, len(motion) - 64)  # most trials fail in these frames
-    found = [(motion[begin:], begin)]
-    if begin > 0:
-        found.append((motion[: begin + 1], 0))
+    tail_start = max(0, len(motion) - 64)  # most trials fail in these frames
+    motions = [(motion[tail_start:], tail_start)]
+    if tail_start > 0:
+        motions.append((motion[: tail_start + 1], 0))
     if not motion.is_windowed:
-        return [(motion[last:], last), *found]
+        return [(motion[last:], last), *motions]
     folded, straight = rest_motions(chain)
-    return [(folded, last), *found, (straight, 0)]
+    return [(folded, last), *motions, (straight, 0)]
 
 
 def _deviations(chain: Chain, motion: Motion, probability: float) -> float:
@@ -209,12 +209,12 @@ def _deviations(chain: Chain, motion: Motion, probability: float) -> float:
 
 def _largest_turning(chain: Chain, motion: Motion) -> float:
     """Return the largest sum of the steps of all hinges between two frames, rad."""
-    before, most = motion.angles_at(chain, 0), 0.0
+    before, largest = motion.angles_at(chain, 0), 0.0
     for k in range(1, len(motion)):
         angles = motion.angles_at(chain, k)
-        most = max(most, float(np.abs(angles - before).sum()))
+        largest = max(largest, float(np.abs(angles - before).sum()))
         before = angles
-    return most
+    return largest
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,14 +251,16 @@ class _Kinds:
         deviations = _deviations(chain, motion, probability)
         return cls(size=size, rounding=rounding, deviations=deviations)
 
-    def larger(self, more: float) -> Errors:
-        """Return modules that are larger by ``more`` pitches."""
-        return Errors(size=self.size + more, hinges=Tolerance(0.0, 0.0, 0.0, self.rounding))
+    def larger(self, increase: float) -> Errors:
+        """Return modules that are larger by ``increase`` pitches."""
+        return Errors(size=self.size + increase, hinges=Tolerance(0.0, 0.0, 0.0, self.rounding))
 
-    def turned(self, one: float, each: float) -> Errors:
+    def turned(self, one_hinge_rad: float, independent_rad: float) -> Errors:
         """Return one hinge that is off, and besides, hinges that are all off independently."""
         spare = SPARE_PITCH + self.rounding
-        return Errors(size=self.size, hinges=Tolerance(one, each, self.deviations, spare))
+        return Errors(
+            size=self.size, hinges=Tolerance(one_hinge_rad, independent_rad, self.deviations, spare)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -289,62 +291,68 @@ class _Search:
         place = Place(frame=closest.frame, modules=closest.modules)
         return cls(chain=chain, motion=motion, closest=place, cancelled=cancelled)
 
-    def largest(self, errors: Callable[..., Errors], most: tuple[float, ...]) -> list[Margin]:
+    def largest(self, errors: Callable[..., Errors], limits: tuple[float, ...]) -> list[Margin]:
         """Return the largest values found at which the motion is proved clear.
 
         Args:
-            errors: Makes errors of as many values as ``most`` has; 0 makes none.
-            most: Largest value of each kind that is tried.
+            errors: Makes errors of as many values as ``limits`` has; 0 makes none.
+            limits: Largest value of each kind that is tried.
         """
-        found = [
+        margins = [
             Margin(value=REDUCTION_FACTOR * value, limited_by=self.closest)
-            for value in self.touching(self.closest, errors, most)
+            for value in self.touching(self.closest, errors, limits)
         ]
         motions = _proof_motions(self.chain, self.motion)
         steps = 0
         while motions and not self.cancelled():
-            motion, begin = motions[0]
-            tried = errors(*(margin.value for margin in found))
+            motion, start = motions[0]
+            errors_at_margins = errors(*(margin.value for margin in margins))
             swept = disturbed_sweep(
-                self.chain, motion, tried.hinges, size=tried.size, cancelled=self.cancelled
+                self.chain,
+                motion,
+                errors_at_margins.hinges,
+                size=errors_at_margins.size,
+                cancelled=self.cancelled,
             )
             if swept.bound > 0.0:
                 motions.pop(0)
                 continue
             steps += 1
             if steps > MAX_STEPS:
-                return [replace(margin, value=0.0) for margin in found]
-            place, touching = self.closest, [0.0] * len(most)
+                return [replace(margin, value=0.0) for margin in margins]
+            place, touching = self.closest, [0.0] * len(limits)
             if swept.modules is not None:
-                place = Place(frame=begin + swept.frame, modules=swept.modules)
-                touching = self.touching(place, errors, most)
-            failing = [touch <= one.value for touch, one in zip(touching, found, strict=True)]
-            for k, margin in enumerate(found):
+                place = Place(frame=start + swept.frame, modules=swept.modules)
+                touching = self.touching(place, errors, limits)
+            failing = [
+                touch <= margin.value for touch, margin in zip(touching, margins, strict=True)
+            ]
+            for k, margin in enumerate(margins):
                 if failing[k] and touching[k] > 0.0:
-                    found[k] = Margin(value=REDUCTION_FACTOR * touching[k], limited_by=place)
+                    margins[k] = Margin(value=REDUCTION_FACTOR * touching[k], limited_by=place)
                 elif not any(failing) or touching[k] == 0.0:
                     # Bounds over an interval are what fails, and not the modules.
-                    found[k] = Margin(
+                    margins[k] = Margin(
                         value=REDUCTION_FACTOR ** max(1, steps // 2) * margin.value,
                         limited_by=place,
                     )
-        return found
+        return margins
 
     def touching(
-        self, place: Place, errors: Callable[..., Errors], most: tuple[float, ...]
+        self, place: Place, errors: Callable[..., Errors], limits: tuple[float, ...]
     ) -> list[float]:
         """Return the value of each kind of error at which two modules may touch at a moment."""
         from scipy.optimize import brentq  # late: pages start without it
 
         def left(value: float, kind: int) -> float:
-            values = [value if k == kind else 0.0 for k in range(len(most))]
+            values = [value if k == kind else 0.0 for k in range(len(limits))]
             return self._gap(place, errors(*values))
 
         return [
             top
             if left(top, kind) > 0.0
             else cast(float, brentq(left, 0.0, top, args=(kind,), xtol=1e-9))
-            for kind, top in enumerate(most)
+            for kind, top in enumerate(limits)
         ]
 
     def _gap(self, place: Place, errors: Errors) -> float:

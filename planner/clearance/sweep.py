@@ -112,11 +112,11 @@ def sweep(
     """
     motion = as_motion(motion)
     exact = _Query(size=size, share=share, enough=CLEARANCE_CAP, tolerance=EXACT)
-    found = _swept(chain, motion, exact, cancelled)
-    if found.modules is None and not cancelled():
+    swept = _swept(chain, motion, exact, cancelled)
+    if swept.modules is None and not cancelled():
         # A short chain may never come that near itself: then its clearance is above the cap.
-        found = _swept(chain, motion, replace(exact, enough=EXTENDED_CLEARANCE_CAP), cancelled)
-    return found
+        swept = _swept(chain, motion, replace(exact, enough=EXTENDED_CLEARANCE_CAP), cancelled)
+    return swept
 
 
 def disturbed_sweep(
@@ -180,8 +180,8 @@ def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) ->
         if at_rest is None
         else at_rest.frames(chain, first, np.diff(offsets))
     )
-    rest = (chain.folded_poses, _straight(chain)) if motion.is_windowed else None
-    shape = _shape(chain, size, rest, query.tolerance)
+    ends = (chain.folded_poses, _straight(chain)) if motion.is_windowed else None
+    shape = _shape(chain, size, ends, query.tolerance)
     per_frame = np.full(frames, enough)
 
     def part(start: int) -> SweepResult:
@@ -193,22 +193,22 @@ def _swept(chain: Chain, motion: Motion, query: _Query, cancelled: Cancelled) ->
         return sweep_frames(shape, angles, start, stop, enough, rigid, per_frame, query.share)
 
     best, bound, unbounded, in_betweens = enough, enough, -1.0, 0
-    where, modules = 0.0, (-1, -1)
-    for found in _in_turn(part, range(0, frames, query.frames_per_task), cancelled):
-        bound = min(bound, found.lower_bound)
-        in_betweens += found.midpoints
+    closest_frame, modules = 0.0, (-1, -1)
+    for chunk in _in_turn(part, range(0, frames, query.frames_per_task), cancelled):
+        bound = min(bound, chunk.lower_bound)
+        in_betweens += chunk.midpoints
         if unbounded < 0.0:
-            unbounded = found.unproved_at
-        if found.clearance < best:
-            best, where, modules = found.clearance, found.frame, (found.first, found.second)
+            unbounded = chunk.unproved_at
+        if chunk.clearance < best:
+            best, closest_frame, modules = chunk.clearance, chunk.frame, (chunk.first, chunk.second)
     if best < enough and modules[0] < 0:
         # Nothing that moves is closer than what is at rest.
-        modules = tuple(closest[int(where)].tolist())
+        modules = tuple(closest[int(closest_frame)].tolist())
     best = 0.0 if _is_contact(best) else best
     per_frame[_is_contact(per_frame)] = 0.0
     return Sweep(
         clearance=float(best),
-        frame=float(where),
+        frame=float(closest_frame),
         modules=None if modules[0] < 0 else (int(modules[0]), int(modules[1])),
         bound=float(min(0.0 if _is_contact(bound) else bound, best)),
         unbounded=None if unbounded < 0.0 else float(unbounded),
@@ -246,8 +246,8 @@ class Between:
             values=np.concatenate([start, end]),
         )
         rigid, per_frame = np.full(2, enough), np.full(2, enough)
-        found = sweep_frames(self._shape, angles, 0, 1, enough, rigid, per_frame, 0.0)
-        return 0.0 if found.unproved_at >= 0.0 else float(found.clearance)
+        swept = sweep_frames(self._shape, angles, 0, 1, enough, rigid, per_frame, 0.0)
+        return 0.0 if swept.unproved_at >= 0.0 else float(swept.clearance)
 
 
 def between_frames(chain: Chain, motion: Motion, frame: float) -> Array:
@@ -276,7 +276,7 @@ def clearance_at(
 
 def pair_clearance(module: Module, poses: Poses, modules: tuple[int, int], *, size: float) -> float:
     """Return the clearance of two modules of a configuration, in pitches."""
-    found, _, _ = least_separation(
+    separation, _, _ = least_separation(
         np.ascontiguousarray(poses.positions),
         np.ascontiguousarray(poses.rotations),
         np.array([modules], dtype=np.int64),
@@ -284,7 +284,7 @@ def pair_clearance(module: Module, poses: Poses, modules: tuple[int, int], *, si
         size,
         EXTENDED_CLEARANCE_CAP,
     )
-    return float(found)
+    return float(separation)
 
 
 def _in_turn(

@@ -43,7 +43,7 @@ class Compiling(Listener):
         self._listening = install_listener("numba:compile", self)
         self._compiled_bytes = 0
         self._collected_after = gc.get_threshold()
-        self.told = False
+        self.has_reported = False
 
     def __enter__(self) -> Compiling:
         self._listening.__enter__()
@@ -57,9 +57,9 @@ class Compiling(Listener):
 
     def on_start(self, event: Event) -> None:
         """The compiler begins with a kernel."""
-        if self.told:
+        if self.has_reported:
             return
-        self.told = True
+        self.has_reported = True
         gc.set_threshold(GC_THRESHOLD_OBJECTS, *self._collected_after[1:])
         self._report(0.0)
         if self._lock is not None and not self._joined:
@@ -79,8 +79,10 @@ class Compiling(Listener):
 
     def report(self) -> None:
         """Report how far all processes that compile together are."""
-        own = fraction_of(self._compiled_bytes)
-        self._report(own if self._lock is None else max(own, self._lock.fraction()))
+        own_fraction = fraction_of(self._compiled_bytes)
+        self._report(
+            own_fraction if self._lock is None else max(own_fraction, self._lock.fraction())
+        )
 
     def _report(self, fraction: float) -> None:
         self._progress(Progress(stage="read", fraction=fraction, message=COMPILING))

@@ -33,7 +33,7 @@ class InnerLibrary(JITCodeLibrary):
 
     def _finalize_final_module(self) -> None:
         code = self._final_module
-        variables = [each.name for each in code.global_variables]
+        variables = [variable.name for variable in code.global_variables]
         self._final_module = binding.parse_assembly(
             "\n".join(
                 [
@@ -65,8 +65,8 @@ def leave_inner_kernels_to_callers() -> None:
 
     def run_pass(self: object, state: Any) -> bool:
         flags = state.flags
-        own = state.func_id.modname.startswith("numba.")
-        if flags.no_cpython_wrapper and (own or flags.no_cfunc_wrapper):
+        is_numba = state.func_id.modname.startswith("numba.")
+        if flags.no_cpython_wrapper and (is_numba or flags.no_cfunc_wrapper):
             flags.no_cfunc_wrapper = True
             if state.library is None:
                 codegen = state.targetctx.codegen()

@@ -69,7 +69,7 @@ def find_cache() -> bool:
 def _has_directory() -> bool:
     locators: Any = CacheImpl._locator_classes
     file = str(KERNELS / "__init__.py")
-    return any(each.from_function(_has_directory, file) is not None for each in locators)
+    return any(locator.from_function(_has_directory, file) is not None for locator in locators)
 
 
 def _private_temporary_directory() -> Path:
@@ -91,15 +91,15 @@ def _private_temporary_directory() -> Path:
 
 def sources(path: Path) -> tuple[Path, ...]:
     """Return a file of kernels and all files of kernels that it imports, directly or not."""
-    found: dict[Path, None] = {}
+    files: dict[Path, None] = {}
     waiting = [path]
     while waiting:
-        one = waiting.pop()
-        if one not in found:
-            found[one] = None
-            names = KERNEL_IMPORT.findall(one.read_bytes())
+        file = waiting.pop()
+        if file not in files:
+            files[file] = None
+            names = KERNEL_IMPORT.findall(file.read_bytes())
             waiting += [path.parent / f"{name.decode()}.py" for name in names]
-    return tuple(sorted(found))
+    return tuple(sorted(files))
 
 
 @cache

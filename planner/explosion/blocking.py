@@ -151,8 +151,8 @@ def _moves(chain: Chain, unit: tuple[int, int], size: float) -> tuple[Move, ...]
         positions[unit[0] :] += TRIAL_MOVE_PITCH * np.array(direction)
         pairs = near_pairs(positions, 2.0 * chain.module.radius * size, chain.module.apart)
         across = pairs[(pairs.min(axis=1) < unit[0]) & (pairs.max(axis=1) >= unit[0])]
-        there = Poses(positions=positions, rotations=poses.rotations)
-        depth, pair = _deepest(chain, there, across.tolist(), size)
+        moved_poses = Poses(positions=positions, rotations=poses.rotations)
+        depth, pair = _deepest(chain, moved_poses, across.tolist(), size)
         if pair is None:
             return ()
         core, moved = sorted(pair)

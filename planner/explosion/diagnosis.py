@@ -142,17 +142,19 @@ def _knot(chain: Chain, last: Motion) -> KnotEvidence | None:
     """Return the knot of the chain where it stopped: as folded it may have been another one."""
     if len(chain) > 4096:  # the test takes time by the square of the number
         return None
-    found = diagram_of(last.poses(chain).positions[0])
-    if found is None:
+    diagram = diagram_of(last.poses(chain).positions[0])
+    if diagram is None:
         return None
     return KnotEvidence(
-        determinant=found.knot.determinant,
-        closings=tuple(tuple(map(_point, corners)) for corners in found.closings),
-        polygon=tuple(map(_point, found.vertices)),
-        sight=_point(found.sight),
+        determinant=diagram.knot.determinant,
+        closings=tuple(tuple(map(_point, corners)) for corners in diagram.closings),
+        polygon=tuple(map(_point, diagram.vertices)),
+        sight=_point(diagram.sight),
         diagram=tuple(
             Crossing(over=over, under=under, sign=sign)
-            for (over, under), sign in zip(found.places.tolist(), found.signs.tolist(), strict=True)
+            for (over, under), sign in zip(
+                diagram.places.tolist(), diagram.signs.tolist(), strict=True
+            )
         ),
     )
 
@@ -217,8 +219,8 @@ def stopped(chain: Chain, last: Motion) -> Diagnosis:
             of a playback on its way to be folded.
     """
     bent, folded = _bends(chain, last)
-    left = np.abs(bent - folded) if PHASES[int(last.phase[-1])] == "playback" else bent
-    modules = _most_bent(left) + chain.module.rigid_links
+    remaining_bend = np.abs(bent - folded) if PHASES[int(last.phase[-1])] == "playback" else bent
+    modules = _most_bent(remaining_bend) + chain.module.rigid_links
     return Diagnosis(kind="stopped", modules=tuple(modules[:MAX_DIAGNOSED_MODULES].tolist()))
 
 
@@ -250,8 +252,12 @@ def _bends(chain: Chain, last: Motion) -> tuple[Array, Array]:
 
 def _most_bent(bent: Array) -> Ints:
     """Return the joints that are bent the most, where none is bent far."""
-    most = bent.max(initial=0.0)
-    return np.flatnonzero(bent >= 0.5 * most) if most > SLIGHT_BEND_RAD else np.zeros(0, np.int64)
+    max_bend = bent.max(initial=0.0)
+    return (
+        np.flatnonzero(bent >= 0.5 * max_bend)
+        if max_bend > SLIGHT_BEND_RAD
+        else np.zeros(0, np.int64)
+    )
 
 
 def _kind_beside(core: int, record: Record) -> Kind:
@@ -270,7 +276,7 @@ def _largest_cluster(positions: Array, apart: int) -> Ints:
     pairs = near_pairs(positions, 1.1, apart)  # 1 if they share a face
     if not len(pairs):
         return np.zeros(0, dtype=np.int64)
-    ones = np.ones(len(pairs))
-    graph = coo_array((ones, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    weights = np.ones(len(pairs))
+    graph = coo_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
     _, labels = connected_components(graph, directed=False)
     return np.flatnonzero(labels == np.bincount(labels).argmax())

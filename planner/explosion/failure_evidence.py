@@ -76,10 +76,10 @@ class KnotEvidence:
     @property
     def words(self) -> str:
         """Evidence as a phrase in plain English."""
-        which = "" if self.determinant is None else f" (determinant {self.determinant})"
+        determinant_note = "" if self.determinant is None else f" (determinant {self.determinant})"
         return (
-            f"the chain is knotted{which}: drawn as it stalled, with its ends extended outwards, "
-            f"it has {len(self.diagram)} crossings"
+            f"the chain is knotted{determinant_note}: drawn as it stalled, with its ends extended "
+            f"outwards, it has {len(self.diagram)} crossings"
         )
 
     def as_dict(self) -> KnotFigures:
@@ -157,16 +157,16 @@ class BlockEvidence:
         parts: list[str] = []
         if self.turns:
             modules = sorted({turn.module for turn in self.turns})
-            one = len(self.turns) == 1
-            what = (
+            is_single = len(self.turns) == 1
+            subject = (
                 "the hinge"
-                if one
+                if is_single
                 else f"the {len(self.turns)} hinges bent by more than "
                 + (f"{np.rad2deg(self.bent_above_rad):.0f}°")
             )
             parts.append(
-                f"{what} at {_listed(modules)} cannot straighten"
-                f"{'' if one else ', each by itself'}: {_pairs(self.turns)}"
+                f"{subject} at {_listed(modules)} cannot straighten"
+                f"{'' if is_single else ', each by itself'}: {_pairs(self.turns)}"
             )
         if self.moves and self.unit is not None:
             parts.append(
@@ -234,12 +234,12 @@ class BudgetEvidence:
         """Evidence as a phrase in plain English."""
         limit = USED_UP[self.spent].format(allowed=_whole(self.allowed), used=_whole(self.used))
         hinges = "hinge was" if self.bent_hinges == 1 else "hinges were"
-        left = (
+        bend_limit = (
             f"{self.bent_hinges} {hinges} still bent, by up to"
             if self.bent_hinges
             else ("no hinge was bent by more than")
         )
-        return f"{limit}; {left} {np.rad2deg(self.largest_bend_rad):.0f}°"
+        return f"{limit}; {bend_limit} {np.rad2deg(self.largest_bend_rad):.0f}°"
 
     def as_dict(self) -> BudgetFigures:
         """Return plain JSON values."""
@@ -273,13 +273,13 @@ def _listed(modules: Sequence[int]) -> str:
     if len(modules) == 1:
         return f"module {modules[0]}"
     if len(modules) > MAX_NAMED_PAIRS:
-        some = ", ".join(map(str, modules[:MAX_NAMED_PAIRS]))
-        return f"modules {some} and {len(modules) - MAX_NAMED_PAIRS} more"
+        named = ", ".join(map(str, modules[:MAX_NAMED_PAIRS]))
+        return f"modules {named} and {len(modules) - MAX_NAMED_PAIRS} more"
     return f"modules {', '.join(map(str, modules[:-1]))} and {modules[-1]}"
 
 
 def _pairs(blocks: Sequence[Turn] | Sequence[Move]) -> str:
-    pairs = list(dict.fromkeys(each.modules for each in blocks))
+    pairs = list(dict.fromkeys(block.modules for block in blocks))
     named = ", ".join(f"module {a} against {b}" for a, b in pairs[:MAX_NAMED_PAIRS])
     return named + (
         "" if len(pairs) <= MAX_NAMED_PAIRS else f", and {len(pairs) - MAX_NAMED_PAIRS} pairs more"

@@ -143,7 +143,7 @@ class KinematicFinish:
         p = self.parameters
         if step < self.next_step or np.abs(world.state.angles).max() > p.finish_rad:
             return None
-        rest = straightening(
+        frames = straightening(
             world.chain,
             world.state,
             start_s=world.time_s,
@@ -151,11 +151,11 @@ class KinematicFinish:
             snapshot_distance=self.spacing * p.snapshot_distance,
             size=p.verify_size,
         )
-        if rest is None:
-            factor, most = FINISH_BACKOFF
-            self.wait_steps = min(factor * self.wait_steps, most)
+        if frames is None:
+            factor, max_wait_steps = FINISH_BACKOFF
+            self.wait_steps = min(factor * self.wait_steps, max_wait_steps)
             self.next_step = step + round(self.wait_steps)
-        return rest
+        return frames
 
 
 @dataclass(slots=True, kw_only=True, eq=False)
@@ -297,13 +297,13 @@ class Simultaneous(Explosion[WholeChain, Step]):
     def straighten(self) -> bool:
         """Straighten the chain by pure kinematics; return False if modules may touch."""
         world = self.world
-        rest = self.finish.frames(world, self.control.steps)
-        if rest is None:
+        frames = self.finish.frames(world, self.control.steps)
+        if frames is None:
             return False
         world.place()
         self.record()
         self.recorder.commit(end=True)
-        self.recorder.append_motion(rest)
+        self.recorder.append_motion(frames)
         return True
 
     def _check_knot(self) -> None:

@@ -211,10 +211,12 @@ def run_strategy(
         progress: Receives the progress, a few times a second.
         cancelled: Returns True to stop; called every few steps.
     """
-    how = parameters.explosion
-    if isinstance(how, PaperExplosionParameters):
-        return explode_as_published(chain, how, sink=sink, progress=progress, cancelled=cancelled)
-    if how is None:
+    options = parameters.explosion
+    if isinstance(options, PaperExplosionParameters):
+        return explode_as_published(
+            chain, options, sink=sink, progress=progress, cancelled=cancelled
+        )
+    if options is None:
         raise InputError(
             "no-explosion",
             f"got the preset {parameters.preset!r}, which folds without an explosion, expected a "
@@ -239,14 +241,14 @@ def run_strategy(
     if strategy == "peel":
         finer = _suited(parameters.peeling, parameters.module_size, gentle)
         return peel(chain, finer, seed=seed, sink=sink, progress=progress, cancelled=cancelled)
-    how = _suited(how, parameters.module_size, gentle)
+    options = _suited(options, parameters.module_size, gentle)
     if strategy == "blocks":
         return explode_blocks_first(
-            chain, how, seed=seed, sink=sink, progress=progress, cancelled=cancelled
+            chain, options, seed=seed, sink=sink, progress=progress, cancelled=cancelled
         )
     return explode(
         chain,
-        how,
+        options,
         seed=seed,
         calm=calm,
         sink=sink,

@@ -49,7 +49,7 @@ def unfold_in_turns(
         sink: Receives the snapshots.
         cancelled: Polled between turns.
     """
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     turns = find_turns(
         chain, size=size, at_once=at_once, seed=seed, roomy=roomy, cancelled=cancelled
     )
@@ -58,11 +58,11 @@ def unfold_in_turns(
     if isinstance(turns, NoTurns):
         status, reason, spent = _failure(chain, turns, size)
         frames, expanded = turns.last_rad, turns.expanded
-    elif roomy and len(turns.hinges) > (most := -(-len(chain) // MODULES_PER_STEP)):
+    elif roomy and len(turns.hinges) > (max_turns := -(-len(chain) // MODULES_PER_STEP)):
         status, frames = "stalled", turns.rest_angles_rad[-1:]
         expanded = len(turns.hinges)
-        reason = f"turns were found in {expanded} steps, more than {most}"
-        spent = Spent(kind="turn_steps", allowed=most, used=expanded)
+        reason = f"turns were found in {expanded} steps, more than {max_turns}"
+        spent = Spent(kind="turn_steps", allowed=max_turns, used=expanded)
     elif turns.hinges:
         frames, rests = _between(turns.rest_angles_rad[::-1])
     else:  # a straight chain has no turns to rest between
@@ -82,7 +82,7 @@ def unfold_in_turns(
         reason=reason,
         frames=motion,
         steps=expanded,
-        seconds=time.perf_counter() - begun,
+        seconds=time.perf_counter() - start_s,
         strategy=strategy,
         rest_frames=rests,
         spent=spent,

@@ -203,11 +203,11 @@ def _add_lump(end: int, i: int, lumps: Lumps, modules: ModuleStates, IA: Array, 
     if mass == 0.0:
         return
     omega = modules.angular_velocities[i]
-    arm, own = np.empty(3), np.empty((3, 3))
-    write_lump(end, i, lumps, modules, arm, own)
+    arm, lump_moments = np.empty(3), np.empty((3, 3))
+    write_lump(end, i, lumps, modules, arm, lump_moments)
     square = arm[0] ** 2 + arm[1] ** 2 + arm[2] ** 2
     inward = _centripetal(vector(omega), vector(arm))
-    gyroscopic = cross(vector(omega), vector(own @ omega))
+    gyroscopic = cross(vector(omega), vector(lump_moments @ omega))
     moment = cross(vector(arm), inward)
     for r in range(3):
         pA[r] += gyroscopic[r]
@@ -216,7 +216,7 @@ def _add_lump(end: int, i: int, lumps: Lumps, modules: ModuleStates, IA: Array, 
         IA[3 + r, 3 + r] += mass
         IA[r, r] += mass * square
         for c in range(3):
-            IA[r, c] += own[r, c] - mass * arm[r] * arm[c]
+            IA[r, c] += lump_moments[r, c] - mass * arm[r] * arm[c]
     x, y, z = mass * arm[0], mass * arm[1], mass * arm[2]
     IA[0, 4] -= z
     IA[0, 5] += y

@@ -38,8 +38,8 @@ def _free(cell: int, near: Ints, place: Ints) -> int:
     """Return the number of a cell's neighbours that are not on the path."""
     count = 0
     for k in range(6):
-        other = near[cell, k]
-        if other >= 0 and place[other] < 0:
+        neighbour = near[cell, k]
+        if neighbour >= 0 and place[neighbour] < 0:
             count += 1
     return count
 
@@ -76,43 +76,43 @@ def grow(near: Ints, ends: Flags, start: int, moves: int, seed: int) -> tuple[in
         tail = path[length - 1]
         # Go on to the neighbour that has fewest ways on itself.
         fewest = 7
-        found = 0
+        free_count = 0
         for k in range(6):
-            other = near[tail, k]
-            if other >= 0 and place[other] < 0:
-                free = _free(other, near, place)
+            neighbour = near[tail, k]
+            if neighbour >= 0 and place[neighbour] < 0:
+                free = _free(neighbour, near, place)
                 if free < fewest:
                     fewest = free
-                    found = 0
+                    free_count = 0
                 if free == fewest:
-                    choice[found] = other
-                    found += 1
-        if found > 0:
-            other = choice[np.random.randint(found)]
-            path[length] = other
-            place[other] = length
+                    choice[free_count] = neighbour
+                    free_count += 1
+        if free_count > 0:
+            neighbour = choice[np.random.randint(free_count)]
+            path[length] = neighbour
+            place[neighbour] = length
             length += 1
             best = max(best, min(length, n - 1))
             continue
         # Turn: rather so that the new end has somewhere to go.
         good = 0
         for k in range(6):
-            other = near[tail, k]
-            if other >= 0 and place[other] < length - 2:
-                if _free(path[place[other] + 1], near, place) > 0:
+            neighbour = near[tail, k]
+            if neighbour >= 0 and place[neighbour] < length - 2:
+                if _free(path[place[neighbour] + 1], near, place) > 0:
                     if good == 0:
-                        found = 0
+                        free_count = 0
                     good = 1
-                    choice[found] = other
-                    found += 1
+                    choice[free_count] = neighbour
+                    free_count += 1
                 elif good == 0:
-                    choice[found] = other
-                    found += 1
-        if found > 0 and (good == 1 or start >= 0 or np.random.random() < 0.9):
-            _turn(path, place, place[choice[np.random.randint(found)]] + 1, length - 1)
+                    choice[free_count] = neighbour
+                    free_count += 1
+        if free_count > 0 and (good == 1 or start >= 0 or np.random.random() < 0.9):
+            _turn(path, place, place[choice[np.random.randint(free_count)]] + 1, length - 1)
         elif start < 0:
             _turn(path, place, ZERO, length - 1)
-            if found == 0 and _stuck(path, length, near, place):
+            if free_count == 0 and _stuck(path, length, near, place):
                 return best, path
         else:
             return best, path
@@ -124,8 +124,8 @@ def _stuck(path: Ints, length: int, near: Ints, place: Ints) -> bool:
     """Return True if neither end of a path has a neighbour besides its own next cell."""
     for tail, inner in ((path[0], path[min(1, length - 1)]), (path[length - 1], path[length - 2])):
         for k in range(6):
-            other = near[tail, k]
-            if other >= 0 and other != inner:
+            neighbour = near[tail, k]
+            if neighbour >= 0 and neighbour != inner:
                 return False
     return True
 
@@ -163,17 +163,17 @@ def ease(path: Ints, near: Ints, ends: Flags, start: int, moves: int, seed: int)
         place[path[k]] = k
     total = _total(path, place, near)
     best = total
-    kept = path.copy()
+    saved_path = path.copy()
     hot = 0.1 * total
     for move in range(moves):
         heat = hot * (1e-4 ** (move / moves))
         if start < 0 and np.random.random() < 0.5:
             _turn(path, place, ZERO, n - 1)
         tail = path[n - 1]
-        other = near[tail, np.random.randint(6)]
-        if other < 0 or place[other] >= n - 2:
+        neighbour = near[tail, np.random.randint(6)]
+        if neighbour < 0 or place[neighbour] >= n - 2:
             continue
-        low = place[other] + 1
+        low = place[neighbour] + 1
         _turn(path, place, low, n - 1)
         after = _total(path, place, near)
         if after > total and np.random.random() >= np.exp((total - after) / heat):
@@ -182,5 +182,5 @@ def ease(path: Ints, near: Ints, ends: Flags, start: int, moves: int, seed: int)
         total = after
         if total < best and ends[path[0]] and ends[path[n - 1]]:
             best = total
-            kept[:] = path
-    return kept
+            saved_path[:] = path
+    return saved_path

@@ -152,7 +152,7 @@ def _box_separation(
     relative = np.empty((3, 3))
     across = np.empty(3)
     best = -np.inf
-    which = 0
+    best_k = 0
     _rotate_transposed(rotation_a, gap, across)
     for r in range(3):
         for c in range(3):
@@ -165,10 +165,10 @@ def _box_separation(
         separation = _box_axis_separation(k, across, relative, half)
         if separation > best:
             best = separation
-            which = k
+            best_k = k
             if best >= enough:
                 break
-    _write_box_axis(which, rotation_a, rotation_b, relative, best_axis)
+    _write_box_axis(best_k, rotation_a, rotation_b, relative, best_axis)
     return best
 
 
@@ -350,9 +350,9 @@ def module_clearances(
             dy = points[j, 1] - points[i, 1]
             dz = points[j, 2] - points[i, 2]
             distances[k] = np.sqrt(dx * dx + dy * dy + dz * dz)
-            most = distances[k] - inner + 1e-9  # rounding
-            bound[i] = min(bound[i], most)
-            bound[j] = min(bound[j], most)
+            upper_bound = distances[k] - inner + 1e-9  # rounding
+            bound[i] = min(bound[i], upper_bound)
+            bound[j] = min(bound[j], upper_bound)
         for k in range(count):
             i = pairs[k, 0]
             j = pairs[k, 1]

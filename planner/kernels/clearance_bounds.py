@@ -274,9 +274,9 @@ def allowance(tolerance: Tolerance, lever: Levers, joints: float, hinges: float)
             return np.inf
         moved = epsilon * total / (1.0 - epsilon * count)  # Δ of lemma 12
         squares = hinges * lever.squares + moved * (2.0 * total + count * moved)
-        both = epsilon * tolerance.deviations * np.sqrt(squares)
-        both += 0.5 * epsilon * epsilon * (total + count * moved)
-        near = max(near, both)
+        deviation = epsilon * tolerance.deviations * np.sqrt(squares)
+        deviation += 0.5 * epsilon * epsilon * (total + count * moved)
+        near = max(near, deviation)
     return tolerance.spare + near
 
 

@@ -267,9 +267,9 @@ def _lcp_bias(
     """
     constant, ratio, solimp = contact_model
     scaled = solimp[1] * constant
-    wanted = -2.0 / scaled * _normal_velocity(k, contacts, positions, free.velocities)
-    wanted += impedance * contacts.depths[k] / (scaled * ratio) ** 2
-    return _normal_velocity(k, contacts, positions, free.accelerations) - wanted
+    target_acceleration = -2.0 / scaled * _normal_velocity(k, contacts, positions, free.velocities)
+    target_acceleration += impedance * contacts.depths[k] / (scaled * ratio) ** 2
+    return _normal_velocity(k, contacts, positions, free.accelerations) - target_acceleration
 
 
 @njit(**INNER)

@@ -80,9 +80,9 @@ def _arc_gap(px: float, py: float, cx: float, cy: float, half: float) -> float:
         side = (cx if k < 2 else cy) + (half if k & 1 else -half)
         middle = cy if k < 2 else cx
         if abs(side) < radius:
-            other = sqrt(radius * radius - side * side)
+            half_chord = sqrt(radius * radius - side * side)
             for sign in (-1.0, 1.0):
-                across = sign * other
+                across = sign * half_chord
                 if abs(across - middle) <= half:
                     x = side if k < 2 else across
                     y = across if k < 2 else side
@@ -121,14 +121,14 @@ def _enter_row(table: SweptCells, a: int, b: int) -> bool:
     margin = 2.0 * sqrt(2.0) * table.half + table.reach
     low = int(radius + margin) + 1
     at = table.used[0]
-    begin = at
+    first_entry = at
     for c in range(-low, low + 1):
         for d in range(-low, low + 1):
-            away = sqrt(float(c * c + d * d))
-            if abs(away - radius) > margin:
+            distance = sqrt(float(c * c + d * d))
+            if abs(distance - radius) > margin:
                 continue
             # Outside the sector of the turn by more than the margin: too far on either side.
-            if a * c + b * d < 0 and -b * c + a * d < 0 and away > margin:
+            if a * c + b * d < 0 and -b * c + a * d < 0 and distance > margin:
                 continue
             if -b * c + a * d < -margin * radius or a * c + b * d < -margin * radius:
                 continue
@@ -141,7 +141,7 @@ def _enter_row(table: SweptCells, a: int, b: int) -> bool:
                 table.gaps[at] = gap
                 at += 1
     table.used[0] = at
-    table.start[a, b] = begin
+    table.start[a, b] = first_entry
     table.stop[a, b] = at
     return True
 
@@ -206,15 +206,15 @@ def _measure_layers(state: Scratch, sizes: NDArray[np.int64], turn: NDArray[np.i
     for layer in range(sizes[u]):
         state.nearest[layer] = 1e9
         state.farthest[layer] = -1e9
-    begin = ZERO if turn[3] > k else k + 1
+    first_layer = ZERO if turn[3] > k else k + 1
     end = k + 1 if turn[3] > k else cells.shape[0]
-    for j in range(begin, end):
+    for j in range(first_layer, end):
         a = cells[j, v] - cells[k, v]
         b = cells[j, w] - cells[k, w]
-        away = sqrt(float(a * a + b * b))
+        distance = sqrt(float(a * a + b * b))
         layer = cells[j, u]
-        state.nearest[layer] = min(state.nearest[layer], away)
-        state.farthest[layer] = max(state.farthest[layer], away)
+        state.nearest[layer] = min(state.nearest[layer], distance)
+        state.farthest[layer] = max(state.farthest[layer], distance)
 
 
 @njit(**INNER)
@@ -252,9 +252,9 @@ def _turns_free(
         i = turn[3] + n if far else turn[4] - 1 - n
         a = cells[i, v] - origin_v
         b = sign * (cells[i, w] - origin_w)
-        away = sqrt(float(a * a + b * b))
+        distance = sqrt(float(a * a + b * b))
         layer = cells[i, u]
-        if away > state.farthest[layer] + margin or away < state.nearest[layer] - margin:
+        if distance > state.farthest[layer] + margin or distance < state.nearest[layer] - margin:
             continue
         # The row of the table is that of the offset in the first quadrant; q turns lead back to it.
         q = 0

@@ -130,9 +130,9 @@ def _propagate_velocities(
         out.positions[i, 0], out.positions[i, 1], out.positions[i, 2] = x, y, z
         out.velocities[i, 0], out.velocities[i, 1], out.velocities[i, 2] = u, v, w
         out.omega[i, 0], out.omega[i, 1], out.omega[i, 2] = omega
-        own = _module_inertia(rotation, inertia)
+        module_inertia = _module_inertia(rotation, inertia)
         for k in range(6):
-            out.inertias[i, k] = own[k]
+            out.inertias[i, k] = module_inertia[k]
         if i == 0:
             _write_lump(0, i, rotation, lumps, out)
         if i + 1 == n:
@@ -171,14 +171,14 @@ def _write_lump(end: int, i: int, rotation: Matrix, lumps: Lumps, out: _Recursio
     b = out.pivots.shape[0] + end
     arm = rotate(rotation, lumps.centres[end])
     turning = cross(vector(out.omega[i]), arm)
-    own = _module_inertia(product(rotation, matrix(lumps.axes[end])), lumps.moments[end])
+    lump_inertia = _module_inertia(product(rotation, matrix(lumps.axes[end])), lumps.moments[end])
     out.masses[b] = lumps.masses[end]
     for r in range(3):
         out.positions[b, r] = out.positions[i, r] + arm[r]
         out.velocities[b, r] = out.velocities[i, r] + turning[r]
         out.omega[b, r] = out.omega[i, r]
     for k in range(6):
-        out.inertias[b, k] = own[k]
+        out.inertias[b, k] = lump_inertia[k]
 
 
 @njit(**INNER)
@@ -252,7 +252,7 @@ def _shift_acceleration(a: Vector, alpha: Vector, omega: Vector, arm: Vector) ->
 
 @njit(**INNER)
 def _cancel_momentum(
-    chain: _Recursion, linear: Array, angular: Array, moments: Array, whole: Array
+    chain: _Recursion, linear: Array, angular: Array, moments: Array, composite: Array
 ) -> None:
     """Add the motion of one rigid body to all bodies, so that the chain has no momentum.
 
@@ -263,7 +263,7 @@ def _cancel_momentum(
         chain: Masses, and arms.
         linear, angular: (b, 3) velocities or accelerations; changed.
         moments: (b, 3) angular momenta or torques about the centres of mass.
-        whole: (6,) inertia of the whole chain about its centre of mass, as ``Symmetric``.
+        composite: (6,) inertia of the whole chain about its centre of mass, as ``Symmetric``.
     """
     arms, masses = chain.arms, chain.masses
     n = masses.shape[0]
@@ -271,15 +271,15 @@ def _cancel_momentum(
     a, b, c = 0.0, 0.0, 0.0
     x, y, z = 0.0, 0.0, 0.0
     for i in range(n):
-        own = _scaled(masses[i], vector(linear[i]))
-        orbital = cross(vector(arms[i]), own)
-        a, b, c = a + own[0], b + own[1], c + own[2]
+        module_momentum = _scaled(masses[i], vector(linear[i]))
+        orbital = cross(vector(arms[i]), module_momentum)
+        a, b, c = a + module_momentum[0], b + module_momentum[1], c + module_momentum[2]
         x, y, z = (
             x + orbital[0] + moments[i, 0],
             y + orbital[1] + moments[i, 1],
             z + orbital[2] + moments[i, 2],
         )
-    rigid = _solve_symmetric(whole, (-x, -y, -z))
+    rigid = _solve_symmetric(composite, (-x, -y, -z))
     for i in range(n):
         orbital = cross(rigid, vector(arms[i]))
         linear[i, 0] += orbital[0] - a / total
@@ -303,7 +303,7 @@ def _euler_torques(inertias: Array, omega: Array, alpha: Array, out: Array) -> N
 
 
 @njit(**INNER)
-def _write_composite_inertia(chain: _Recursion, whole: Array) -> None:
+def _write_composite_inertia(chain: _Recursion, composite: Array) -> None:
     """Write the arms, and the (6,) inertia of the whole chain about its centre of mass."""
     masses, positions = chain.masses, chain.positions
     inertias, arms = chain.inertias, chain.arms
@@ -316,16 +316,16 @@ def _write_composite_inertia(chain: _Recursion, whole: Array) -> None:
         for i in range(n):
             arms[i, r] = positions[i, r] - centre / total
     for k in range(6):
-        whole[k] = 0.0
+        composite[k] = 0.0
     for i in range(n):
         m = masses[i]
         x, y, z = arms[i, 0], arms[i, 1], arms[i, 2]
-        whole[0] += m * (y * y + z * z) + inertias[i, 0]
-        whole[1] += m * (x * x + z * z) + inertias[i, 1]
-        whole[2] += m * (x * x + y * y) + inertias[i, 2]
-        whole[3] += inertias[i, 3] - m * x * y
-        whole[4] += inertias[i, 4] - m * x * z
-        whole[5] += inertias[i, 5] - m * y * z
+        composite[0] += m * (y * y + z * z) + inertias[i, 0]
+        composite[1] += m * (x * x + z * z) + inertias[i, 1]
+        composite[2] += m * (x * x + y * y) + inertias[i, 2]
+        composite[3] += inertias[i, 3] - m * x * y
+        composite[4] += inertias[i, 4] - m * x * z
+        composite[5] += inertias[i, 5] - m * y * z
 
 
 @njit(**INNER)
@@ -340,9 +340,9 @@ def _write_hinge_torques(chain: _Recursion, rigid_links: int, out: Array) -> Non
     orbital = cross(vector(chain.positions[lump]), force)
     moment = _add_scaled(orbital, vector(chain.moments[lump]), 1.0)
     for i in range(n - 1, rigid_links, -1):
-        own = vector(chain.accelerations[i])
-        orbital = cross(vector(chain.positions[i]), own)
-        force = (force[0] + own[0], force[1] + own[1], force[2] + own[2])
+        module_force = vector(chain.accelerations[i])
+        orbital = cross(vector(chain.positions[i]), module_force)
+        force = (force[0] + module_force[0], force[1] + module_force[1], force[2] + module_force[2])
         moment = (
             moment[0] + orbital[0] + chain.moments[i, 0],
             moment[1] + orbital[1] + chain.moments[i, 1],
@@ -390,15 +390,15 @@ def many_floating_torques(
         np.empty((bodies, 3)),
     )
     inertias, moments, omega = chain.inertias, chain.moments, chain.omega
-    whole, at_rest = np.empty(6), np.zeros((bodies, 3))
+    composite, at_rest = np.empty(6), np.zeros((bodies, 3))
     for f in range(frames):
         _propagate_velocities(q[f], qd[f], joint, inertia, lumps, chain)
-        _write_composite_inertia(chain, whole)
+        _write_composite_inertia(chain, composite)
         # I α + ω × I ω with ω = 0 and ω in place of α is the angular momentum.
         _euler_torques(inertias, at_rest, omega, moments)
-        _cancel_momentum(chain, chain.velocities, omega, moments, whole)
+        _cancel_momentum(chain, chain.velocities, omega, moments, composite)
         _propagate_accelerations(qd[f], qdd[f], rigid_links, chain)
         _euler_torques(inertias, omega, chain.alpha, moments)
-        _cancel_momentum(chain, chain.accelerations, chain.alpha, moments, whole)
+        _cancel_momentum(chain, chain.accelerations, chain.alpha, moments, composite)
         _euler_torques(inertias, omega, chain.alpha, moments)
         _write_hinge_torques(chain, rigid_links, out[f])

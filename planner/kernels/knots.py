@@ -129,13 +129,13 @@ def _is_unobstructed(
 @njit(**INNER)
 def _remaining_vertices(points: Array, following: Ints) -> Array:
     """Return the vertices that were not removed, in order."""
-    kept = np.empty_like(points)
+    remaining = np.empty_like(points)
     count = 0
     for i in range(points.shape[0]):
         if following[i] >= 0:
-            copy_vector(points[i], kept[count])
+            copy_vector(points[i], remaining[count])
             count += 1
-    return kept[:count].copy()
+    return remaining[:count].copy()
 
 
 @njit(**INNER)
@@ -254,9 +254,9 @@ def crossings(points: Array) -> tuple[Array, Ints]:
             if s < 0.0 or s >= 1.0 or t < 0.0 or t >= 1.0:
                 continue
             if count == signs.shape[0]:
-                more = np.empty((2 * count, 2))
-                more[:count] = parameters
-                parameters = more
+                enlarged = np.empty((2 * count, 2))
+                enlarged[:count] = parameters
+                parameters = enlarged
                 longer = np.empty(2 * count, dtype=np.int64)
                 longer[:count] = signs
                 signs = longer

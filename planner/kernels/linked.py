@@ -136,10 +136,10 @@ def deepest_overlap(
     frames = first.shape[0]
     longest = 0.0  # of |v|
     for v in range(link.hull.vertices.shape[0]):
-        away = link.size * link.hull.vertices[v] - link.joint.anchor
-        longest = max(longest, np.sqrt((away**2).sum()))
+        lever = link.size * link.hull.vertices[v] - link.joint.anchor
+        longest = max(longest, np.sqrt((lever**2).sum()))
     towards = np.empty(3)
-    here, there, halfway = np.empty(hinges), np.empty(hinges), np.empty(hinges)
+    start_angles, end_angles, halfway = np.empty(hinges), np.empty(hinges), np.empty(hinges)
     depth, frame, joint, bound = 0.0, 0.0, -1, 0.0
     for k in range(frames):
         to = min(k + 1, frames - 1)
@@ -161,15 +161,18 @@ def deepest_overlap(
                     else:
                         angle = 0.0
                     if end == 0:
-                        here[a] = angle
+                        start_angles[a] = angle
                     else:
-                        there[a] = angle
-                halfway[a] = 0.5 * (here[a] + there[a])
-                turned += abs(there[a] - here[a])
-            begins, ends = _extension(link, here, towards), _extension(link, there, towards)
+                        end_angles[a] = angle
+                halfway[a] = 0.5 * (start_angles[a] + end_angles[a])
+                turned += abs(end_angles[a] - start_angles[a])
+            begins, ends = (
+                _extension(link, start_angles, towards),
+                _extension(link, end_angles, towards),
+            )
             bound = max(bound, max(begins, ends) + longest * turned**2 / 8.0)
             if begins > depth:
-                overlap = _overlap(link, here)
+                overlap = _overlap(link, start_angles)
                 if overlap > depth:
                     depth, frame, joint = overlap, float(k), at_link
             if to > k and _extension(link, halfway, towards) > depth:

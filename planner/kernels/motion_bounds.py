@@ -156,9 +156,9 @@ def rod_body(
     copy_matrix(turned, body[ROTATION:VELOCITY].reshape((3, 3)))
     rx, ry, rz = _rotate(frame, place)
     _shift(last, rx, ry, rz, body)
-    away = length(rx, ry, rz)
-    body[JERK_BOUND] += away * rotation_jerk_bound(last)
-    body[DISPLACEMENT_BOUND] += away * min(2.0, half * last[ANGULAR_SPEED_BOUND])
+    lever = length(rx, ry, rz)
+    body[JERK_BOUND] += lever * rotation_jerk_bound(last)
+    body[DISPLACEMENT_BOUND] += lever * min(2.0, half * last[ANGULAR_SPEED_BOUND])
 
 
 @njit(**INNER)
@@ -242,8 +242,10 @@ def _bound_centre(
     speed = _norm(body, VELOCITY)
     acceleration = _norm(body, ACCELERATION)
     # J ≤ L + λ J of lemma 3; this is 1 − λ.
-    rest = 1.0 - half * (sums.rate + half * (sums.axis_speed + half * sums.axis_acceleration / 6.0))
-    if rest > 0.0:
+    denominator = 1.0 - half * (
+        sums.rate + half * (sums.axis_speed + half * sums.axis_acceleration / 6.0)
+    )
+    if denominator > 0.0:
         distance = _root_distance(body, root)
         distance += half * (speed + 0.5 * half * acceleration)
         lever = (
@@ -255,7 +257,7 @@ def _bound_centre(
         lever += 2.0 * (
             sums.axis_speed * (speed + half * acceleration) + sums.axis_speed_times_speed
         )
-        jerk = min(jerk, lever / rest)
+        jerk = min(jerk, lever / denominator)
     body[JERK_BOUND] = jerk
     body[DISPLACEMENT_BOUND] = min(
         half * (speed + half * (0.5 * acceleration + half * jerk / 6.0)),
@@ -281,12 +283,12 @@ def _move_outwards(
     hinge = np.empty((3, 3))
     work = np.empty((3, 3))
     sums = LeverSums(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
-    here = root
+    body = root
     last = bodies.shape[0] - 1 if step > 0 else 0
-    while here != last:
-        there = here + step
-        link = min(here, there) - joint.rigid_links
-        a, b = bodies[here], bodies[there]
+    while body != last:
+        next_body = body + step
+        link = min(body, next_body) - joint.rigid_links
+        a, b = bodies[body], bodies[next_body]
         copy_vector(a, b)
         copy_matrix(a[ROTATION:VELOCITY].reshape((3, 3)), frame)
         x, y, z = _rotate(frame, near)
@@ -315,9 +317,11 @@ def _move_outwards(
         _shift(b, step * x, step * y, step * z, b)  # to its own centre
         jerk = a[JERK_BOUND] + near_arm * rotation_jerk_bound(a)
         jerk += far_arm * rotation_jerk_bound(b)
-        _bound_centre(b, bodies[root], jerk, half, sums, abs(there - root) * (near_arm + far_arm))
+        _bound_centre(
+            b, bodies[root], jerk, half, sums, abs(next_body - root) * (near_arm + far_arm)
+        )
         b[RATE_SUM] = bodies[root, RATE_SUM] + step * sums.rate
-        here = there
+        body = next_body
 
 
 @njit(**KERNEL)

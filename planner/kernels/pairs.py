@@ -224,11 +224,11 @@ def pair_inverse_step_limit(i: int, j: int, modules: ModuleStates, limits: PairL
         0.5 * (omega[i, 2] + omega[j, 2]),
     )
     common = cross(mean, gap)
-    one, other = vector(modules.velocities[i]), vector(modules.velocities[j])
+    velocity_a, velocity_b = vector(modules.velocities[i]), vector(modules.velocities[j])
     relative = (
-        other[0] - one[0] - common[0],
-        other[1] - one[1] - common[1],
-        other[2] - one[2] - common[2],
+        velocity_b[0] - velocity_a[0] - common[0],
+        velocity_b[1] - velocity_a[1] - common[1],
+        velocity_b[2] - velocity_a[2] - common[2],
     )
     rotation = 0.0
     for r in range(3):

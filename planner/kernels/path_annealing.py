@@ -309,15 +309,15 @@ def _backbite(field: Field, path: _Links) -> bool:
     """Link an end to a neighbour on the path, and cut there: the same cells with another end."""
     at_tail = draw(path.sums, 2) == 1
     end = path.sums[_TAIL if at_tail else _HEAD]
-    other = end + field.steps[draw(path.sums, 6)]
-    if path.slot[other] < 0 or other == path.before[end] or other == path.after[end]:
+    neighbour = end + field.steps[draw(path.sums, 6)]
+    if path.slot[neighbour] < 0 or neighbour == path.before[end] or neighbour == path.after[end]:
         return False
     if at_tail:
-        new = path.after[other]
+        new = path.after[neighbour]
         _reverse(path, new, end)
         path.sums[_TAIL] = new
     else:
-        new = path.before[other]
+        new = path.before[neighbour]
         _reverse(path, end, new)
         path.sums[_HEAD] = new
     return True

@@ -75,9 +75,9 @@ def count_in_tetrahedra(
             if abs(apart[axis]) > abs(apart[first]):
                 first = axis
         second = 1 if first == 0 else 0
-        other = 3 - first - second
-        if abs(apart[other]) > abs(apart[second]):
-            second = other
+        third = 3 - first - second
+        if abs(apart[third]) > abs(apart[second]):
+            second = third
         node += steps[first] if apart[first] > 0.0 else -steps[first]
         if apart[second] < 0.0:
             node -= steps[second]
@@ -95,15 +95,15 @@ def best_overlap(counts: Ints, full: float, total: float, low: int, high: int) -
         total: Points in the solid.
         low, high: Smallest and largest number of cells.
     """
-    most = int(2.0 * full) + 2
-    tally = np.zeros(most + 1, dtype=np.int64)
+    max_count = int(2.0 * full) + 2
+    tally = np.zeros(max_count + 1, dtype=np.int64)
     for count in counts:
         if count > 0:
-            tally[min(count, most)] += 1
+            tally[min(count, max_count)] += 1
     n = ZERO
     shared = 0.0
     best = 0.0
-    for count in range(most, 0, -1):
+    for count in range(max_count, 0, -1):
         for _ in range(tally[count]):
             n += 1
             if n > high:

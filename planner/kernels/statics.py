@@ -102,19 +102,19 @@ def _dot(a: Array, b: Array) -> float:
 
 @njit(**INNER)
 def _best_face(
-    corners: Array, normals: Array, solid: FacetedHull, other: Array
+    corners: Array, normals: Array, solid: FacetedHull, opposite: Array
 ) -> tuple[float, int]:
     """Return the distance by which one face separates a module best from other corners, and it."""
-    best, which = -np.inf, 0
+    best, best_face = -np.inf, 0
     for f in range(normals.shape[0]):
         normal = normals[f]
-        least = np.inf
-        for v in range(other.shape[0]):
-            least = min(least, _dot(normal, other[v]))
-        gap = least - _dot(normal, corners[solid.loops[f, 0]])
+        nearest = np.inf
+        for v in range(opposite.shape[0]):
+            nearest = min(nearest, _dot(normal, opposite[v]))
+        gap = nearest - _dot(normal, corners[solid.loops[f, 0]])
         if gap > best:
-            best, which = gap, f
-    return best, which
+            best, best_face = gap, f
+    return best, best_face
 
 
 @njit(**INNER)
@@ -155,12 +155,12 @@ def _best_edges(
 @njit(**INNER)
 def _supporting(corners: Array, edges: Ints, axis: Array, sign: float) -> tuple[int, int]:
     """Return the edge that extends farthest along plus or minus an axis, as two corners."""
-    best, which = -np.inf, 0
+    best, best_edge = -np.inf, 0
     for e in range(edges.shape[0]):
         s = sign * ((corners[edges[e, 0]] + corners[edges[e, 1]]) * axis).sum()
         if s > best:
-            best, which = s, e
-    return int(edges[which, 0]), int(edges[which, 1])
+            best, best_edge = s, e
+    return int(edges[best_edge, 0]), int(edges[best_edge, 1])
 
 
 @njit(**INNER)
@@ -190,25 +190,25 @@ def _clip(loop: Array, count: int, point: Array, inward: Array, out: Array) -> i
         point, inward: (3,) point and normal of the plane.
         out: (MAX_CORNERS, 3) written.
     """
-    kept = 0
+    corner_count = 0
     level = _dot(point, inward)
     for k in range(count):
         p, q = loop[k], loop[(k + 1) % count]
         dp = _dot(p, inward) - level
         dq = _dot(q, inward) - level
-        if dp >= -PLANE_TOLERANCE and kept < MAX_CORNERS:
+        if dp >= -PLANE_TOLERANCE and corner_count < MAX_CORNERS:
             for r in range(3):
-                out[kept, r] = p[r]
-            kept += 1
+                out[corner_count, r] = p[r]
+            corner_count += 1
         crossed = (dp > PLANE_TOLERANCE and dq < -PLANE_TOLERANCE) or (
             dp < -PLANE_TOLERANCE and dq > PLANE_TOLERANCE
         )
-        if crossed and kept < MAX_CORNERS:
+        if crossed and corner_count < MAX_CORNERS:
             fraction = dp / (dp - dq)
             for r in range(3):
-                out[kept, r] = p[r] + (q[r] - p[r]) * fraction
-            kept += 1
-    return kept
+                out[corner_count, r] = p[r] + (q[r] - p[r]) * fraction
+            corner_count += 1
+    return corner_count
 
 
 @njit(**INNER)
@@ -280,21 +280,21 @@ def _write_common_corners(
         if count == 0:
             return 0
     level = _dot(corners[face[0]], normal)
-    kept = 0
+    point_count = 0
     for k in range(count):
         gap = _dot(loop[k], normal) - level
-        if gap <= max_gap and _is_new(loop[k], points, gaps, normal, kept):
+        if gap <= max_gap and _is_new(loop[k], points, gaps, normal, point_count):
             for r in range(3):
-                points[kept, r] = loop[k, r] - 0.5 * gap * normal[r]
-            gaps[kept] = gap
-            kept += 1
+                points[point_count, r] = loop[k, r] - 0.5 * gap * normal[r]
+            gaps[point_count] = gap
+            point_count += 1
     for k in range(inward.shape[0]):
         width = -np.inf
-        for m in range(kept):
+        for m in range(point_count):
             width = max(width, _dot(points[m], inward[k]) - _dot(corners[face[k]], inward[k]))
         if width < MIN_OVERLAP_WIDTH:
             return 0
-    return kept
+    return point_count
 
 
 class _PlacedHulls(NamedTuple):
@@ -421,16 +421,16 @@ def _add_face_points(
 ) -> int:
     """Write the contact points of a face of module a with module b; see ``_add_module_points``."""
     normal = hulls.normals[a, face]
-    other, least = 0, np.inf
+    facing, min_cosine = 0, np.inf
     for f in range(solid.normals.shape[0]):
         cosine = _dot(hulls.normals[b, f], normal)
-        if cosine < least:
-            other, least = f, cosine
+        if cosine < min_cosine:
+            facing, min_cosine = f, cosine
     added = _write_common_corners(
         solid.loops[face],
         normal,
         hulls.corners[a],
-        solid.loops[other],
+        solid.loops[facing],
         hulls.corners[b],
         module_gap,
         out.points[count : count + MAX_CORNERS],
@@ -505,7 +505,7 @@ def _moment(axis: Array, anchor: Array, point: Array, force: Array) -> float:
 def torque_columns(
     hinges: Hinges,
     root: int,
-    held: bool,
+    is_clamped: bool,
     first: Ints,
     second: Ints,
     points: Array,
@@ -520,7 +520,7 @@ def torque_columns(
     Args:
         hinges: Hinges of the configuration.
         root: Module from which the forces are reached along the chain; the held one, if any.
-        held: True if the root is held still, by any force that this needs.
+        is_clamped: True if the root is held still, by any force that this needs.
         first: (C,) modules on which the forces act.
         second: (C,) modules on which their opposites act; negative for none.
         points: (C, 3) points at which they act, in pitches.
@@ -561,14 +561,14 @@ def torque_columns(
                 rows[size] = h
                 values[size] = value
                 size += 1
-        if j < 0 and not held:
+        if j < 0 and not is_clamped:
             x, y, z = points[c, 0], points[c, 1], points[c, 2]
             fx, fy, fz = forces[c, 0], forces[c, 1], forces[c, 2]
-            whole = (fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)
+            wrench = (fx, fy, fz, y * fz - z * fy, z * fx - x * fz, x * fy - y * fx)
             for r in range(EQUATIONS):
-                if abs(whole[r]) > MIN_TORQUE:
+                if abs(wrench[r]) > MIN_TORQUE:
                     rows[size] = hinge_count + r
-                    values[size] = whole[r]
+                    values[size] = wrench[r]
                     size += 1
     starts[count] = size
     return starts, rows[:size].copy(), values[:size].copy()

@@ -225,14 +225,14 @@ def _moving_modules(shape: Shape, first: int, last: int) -> tuple[int, int]:
 def _write_angles(shape: Shape, angles: Angles, frame: int, start: int, out: Array) -> None:
     """Write the angles of a frame for the hinges from ``start`` on, as many as ``out`` holds."""
     first = angles.first[frame]
-    begin = angles.offsets[frame] - angles.shift
+    window_start = angles.offsets[frame] - angles.shift
     width = angles.offsets[frame + 1] - angles.offsets[frame]
     for k in range(out.shape[0]):
         hinge = start + k
         if hinge < first:
             out[k] = shape.folded_rad[hinge]
         elif hinge < first + width:
-            out[k] = angles.values[begin + hinge - first]
+            out[k] = angles.values[window_start + hinge - first]
         else:
             out[k] = 0.0
 
@@ -252,11 +252,11 @@ def _stretch(shape: Shape, angles: Angles, frame: int, to: int) -> Stretch:
     links, joint = shape.joint.rigid_links, shape.joint
     rigid = max(0, links - low)  # the first links of a chain have no joint
     hinges = joint.axes.shape[0]
-    begin = max(0, low - links) * hinges
+    first_hinge = max(0, low - links) * hinges
     start = np.empty(max(0, high - low - rigid) * hinges)
     rates = np.empty_like(start)
-    _write_angles(shape, angles, frame, begin, start)
-    _write_angles(shape, angles, to, begin, rates)
+    _write_angles(shape, angles, frame, first_hinge, start)
+    _write_angles(shape, angles, to, first_hinge, rates)
     rates -= start
     part = Joint(rigid, joint.anchor, joint.axes, joint.turn, joint.offset)
     return Stretch(low, high, part, max(0, shape.root), start, rates)
@@ -291,8 +291,8 @@ def _append_core_pairs(
                 i = shape.members[at]
                 if i >= below:
                     continue
-                other = shape.core[i]
-                dx, dy, dz = body[0] - other[0], body[1] - other[1], body[2] - other[2]
+                core_body = shape.core[i]
+                dx, dy, dz = body[0] - core_body[0], body[1] - core_body[1], body[2] - core_body[2]
                 if dx * dx + dy * dy + dz * dz < reach * reach:
                     pairs = append_pair(pairs, count, i, module)
                     count += 1
@@ -323,9 +323,9 @@ def _pairs_along(
             dy = bodies[j, 1] - bodies[i, 1]
             dz = bodies[j, 2] - bodies[i, 2]
             spare = length(dx, dy, dz) - reach
-            own = bodies[i, DISPLACEMENT_BOUND] + bodies[j, DISPLACEMENT_BOUND]
+            displacement = bodies[i, DISPLACEMENT_BOUND] + bodies[j, DISPLACEMENT_BOUND]
             between = half * abs(bodies[j, RATE_SUM] - bodies[i, RATE_SUM]) * (j - i)
-            if spare < min(own, between):
+            if spare < min(displacement, between):
                 pairs = append_pair(pairs, count, low + i, low + j)
                 count += 1
                 if count > MAX_PAIRS_PER_MODULE * m:
@@ -335,8 +335,8 @@ def _pairs_along(
             while leap > 0:
                 to = min(j + leap, m - 1)
                 between = half * abs(bodies[to, RATE_SUM] - bodies[i, RATE_SUM]) * (to - i)
-                own = bodies[i, DISPLACEMENT_BOUND] + max_displacement
-                if spare - leap >= min(own, between):
+                displacement = bodies[i, DISPLACEMENT_BOUND] + max_displacement
+                if spare - leap >= min(displacement, between):
                     break
                 leap //= 2
             j += 1 + max(leap, 0)
@@ -357,11 +357,11 @@ def _stretch_pairs(
     for k in range(bodies.shape[0]):
         max_displacement = max(max_displacement, bodies[k, DISPLACEMENT_BOUND])
     allowances, gap = work.allowances[0], shape.min_checked_gap
-    most = reach + allowances[bodies.shape[0] - 1]
+    max_reach = reach + allowances[bodies.shape[0] - 1]
     if max_displacement > LARGE_MOTION:
-        return _pairs_along(bodies, max_displacement, half, low, most, gap, near)
+        return _pairs_along(bodies, max_displacement, half, low, max_reach, gap, near)
     pairs, count = near
-    candidates = near_pairs(points, most + 2.0 * max_displacement, gap)
+    candidates = near_pairs(points, max_reach + 2.0 * max_displacement, gap)
     for p in range(candidates.shape[0]):
         i, j = candidates[p, 0], candidates[p, 1]
         dx = points[j, 0] - points[i, 0]
@@ -445,9 +445,9 @@ def _append_tail_pairs(
     t = 1
     while t < shape.core.shape[0] - high:
         position = shape.tail_positions[t]
-        away = length(position[0], position[1], position[2])
+        lever = length(position[0], position[1], position[2])
         gap = _distance_to_box(last, position, box) - reach - last[DISPLACEMENT_BOUND]
-        gap -= away * sway
+        gap -= lever * sway
         if gap > 0.0:
             # Per link the distance and the displacement change by no more than 1 + sway together.
             t += 1 + int(gap / (1.0 + sway))
@@ -460,8 +460,8 @@ def _append_tail_pairs(
             if high + t - low - k < shape.min_checked_gap:
                 continue
             dx, dy, dz = tail[0] - points[k, 0], tail[1] - points[k, 1], tail[2] - points[k, 2]
-            both = nearing + bodies[k, DISPLACEMENT_BOUND]
-            if dx * dx + dy * dy + dz * dz < both**2:
+            max_distance = nearing + bodies[k, DISPLACEMENT_BOUND]
+            if dx * dx + dy * dy + dz * dz < max_distance**2:
                 pairs = append_pair(pairs, count, low + k, high + t)
                 count += 1
         near = PairList(pairs, count)
@@ -626,23 +626,23 @@ def rigid_clearances(
         (n,) and (n, 2); (−1, −1) where no pair is below ``cutoff``.
     """
     n = positions.shape[0]
-    least = np.full(n, cutoff)
+    nearest = np.full(n, cutoff)
     closest = np.full((n, 2), -1)
     for p in range(pairs.shape[0]):
         i, j = pairs[p, 0], pairs[p, 1]
         separation = pair_separation(
-            positions[j] - positions[i], rotations[i], rotations[j], hull, size, float(least[j])
+            positions[j] - positions[i], rotations[i], rotations[j], hull, size, float(nearest[j])
         )
-        if separation < least[j]:
-            least[j] = separation
+        if separation < nearest[j]:
+            nearest[j] = separation
             closest[j, 0] = i
             closest[j, 1] = j
     for j in range(1, n):
-        if least[j - 1] <= least[j]:
-            least[j] = least[j - 1]
+        if nearest[j - 1] <= nearest[j]:
+            nearest[j] = nearest[j - 1]
             closest[j, 0] = closest[j - 1, 0]
             closest[j, 1] = closest[j - 1, 1]
-    return least, closest
+    return nearest, closest
 
 
 @njit(**INNER)
@@ -655,14 +655,14 @@ def _move(shape: Shape, part: Stretch, middle: float, half: float, work: Scratch
 
 @njit(**INNER)
 def _check_interval(
-    shape: Shape, part: Stretch, work: Scratch, cutoff: float, least: float, ratio: float
+    shape: Shape, part: Stretch, work: Scratch, cutoff: float, min_clearance: float, ratio: float
 ) -> SweepResult:
     """Prove the clearance between two frames by bisection: lemma 9.
 
     Args:
         shape, part, work: The chain, its motion, and scratch.
         cutoff: Clearance of the first of the frames: what stays so far apart changes no figure.
-        least: Least clearance that was seen so far.
+        min_clearance: Least clearance that was seen so far.
         ratio: Part of it that the lower bound should reach.
 
     Returns:
@@ -684,13 +684,13 @@ def _check_interval(
     while depth > 0:
         depth -= 1
         middle, half = interval_stack[depth, MIDDLE], interval_stack[depth, HALF_WIDTH]
-        begin, end = pair_range_stack[depth, FIRST_PAIR], pair_range_stack[depth, END_PAIR]
+        first_pair, end = pair_range_stack[depth, FIRST_PAIR], pair_range_stack[depth, END_PAIR]
         bisections = pair_range_stack[depth, BISECTIONS]
         _move(shape, part, middle, half, work)
         midpoints += 1
         too_large = False
-        pairs = unresolved.pairs[begin:end]
-        if begin < 0:
+        pairs = unresolved.pairs[first_pair:end]
+        if first_pair < 0:
             near, too_large = _broad_phase(shape, part, work, half, reach + cutoff, room)
             if too_large:
                 # Only collisions at the middle can be found: a pair's motion is not bounded.
@@ -698,16 +698,16 @@ def _check_interval(
                 near, _ = _broad_phase(shape, part, work, 0.0, reach, near.pairs)
             room = near.pairs
             pairs = room[: near.filled]
-        target = ratio * min(least, best) if bisections < TIGHT_BISECTIONS else 0.0
+        target = ratio * min(min_clearance, best) if bisections < TIGHT_BISECTIONS else 0.0
         target = max(ROUNDING_MARGIN, target)
         width = 0.0 if too_large else half
         check = _check_pairs(shape, part, work, width, pairs, cutoff, target, unresolved)
-        held, unresolved = unresolved.filled, check.unresolved
+        filled_before, unresolved = unresolved.filled, check.unresolved
         if check.clearance < best:
             best, at, first, second = check.clearance, middle, check.first, check.second
         if not too_large:
             bound = min(bound, check.lower_bound)
-            if unresolved.filled == held:
+            if unresolved.filled == filled_before:
                 continue
         limit = MAX_COARSE_BISECTIONS if too_large else MAX_BISECTIONS
         if check.clearance <= 0.0 or bisections == limit:
@@ -717,7 +717,7 @@ def _check_interval(
         for side in (1.0, -1.0):
             interval_stack[depth, MIDDLE] = middle + side * (0.5 * half)
             interval_stack[depth, HALF_WIDTH] = 0.5 * half
-            pair_range_stack[depth, FIRST_PAIR] = -1 if too_large else held
+            pair_range_stack[depth, FIRST_PAIR] = -1 if too_large else filled_before
             pair_range_stack[depth, END_PAIR] = unresolved.filled
             pair_range_stack[depth, BISECTIONS] = bisections + 1
             depth += 1

@@ -60,7 +60,7 @@ class Scratch(NamedTuple):
     Attributes:
         nodes: (N + 1, 3) nodes of the trail.
         axes: (N, 3) direction of the hinge at the end of each module, one of its coordinates ±1.
-        seen: (N, 3) cells as seen from a hinge: along its axis, and across.
+        projected: (N, 3) cells as seen from a hinge: along its axis, and across.
         cells: (C,) hash table of the occupied cells: key, or −1.
         modules: (C,) their modules.
         contacts: (N,) number of pairs of touching modules on either side of each hinge.
@@ -68,7 +68,7 @@ class Scratch(NamedTuple):
 
     nodes: Ints
     axes: Ints
-    seen: Ints
+    projected: Ints
     cells: Ints
     modules: NDArray[np.int32]
     contacts: Ints
@@ -151,32 +151,34 @@ def turning_gap(moving: Ints, resting: Ints, hull: Hull, size: float, reach: flo
     middles[0] = 0.25 * pi
     halves[0] = 0.25 * pi
     waiting = 1
-    least = reach
+    nearest = reach
     while waiting:
         waiting -= 1
         middle, half = middles[waiting], halves[waiting]
         c, s = cos(middle), sin(middle)
         gap[1] = by - (c * ay - s * az)
         gap[2] = bz - (s * ay + c * az)
-        away = sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]) - 2.0 * size * hull.radius
-        if away - rate * half >= least:
+        distance = (
+            sqrt(gap[0] * gap[0] + gap[1] * gap[1] + gap[2] * gap[2]) - 2.0 * size * hull.radius
+        )
+        if distance - rate * half >= nearest:
             continue
         for k in range(3):
             turned[0, k] = frame_a[0, k]
             turned[1, k] = c * frame_a[1, k] - s * frame_a[2, k]
             turned[2, k] = s * frame_a[1, k] + c * frame_a[2, k]
-        apart = pair_separation(gap, turned, frame_b, hull, size, least + rate * half)
+        apart = pair_separation(gap, turned, frame_b, hull, size, nearest + rate * half)
         if apart <= GAP_TOLERANCE:
             return 0.0
-        least = min(least, apart)
-        if apart - rate * half < least - GAP_TOLERANCE:
+        nearest = min(nearest, apart)
+        if apart - rate * half < nearest - GAP_TOLERANCE:
             half *= 0.5
             middles[waiting] = middle - half
             halves[waiting] = half
             middles[waiting + 1] = middle + half
             halves[waiting + 1] = half
             waiting += 2
-    return max(0.0, least - GAP_TOLERANCE) if least < reach else reach
+    return max(0.0, nearest - GAP_TOLERANCE) if nearest < reach else reach
 
 
 @njit(**INNER)
@@ -336,7 +338,7 @@ def _count_contacts(state: Scratch) -> int:
 @njit(**INNER)
 def _see(state: Scratch, hinge: int) -> None:
     """Write all cells as seen from a hinge: along its axis and across it."""
-    nodes, seen = state.nodes, state.seen
+    nodes, projected = state.nodes, state.projected
     axis = 0
     for r in range(1, 3):
         if state.axes[hinge, r]:
@@ -344,25 +346,25 @@ def _see(state: Scratch, hinge: int) -> None:
     sign = state.axes[hinge, axis]
     v, w = (axis + 1) % 3, (axis + 2) % 3
     at = nodes[hinge + 1]
-    for i in range(seen.shape[0]):
-        seen[i, 0] = nodes[i, axis] + nodes[i + 1, axis] - 2 * at[axis]
-        seen[i, 1] = nodes[i, v] + nodes[i + 1, v] - 2 * at[v]
-        seen[i, 2] = sign * (nodes[i, w] + nodes[i + 1, w] - 2 * at[w])
+    for i in range(projected.shape[0]):
+        projected[i, 0] = nodes[i, axis] + nodes[i + 1, axis] - 2 * at[axis]
+        projected[i, 1] = nodes[i, v] + nodes[i + 1, v] - 2 * at[v]
+        projected[i, 2] = sign * (nodes[i, w] + nodes[i + 1, w] - 2 * at[w])
 
 
 @njit(**INNER)
-def _arc_distance(seen: Ints, i: int, j: int, change: int) -> float:
+def _arc_distance(projected: Ints, i: int, j: int, change: int) -> float:
     """Return the distance of the centre of module j from the arc on which that of i turns."""
-    ay, az = 0.5 * seen[i, 1], 0.5 * change * seen[i, 2]
-    by, bz = 0.5 * seen[j, 1], 0.5 * change * seen[j, 2]
-    x = 0.5 * (seen[i, 0] - seen[j, 0])
+    ay, az = 0.5 * projected[i, 1], 0.5 * change * projected[i, 2]
+    by, bz = 0.5 * projected[j, 1], 0.5 * change * projected[j, 2]
+    x = 0.5 * (projected[i, 0] - projected[j, 0])
     along, across = ay * by + az * bz, ay * bz - az * by
-    both = ay * ay + az * az + by * by + bz * bz
+    square_sum = ay * ay + az * az + by * by + bz * bz
     if along >= 0.0 and across >= 0.0:  # on the way: no nearer than the difference of the radii
-        aside = both - 2.0 * sqrt(along * along + across * across)
+        min_square = square_sum - 2.0 * sqrt(along * along + across * across)
     else:
-        aside = both - 2.0 * max(along, across)  # from the arc's start or its end
-    return sqrt(max(0.0, aside) + x * x)
+        min_square = square_sum - 2.0 * max(along, across)  # from the arc's start or its end
+    return sqrt(max(0.0, min_square) + x * x)
 
 
 @njit(**INNER)
@@ -374,22 +376,22 @@ def _turns_free(
     The modules after the hinge turn by ``change`` · 90°. Pairs are tried from the hinge outwards.
     Neighbours are one pitch apart at most, so that a far module vouches for those next to it.
     """
-    seen = state.seen
+    projected = state.projected
     diameter = 2.0 * table.hull.radius * table.size + table.reach
-    after = 2 * (hinge + 1) >= seen.shape[0]
-    steps = seen.shape[0] - hinge - 1 if after else hinge + 1
+    after = 2 * (hinge + 1) >= projected.shape[0]
+    steps = projected.shape[0] - hinge - 1 if after else hinge + 1
     to = 1 if after else -1  # direction from the hinge to the shorter part
-    begin, other = (hinge + 1, hinge) if after else (hinge, hinge + 1)
+    first_node, second_node = (hinge + 1, hinge) if after else (hinge, hinge + 1)
     change *= to
     for k in range(steps):
-        i = begin + to * k
-        j = other - to * (k == 0)
-        while 0 <= j < seen.shape[0]:
-            spare = _arc_distance(seen, i, j, change) - diameter
+        i = first_node + to * k
+        j = second_node - to * (k == 0)
+        while 0 <= j < projected.shape[0]:
+            spare = _arc_distance(projected, i, j, change) - diameter
             if spare >= 0.0:
                 j -= to * (1 + int(spare))
                 continue
-            _write_pair(seen[i], seen[j], change, pair)
+            _write_pair(projected[i], projected[j], change, pair)
             gap = _gap_of(pair, table)
             if gap < 0.0:
                 return TABLE_FULL

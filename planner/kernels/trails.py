@@ -135,12 +135,12 @@ def _find_ring(steps: Ints, corner: int, parity: int, ring: Ints) -> None:
     """
     count = 0
     for axis in range(3):
-        one, two = (axis + 1) % 3, (axis + 2) % 3
+        first_axis, two = (axis + 1) % 3, (axis + 2) % 3
         for k in range(4):
-            bits = parity ^ ((k & 1) << (2 - one)) ^ ((k >> 1) << (2 - two))
+            bits = parity ^ ((k & 1) << (2 - first_axis)) ^ ((k >> 1) << (2 - two))
             if bits in (0, 7) or bits ^ (4 >> axis) in (0, 7):
                 continue
-            node = corner + (k & 1) * steps[2 * one] + (k >> 1) * steps[2 * two]
+            node = corner + (k & 1) * steps[2 * first_axis] + (k >> 1) * steps[2 * two]
             ring[count] = 3 * node + axis
             count += 1
 
@@ -169,18 +169,18 @@ def _is_connected(group: _Set, steps: Ints) -> bool:
     A part of the set that does not touch it would have been apart before the ring was changed.
     """
     group.sums[_STAMP] += 2
-    wanted = group.sums[_STAMP]
-    reached = wanted + 1
+    stamp = group.sums[_STAMP]
+    reached = stamp + 1
     missing = ZERO
     start = -1
     for k in range(RING):
         node = group.ring[k] // 3
         for end in (node, node + steps[2 * (group.ring[k] % 3)]):
-            if group.marks[end] == wanted:
+            if group.marks[end] == stamp:
                 continue
             for side in range(6):
                 if group.slot[_beside(steps, end, side)] >= 0:
-                    group.marks[end] = wanted
+                    group.marks[end] = stamp
                     missing += 1
                     start = end
                     break
@@ -196,13 +196,13 @@ def _is_connected(group: _Set, steps: Ints) -> bool:
         for side in range(6):
             if group.slot[_beside(steps, node, side)] < 0:
                 continue
-            other = node + steps[side]
-            if group.marks[other] == reached:
+            neighbour = node + steps[side]
+            if group.marks[neighbour] == reached:
                 continue
-            if group.marks[other] == wanted:
+            if group.marks[neighbour] == stamp:
                 missing -= 1
-            group.marks[other] = reached
-            group.stack[size] = other
+            group.marks[neighbour] = reached
+            group.stack[size] = neighbour
             size += 1
     return missing == 0
 

@@ -87,7 +87,7 @@ def chain_velocities(
         # From the root to the end, then from the root back; i is the module that holds the joint.
         ahead = step < n - 1 - root
         i = root + step if ahead else n - 2 - step
-        known, new, sign = (i, i + 1, 1.0) if ahead else (i + 1, i, -1.0)
+        source, new, sign = (i, i + 1, 1.0) if ahead else (i + 1, i, -1.0)
         j = (i - rigid_links) * hinges
         relative = (0.0, 0.0, 0.0)
         if j >= 0:
@@ -95,19 +95,19 @@ def chain_velocities(
                 rotations[i], axes, q[j : j + hinges], qd[j : j + hinges]
             )
         x, y, z = _pivot(positions[i], rotations[i], anchor)
-        omega[new, 0] = omega[known, 0] + sign * relative[0]
-        omega[new, 1] = omega[known, 1] + sign * relative[1]
-        omega[new, 2] = omega[known, 2] + sign * relative[2]
+        omega[new, 0] = omega[source, 0] + sign * relative[0]
+        omega[new, 1] = omega[source, 1] + sign * relative[1]
+        omega[new, 2] = omega[source, 2] + sign * relative[2]
         near = cross(
-            vector(omega[known]),
-            (x - positions[known, 0], y - positions[known, 1], z - positions[known, 2]),
+            vector(omega[source]),
+            (x - positions[source, 0], y - positions[source, 1], z - positions[source, 2]),
         )
         far = cross(
             vector(omega[new]),
             (positions[new, 0] - x, positions[new, 1] - y, positions[new, 2] - z),
         )
         for r in range(3):
-            velocities[new, r] = velocities[known, r] + near[r] + far[r]
+            velocities[new, r] = velocities[source, r] + near[r] + far[r]
 
 
 @njit(**INNER)
@@ -181,7 +181,7 @@ def equivalent_rigid_velocity(
             centre[r] += masses[b] / total * centres[b, r]
             velocity[r] += masses[b] / total * motions[b, r]
     momentum = np.zeros(3)
-    whole = np.zeros((3, 3))
+    inertia = np.zeros((3, 3))
     relative = np.empty(3)
     for b in range(n + 2):
         i = b if b < n else (b - n) * (n - 1)
@@ -193,11 +193,11 @@ def equivalent_rigid_velocity(
         orbital = cross(vector(arm), vector(relative))
         for r in range(3):
             momentum[r] += masses[b] * orbital[r]
-            whole[r, r] += masses[b] * square
+            inertia[r, r] += masses[b] * square
             for c in range(3):
-                whole[r, c] += inertias[b, r, c] - masses[b] * arm[r] * arm[c]
+                inertia[r, c] += inertias[b, r, c] - masses[b] * arm[r] * arm[c]
                 momentum[r] += inertias[b, r, c] * omega[i, c]
-    rigid: Array = np.linalg.solve(whole, momentum)  # pyright: ignore[reportAssignmentType]
+    rigid: Array = np.linalg.solve(inertia, momentum)  # pyright: ignore[reportAssignmentType]
     for r in range(3):
         arm[r] = positions[model.root, r] - centre[r]
     turning = cross(vector(rigid), vector(arm))

@@ -15,12 +15,12 @@ Ints = NDArray[np.int64]
 
 @njit(**INNER)
 def angle_in(
-    hinge: int, begin: int, offset: int, end: int, angles: NDArray[np.float32], folded: Array
+    hinge: int, first_hinge: int, offset: int, end: int, angles: NDArray[np.float32], folded: Array
 ) -> float:
-    """A hinge's angle: folded before the window that begins at ``begin``, 0 after it."""
-    if hinge < begin:
+    """A hinge's angle: folded before the window that begins at ``first_hinge``, 0 after it."""
+    if hinge < first_hinge:
         return folded[hinge]
-    place = offset + hinge - begin
+    place = offset + hinge - first_hinge
     return float(angles[place]) if place < end else 0.0
 
 
@@ -49,19 +49,19 @@ def window_steps(
             first[k] + offsets[k + 1] - offsets[k],
             first[k + 1] + offsets[k + 2] - offsets[k + 1],
         )
-        most = 0.0
+        largest_step = 0.0
         for hinge in range(low, high):
             before = angle_in(hinge, first[k], offsets[k], offsets[k + 1], angles, folded)
             after = angle_in(hinge, first[k + 1], offsets[k + 1], offsets[k + 2], angles, folded)
-            most = max(most, abs(after - before))
+            largest_step = max(largest_step, abs(after - before))
         count = 0
-        if most > 0.0:
+        if largest_step > 0.0:
             for hinge in range(low, high):
                 before = angle_in(hinge, first[k], offsets[k], offsets[k + 1], angles, folded)
                 after = angle_in(
                     hinge, first[k + 1], offsets[k + 1], offsets[k + 2], angles, folded
                 )
-                if abs(after - before) > fraction * most:
+                if abs(after - before) > fraction * largest_step:
                     count += 1
-        largest[k] = most
+        largest[k] = largest_step
         moving[k] = count

@@ -43,28 +43,28 @@ each byte of the 32-bit differences."""
 
 def quantised(angles_rad: NDArray[np.floating[Any]], limit_rad: float = np.inf) -> Array:
     """Return angles rounded to whole steps, ±``limit_rad`` at most; NaN stays NaN, −0 becomes 0."""
-    most = np.floor(limit_rad / PLAN_STEP_RAD)
-    found: Array = angles_rad.astype(np.float64)
-    found /= PLAN_STEP_RAD  # in place: of 100 000 modules there are 30 million angles
-    np.clip(np.rint(found, out=found), -most, most, out=found)
-    found *= PLAN_STEP_RAD
-    found += 0.0  # planes hold no −0, and a plan's digest is that of the numbers in its file
-    return found
+    max_steps = np.floor(limit_rad / PLAN_STEP_RAD)
+    scaled: Array = angles_rad.astype(np.float64)
+    scaled /= PLAN_STEP_RAD  # in place: of 100 000 modules there are 30 million angles
+    np.clip(np.rint(scaled, out=scaled), -max_steps, max_steps, out=scaled)
+    scaled *= PLAN_STEP_RAD
+    scaled += 0.0  # planes hold no −0, and a plan's digest is that of the numbers in its file
+    return scaled
 
 
 def to_step_counts(angles_rad: NDArray[np.floating[Any]]) -> Ints | None:
     """Return angles as whole steps; None if some are no exact steps in their own precision."""
     flat = angles_rad.reshape(-1)
     steps = np.empty(len(flat), dtype=np.int32)
-    for begin in range(0, len(flat), MAX_ENCODED_ANGLES):
-        block = flat[begin : begin + MAX_ENCODED_ANGLES]
+    for start in range(0, len(flat), MAX_ENCODED_ANGLES):
+        block = flat[start : start + MAX_ENCODED_ANGLES]
         with np.errstate(invalid="ignore"):
-            found = np.rint(block.astype(np.float64) / PLAN_STEP_RAD)
-            exact = np.array_equal((found * PLAN_STEP_RAD).astype(flat.dtype), block)
+            counts = np.rint(block.astype(np.float64) / PLAN_STEP_RAD)
+            exact = np.array_equal((counts * PLAN_STEP_RAD).astype(flat.dtype), block)
         # Up to four right angles, third differences fit into 32 bits.
-        if not exact or np.abs(found).max(initial=0.0) >= 2**25:
+        if not exact or np.abs(counts).max(initial=0.0) >= 2**25:
             return None
-        steps[begin : begin + MAX_ENCODED_ANGLES] = found
+        steps[start : start + MAX_ENCODED_ANGLES] = counts
     return steps.reshape(angles_rad.shape)
 
 
@@ -78,13 +78,13 @@ def encode_frames(angles_rad: Array) -> Planes | None:
     return byte_planes(steps)
 
 
-def decode_frames(planes: Planes, told: Mapping[str, Any]) -> Array:
+def decode_frames(planes: Planes, metadata: Mapping[str, Any]) -> Array:
     """Invert ``encode_frames``, by the values of ``plane_metadata``."""
-    frames, hinges = told["shape"]
+    frames, hinges = metadata["shape"]
     steps = whole_numbers(planes).reshape(frames, hinges)
-    for _ in range(told["differences"]):
+    for _ in range(metadata["differences"]):
         steps = steps.cumsum(axis=0)
-    return steps.astype(np.float64) * float(told["step_rad"])
+    return steps.astype(np.float64) * float(metadata["step_rad"])
 
 
 def encode_windows(
@@ -98,10 +98,10 @@ def encode_windows(
 
 
 def decode_windows(
-    planes: Planes, told: Mapping[str, Any], first: Ints, offsets: Ints, folded_rad: Array
+    planes: Planes, metadata: Mapping[str, Any], first: Ints, offsets: Ints, folded_rad: Array
 ) -> NDArray[np.float32]:
     """Invert ``encode_windows``."""
-    step = float(told["step_rad"])
+    step = float(metadata["step_rad"])
     changes = whole_numbers(planes)
     if len(changes) != offsets[-1]:
         raise ValueError(f"got {len(changes)} angles, expected {offsets[-1]}")
@@ -116,34 +116,34 @@ def window_differences(first: Ints, offsets: Ints, steps: Ints, folded: Ints) ->
     """
     changes = np.empty(offsets[-1], steps.dtype)
     before = np.zeros(0, np.int64)
-    begin = end = 0
+    start = end = 0
     for k, low in enumerate(first.tolist()):
         now = steps[offsets[k] : offsets[k + 1]]
         high = low + len(now)
         expected = np.zeros(len(now), np.int64)
         if k:
-            left, right = min(max(begin, low), high), min(max(end, low), high)
+            left, right = min(max(start, low), high), min(max(end, low), high)
             expected[: left - low] = folded[low:left]
-            expected[left - low : right - low] = before[left - begin : right - begin]
+            expected[left - low : right - low] = before[left - start : right - start]
         np.subtract(now, expected, out=changes[offsets[k] : offsets[k + 1]])
-        before, begin, end = now, low, high
+        before, start, end = now, low, high
     return changes
 
 
 def window_totals(first: Ints, offsets: Ints, changes: Ints, folded: Ints) -> Ints:
     """Invert ``window_differences``."""
     steps = changes.astype(np.int64)
-    whole = np.zeros(len(folded), np.int64)
-    begin = end = 0
+    full_counts = np.zeros(len(folded), np.int64)
+    start = end = 0
     for k, low in enumerate(first.tolist()):
         now = steps[offsets[k] : offsets[k + 1]]
         high = low + len(now)
         if k:
-            whole[low:begin] = folded[low:begin]
-            whole[max(low, end) : high] = 0
-            now += whole[low:high]
-        whole[low:high] = now
-        begin, end = low, high
+            full_counts[low:start] = folded[low:start]
+            full_counts[max(low, end) : high] = 0
+            now += full_counts[low:high]
+        full_counts[low:high] = now
+        start, end = low, high
     return steps
 
 
@@ -162,8 +162,8 @@ def packed_frames(name: str, angles_rad: Array) -> dict[str, Any]:
     planes = encode_frames(angles_rad) if angles_rad.size > MAX_PLAIN_ANGLES else None
     if planes is None:
         return {name: angles_rad}
-    told = plane_metadata(angles_rad.shape, windowed=False)
-    return {f"{name}_planes": planes, f"{name}_told": np.array(json.dumps(told))}
+    metadata = plane_metadata(angles_rad.shape, windowed=False)
+    return {f"{name}_planes": planes, f"{name}_told": np.array(json.dumps(metadata))}
 
 
 def unpacked_frames(arrays: Mapping[str, Any], name: str) -> Array:
@@ -186,36 +186,36 @@ def plan_columns(path: FilePath, folded_rad: Array) -> dict[str, Any]:
     names = ("first", "offsets", "angles_rad", "joint_angles_rad", PLANES_NAME)
     with np.load(path, allow_pickle=False) as file:
         columns = {name: file[name] for name in names if name in file}
-        told = json.loads(str(file["plan"]))["angles"] if PLANES_NAME in file else {}
-    found = with_plain_angles(columns, told, folded_rad, windowed="first" in columns)
-    return {name.removeprefix("joint_"): values for name, values in found.items()}
+        metadata = json.loads(str(file["plan"]))["angles"] if PLANES_NAME in file else {}
+    plain = with_plain_angles(columns, metadata, folded_rad, windowed="first" in columns)
+    return {name.removeprefix("joint_"): values for name, values in plain.items()}
 
 
 def with_plain_angles(
-    columns: Mapping[str, Any], told: Mapping[str, Any], folded_rad: Array, *, windowed: bool
+    columns: Mapping[str, Any], metadata: Mapping[str, Any], folded_rad: Array, *, windowed: bool
 ) -> dict[str, Any]:
     """Return columns of a plan, with angles that are stored in planes as plain numbers.
 
     Args:
         columns: Columns by name.
-        told: Values of ``plane_metadata`` for the planes.
+        metadata: Values of ``plane_metadata`` for the planes.
         folded_rad: (J,) folded angles of the chain.
         windowed: True if the plan's motion is windowed.
 
     Raises:
         ValueError: The angles are there twice, or not at all.
     """
-    name, found = "angles_rad" if windowed else "joint_angles_rad", dict(columns)
-    if (count := (name in found) + (PLANES_NAME in found)) != 1:
-        got = "the angles twice" if count else "no angles"
-        raise ValueError(f"got {got}, expected either {name} or {PLANES_NAME}")
-    if name in found:
-        return found
-    planes = found.pop(PLANES_NAME)
+    name, plain = "angles_rad" if windowed else "joint_angles_rad", dict(columns)
+    if (count := (name in plain) + (PLANES_NAME in plain)) != 1:
+        problem = "the angles twice" if count else "no angles"
+        raise ValueError(f"got {problem}, expected either {name} or {PLANES_NAME}")
+    if name in plain:
+        return plain
+    planes = plain.pop(PLANES_NAME)
     if not windowed:
-        return found | {name: decode_frames(planes, told)}
-    first, offsets = (np.asarray(found[each], np.int64) for each in ("first", "offsets"))
-    return found | {name: decode_windows(planes, told, first, offsets, folded_rad)}
+        return plain | {name: decode_frames(planes, metadata)}
+    first, offsets = (np.asarray(plain[column], np.int64) for column in ("first", "offsets"))
+    return plain | {name: decode_windows(planes, metadata, first, offsets, folded_rad)}
 
 
 def unpacked_bytes(path: FilePath) -> int:
@@ -239,10 +239,10 @@ def byte_planes(changes: Ints) -> Planes:
     """Return the (4, n) bytes of n zigzag codes: 0, −1, 1, −2, … are 0, 1, 2, 3, …."""
     flat = changes.reshape(-1)
     planes = np.empty((4, len(flat)), dtype=np.uint8)
-    for begin in range(0, len(flat), MAX_ENCODED_ANGLES):
-        block = flat[begin : begin + MAX_ENCODED_ANGLES].astype(np.int64)
+    for start in range(0, len(flat), MAX_ENCODED_ANGLES):
+        block = flat[start : start + MAX_ENCODED_ANGLES].astype(np.int64)
         codes = ((block << 1) ^ (block >> 63)).astype("<u4")
-        planes[:, begin : begin + MAX_ENCODED_ANGLES] = codes.view(np.uint8).reshape(-1, 4).T
+        planes[:, start : start + MAX_ENCODED_ANGLES] = codes.view(np.uint8).reshape(-1, 4).T
     return planes
 
 

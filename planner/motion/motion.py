@@ -175,14 +175,14 @@ class Motion:
         """
         if first is None or offsets is None:
             frames, hinges = len(angles_rad), int(angles_rad.shape[1])
-            held = (np.zeros(frames, np.int64), hinges * np.arange(frames + 1, dtype=np.int64))
+            windows = (np.zeros(frames, np.int64), hinges * np.arange(frames + 1, dtype=np.int64))
         else:
-            frames, hinges, held = len(first), None, (first, offsets)
+            frames, hinges, windows = len(first), None, (first, offsets)
         return cls(
             time_s=np.arange(frames, dtype=np.float64),
             phase=_phases("playback", frames),
-            first=held[0],
-            offsets=held[1],
+            first=windows[0],
+            offsets=windows[1],
             angles_rad=angles_rad.reshape(-1),
             anchor_position=np.zeros((frames, 3)),
             anchor_wxyz=np.tile([1.0, 0.0, 0.0, 0.0], (frames, 1)),
@@ -212,12 +212,12 @@ class Motion:
                 if layouts
                 else "got no motions, expected at least one"
             )
-        known = any(part.errors_rad is not None for part in parts)
+        has_errors = any(part.errors_rad is not None for part in parts)
         lengths = np.concatenate([np.diff(part.offsets) for part in parts])
         plain = ("time_s", "phase", "first", "angles_rad", "anchor_position", "anchor_wxyz")
         return cls(
             offsets=np.concatenate([[0], np.cumsum(lengths)]),
-            errors_rad=np.concatenate([part.errors for part in parts]) if known else None,
+            errors_rad=np.concatenate([part.errors for part in parts]) if has_errors else None,
             hinges=hinges.pop(),
             **{name: np.concatenate([getattr(p, name) for p in parts]) for name in plain},
         )
@@ -226,12 +226,12 @@ class Motion:
     def from_columns(cls, columns: Mapping[str, Any]) -> Motion:
         """Build a motion from columns of either layout; other entries are ignored."""
         windowed = "offsets" in columns
-        found = {
+        arguments = {
             name: columns[name]
             for name in (WINDOW_COLUMNS if windowed else FRAME_COLUMNS)
             if name in columns
         }
-        return cls.from_windows(**found) if windowed else cls.from_frames(**found)
+        return cls.from_windows(**arguments) if windowed else cls.from_frames(**arguments)
 
     def columns(self) -> dict[str, Any]:
         """Return the columns by the names that files have; errors only if there are any.
@@ -239,15 +239,15 @@ class Motion:
         A dense motion always has a column of errors, NaN where none is recorded.
         """
         names = WINDOW_COLUMNS if self.is_windowed else FRAME_COLUMNS
-        found = {name: getattr(self, name.replace("base", "anchor")) for name in names}
-        return {name: values for name, values in found.items() if values is not None}
+        values = {name: getattr(self, name.replace("base", "anchor")) for name in names}
+        return {name: values for name, values in values.items() if values is not None}
 
     def with_columns(self, **columns: Any) -> Motion:
         """Return the motion with other columns, by the names that files have."""
-        mine = self.columns()
+        values = self.columns()
         if self.errors_rad is None:
-            mine.pop("joint_error_rad", None)
-        return Motion.from_columns({**mine, **columns})
+            values.pop("joint_error_rad", None)
+        return Motion.from_columns({**values, **columns})
 
     def with_angles(self, angles_rad: Angles) -> Motion:
         """Return the motion with other angles at the same hinges and times, without errors.
@@ -311,8 +311,8 @@ class Motion:
             start, stop, _ = index.indices(len(self))
             stop = max(start, stop)
             offsets = self.offsets[start : stop + 1]
-            held = slice(int(offsets[0]), int(offsets[-1]))
-            angles, errors = (None if v is None else v[held] for v in values)
+            stretch = slice(int(offsets[0]), int(offsets[-1]))
+            angles, errors = (None if v is None else v[stretch] for v in values)
             offsets = offsets - offsets[0]
         else:
             rows = np.arange(len(self))[index]
@@ -384,37 +384,37 @@ class Motion:
     @property
     def recorded(self) -> Flags:
         """(F,) True if joint errors are recorded; an empty window counts, except in explosions."""
-        found = np.zeros(len(self), dtype=bool)
+        recorded = np.zeros(len(self), dtype=bool)
         if self.errors_rad is not None:
-            known = ~np.isnan(self.errors_rad)
-            some = np.diff(self.offsets) > 0
-            found[some] = np.logical_and.reduceat(known, self.offsets[:-1][some])
-            found[~some] = self.phase[~some] != EXPLOSION
-        return found
+            has_error = ~np.isnan(self.errors_rad)
+            nonempty = np.diff(self.offsets) > 0
+            recorded[nonempty] = np.logical_and.reduceat(has_error, self.offsets[:-1][nonempty])
+            recorded[~nonempty] = self.phase[~nonempty] != EXPLOSION
+        return recorded
 
     @property
     def largest_errors(self) -> Array:
         """(F,) largest joint error of each snapshot, NaN if none is recorded."""
-        found = np.where(self.recorded, 0.0, np.nan)
-        some = np.flatnonzero(np.diff(self.offsets))
-        if self.errors_rad is not None and len(some):
-            found[some] = np.maximum.reduceat(self.errors_rad, self.offsets[some])
-        return found
+        largest = np.where(self.recorded, 0.0, np.nan)
+        nonempty = np.flatnonzero(np.diff(self.offsets))
+        if self.errors_rad is not None and len(nonempty):
+            largest[nonempty] = np.maximum.reduceat(self.errors_rad, self.offsets[nonempty])
+        return largest
 
     def joint_errors(self, chain: Chain, start: int = 0, stop: int | None = None) -> Array:
         """Return (f, J) joint errors of the snapshots ``start`` to ``stop``, NaN if not recorded.
 
         If those of a window are recorded, the errors of the other hinges are 0.
         """
-        some = self[start:stop]
-        if not some.is_windowed:
-            return some.joint_error_rad
-        found = np.full((len(some), len(chain.folded_rad)), np.nan)
-        for k in np.flatnonzero(some.recorded):
-            part = some.errors[some.offsets[k] : some.offsets[k + 1]]
-            found[k] = 0.0
-            found[k, some.first[k] : some.first[k] + len(part)] = part
-        return found
+        stretch = self[start:stop]
+        if not stretch.is_windowed:
+            return stretch.joint_error_rad
+        errors = np.full((len(stretch), len(chain.folded_rad)), np.nan)
+        for k in np.flatnonzero(stretch.recorded):
+            part = stretch.errors[stretch.offsets[k] : stretch.offsets[k + 1]]
+            errors[k] = 0.0
+            errors[k, stretch.first[k] : stretch.first[k] + len(part)] = part
+        return errors
 
     def angles(self, chain: Chain, start: int = 0, stop: int | None = None) -> Array:
         """Return all (f, J) angles of the snapshots ``start`` to ``stop``, rad.
@@ -424,12 +424,12 @@ class Motion:
         if not self.is_windowed:
             return self.joint_angles_rad[start:stop]
         numbers = range(len(self))[start:stop]
-        found = np.zeros((len(numbers), len(chain.folded_rad)))
-        for row, k in zip(found, numbers, strict=True):
+        rows = np.zeros((len(numbers), len(chain.folded_rad)))
+        for row, k in zip(rows, numbers, strict=True):
             a, b = int(self.first[k]), int(self.offsets[k + 1] - self.offsets[k])
             row[:a] = chain.folded_rad[:a]
             row[a : a + b] = self.angles_rad[self.offsets[k] : self.offsets[k + 1]]
-        return found
+        return rows
 
     def angles_at(self, chain: Chain, frame: int) -> Array:
         """Return the (J,) angles of one snapshot, rad; a negative number counts from the end."""
@@ -505,9 +505,9 @@ class Motion:
             (F − 1,) largest steps, rad, and (F − 1,) numbers of moving hinges.
         """
         if not self.is_windowed:
-            each = np.abs(np.diff(self.joint_angles_rad, axis=0))
-            largest = each.max(axis=1)
-            return largest, (each > fraction * largest[:, None]).sum(axis=1)
+            steps = np.abs(np.diff(self.joint_angles_rad, axis=0))
+            largest = steps.max(axis=1)
+            return largest, (steps > fraction * largest[:, None]).sum(axis=1)
         from foldback.planner.kernels.windows import window_steps  # late: it needs a compiler
 
         count = max(0, len(self) - 1)
@@ -552,14 +552,14 @@ class Motion:
         """
         if self.is_windowed:
             return self.with_angles(plan.angles_rad)
-        wanted = self.with_angles(plan.angles_rad).clamped(chain)
+        planned = self.with_angles(plan.angles_rad).clamped(chain)
         if clamped:
-            return wanted
-        poses = wanted.poses(chain)
+            return planned
+        poses = planned.poses(chain)
         turns, shifts = motion_in_plane(poses.positions, self.poses(chain).positions)
-        roots = turns @ wanted.anchor_position[:, :, None]
+        roots = turns @ planned.anchor_position[:, :, None]
         return replace(
-            wanted,
+            planned,
             anchor_position=roots[..., 0] + shifts,
             anchor_wxyz=wxyz_from_matrix(turns @ poses.rotations[:, chain.root]),
         )

@@ -83,7 +83,7 @@ class TableRecord:
         return cls(
             bound=float(arrays["table_bound"]),
             taken_back=int(arrays["table_taken_back"]),
-            raised=tuple((float(when), float(bound)) for when, bound in arrays["table_raised"]),
+            raised=tuple((float(frame), float(bound)) for frame, bound in arrays["table_raised"]),
             friction=float(arrays["table_friction"]),
         )
 
@@ -180,7 +180,10 @@ def save_npz(path: FilePath, arrays: dict[str, Any], *, level: int = 1) -> None:
         arrays: Arrays by name.
         level: Level of zlib, 1 to 9, for arrays that compression makes smaller.
     """
-    with written_aside(path) as aside, ZipFile(aside, "w", compresslevel=level) as file:
+    with (
+        written_aside(path) as temporary_path,
+        ZipFile(temporary_path, "w", compresslevel=level) as file,
+    ):
         for name, value in arrays.items():
             array = np.asanyarray(value)
             file.compression = ZIP_DEFLATED if _shrinks(array) else ZIP_STORED
@@ -192,8 +195,8 @@ def _shrinks(array: NDArray[Any]) -> bool:
     """Return True if zlib makes an array much smaller, tested on values from its middle."""
     flat = array.reshape(-1)
     middle = len(flat) // 2
-    some = flat[
+    sample = flat[
         max(0, middle - PROBE_HALF_WIDTH_VALUES) : middle + PROBE_HALF_WIDTH_VALUES
     ].tobytes()
     # angles of an unfolding do not get below 0.9
-    return len(zlib.compress(some, 1)) < 0.7 * len(some)
+    return len(zlib.compress(sample, 1)) < 0.7 * len(sample)

@@ -74,9 +74,13 @@ def _columns(windowed: bool, hinges: int) -> dict[str, tuple[tuple[int, ...], st
         names = (*_WINDOW_ROWS[:3], "offsets", *_WINDOW_ROWS[3:], *_WINDOW_ANGLES)
         table = {"ends" if name == "offsets" else name: WINDOW_COLUMNS[name] for name in names}
     rows: dict[str, int] = {name: ANGLES_PER_CHUNK for name in _WINDOW_ANGLES}
-    most = WINDOWS_PER_CHUNK if windowed else FRAMES_PER_CHUNK
+    chunk_rows = WINDOWS_PER_CHUNK if windowed else FRAMES_PER_CHUNK
     return {
-        name: (tuple(hinges if size < 0 else size for size in tail), dtype, rows.get(name, most))
+        name: (
+            tuple(hinges if size < 0 else size for size in tail),
+            dtype,
+            rows.get(name, chunk_rows),
+        )
         for name, (tail, dtype) in table.items()
     }
 
@@ -170,16 +174,18 @@ class TimelineWriter:
     def reopen(cls, path: str | FilePath, *, frames: int | None = None) -> TimelineWriter:
         """Continue a timeline after its first ``frames`` frames (all of them when None)."""
         timeline = Timeline.open(path)
-        kept = len(timeline) if frames is None else frames
-        if not 0 <= kept <= len(timeline):
+        frame_count = len(timeline) if frames is None else frames
+        if not 0 <= frame_count <= len(timeline):
             raise TimelineError(
-                f"got {kept} frames to keep, expected 0 to {len(timeline)}, the number of frames "
-                f"in {path}."
+                f"got {frame_count} frames to keep, expected 0 to {len(timeline)}, the number of "
+                f"frames in {path}."
             )
-        timeline.motion(max(kept - 1, 0), kept)  # a damaged chunk must not be written again
+        timeline.motion(
+            max(frame_count - 1, 0), frame_count
+        )  # a damaged chunk must not be written again
         group, arrays = open_for_writing(path)
-        attributes = {**group.attrs.asdict(), "frames": kept}
-        if kept < len(timeline):
+        attributes = {**group.attrs.asdict(), "frames": frame_count}
+        if frame_count < len(timeline):
             # Who has read what is dropped has to begin anew.
             attributes["id"] = secrets.token_hex(8)
         writer = cls(path, group, arrays, attributes)
@@ -224,8 +230,8 @@ class TimelineWriter:
 
     def flush(self) -> None:
         """Write waiting frames and make them visible to readers."""
-        begun = time.monotonic()
-        self._next_flush = begun + MIN_FLUSH_PERIOD_S
+        start_s = time.monotonic()
+        self._next_flush = start_s + MIN_FLUSH_PERIOD_S
         if not self._waiting:
             return
         motion = Motion.joined(self._waiting)
@@ -247,7 +253,7 @@ class TimelineWriter:
         now = time.monotonic()
         # Nothing moves before the second one, and the first takes long: it creates the files.
         # a tenth of the time at most
-        pause = 0.0 if first else min((now - begun) / 0.1, MAX_FLUSH_PERIOD_S)
+        pause = 0.0 if first else min((now - start_s) / 0.1, MAX_FLUSH_PERIOD_S)
         self._next_flush = now + max(pause, MIN_FLUSH_PERIOD_S)
 
     def _write_angles(self, motion: Motion, begins: int) -> None:
@@ -302,12 +308,12 @@ class Timeline:
         self._frames = 0
         self._status: Status = "growing"
         self._errors_from: int | None = None
-        told = attributes["chain"]
+        chain_data = attributes["chain"]
         if self.windowed:
             folded = cast("zarr.Array[Any]", read_group(path)["folded_rad"])
-            told = {**told, "folded_rad": np.asarray(folded[:]).tolist()}
-        self.told_chain = dict(told)
-        self.chain = chain_from_attributes(told)
+            chain_data = {**chain_data, "folded_rad": np.asarray(folded[:]).tolist()}
+        self.chain_data = dict(chain_data)
+        self.chain = chain_from_attributes(chain_data)
         self._take(attributes)
 
     @classmethod
@@ -402,9 +408,9 @@ class Timeline:
         array = cast("Any", self._arrays.get("errors_rad"))
         if array is None or (self._sealed and self._errors_from is None):
             return np.full(last - first, np.nan, np.float32)
-        begin = min(max(first, self._errors_from or 0), last)
-        before = np.full(begin - first, np.nan, np.float32)
-        return np.concatenate([before, array[begin:last]])
+        error_start = min(max(first, self._errors_from or 0), last)
+        before = np.full(error_start - first, np.nan, np.float32)
+        return np.concatenate([before, array[error_start:last]])
 
     @property
     def tells_errors(self) -> bool:
@@ -482,11 +488,11 @@ def _strided(array: zarr.Array[Any], start: int, end: int, stride: int) -> NDArr
     """Return ``array[start:end:stride]``, read chunk by chunk if there is a stride."""
     if stride == 1:
         return cast("NDArray[Any]", array[start:end])
-    wanted = np.arange(start, end, stride)
-    edges = np.flatnonzero(np.diff(wanted // array.chunks[0])) + 1
+    frames = np.arange(start, end, stride)
+    edges = np.flatnonzero(np.diff(frames // array.chunks[0])) + 1
     parts = [
         cast("NDArray[Any]", array[int(part[0]) : int(part[-1]) + 1])[::stride]
-        for part in np.split(wanted, edges)
+        for part in np.split(frames, edges)
         if len(part)
     ]
     return np.concatenate(parts) if parts else cast("NDArray[Any]", array[start:start])

@@ -101,11 +101,11 @@ class Option:
         """The explanation for the command line: the title with the choices."""
         if not self.choices:
             return f"{self.title}."
-        *others, last = (
+        *other_choices, last = (
             f"{name} ({choice.note})" if choice.note else name
             for name, choice in self.choices.items()
         )
-        return f"{self.title}: {', '.join(others)} or {last}."
+        return f"{self.title}: {', '.join(other_choices)} or {last}."
 
     @property
     def annotation(self) -> Any:
@@ -149,14 +149,14 @@ class Option:
         if self.range is not None and not self.range[0] <= value <= self.range[1]:
             raise self._out_of_range(f"{value:g}" if self.kind is float else str(value))
 
-    def _out_of_range(self, got: str) -> InputError:
+    def _out_of_range(self, value: str) -> InputError:
         low, high = self.range or (0, 0)
-        whole = "a whole number from " if self.kind is int else ""
+        prefix = "a whole number from " if self.kind is int else ""
         limits = f"{low} to {high}" if self.kind is int else f"{low:g} to {high:g}"
-        expected = f"{whole}{limits} {self.unit}".rstrip()
+        expected = f"{prefix}{limits} {self.unit}".rstrip()
         return InputError(
             f"bad-{self.name.replace('_', '-')}",
-            f"got the {self.noun or self.name} {got}, expected {expected}.",
+            f"got the {self.noun or self.name} {value}, expected {expected}.",
             where=self.name,
         )
 
@@ -191,22 +191,22 @@ def key_of_options(options: DataclassInstance) -> str:
 def options_of(request: type[Any]) -> dict[str, Option]:
     """Return the options of a class of requests by name: its own, then those that it inherits."""
     hints = get_type_hints(request)
-    found: dict[str, Option] = {}
-    for each in sorted(fields(request), key=lambda each: each.name not in request.__annotations__):
-        described: Option | None = each.metadata.get(OPTION_KEY)
+    options: dict[str, Option] = {}
+    for attribute in sorted(fields(request), key=lambda f: f.name not in request.__annotations__):
+        described: Option | None = attribute.metadata.get(OPTION_KEY)
         if described is None:
             continue
-        kinds = get_args(hints[each.name])
+        kinds = get_args(hints[attribute.name])
         optional = NoneType in kinds
-        found[each.name] = replace(
+        options[attribute.name] = replace(
             described,
-            name=each.name,
+            name=attribute.name,
             kind=next(kind for kind in kinds if kind is not NoneType)
             if optional
             else str
             if described.choices
-            else hints[each.name],
-            default=None if each.default is MISSING else each.default,
+            else hints[attribute.name],
+            default=None if attribute.default is MISSING else attribute.default,
             optional=optional,
         )
-    return found
+    return options

@@ -120,10 +120,10 @@ def with_defaults(values: Mapping[str, Any], parameters: DataclassInstance) -> d
         parameters: Parameters of the same classes; only the defaults of their fields count.
     """
     complete = {**asdict(type(parameters)()), **values}
-    for each in fields(parameters):
-        part, value = getattr(parameters, each.name), complete[each.name]
+    for parameter in fields(parameters):
+        part, value = getattr(parameters, parameter.name), complete[parameter.name]
         if isinstance(value, Mapping) and is_dataclass(part) and not isinstance(part, type):
-            complete[each.name] = with_defaults(cast("Mapping[str, Any]", value), part)
+            complete[parameter.name] = with_defaults(cast("Mapping[str, Any]", value), part)
     return complete
 
 

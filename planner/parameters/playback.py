@@ -34,7 +34,7 @@ class RobotParameters:
         label="Robots",
         help="Number of simulated robots with model errors; 0 means one ideal robot.",
         range=(0, 20),
-        whole=True,
+        is_whole=True,
     )
     mass_error: float = setting(
         0.03,
@@ -164,7 +164,7 @@ class PlaybackParameters:
         "squared error decides when the next snapshot follows, except at the first snapshot.",
         unit="steps",
         range=(0, 1000),
-        whole=True,
+        is_whole=True,
     )
     direct_steps: int = described(4000, "Duration of the target motion", "steps")
     simulated_modules: int = setting(
@@ -173,8 +173,8 @@ class PlaybackParameters:
         help="Longer chains are played back without a simulation of forces.",
         unit="modules",
         range=(2, 20_000),
-        whole=True,
-        own=True,
+        is_whole=True,
+        is_own=True,
     )
     max_steps: int = described(200_000, "Step limit", "steps")
 

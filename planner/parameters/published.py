@@ -101,7 +101,7 @@ class PaperExplosionParameters:
         unit="steps",
         source="named",
         range=(1, 1000),
-        whole=True,
+        is_whole=True,
     )
     repulsion_cutoff: float = setting(
         2.5,

@@ -43,9 +43,9 @@ class Setting(Description):
             parameter without a value, ``ours`` otherwise.
         range: Smallest and largest value, inclusive.
         words: Allowed words, for a setting that is no number.
-        whole: True if only whole numbers are allowed.
+        is_whole: True if only whole numbers are allowed.
         optional: True if it may be ``none``, for no limit.
-        own: True if foldback's own method uses it, too, and not the published one alone.
+        is_own: True if foldback's own method uses it, too, and not the published one alone.
         direct: True if servoing straight to the shape uses it, too.
         name: Name of its field, which ``descriptions`` fills in: the one in requests, in plans and
             in texts of settings such as ``damping=0.05``.
@@ -55,9 +55,9 @@ class Setting(Description):
     source: Source = "ours"
     range: tuple[float, float] = (0.0, 0.0)
     words: tuple[str, ...] = ()
-    whole: bool = False
+    is_whole: bool = False
     optional: bool = False
-    own: bool = False
+    is_own: bool = False
     direct: bool = False
     name: str = ""
 
@@ -84,9 +84,9 @@ def shared(default: T, kind: type[Any]) -> T:
 def descriptions(kind: type[Any]) -> Mapping[str, Description]:
     """Return the descriptions of a class of parameters by the names of its fields."""
     return {
-        each.name: _description(each.name, each.metadata[DESCRIPTION_KEY])
-        for each in fields(kind)
-        if DESCRIPTION_KEY in each.metadata
+        parameter.name: _description(parameter.name, parameter.metadata[DESCRIPTION_KEY])
+        for parameter in fields(kind)
+        if DESCRIPTION_KEY in parameter.metadata
     }
 
 

@@ -57,33 +57,35 @@ _OF_PARTS: Final = {
 
 def _settings(*parts: str) -> tuple[Setting, ...]:
     """Return the settings of parts, each once, in the order of their fields."""
-    return tuple({name: each for part in parts for name, each in _OF_PARTS[part].items()}.values())
+    return tuple(
+        {name: setting for part in parts for name, setting in _OF_PARTS[part].items()}.values()
+    )
 
 
 SETTINGS: Final = tuple(
     sorted(
-        (each for each in _settings("explosion", "playback") if not each.own),
-        key=lambda each: get_args(Source).index(each.source),
+        (setting for setting in _settings("explosion", "playback") if not setting.is_own),
+        key=lambda setting: get_args(Source).index(setting.source),
     )
 )
 """Settings of the published method, in the order in which pages and lists show them: first those of
 which the paper gives the value."""
 ROBOT_SETTINGS: Final = (
     *_settings("robot"),
-    *(each for each in _settings("playback") if each.own),
+    *(setting for setting in _settings("playback") if setting.is_own),
 )
 """Settings of simulated robots, in the same order."""
 TABLE_SETTINGS: Final = _settings("table")
 """Settings of tables, in the same order."""
 ALL_SETTINGS: Final = (*SETTINGS, *ROBOT_SETTINGS, *TABLE_SETTINGS)
-_BY_NAME: Final = {each.name: each for each in ALL_SETTINGS}
+_BY_NAME: Final = {setting.name: setting for setting in ALL_SETTINGS}
 
 
 def names_with_units(settings: tuple[Setting, ...]) -> str:
     """Return names of settings with their units or words, for descriptions of options."""
-    about = {each.name: each.unit or " or ".join(each.words) for each in settings}
-    about = {n: f"fraction {what}" if what.startswith("of ") else what for n, what in about.items()}
-    return ", ".join(f"`{name}`{f' ({what})' if what else ''}" for name, what in about.items())
+    about = {setting.name: setting.unit or " or ".join(setting.words) for setting in settings}
+    about = {n: f"fraction {unit}" if unit.startswith("of ") else unit for n, unit in about.items()}
+    return ", ".join(f"`{name}`{f' ({unit})' if unit else ''}" for name, unit in about.items())
 
 
 def value_of(setting: Setting, parameters: Parameters) -> Value:
@@ -106,7 +108,7 @@ def read_settings(text: str) -> dict[str, Value]:
     Raises:
         InputError: ``bad-settings``.
     """
-    found: dict[str, Value] = {}
+    values: dict[str, Value] = {}
     if len(text) > MAX_TEXT_CHARS:
         raise _bad(f"got {len(text)} characters of settings, expected at most {MAX_TEXT_CHARS}.")
     for part in filter(None, (part.strip() for part in text.split(","))):
@@ -115,10 +117,10 @@ def read_settings(text: str) -> dict[str, Value]:
         if setting is None or not equals:
             names = ", ".join(setting.name for setting in ALL_SETTINGS)
             raise _bad(f"got {part[:40]!r}, expected NAME=VALUE with one of these names: {names}.")
-        if name in found:
+        if name in values:
             raise _bad(f"got two values for {name}, expected one.")
-        found[name] = _value(setting, value)
-    return found
+        values[name] = _value(setting, value)
+    return values
 
 
 def settings_text(text: str, parameters: Parameters | None = None) -> str:
@@ -131,14 +133,14 @@ def settings_text(text: str, parameters: Parameters | None = None) -> str:
     Raises:
         InputError: ``bad-settings``.
     """
-    found = read_settings(text)
+    values = read_settings(text)
     if parameters is not None:
-        found = {
+        values = {
             name: value
-            for name, value in found.items()
+            for name, value in values.items()
             if with_settings(parameters, {name: value}) != parameters
         }
-    return ",".join(f"{name}={value_text(found[name])}" for name in sorted(found))
+    return ",".join(f"{name}={value_text(values[name])}" for name in sorted(values))
 
 
 def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Parameters:
@@ -154,11 +156,11 @@ def with_settings(parameters: Parameters, settings: Mapping[str, Value]) -> Para
         if name == "density_kg_m3" and parameters.explosion is None:
             used.append("density")
         if not used or not _is_used(setting, parameters):
-            where = f"the preset {parameters.preset}, which does"
+            user = f"the preset {parameters.preset}, which does"
             if setting in TABLE_SETTINGS:
-                where = "a fold in the 'floating' world, which does"
-            raise _bad(f"got {name} for {where} not use it.")
-        number = int(value) if setting.whole and isinstance(value, float) else value
+                user = "a fold in the 'floating' world, which does"
+            raise _bad(f"got {name} for {user} not use it.")
+        number = int(value) if setting.is_whole and isinstance(value, float) else value
         for part in set(used) & set(parts):
             parts[part] = replace(parts[part], **{name: number})
         if name == "density_kg_m3" and isinstance(value, float):
@@ -220,12 +222,12 @@ def _value(setting: Setting, text: str) -> Value:
     if setting.optional and text == NO_LIMIT:
         return None
     value = float(f"{float(text):.12g}") if NUMBER.fullmatch(text) else math.nan
-    least, most = setting.range
-    if not least <= value <= most or (setting.whole and value != int(value)):
-        kind = "a whole number" if setting.whole else "a number"
+    low, high = setting.range
+    if not low <= value <= high or (setting.is_whole and value != int(value)):
+        kind = "a whole number" if setting.is_whole else "a number"
         none = f", or {NO_LIMIT}" if setting.optional else ""
         raise _bad(
-            f"got {setting.name} = {text[:20]!r}, expected {kind} from {least:g} to {most:g}{none}."
+            f"got {setting.name} = {text[:20]!r}, expected {kind} from {low:g} to {high:g}{none}."
         )
     return value
 

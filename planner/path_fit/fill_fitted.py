@@ -189,7 +189,7 @@ def _stages(solid: Solid, modules: int, seed: int, *, exact: bool) -> Iterator[_
     turns = candidates(solid, np.random.default_rng(seed))
     ladder = Ladder(solid, turns)
     ladders = [ladder] if ladder.share == 1.0 else [ladder, Ladder(solid, turns, all_bodies=True)]
-    fits = [fit_path(each, modules, seed=seed, exact=exact) for each in ladders]
+    fits = [fit_path(candidate, modules, seed=seed, exact=exact) for candidate in ladders]
     for stage in zip(*fits, strict=True):
         yield max(zip(ladders, stage, strict=True), key=_worth)
 
@@ -229,8 +229,8 @@ def _voxels(ladder: Ladder, fitted: FittedPath, modules: int) -> Voxels:
     laid = LaidCells(
         cells=cells, pitch=place.pitch, rotation=place.turn.rotation, offset=place.offset
     )
-    kept = kept_of(ladder, cells, filled, _path_iou(ladder, fitted))
-    voxels = voxels_of(ladder, laid, kept, fitted.iou, requested_cells=modules)
+    retention = kept_of(ladder, cells, filled, _path_iou(ladder, fitted))
+    voxels = voxels_of(ladder, laid, retention, fitted.iou, requested_cells=modules)
     if ladder.all_bodies and not voxels.unused:
         notes = (joined_note(len(ladder.bodies)), *voxels.notes)
         voxels = replace(voxels, notes=notes, joined=True)

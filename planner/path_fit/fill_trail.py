@@ -50,7 +50,7 @@ def fill_with_trail(solid: Solid, options: PathOptions, *, seed: int) -> tuple[V
     search, not_started = _trails(voxels.shape, pairs - 2 * rings.min(axis=0), options, seed)
     trail = search.trails[0]
     return voxels, FilledShape(
-        chains=tuple(Chain.from_trail(each) for each in search.trails),
+        chains=tuple(Chain.from_trail(trail) for trail in search.trails),
         shape=voxels.shape,
         method=METHOD,
         feasibility=None,
@@ -88,7 +88,7 @@ def _voxels(ladder: Ladder, fitted: FittedTetrahedra, rings: Ints, modules: int)
         rotation=placement.turn.rotation,
         offset=0.5 * (placement.offset - 1.0),
     )
-    kept = Kept(
+    retention = Kept(
         iou=whole_iou(ladder, placement, len(fitted.members), fitted.iou),
         volume=fitted.shared * ladder.share,
         lost=fitted.lost,
@@ -96,4 +96,6 @@ def _voxels(ladder: Ladder, fitted: FittedTetrahedra, rings: Ints, modules: int)
         parts=fitted.lost <= PART_LOST_SHARE,
     )
     # Tunnels between tetrahedra are not counted.
-    return replace(voxels_of(ladder, laid, kept, fitted.iou, requested_cells=modules), tunnels=None)
+    return replace(
+        voxels_of(ladder, laid, retention, fitted.iou, requested_cells=modules), tunnels=None
+    )

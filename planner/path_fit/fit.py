@@ -201,8 +201,12 @@ def fit_path(
     while len(runs) > FINALISTS:
         moves *= 2
         runs = runs[: max(FINALISTS, len(runs) // 2)]
-        again = [annealed(run.placement, moves, [seed, number, k]) for k, run in enumerate(runs)]
-        runs = ranked([ranked(list(pair), low)[0] for pair in zip(runs, again, strict=True)], low)
+        second_runs = [
+            annealed(run.placement, moves, [seed, number, k]) for k, run in enumerate(runs)
+        ]
+        runs = ranked(
+            [ranked(list(pair), low)[0] for pair in zip(runs, second_runs, strict=True)], low
+        )
         number += 1
     finals = list(runs)
     for k, run in enumerate(runs):
@@ -229,8 +233,8 @@ def placements_of(
         pitches = tuple(walls.pitch * factor for factor in PITCH_FACTORS)
         pitches += tuple(ladder.dividing(number, walls.pitch))
         turn = Turn(rotation=rotation, pitches=pitches, is_upright=number == 0)
-        tried = best_placements(clouds, counts, turn, least=best, rng=rng, lattice=lattice)
-        for placement in islice(tried, upright if turn.is_upright else 1):
+        placements = best_placements(clouds, counts, turn, min_bound=best, rng=rng, lattice=lattice)
+        for placement in islice(placements, upright if turn.is_upright else 1):
             if turn.is_upright:
                 best = max(best, placement.bound)
             elif placement.bound < best + MIN_TILT_GAIN:
@@ -301,6 +305,6 @@ def _chosen(runs: list[FittedPath], low: int) -> tuple[FittedPath, ...]:
     if not sound:
         return (runs[0],)
     best = min(sound, key=lambda pair: pair[0])[1]
-    others = [run for _, run in sorted(sound, key=lambda pair: pair[0]) if run is not best]
-    same = [run for run in others if run.placement is best.placement]
-    return (best, *same[:2])
+    other_runs = [run for _, run in sorted(sound, key=lambda pair: pair[0]) if run is not best]
+    same_placement = [run for run in other_runs if run.placement is best.placement]
+    return (best, *same_placement[:2])

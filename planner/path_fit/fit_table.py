@@ -86,8 +86,8 @@ def fit_on_table(ladder: Ladder, modules: int, *, seed: int = 0) -> tuple[TableF
         for run, height_cost in enumerate(costs)
         if (fit := _annealed(down, placement, counts, height_cost, [seed, k, run])) is not None
     ]
-    least = MIN_IOU_SHARE * max((fit.fitted.iou for fit in fits), default=0.0)
-    ranked = sorted((fit for fit in fits if fit.fitted.iou >= least), key=lambda fit: fit.cost)
+    min_iou = MIN_IOU_SHARE * max((fit.fitted.iou for fit in fits), default=0.0)
+    ranked = sorted((fit for fit in fits if fit.fitted.iou >= min_iou), key=lambda fit: fit.cost)
     return tuple(fit for fit in ranked if fit.fitted.placement is ranked[0].fitted.placement)[:8]
 
 
@@ -99,8 +99,8 @@ def _placements(ladder: Ladder, counts: Counts, seed: int) -> list[tuple[str, Pl
     placements: list[tuple[str, Placement]] = []
     for down, rotation in zip(SIDE_ROTATIONS, SIDES, strict=True):
         turn = Turn(rotation=rotation, pitches=pitches, is_upright=True)
-        tried = best_placements(clouds, counts, turn, least=0.0, rng=rng)
-        best = sorted(islice(tried, 4), key=lambda placement: -placement.bound)
+        turn_placements = best_placements(clouds, counts, turn, min_bound=0.0, rng=rng)
+        best = sorted(islice(turn_placements, 4), key=lambda placement: -placement.bound)
         placements += [(down, placement) for placement in best[:2]]
     return placements
 

@@ -80,12 +80,12 @@ def fit_trail(ladder: Ladder, modules: int, *, seed: int = 0) -> FittedTetrahedr
     """
     counts = Counts(low=int(np.ceil(MIN_SHARE * modules)), high=modules)
     walls = Walls(ladder.pitch_for(modules) / float(np.cbrt(TETRAHEDRA.volume)))
-    tried = placements_of(
+    placements = placements_of(
         ladder, counts, walls, seed, lattice=TETRAHEDRA, upright=UPRIGHT_PLACEMENTS
     )
     runs = [
         _annealed(placement, counts, RACE_MOVES * modules, [seed, 0, number])
-        for number, placement in enumerate(tried)
+        for number, placement in enumerate(placements)
     ]
     finals = sorted(runs, key=_worth)[-FINALISTS:]
     finals += [

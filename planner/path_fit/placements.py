@@ -144,7 +144,7 @@ class _TurnedCloud:
         points: (p, 3) points, from ``corner``; rounding may put some a little lower.
         corner: (3,) lowest corner of the turned solid's box.
         extents: (3,) size of that box.
-        each: Volume that a point stands for.
+        volume_per_point: Volume that a point stands for.
         wall: Same as in ``Clouds``.
         counts: Numbers of cells.
         lattice: The cells.
@@ -153,7 +153,7 @@ class _TurnedCloud:
     points: Array
     corner: Array
     extents: Array
-    each: float
+    volume_per_point: float
     wall: float
     counts: Counts
     lattice: Lattice
@@ -181,7 +181,7 @@ class _TurnedCloud:
             pitch: Edge of a cell.
             counted: Number of points that were counted.
         """
-        full = self.lattice.volume * pitch**3 / self.each * counted / len(self.points)
+        full = self.lattice.volume * pitch**3 / self.volume_per_point * counted / len(self.points)
         total = float(counted)
         if self.wall < pitch:
             full *= self.wall / pitch
@@ -194,7 +194,7 @@ def best_placements(
     counts: Counts,
     turn: Turn,
     *,
-    least: float,
+    min_bound: float,
     rng: np.random.Generator,
     lattice: Lattice = CUBES,
 ) -> Iterator[Placement]:
@@ -206,7 +206,7 @@ def best_placements(
         clouds: The solid.
         counts: Numbers of cells.
         turn: The rotation and its pitches.
-        least: Smallest bound of the best pose before it is improved; else there are none.
+        min_bound: Smallest bound of the best pose before it is improved; else there are none.
         rng: Random numbers.
         lattice: The cells.
     """
@@ -217,7 +217,7 @@ def best_placements(
             points=turned(inside.points, turn.rotation) - corner,
             corner=corner,
             extents=vertices.max(axis=0) - corner,
-            each=inside.volume / len(inside.points),
+            volume_per_point=inside.volume / len(inside.points),
             wall=clouds.wall,
             counts=counts,
             lattice=lattice,
@@ -232,7 +232,7 @@ def best_placements(
         best = int(np.argmax(bounds))
         poses.append(_Pose(pitch=pitch, shift=shifts[best], bound=bounds[best]))
     poses.sort(key=lambda pose: -pose.bound)
-    if poses[0].bound < least:
+    if poses[0].bound < min_bound:
         return
     for pose in poses:
         yield _filled(fine, turn, _climbed(rough, pose, rng))
@@ -259,7 +259,7 @@ def _filled(cloud: _TurnedCloud, turn: Turn, pose: _Pose) -> Placement:
     """Fill the cells of a pose."""
     pitch, points, lattice = pose.pitch, cloud.points, cloud.lattice
     tally, span = cloud.tally(pitch, pose.shift, margin=MARGIN)
-    full = lattice.volume * pitch**3 / cloud.each
+    full = lattice.volume * pitch**3 / cloud.volume_per_point
     fill, worth = (
         np.minimum(np.rint(tally * (FULL / points_in_full)), FULL)
         .astype(np.int64)

@@ -60,18 +60,18 @@ def solid_paths(coarse: Ints, rng: np.random.Generator, side: int) -> Iterator[I
         blocks[side] = (2 * blocks[2 * side][:, None] + corners).reshape(-1, 3)
     layered = False
     for axis in np.argsort(-np.ptp(coarse, axis=0), kind="stable").tolist():
-        found = layered_path(blocks[2], axis, rng)
-        if found is not None:
+        path = layered_path(blocks[2], axis, rng)
+        if path is not None:
             layered = True
-            yield from_better_end(found)
+            yield from_better_end(path)
     if layered:
         return
     for length, cells in blocks.items():
         for _ in range(3):
-            found = assembly_path(cells, rng, side=length)
-            if found is None:
+            path = assembly_path(cells, rng, side=length)
+            if path is None:
                 break
-            yield from_better_end(found)
+            yield from_better_end(path)
 
 
 def coarse_path(blocks: Ints, rng: np.random.Generator) -> Ints | None:
@@ -82,11 +82,11 @@ def coarse_path(blocks: Ints, rng: np.random.Generator) -> Ints | None:
         return None
     for attempt in range(6):
         axis = (2, 1, 0)[attempt % 3]
-        found = _Search(blocks, near, axis, rng).run(
-            min(10 * len(blocks), 6000 + len(blocks))  # longer searches found no more paths
+        order = _Search(blocks, near, axis, rng).run(
+            min(10 * len(blocks), 6000 + len(blocks))  # longer searches order no more paths
         )
-        if found is not None:
-            return np.array(found, dtype=np.int64)
+        if order is not None:
+            return np.array(order, dtype=np.int64)
     return None
 
 
@@ -124,13 +124,13 @@ class _Search:
 
     def _place(self, block: int) -> None:
         self.placed[block] = True
-        for other in self.near[block]:
-            self.degree[other] -= 1
+        for neighbour in self.near[block]:
+            self.degree[neighbour] -= 1
 
     def _take(self, block: int) -> None:
         self.placed[block] = False
-        for other in self.near[block]:
-            self.degree[other] += 1
+        for neighbour in self.near[block]:
+            self.degree[neighbour] += 1
 
     def _choices(self, block: int) -> list[int]:
         """Return the candidates for the next block, the best last."""
@@ -198,14 +198,14 @@ def _exit(corner: Ints, step: Ints | None) -> tuple[int, Ints]:
         leave[2] ^= 1
         return 2, leave
     way = int(np.argmax(np.abs(step)))
-    wanted = int(step[way] > 0)
-    axis = way if corner[way] != wanted else (way + 1) % 3
+    bit = int(step[way] > 0)
+    axis = way if corner[way] != bit else (way + 1) % 3
     leave[axis] ^= 1
     return axis, leave
 
 
 def _block_snake(corner: Ints, axis: int, side: int) -> Ints:
     """Return the (side³, 3) snake from a corner to the one at the other end of an axis."""
-    others = [k for k in range(3) if k != axis]
-    cells = snake_path((side, side, side), axes=(others[0], others[1], axis))
+    other_axes = [k for k in range(3) if k != axis]
+    cells = snake_path((side, side, side), axes=(other_axes[0], other_axes[1], axis))
     return np.where(corner == 1, side - 1 - cells, cells)

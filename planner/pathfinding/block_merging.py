@@ -56,8 +56,8 @@ def aligned_blocks(cells: Ints) -> tuple[Ints, Ints] | None:
     if len(cells) % 8:
         return None
     low = cells.min(axis=0)
-    for back in BLOCK_CORNERS:
-        offset = low - np.array(back)
+    for corner in BLOCK_CORNERS:
+        offset = low - np.array(corner)
         coarse, counts = np.unique((cells - offset) // 2, axis=0, return_counts=True)
         if len(coarse) * 8 == len(cells) and (counts == 8).all():
             return coarse, offset
@@ -85,8 +85,8 @@ def block_path(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") ->
 def cut_costs(cycle: Ints) -> Array:
     """Return the (n,) spread of cuts before each cell; infinite if an end would lie inside."""
     outer = surface(cycle)
-    both = outer & np.roll(outer, 1)
-    return np.where(both | ~both.any(), spreads_of_cuts(cycle), np.inf)
+    both_outer = outer & np.roll(outer, 1)
+    return np.where(both_outer | ~both_outer.any(), spreads_of_cuts(cycle), np.inf)
 
 
 def cut(cycle: Ints, place: int) -> Ints:
@@ -102,7 +102,7 @@ def block_cycle(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") -
     options = joint_options()
     picks = rng.integers(1 << 30, size=len(blocks)).tolist()
     first = sorted(options)[picks[0] % len(options)]
-    chosen: list[tuple[Edge, ...]] = [()] * len(blocks)
+    edges_of_block: list[tuple[Edge, ...]] = [()] * len(blocks)
     # Each corner has two links; a link is a step along an axis, the corner determines the side.
     links = np.empty((len(blocks), 8, 2, 2), dtype=np.int64)
     steps = blocks[order[1:]] - blocks[parents[order[1:]]]
@@ -114,14 +114,14 @@ def block_cycle(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") -
         if rank:
             parent = parent_of[block]
             face = faces[rank - 1]
-            parent_edge = chosen[parent][face ^ 1]
+            parent_edge = edges_of_block[parent][face ^ 1]
             bit = 4 >> (face >> 1)
             own_edge = (parent_edge[0] ^ bit, parent_edge[1] ^ bit)
         else:
             face, own_edge = first
         fitting = options[face, own_edge]
         ring, edges_of_faces = fitting[picks[rank] % len(fitting)]
-        chosen[block] = edges_of_faces
+        edges_of_block[block] = edges_of_faces
         links[block, :, :, 0] = block
         links[block, :, :, 1] = ring
         if parent_edge is not None:
@@ -134,21 +134,21 @@ def block_cycle(coarse: Ints, rng: np.random.Generator, *, tree: Tree = "bfs") -
 def _relink(links: Ints, cell: tuple[int, int], edge: Edge, to: tuple[int, int]) -> None:
     """Replace the link of a cell along an edge of its own block by one to another block."""
     block, corner = cell
-    other = edge[0] if corner == edge[1] else edge[1]
+    far_end = edge[0] if corner == edge[1] else edge[1]
     pair = links[block, corner]
-    slot = 0 if pair[0, 0] == block and pair[0, 1] == other else 1
+    slot = 0 if pair[0, 0] == block and pair[0, 1] == far_end else 1
     pair[slot] = to
 
 
 def _walk(links: Ints) -> Ints:
     """Return the (8·m,) corners in the order of the cycle, as 8 · block + corner."""
     flat = (8 * links[..., 0] + links[..., 1]).reshape(-1, 2)
-    one, two = flat[:, 0].tolist(), flat[:, 1].tolist()
-    before, at = one[0], 0
+    froms, two = flat[:, 0].tolist(), flat[:, 1].tolist()
+    before, at = froms[0], 0
     walk = [0] * len(flat)
     for place in range(len(flat)):
         walk[place] = at
-        before, at = at, (two[at] if one[at] == before else one[at])
+        before, at = at, (two[at] if froms[at] == before else froms[at])
     if at != 0 or len(set(walk)) != len(walk):
         raise AssertionError("the blocks did not join into one cycle")
     return np.array(walk, dtype=np.int64)
@@ -188,7 +188,7 @@ def joint_options() -> dict[tuple[int, Edge], list[Option]]:
 
     A cycle is (8, 2): the corners that each corner is linked to.
     """
-    found: dict[tuple[int, Edge], list[Option]] = {}
+    options: dict[tuple[int, Edge], list[Option]] = {}
     for ring in _rings():
         links = np.array(
             [[a ^ b ^ corner for a, b in ring if corner in (a, b)] for corner in range(8)]
@@ -200,17 +200,17 @@ def joint_options() -> dict[tuple[int, Edge], list[Option]]:
         for edges in product(*in_face):
             if len(set(edges)) == 6:
                 for face, edge in enumerate(edges):
-                    found.setdefault((face, edge), []).append((links, edges))
-    return found
+                    options.setdefault((face, edge), []).append((links, edges))
+    return options
 
 
 def _rings() -> list[tuple[Edge, ...]]:
     """Return the six Hamiltonian cycles of a block."""
-    found: set[tuple[Edge, ...]] = set()
+    rings: set[tuple[Edge, ...]] = set()
     for (a, b, c), start in product(permutations((4, 2, 1)), range(8)):
         at, edges = start, list[Edge]()
         for bit in (a, b, a, c, a, b, a, c):
             edges.append((min(at, at ^ bit), max(at, at ^ bit)))
             at ^= bit
-        found.add(tuple(sorted(edges)))
-    return sorted(found)
+        rings.add(tuple(sorted(edges)))
+    return sorted(rings)

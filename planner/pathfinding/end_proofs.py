@@ -87,8 +87,8 @@ def _proof_of_colour(near: Ints, coloured: Flags, excess: int) -> EndProof | Non
 
 def _touches(near: Ints, members: Ints) -> Ints:
     """Return how many of the members each cell touches."""
-    others = near[members].ravel()
-    return np.bincount(others[others >= 0], minlength=len(near))
+    touching = near[members].ravel()
+    return np.bincount(touching[touching >= 0], minlength=len(near))
 
 
 def _needed(near: Ints, members: Ints) -> int:
@@ -99,14 +99,14 @@ def _needed(near: Ints, members: Ints) -> int:
 def _cut(near: Ints, coloured: Flags) -> Ints:
     """Return the cells of one colour on the source's side of a minimum cut."""
     n = len(near)
-    mine, others = np.flatnonzero(coloured), np.flatnonzero(~coloured)
-    rows, columns = np.nonzero(near[mine] >= 0)
-    froms = np.concatenate([np.full(len(mine), n), mine[rows], others])
-    tos = np.concatenate([mine, near[mine[rows], columns], np.full(len(others), n + 1)])
+    sources, sinks = np.flatnonzero(coloured), np.flatnonzero(~coloured)
+    rows, columns = np.nonzero(near[sources] >= 0)
+    froms = np.concatenate([np.full(len(sources), n), sources[rows], sinks])
+    tos = np.concatenate([sources, near[sources[rows], columns], np.full(len(sinks), n + 1)])
     room = np.ones(len(froms), dtype=np.int32)
-    room[: len(mine)] = room[len(mine) + len(rows) :] = PATH_ENDS
+    room[: len(sources)] = room[len(sources) + len(rows) :] = PATH_ENDS
     network = csr_array((room, (froms, tos)), shape=(n + 2, n + 2))
-    left = network - maximum_flow(network, n, n + 1).flow
-    left.eliminate_zeros()
-    reached = breadth_first_order(left, n, return_predecessors=False)
-    return mine[np.isin(mine, reached)]
+    residual = network - maximum_flow(network, n, n + 1).flow
+    residual.eliminate_zeros()
+    reached = breadth_first_order(residual, n, return_predecessors=False)
+    return sources[np.isin(sources, reached)]

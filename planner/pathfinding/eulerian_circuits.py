@@ -36,12 +36,12 @@ def eulerian_circuit(pairs: Nodes, along: Array | None = None) -> Nodes:
     counts = np.bincount(ends, minlength=len(nodes))
     if (counts % 2).any():
         odd = int((counts % 2).sum())
-        where = tuple(map(int, nodes[np.argmax(counts % 2)]))
+        node_text = tuple(map(int, nodes[np.argmax(counts % 2)]))
         raise InputError(
             "no-trail",
             f"got {odd} corner points (nodes) where an odd number of tetrahedra meet, expected an "
             "even number at each node; only then can a closed trail visit every tetrahedron once.",
-            where=f"node {where}",
+            where=f"node {node_text}",
         )
     # Opposite ends at a node next to each other: sorted by node, then by axis of the step.
     steps = pairs[:, 1] - pairs[:, 0]
@@ -51,8 +51,8 @@ def eulerian_circuit(pairs: Nodes, along: Array | None = None) -> Nodes:
     rank = np.arange(2 * n) - np.repeat(np.cumsum(counts) - counts, counts)
     ends_at[ends[order], rank] = order
     if along is not None:
-        met = np.argsort(nodes @ along, kind="stable")
-        ends_at, counts = ends_at[met], counts[met]
+        node_order = np.argsort(nodes @ along, kind="stable")
+        ends_at, counts = ends_at[node_order], counts[node_order]
     partner = np.full(2 * n, -1)
     parts = int(one_circuit(ends_at, counts, partner))
     if parts > 1:

@@ -96,19 +96,19 @@ def _refused_ends(cells: Ints, ends: Flags, start: int | None) -> str | None:
     """Return the reason why colours rule out such ends, or an empty text."""
     shades = colours(cells)
     excess = len(cells) - 2 * int(shades.sum())
-    more = 0 if excess > 0 else 1
+    shade = 0 if excess > 0 else 1
     if start is not None and not ends[start]:
         return (
             "The path must start on the surface, but the start cell is inside the shape. Choose a "
             "start cell on the surface."
         )
-    if start is not None and excess and shades[start] != more:
+    if start is not None and excess and shades[start] != shade:
         return (
             "Imagine the cells coloured like a chessboard. A path through an odd number of cells "
             "must start on the colour that has more cells. The start cell has the other colour; "
             "start in a neighbouring cell."
         )
-    if excess and int((ends & (shades == more)).sum()) < 2:
+    if excess and int((ends & (shades == shade)).sum()) < 2:
         return (
             "Imagine the cells coloured like a chessboard. A path through an odd number of cells "
             "must start and end on the colour that has more cells. Both ends must also be on the "
@@ -125,8 +125,8 @@ class _Search:
     ) -> None:
         self.cells, self.ends, self.start, self.rng = cells, ends, start, rng
         self.near = neighbours(cells)
-        self.least = MOVES_PER_CELL * len(cells)
-        self.moves = max(self.least, 40_000_000 // len(cells))  # 0.25 s of processor time
+        self.min_moves = MOVES_PER_CELL * len(cells)
+        self.moves = max(self.min_moves, 40_000_000 // len(cells))  # 0.25 s of processor time
 
     def run(
         self, deadline: float
@@ -136,7 +136,7 @@ class _Search:
             for attempt in range(FAST_ATTEMPTS):
                 # A short attempt first: most shapes need no more.
                 short = attempt < FAST_ATTEMPTS // 2
-                order = self.grown(max(self.least, self.moves // 20) if short else self.moves)
+                order = self.grown(max(self.min_moves, self.moves // 20) if short else self.moves)
                 if order is not None:
                     return "found", order
                 if time.monotonic() > deadline:

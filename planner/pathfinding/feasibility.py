@@ -89,15 +89,15 @@ def feasibility(shape: Shape, *, seed: int = 0, time_limit_s: float = 2.0) -> Fe
         time_limit_s: Wall-clock limit of the search for a path, and again for repairs, s.
     """
     problems = obstacles(shape.cells)
-    known: bool | None = None
+    exists: bool | None = None
     if problems:
-        known = False
+        exists = False
     elif is_box(shape) or halved(shape) is not None:
-        known = True
+        exists = True
     elif len(shape) <= 2_000:
         search = exact_path(shape, time_limit_s=time_limit_s, seed=seed, eased=False)
-        known = {"found": True, "infeasible": False, "undecided": None}[search.status]
-        if known is False:
+        exists = {"found": True, "infeasible": False, "undecided": None}[search.status]
+        if exists is False:
             problems = (
                 Problem(
                     code="no-path",
@@ -105,11 +105,11 @@ def feasibility(shape: Shape, *, seed: int = 0, time_limit_s: float = 2.0) -> Fe
                     "have neither too many ends nor too many of one colour.",
                 ),
             )
-    if known:
+    if exists:
         return Feasibility(feasible=True)
     deadline = time.monotonic() + time_limit_s
     repairs = tuple(_repairs(shape, problems, seed, deadline))
-    return Feasibility(feasible=known, problems=problems, repairs=repairs)
+    return Feasibility(feasible=exists, problems=problems, repairs=repairs)
 
 
 def apply_repair(shape: Shape, repair: Repair) -> Shape:
@@ -140,8 +140,8 @@ def _repairs(
     ]
     different = {(repair.add, repair.drop): repair for repair in repairs}
     yield from sorted(different.values(), key=lambda r: (len(r.add) + len(r.drop), len(r.drop)))
-    whole = bases[0] if bases[0] is not None else bases[-1] or before
-    yield _doubling(before, whole)
+    basis = bases[0] if bases[0] is not None else bases[-1] or before
+    yield _doubling(before, basis)
 
 
 def _mended(before: Cells, base: Cells, adding: bool, seed: int, deadline: float) -> Repair | None:
@@ -187,9 +187,9 @@ def _choices(now: Cells, problems: tuple[Problem, ...], adding: bool) -> list[Ce
         candidates, looks = cells[filled < 6], filled[filled < 6]
     balance = int((1 - 2 * colours(cells)).sum())
     if problems and all(problem.code == "parity" for problem in problems) and abs(balance) > 1:
-        more = 0 if balance > 0 else 1
-        wanted = 1 - more if adding else more
-        keep = colours(candidates) == wanted
+        majority_colour = 0 if balance > 0 else 1
+        colour = 1 - majority_colour if adding else majority_colour
+        keep = colours(candidates) == colour
         candidates, looks = candidates[keep], looks[keep]
         far = np.zeros(len(candidates))
     else:
@@ -227,8 +227,8 @@ def named_cells(cells: Sequence[Cell]) -> str:
     return f"the cell{'s' * (len(cells) > 1)} {written(cells)}"
 
 
-def _doubling(before: Cells, whole: Cells) -> Repair:
-    add, drop = tuple(sorted(whole - before)), tuple(sorted(before - whole))
+def _doubling(before: Cells, basis: Cells) -> Repair:
+    add, drop = tuple(sorted(basis - before)), tuple(sorted(before - basis))
     words = "Split each cell into 2×2×2 cells"
     if add:
         words = f"Add {_count(len(add), 'cell')} as a bridge, then split each cell into 2×2×2 cells"
@@ -237,7 +237,7 @@ def _doubling(before: Cells, whole: Cells) -> Repair:
             f"Remove {_count(len(drop), 'cell')}, then split each remaining cell into 2×2×2 cells"
         )
     return Repair(
-        detail=f"{words}. This makes {8 * len(whole)} modules of half the size, and there is "
+        detail=f"{words}. This makes {8 * len(basis)} modules of half the size, and there is "
         "always a path through them.",
         add=add,
         drop=drop,
@@ -252,15 +252,15 @@ def _count(number: int, word: str) -> str:
 def _largest_part(cells: Ints) -> Cells | None:
     """Return the largest part, None if it is too small for a chain."""
     _, labels = parts(cells)
-    kept = cells[labels == np.argmax(np.bincount(labels))]
-    return _set(kept) if len(kept) >= MIN_CELLS else None
+    largest = cells[labels == np.argmax(np.bincount(labels))]
+    return _set(largest) if len(largest) >= MIN_CELLS else None
 
 
 def _bridged(cells: Ints) -> Cells | None:
     """Join all parts by the shortest bridges; None if they take too many cells."""
     added = 0
-    while (found := parts(cells))[0] > 1:
-        labels = found[1]
+    while (labelled := parts(cells))[0] > 1:
+        labels = labelled[1]
         largest = labels == np.argmax(np.bincount(labels))
         inner, outer = cells[largest], cells[~largest]
         if len(inner) * len(outer) > 4_000_000:

@@ -44,16 +44,16 @@ class Cubes:
         """Find chains through cells; see ``planner.pathfinding.filling_methods.FillingMethod``."""
         notes: tuple[str, ...] = ()
         was_doubled = False
-        given = len(shape)
+        cell_count = len(shape)
         method = options.method
         if of_solid and _in_blocks(options):
             shape = doubled(shape)
             method = method if len(shape) >= LONG_CHAIN else "blocks"
         elif method == "blocks" and halved(shape) is None:
             shape, was_doubled = doubled(shape), True
-        elif options.modules not in (None, given) and not options.repair and not of_solid:
-            notes = (f"Each voxel became one module, so the chain has {given} modules.",)
-        scale = round((len(shape) / given) ** (1 / 3))
+        elif options.modules not in (None, cell_count) and not options.repair and not of_solid:
+            notes = (f"Each voxel became one module, so the chain has {cell_count} modules.",)
+        scale = round((len(shape) / cell_count) ** (1 / 3))
         state = feasibility(shape)
         if was_doubled:
             notes = (DOUBLED if state.feasible is False else f"{DOUBLED}{ALWAYS_A_PATH}",)
@@ -99,7 +99,7 @@ class Cubes:
             if requested_repair(shape, state, options) is not None:
                 return
             raise InputError("no-path", only_doubling(shape, state.repairs[0]))
-        why = [problem.sentence for problem in state.problems]
+        reasons = [problem.sentence for problem in state.problems]
         ways: list[str] = []
         if state.repairs:
             ways.append(
@@ -112,7 +112,7 @@ class Cubes:
             )
         raise InputError(
             "no-path",
-            " ".join(["got a shape without a path through all its cells.", *why, *ways]),
+            " ".join(["got a shape without a path through all its cells.", *reasons, *ways]),
         )
 
 
@@ -124,7 +124,7 @@ def _searched(
     shape: Shape, method: str, options: PathOptions, seed: int, time_limit_s: float
 ) -> tuple[PathSearch, str]:
     """Return paths from the requested start; without any, other paths and a message."""
-    begun = time.monotonic()
+    start_s = time.monotonic()
     share = 1.0 if options.start is None else 0.7  # the rest of the time is for other starts
     search = find_paths(
         shape,
@@ -136,11 +136,11 @@ def _searched(
     )
     if options.start is None or search.paths:
         return search, ""
-    why = f"No path that starts in the cell {options.start} was found. {search.reason}".strip()
-    remaining_s = time_limit_s - (time.monotonic() - begun)
+    reason = f"No path that starts in the cell {options.start} was found. {search.reason}".strip()
+    remaining_s = time_limit_s - (time.monotonic() - start_s)
     return find_paths(
         shape, method=method, ends=options.ends, seed=seed, time_limit_s=max(0.5, remaining_s)
-    ), why
+    ), reason
 
 
 def requested_repair(shape: Shape, state: Feasibility, options: PathOptions) -> Repair | None:
@@ -151,8 +151,8 @@ def requested_repair(shape: Shape, state: Feasibility, options: PathOptions) -> 
     """
     repair = state.repairs[0]
     count = modules_after(shape, repair)
-    wanted = options.modules is not None and count <= 1.25 * options.modules
-    return repair if wanted or not repair.doubled else None
+    fits_request = options.modules is not None and count <= 1.25 * options.modules
+    return repair if fits_request or not repair.doubled else None
 
 
 def repair_words(shape: Shape, state: Feasibility) -> str:
@@ -160,8 +160,8 @@ def repair_words(shape: Shape, state: Feasibility) -> str:
 
     They are the first repair, and another one that does not split cells.
     """
-    first, *others = state.repairs
-    near = [first, *(repair for repair in others[:1] if not repair.doubled)]
+    first, *other_repairs = state.repairs
+    near = [first, *(repair for repair in other_repairs[:1] if not repair.doubled)]
     steps = [
         f"{repair.as_step.rstrip('.')}, for {modules_after(shape, repair)} modules"
         for repair in near

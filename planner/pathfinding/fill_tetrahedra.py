@@ -79,11 +79,11 @@ class Tetrahedra:
         """Refuse given cells without a trail."""
         state = _feasibility(shape)
         if not state.feasible and not options.repair:
-            why = " ".join(problem.detail for problem in state.problems)
+            reasons = " ".join(problem.detail for problem in state.problems)
             raise InputError(
                 "no-path",
-                f"got cells that no chain of tetrahedra can fill. {why} Use the option 'repair' to "
-                f"change the shape: {state.repairs[0].as_step}",
+                f"got cells that no chain of tetrahedra can fill. {reasons} Use the option "
+                f"'repair' to change the shape: {state.repairs[0].as_step}",
             )
 
 

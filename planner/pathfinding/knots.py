@@ -161,14 +161,14 @@ def closed_polygons(
 
 def _ways_out(points: Array, end: int, rng: np.random.Generator) -> list[Array]:
     """Return (3,) outward directions of an end: a free one alone, else several."""
-    others = np.delete(points, end, axis=0) - points[end]
+    offsets = np.delete(points, end, axis=0) - points[end]
     outward = points[end] / max(float(np.linalg.norm(points[end])), 1e-9)
     axes = np.concatenate([np.eye(3), -np.eye(3)])
     axes = axes[np.argsort(-(axes @ outward), kind="stable")]
     for axis in axes:
-        along = others @ axis
-        away = np.linalg.norm(others - along[:, None] * axis, axis=1)
-        if not ((along > 0.0) & (away < 0.75)).any():  # a clear way out
+        along = offsets @ axis
+        distances = np.linalg.norm(offsets - along[:, None] * axis, axis=1)
+        if not ((along > 0.0) & (distances < 0.75)).any():  # a clear way out
             return [axis]
     tries = [outward, *rng.normal(size=(4, 3))]
     return [way / max(float(np.linalg.norm(way)), 1e-9) for way in tries]
@@ -182,9 +182,9 @@ def _closed(points: Array, first_way: Array, last_way: Array) -> Array:
     last = points[-1] + radius * _tilted(last_way, 0.017)
     corners = [last, first]
     if first_way @ last_way < -0.2:
-        aside = np.cross(first_way, np.eye(3)[int(np.argmin(np.abs(first_way)))])
-        aside = aside / float(np.linalg.norm(aside))
-        corners.insert(1, radius * _tilted(aside.astype(np.float64), 0.013))
+        sideways = np.cross(first_way, np.eye(3)[int(np.argmin(np.abs(first_way)))])
+        sideways = sideways / float(np.linalg.norm(sideways))
+        corners.insert(1, radius * _tilted(sideways.astype(np.float64), 0.013))
     return np.concatenate([points, np.array(corners)])
 
 
@@ -242,13 +242,13 @@ def _determinant(places: Array, signs: Ints) -> int:
     # A row holds 2, −1 and −1; both signs have to be told apart.
     needed = ceil(len(matrix) * log2(6.0) / 2.0) + 2
     primes = _primes(ceil(needed / 30.0))
-    whole = prod(primes)
+    modulus = prod(primes)
     value = 0
     for prime in primes:
-        rest = whole // prime
-        value += int(determinant_modulo(matrix, prime)) * rest * pow(rest, -1, prime)
-    value %= whole
-    return min(value, whole - value)
+        cofactor = modulus // prime
+        value += int(determinant_modulo(matrix, prime)) * cofactor * pow(cofactor, -1, prime)
+    value %= modulus
+    return min(value, modulus - value)
 
 
 def _is_unit(places: Array, signs: Ints) -> bool:

@@ -34,9 +34,9 @@ def neighbours(cells: Ints) -> Ints:
     ranked = keys[order]
     indices = np.empty((len(cells), 6), dtype=np.int64)
     for k, step in enumerate(STEPS):
-        wanted = keys_of(cells + np.array(step), low, size)
-        place = np.minimum(np.searchsorted(ranked, wanted), len(cells) - 1)
-        indices[:, k] = np.where(ranked[place] == wanted, order[place], -1)
+        neighbour_keys = keys_of(cells + np.array(step), low, size)
+        place = np.minimum(np.searchsorted(ranked, neighbour_keys), len(cells) - 1)
+        indices[:, k] = np.where(ranked[place] == neighbour_keys, order[place], -1)
     return indices
 
 
@@ -76,9 +76,11 @@ def graph(cells: Ints) -> csr_array:
     from scipy.sparse import csr_array  # late: reading a requested cell does without
 
     pairs = contacts(cells)
-    both = np.concatenate([pairs, pairs[:, ::-1]])
-    ones = np.ones(len(both), dtype=np.bool_)
-    return csr_array((ones, (both[:, 0], both[:, 1])), shape=(len(cells), len(cells)))
+    both_directions = np.concatenate([pairs, pairs[:, ::-1]])
+    weights = np.ones(len(both_directions), dtype=np.bool_)
+    return csr_array(
+        (weights, (both_directions[:, 0], both_directions[:, 1])), shape=(len(cells), len(cells))
+    )
 
 
 def parts(cells: Ints) -> tuple[int, Ints]:

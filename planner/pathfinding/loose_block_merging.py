@@ -53,9 +53,9 @@ def loose_block_cycle(cells: frozenset[Cell], rng: np.random.Generator) -> Ints 
             block = (corner[0], corner[1], corner[2])
             swaps = list(_facing_edges(waiting[block], edges))
             if swaps:
-                ours, theirs, links = swaps[rng.integers(len(swaps))]
-                edges -= {ours, theirs}
-                edges |= (waiting.pop(block) - {ours}) | links
+                own_edge, facing_edge, links = swaps[rng.integers(len(swaps))]
+                edges -= {own_edge, facing_edge}
+                edges |= (waiting.pop(block) - {own_edge}) | links
                 joined += 1
         if not joined:
             return None
@@ -70,22 +70,22 @@ def _ring(corner: Cell, rng: np.random.Generator) -> set[Edge]:
     """Return the edges of a random Hamiltonian cycle of a block."""
     a, b, c = list(permutations((0, 1, 2)))[rng.integers(6)]
     place = [int(v) for v in rng.integers(0, 2, 3)]
-    found = list[Cell]()
+    corners = list[Cell]()
     for axis in (a, b, a, c, a, b, a, c):
-        found.append(_plus(corner, (place[0], place[1], place[2])))
+        corners.append(_plus(corner, (place[0], place[1], place[2])))
         place[axis] = 1 - place[axis]
-    return {frozenset((found[i], found[(i + 1) % 8])) for i in range(8)}
+    return {frozenset((corners[i], corners[(i + 1) % 8])) for i in range(8)}
 
 
 def _facing_edges(block: set[Edge], edges: set[Edge]) -> Iterator[tuple[Edge, Edge, set[Edge]]]:
     """Yield pairs of parallel facing edges of two cycles, and the links that join them."""
-    for ours in sorted(block, key=sorted):
-        a, b = sorted(ours)
+    for own_edge in sorted(block, key=sorted):
+        a, b = sorted(own_edge)
         for normal in STEPS:
             c, d = _plus(a, normal), _plus(b, normal)
-            theirs = frozenset((c, d))
-            if theirs in edges:
-                yield ours, theirs, {frozenset((a, c)), frozenset((b, d))}
+            facing_edge = frozenset((c, d))
+            if facing_edge in edges:
+                yield own_edge, facing_edge, {frozenset((a, c)), frozenset((b, d))}
 
 
 def _cycle_of(edges: set[Edge]) -> list[Cell]:
@@ -98,6 +98,6 @@ def _cycle_of(edges: set[Edge]) -> list[Cell]:
     start = min(near)
     order = [start, near[start][0]]
     while len(order) < len(near):
-        one, other = near[order[-1]]
-        order.append(other if one == order[-2] else one)
+        first, second = near[order[-1]]
+        order.append(second if first == order[-2] else first)
     return order

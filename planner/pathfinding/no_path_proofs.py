@@ -45,8 +45,8 @@ class Problem:
         text = f"{self.detail[:1].upper()}{self.detail[1:]}"
         if self.code not in COUNTED or not 0 < len(self.cells) <= 8:
             return text
-        which = "The cells are" if len(self.cells) > 1 else "The cell is"
-        return f"{text} {which} {written(self.cells)}."
+        subject = "The cells are" if len(self.cells) > 1 else "The cell is"
+        return f"{text} {subject} {written(self.cells)}."
 
 
 def written(cells: Sequence[Cell]) -> str:
@@ -112,20 +112,20 @@ def _obstacles(cells: Ints) -> Iterator[Problem]:
     yield from _cut_cells(cells, near, balance)
 
 
-def tuples(cells: Ints, most: int = MAX_NAMED_CELLS) -> tuple[Cell, ...]:
-    """Return the first ``most`` cells as tuples."""
-    return tuple((int(x), int(y), int(z)) for x, y, z in cells[:most])
+def tuples(cells: Ints, max_cells: int = MAX_NAMED_CELLS) -> tuple[Cell, ...]:
+    """Return the first ``max_cells`` cells as tuples."""
+    return tuple((int(x), int(y), int(z)) for x, y, z in cells[:max_cells])
 
 
 def _cut_cells(cells: Ints, near: Ints, balance: Ints) -> Iterator[Problem]:
     pieces = _pieces(near, balance)
     split = [cell for cell, sums in pieces.sums.items() if len(sums) > 2]
     if split:
-        most = max(len(pieces.sums[cell]) for cell in split)
+        part_count = max(len(pieces.sums[cell]) for cell in split)
         yield Problem(
             code="cut-cells",
-            detail=f"without one of its cells, the shape falls into {most} parts. A path passes "
-            "this cell only once, so it can visit at most two of these parts.",
+            detail=f"without one of its cells, the shape falls into {part_count} parts. A path "
+            "passes this cell only once, so it can visit at most two of these parts.",
             cells=tuples(cells[sorted(split)]),
             amount=sum(_beyond_two(pieces.sizes[cell]) for cell in split),
         )
@@ -167,7 +167,7 @@ def _ends(cells: Ints) -> Iterator[Problem]:
         yield Problem(
             code="ends",
             detail=_ends_detail(proof),
-            cells=tuples(cells[proof.members], most=len(proof.members)),
+            cells=tuples(cells[proof.members], max_cells=len(proof.members)),
             amount=proof.missed,
         )
 
@@ -213,7 +213,7 @@ class _Pieces:
 
 def _pieces(near: Ints, balance: Ints) -> _Pieces:
     """Find the biconnected components of a connected graph (Hopcroft and Tarjan, 1973)."""
-    links = [[other for other in row if other >= 0] for row in near.tolist()]
+    links = [[index for index in row if index >= 0] for row in near.tolist()]
     weight = balance.tolist()
     n = len(links)
     number, low, below = [-1] * n, [0] * n, list(weight)
@@ -225,16 +225,16 @@ def _pieces(near: Ints, balance: Ints) -> _Pieces:
     while stack:
         cell = stack[-1]
         if next_link[cell] < len(links[cell]):
-            other = links[cell][next_link[cell]]
+            neighbour = links[cell][next_link[cell]]
             next_link[cell] += 1
-            if number[other] < 0:
-                parent[other] = cell
-                number[other] = low[other] = counted
+            if number[neighbour] < 0:
+                parent[neighbour] = cell
+                number[neighbour] = low[neighbour] = counted
                 counted += 1
-                stack.append(other)
-                piece.append(other)
-            elif other != parent[cell]:
-                low[cell] = min(low[cell], number[other])
+                stack.append(neighbour)
+                piece.append(neighbour)
+            elif neighbour != parent[cell]:
+                low[cell] = min(low[cell], number[neighbour])
             continue
         stack.pop()
         if not stack:
@@ -269,10 +269,10 @@ def _told(
             sizes[cell].append(counts[0] - sum(sizes[cell]) - 1)
     cuts = [[cell for cell in piece if cell in sums] for piece in members]
     arms: list[list[int]] = []
-    for piece, found in zip(members, cuts, strict=True):
+    for piece, cut_cells in zip(members, cuts, strict=True):
         # The piece lies below its own first cell and above what hangs on the others.
         counts_of_cuts = [
-            counts[piece[1]] if cell == piece[0] else sizes[cell][-1] for cell in found
+            counts[piece[1]] if cell == piece[0] else sizes[cell][-1] for cell in cut_cells
         ]
         arms.append([counts[0] - 1 - count for count in counts_of_cuts])
     return _Pieces(sums=sums, sizes=sizes, cuts=cuts, arms=arms)

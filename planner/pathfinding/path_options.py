@@ -96,26 +96,26 @@ class PathOptions:
     )
 
     @classmethod
-    def of(cls, **given: Any) -> Self:
+    def of(cls, **values: Any) -> Self:
         """Return a request of typed values: numbers and the cell may still be texts.
 
         Raises:
             InputError: When one of them cannot be read.
         """
         options = options_of(cls)
-        read = {name: options[name].read(given[name]) for name in given if name in options}
-        return cls(**{**given, **read})
+        read = {name: options[name].read(values[name]) for name in values if name in options}
+        return cls(**{**values, **read})
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Self:
         """Return the request that ``to_json`` wrote; what it lacks has its default."""
-        known = {each.name for each in fields(cls)}
-        given: dict[str, Any] = {
+        names = {field.name for field in fields(cls)}
+        known_values: dict[str, Any] = {
             name: tuple(cast(list[int], value)) if isinstance(value, list) else value
             for name, value in values.items()
-            if name in known
+            if name in names
         }
-        return cls(**given)
+        return cls(**known_values)
 
     def to_json(self) -> dict[str, Any]:
         """Return all values for a JSON file."""
@@ -125,19 +125,21 @@ class PathOptions:
         """Return the options that differ from their defaults."""
         return {
             name: getattr(self, name)
-            for name, each in options_of(type(self)).items()
-            if getattr(self, name) != each.default
+            for name, described in options_of(type(self)).items()
+            if getattr(self, name) != described.default
         }
 
     def path_options(self) -> PathOptions:
         """Return only the options that turn a shape into a path."""
-        return PathOptions(**{each.name: getattr(self, each.name) for each in fields(PathOptions)})
+        return PathOptions(
+            **{field.name: getattr(self, field.name) for field in fields(PathOptions)}
+        )
 
     def check(self) -> None:
         """Refuse invalid options.
 
         Raises:
-            InputError: An option is invalid; names it in ``where``.
+            InputError: An described is invalid; names it in ``where``.
         """
-        for name, each in options_of(type(self)).items():
-            each.check(getattr(self, name))
+        for name, described in options_of(type(self)).items():
+            described.check(getattr(self, name))

@@ -119,24 +119,24 @@ def find_paths(
     )
     box, coarse = is_box(shape), aligned_blocks(shape.cells)
     if method == ASSEMBLY or (method == "auto" and len(shape) >= LONG_CHAIN):
-        found = list(_assembled(shape, options, coarse))
-        if found or method == ASSEMBLY:
-            return _search(shape, found, candidates, ASSEMBLY, NO_ASSEMBLY, order=_by_peeling)
+        paths = list(_assembled(shape, options, coarse))
+        if paths or method == ASSEMBLY:
+            return _search(shape, paths, candidates, ASSEMBLY, NO_ASSEMBLY, order=_by_peeling)
     if method == "snake" or (method == "auto" and box):
-        found = list(_snakes(shape, options)) if box else []
-        if found or method == "snake":
-            return _search(shape, found, candidates, "snake", _no_snake(box))
+        paths = list(_snakes(shape, options)) if box else []
+        if paths or method == "snake":
+            return _search(shape, paths, candidates, "snake", _no_snake(box))
     if method == "blocks" or (method == "auto" and len(shape) % 8 == 0):
         connected = parts(shape.cells)[0] == 1
-        found = list(_blocks(shape, options, coarse)) if connected else []
-        if found or method == "blocks":
-            return _search(shape, found, candidates, "blocks", _no_blocks(connected))
+        paths = list(_blocks(shape, options, coarse)) if connected else []
+        if paths or method == "blocks":
+            return _search(shape, paths, candidates, "blocks", _no_blocks(connected))
     return _exact(shape, options, candidates)
 
 
 def _search(
     shape: Shape,
-    found: list[Ints],
+    cell_lists: list[Ints],
     candidates: int,
     method: str,
     reason: str,
@@ -145,14 +145,14 @@ def _search(
 ) -> PathSearch:
     paths = tuple(
         Path.from_cells(cells, name=shape.name, pitch_m=shape.pitch_m)
-        for cells in ranked(found, order)[:candidates]
+        for cells in ranked(cell_lists, order)[:candidates]
     )
     return PathSearch(paths=paths, method=method, reason="" if paths else reason)
 
 
-def ranked(found: list[Ints], order: Callable[[Ints], tuple[Any, ...]] | None = None) -> list[Ints]:
+def ranked(paths: list[Ints], order: Callable[[Ints], tuple[Any, ...]] | None = None) -> list[Ints]:
     """Return the different paths in a reproducible order, the most promising first."""
-    different = list({cells.tobytes(): cells for cells in found}.values())
+    different = list({cells.tobytes(): cells for cells in paths}.values())
     if len(different) < 2:
         return different
     return sorted(different, key=order or _rank)
@@ -179,17 +179,17 @@ def _fits(cells: Ints, options: _Options) -> bool:
 def _assembled(shape: Shape, options: _Options, coarse: tuple[Ints, Ints] | None) -> Iterator[Ints]:
     """Yield paths in assembly order, reversed if the start or the ends require it."""
     low = shape.cells.min(axis=0)
-    made: Iterable[Ints] = ()
+    candidates: Iterable[Ints] = ()
     if is_box(shape):
         x, y, z = (int(side) for side in shape.cells.max(axis=0) - low + 1)
         snake = layered_snake((x, y, z)) + low
         if options.start is not None:
             snake = _turned_to(snake, np.array(options.start), low, (x, y, z))
-        made = (snake,)
+        candidates = (snake,)
     elif coarse is not None:
         rng = np.random.default_rng(options.seed)
-        made = (cells + coarse[1] for cells in solid_paths(coarse[0], rng, 2))
-    for cells in made:
+        candidates = (cells + coarse[1] for cells in solid_paths(coarse[0], rng, 2))
+    for cells in candidates:
         for path in (cells, np.ascontiguousarray(cells[::-1])):
             if _fits(path, options):
                 yield path
@@ -265,7 +265,7 @@ def _no_blocks(connected: bool) -> str:
 
 
 def _exact(shape: Shape, options: _Options, candidates: int) -> PathSearch:
-    found: list[Ints] = []
+    paths: list[Ints] = []
     outside = options.ends == "surface"
     for attempt in range(options.tries):
         remaining_s = options.deadline - time.monotonic()
@@ -279,17 +279,17 @@ def _exact(shape: Shape, options: _Options, candidates: int) -> PathSearch:
             ends_on_surface=outside,
         )
         if search.cells is not None:
-            found.append(search.cells)
+            paths.append(search.cells)
             outside = True  # better where it can be had
-        elif not found:
+        elif not paths:
             return PathSearch(paths=(), method="exact", reason=search.reason)
         elif options.ends == "surface":
             break
         else:
             outside = False
-    made = _search(shape, found, candidates, "exact", "No path was found within the time limit.")
-    wanted = min(candidates, options.tries)
-    if made.paths and len(found) < wanted:
-        note = f"Only {len(found)} of {wanted} paths were found within the time limit."
-        return replace(made, notes=(*made.notes, note))
-    return made
+    result = _search(shape, paths, candidates, "exact", "No path was found within the time limit.")
+    path_count = min(candidates, options.tries)
+    if result.paths and len(paths) < path_count:
+        note = f"Only {len(paths)} of {path_count} paths were found within the time limit."
+        return replace(result, notes=(*result.notes, note))
+    return result

@@ -85,8 +85,8 @@ def analyse_removal(cells: Ints, unit: int = UNIT_CELLS) -> RemovalAnalysis:
 def _least_beyond(grid: Ints, way: tuple[int, ...], none: int) -> Ints:
     """Return the least number beyond each cell in one direction; ``none`` at the rim."""
     axis = next(k for k in range(3) if way[k])
-    least = np.full_like(grid, none)
-    source, beyond = np.moveaxis(grid, axis, 0), np.moveaxis(least, axis, 0)
+    nearest = np.full_like(grid, none)
+    source, beyond = np.moveaxis(grid, axis, 0), np.moveaxis(nearest, axis, 0)
     shift = tuple(-way[k] for k in range(3) if k != axis)
     last = len(source) - 1
     for k in range(last - 1, -1, -1) if way[axis] > 0 else range(1, last + 1):
@@ -96,4 +96,4 @@ def _least_beyond(grid: Ints, way: tuple[int, ...], none: int) -> Ints:
             if far:
                 np.moveaxis(moved, side, 0)[0 if far > 0 else -1] = none
         beyond[k] = moved
-    return least
+    return nearest

@@ -47,7 +47,7 @@ def find_path_by_sat(
     first, last = _end_flags(cells, ends, start)
     arcs: list[tuple[int, int]] = []
     for cell, row in enumerate(neighbours(cells).tolist()):
-        arcs += [(cell + 1, other + 1) for other in row if other >= 0]
+        arcs += [(cell + 1, neighbour + 1) for neighbour in row if neighbour >= 0]
         if first[cell]:
             arcs.append((0, cell + 1))
         if last[cell]:
@@ -76,7 +76,7 @@ def _end_flags(cells: Ints, ends: Flags, start: int | None) -> tuple[Flags, Flag
         return first, last
     if excess:
         # One colour more: the path begins and ends with it.
-        more = black if excess > 0 else ~black
-        return ends & more, ends & more
+        majority = black if excess > 0 else ~black
+        return ends & majority, ends & majority
     # As many of each: it runs from one colour to the other, and back is the same path.
     return ends & black, ends & ~black

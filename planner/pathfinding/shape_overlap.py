@@ -67,15 +67,16 @@ def regions_of(modules: Chain | Ints) -> ModuleRegions:
     return ModuleRegions(is_covered=is_covered, normals=np.eye(3), offset=0.5)
 
 
-def _among(rows: Ints, wanted: Ints) -> Flags:
+def _among(rows: Ints, members: Ints) -> Flags:
     """(P,) True for (P, 3) rows that are among (n, 3) wanted ones."""
-    low, high = wanted.min(axis=0), wanted.max(axis=0)
+    low, high = members.min(axis=0), members.max(axis=0)
     near = ((rows >= low) & (rows <= high)).all(axis=1)
     sizes = high - low + 1
-    asked, known = (
-        np.ravel_multi_index(tuple((each - low).T), tuple(sizes)) for each in (rows[near], wanted)
+    keys, member_keys = (
+        np.ravel_multi_index(tuple((cells - low).T), tuple(sizes))
+        for cells in (rows[near], members)
     )
-    near[near] = np.isin(asked, known)
+    near[near] = np.isin(keys, member_keys)
     return near
 
 
@@ -87,8 +88,12 @@ def points_of_cells(shape: Shape, *, exact: bool) -> InsidePoints:
         exact: True if cubes stand for the cells or for eighths of them, for which two points along
             each edge are exact.
     """
-    few, many = 2, 8  # two represent cells and eighths of cells exactly
-    edge = few if exact else int(np.clip(np.cbrt(CELL_POINTS / len(shape)), few, many))
+    low_samples, high_samples = 2, 8  # two represent cells and eighths of cells exactly
+    edge = (
+        low_samples
+        if exact
+        else int(np.clip(np.cbrt(CELL_POINTS / len(shape)), low_samples, high_samples))
+    )
     grid = (np.stack(np.meshgrid(*[np.arange(edge)] * 3, indexing="ij"), axis=-1) + 0.5) / edge
     points = (shape.cells[:, None, :] + grid.reshape(1, -1, 3)).reshape(-1, 3)
     return InsidePoints(points=points, volume=float(len(shape)))

@@ -78,9 +78,9 @@ def trails_through(
     Raises:
         InputError: ``no-trail`` for pairs in several parts, ``no-start`` as in ``find_trails``.
     """
-    made = 4 if len(pairs) <= MAX_CHOICE_MODULES else 1
+    trail_count = 4 if len(pairs) <= MAX_CHOICE_MODULES else 1
     ranked_trails: dict[bytes, tuple[tuple[int, int, int], Trail]] = {}
-    for k in range(made):
+    for k in range(trail_count):
         # Merging along a direction gives a tidy tree; at random, the chain takes twice the steps.
         along = np.random.default_rng((seed, k)).normal(size=3) if k else None
         nodes = eulerian_circuit(pairs, along)
@@ -101,9 +101,9 @@ def _cuts(nodes: Ints, free: Flags, first: Ints | None, ends: str) -> Ints:
     """Return (k,) modules before which the circuit may be cut; free ones if there are any."""
     allowed = np.ones(len(nodes) - 1, dtype=bool)
     if first is not None:
-        own = ring_pairs(first[None]).sum(axis=1)
+        own_pairs = ring_pairs(first[None]).sum(axis=1)
         sums = nodes[:-1] + nodes[1:]
-        allowed = (sums[:, None, :] == own[None]).all(axis=2).any(axis=1)
+        allowed = (sums[:, None, :] == own_pairs[None]).all(axis=2).any(axis=1)
     if (allowed & free).any():
         allowed &= free
     elif ends == "surface":

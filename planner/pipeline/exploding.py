@@ -87,6 +87,6 @@ def smooth(
         size=parameters.module_size,
         seed=trial.seed,
         calm=calm,
-        told=report,
+        report=report,
         cancelled=watch.cancelled,
     )

@@ -93,7 +93,7 @@ def warm_up(
         return
     with Compiling(progress, lock=CompilingLock(place / REST_LOCK)) as compiling:
         retime(plan, 1.0, 1.0)
-        beside_too = at_once and compiling.told and cores() > 1
+        beside_too = at_once and compiling.has_reported and cores() > 1
         with second_process("turns", place, compiling) if beside_too else nullcontext():
             with TemporaryDirectory() as folder:
                 smooth_plan(plan, directory=folder)
@@ -119,14 +119,14 @@ def warm_up_folding(
     place = _locks_in(directory)
     with Compiling(progress, lock=CompilingLock(place / FIRST_LOCK)) as compiling:
         chain = warm_up_chains()
-        beside_too = compiling.told and cores() > 1
+        beside_too = compiling.has_reported and cores() > 1
         with second_process("paths-and-motions", place, compiling) if beside_too else nullcontext():
             warm_up_clearance(chain)
             warm_up_torques(chain)
         warm_up_motions(chain)
         with TemporaryDirectory() as folder:  # figures are only made of what is written
             plan = fold(Path.from_cells(list(WARM_UP_CELLS), name="warm-up"), directory=folder)
-    return plan, compiling.told
+    return plan, compiling.has_reported
 
 
 def warm_up_clearance(chain: Chain) -> None:

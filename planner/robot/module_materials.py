@@ -101,9 +101,9 @@ def casing_named(name: str) -> Casing:
     Raises:
         InputError: ``unknown-material``.
     """
-    found = CASINGS.get(name.strip().lower())
-    if found is not None:
-        return found
+    casing = CASINGS.get(name.strip().lower())
+    if casing is not None:
+        return casing
     try:
         density = float(name)
     except ValueError:

@@ -49,27 +49,29 @@ class Quality:
     @classmethod
     def of(cls, plan: Plan, seconds: float) -> Quality:
         """Compute the quality of a plan with a playback, if it takes ``seconds``."""
-        told = plan.certificate
-        assert told.fold_time_s is not None
-        assert told.peak_torque_nm is not None
-        assert told.hinges_moving_mean is not None
-        assert told.hinges_moving_most is not None
-        assert told.min_clearance is not None
+        certificate = plan.certificate
+        assert certificate.fold_time_s is not None
+        assert certificate.peak_torque_nm is not None
+        assert certificate.hinges_moving_mean is not None
+        assert certificate.hinges_moving_most is not None
+        assert certificate.min_clearance is not None
         angles = plan.joint_angles_rad
         times = plan.time_s * (seconds / max(float(plan.time_s[-1]), 1e-12))
         ways = _tail_ways(plan.chain, angles)
         moments = np.maximum(np.diff(times), 1e-12)[:, None]
         return cls(
             frames=len(angles),
-            fold_time_s=told.fold_time_s,
+            fold_time_s=certificate.fold_time_s,
             length_rad=float(record_lengths(plan.chain, angles, DISTANCE_WEIGHT)[-1]),
-            hinges_moving_mean=told.hinges_moving_mean,
-            hinges_moving_most=told.hinges_moving_most,
-            peak_speed_rad_s=told.joint_speed_limit_rad_s * told.fold_time_s / seconds,
-            peak_torque_nm=told.peak_torque_nm * (told.fold_time_s / seconds) ** 2,
+            hinges_moving_mean=certificate.hinges_moving_mean,
+            hinges_moving_most=certificate.hinges_moving_most,
+            peak_speed_rad_s=certificate.joint_speed_limit_rad_s
+            * certificate.fold_time_s
+            / seconds,
+            peak_torque_nm=certificate.peak_torque_nm * (certificate.fold_time_s / seconds) ** 2,
             tail_way=float(ways.sum(axis=0).max()),
             tail_speed=float((ways / moments).max()),
-            clearance=told.min_clearance,
+            clearance=certificate.min_clearance,
         )
 
     def as_dict(self) -> dict[str, Any]:

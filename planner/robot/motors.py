@@ -38,16 +38,16 @@ class Build:
         Raises:
             InputError: ``bad-build``.
         """
-        for name, unit, value, least, most in (
+        for name, unit, value, min_value, max_value in (
             ("module_mass", "kg", self.module_mass_kg, 1e-9, 1e6),
             ("pitch", "m", self.pitch_m, 1e-9, 1e3),
             ("gravity", "m/s²", self.gravity_m_s2, 0.0, 1e3),
         ):
-            if not least <= value <= most:
+            if not min_value <= value <= max_value:
                 raise InputError(
                     "bad-build",
-                    f"got a {name.replace('_', ' ')} of {value:g} {unit}, expected {least:g} to "
-                    f"{most:g} {unit}.",
+                    f"got a {name.replace('_', ' ')} of {value:g} {unit}, expected {min_value:g} "
+                    f"to {max_value:g} {unit}.",
                     where=name,
                 )
         if not self.held and self.gravity_m_s2 > 0.0:
@@ -176,12 +176,12 @@ def motor_table(
     square = np.zeros(joints)
     # Accelerations jump from one stretch to the next, so each is looked at from its inside.
     inside = 1e-9 * (ends - starts)
-    for begin, end, nudge in zip(starts, ends, inside, strict=True):
-        times = np.array([begin + nudge, end - nudge])
+    for start_s, end, nudge in zip(starts, ends, inside, strict=True):
+        times = np.array([start_s + nudge, end - nudge])
         angles, rates, accelerations = trajectory.at(times)
         for k in range(2):
             torque = _torque(tree, build, angles[k], rates[k], accelerations[k])
-            square += 0.5 * (end - begin) * torque**2
+            square += 0.5 * (end - start_s) * torque**2
             higher = torque > peak
             peak[higher], peak_time[higher] = torque[higher], times[k]
     return MotorTable(
@@ -198,13 +198,13 @@ def motor_table(
 def _stretches(trajectory: Trajectory, modules: int) -> tuple[Array, Array]:
     """Return starts and ends, s, of the intervals: every n-th cell of the trajectory."""
     knots = trajectory.knot_times_s
-    wanted = min(
+    max_knots = min(
         4 * len(trajectory.path.lengths),
         max(64, 1_000_000 // modules),
     )
-    stride = max(1, round((len(knots) - 1) / wanted))
-    chosen = np.unique(np.append(np.arange(0, len(knots), stride), len(knots) - 1))
-    return knots[chosen[:-1]], knots[chosen[1:]]
+    stride = max(1, round((len(knots) - 1) / max_knots))
+    rows = np.unique(np.append(np.arange(0, len(knots), stride), len(knots) - 1))
+    return knots[rows[:-1]], knots[rows[1:]]
 
 
 def _torque(tree: Tree, build: Build, angles: Array, rates: Array, accelerations: Array) -> Array:

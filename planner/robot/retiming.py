@@ -63,14 +63,14 @@ def retimed(
                 f"{RATE_LIMIT_RANGE[1]:g}.",
                 where=f"max_{name}",
             )
-    kept = _moving(frames)
-    if len(kept) < 2:
+    corner_frames = _moving(frames)
+    if len(corner_frames) < 2:
         raise InputError(
             "no-motion",
             "got a plan in which no hinge turns, expected a plan in which at least one "
             "hinge turns.",
         )
-    corners = np.ascontiguousarray(frames[kept])
+    corners = np.ascontiguousarray(frames[corner_frames])
     corners[-1] = frames[-1]  # so that the end is exact
     path = CutPath.through(corners)
     lengths = np.diff(path.knots)
@@ -90,26 +90,29 @@ def retimed(
     rates = np.sqrt(x)
     times = np.concatenate([[0.0], np.cumsum(2.0 * lengths / (rates[1:] + rates[:-1]))])
     # Frames that were left out are passed at the same moment as those before them.
-    owner = np.searchsorted(kept, np.arange(len(frames)), side="right") - 1
-    last = np.append(kept[1:], len(frames)) - 1
+    owner = np.searchsorted(corner_frames, np.arange(len(frames)), side="right") - 1
+    last = np.append(corner_frames[1:], len(frames)) - 1
     passed = np.interp(path.places, path.knots, times)[owner]
     return Trajectory(
         joint_names=joint_names,
         time_s=passed,
         max_speed_rad_s=float(max_speed_rad_s),
         max_acceleration_rad_s2=float(max_acceleration_rad_s2),
-        deviation_rad=path.deviation() + (len(kept) < len(frames)) * MAX_STILL_TURN_RAD,
+        deviation_rad=path.deviation() + (len(corner_frames) < len(frames)) * MAX_STILL_TURN_RAD,
         path=path,
         knot_times_s=times,
         knot_rates=rates,
-        frame_numbers=np.stack([kept, last], axis=1).ravel().astype(np.float64),
+        frame_numbers=np.stack([corner_frames, last], axis=1).ravel().astype(np.float64),
     )
 
 
 def _moving(frames: Array) -> Indices:
     """Return (K,) numbers of the first frame, and of those that differ from the one before."""
-    kept: list[int] = []
+    moving_frames: list[int] = []
     for k in range(len(frames)):
-        if not kept or np.abs(frames[k] - frames[kept[-1]]).max() > MAX_STILL_TURN_RAD:
-            kept.append(k)
-    return np.array(kept, dtype=np.int64)
+        if (
+            not moving_frames
+            or np.abs(frames[k] - frames[moving_frames[-1]]).max() > MAX_STILL_TURN_RAD
+        ):
+            moving_frames.append(k)
+    return np.array(moving_frames, dtype=np.int64)

@@ -74,8 +74,8 @@ class Servo:
 def servos() -> tuple[Servo, ...]:
     """Return all known servos, the lightest first."""
     text = files("foldback.planner.robot").joinpath("servos.toml").read_text(encoding="utf-8")
-    found = [_servo(entry) for entry in tomllib.loads(text)["servo"]]
-    return tuple(sorted(found, key=lambda servo: (servo.mass_kg, servo.name)))
+    entries = [_servo(entry) for entry in tomllib.loads(text)["servo"]]
+    return tuple(sorted(entries, key=lambda servo: (servo.mass_kg, servo.name)))
 
 
 def servo_named(name: str) -> Servo:
@@ -85,16 +85,16 @@ def servo_named(name: str) -> Servo:
         InputError: ``unknown-servo``.
     """
     by_name = {servo.name.lower(): servo for servo in servos()}
-    found = by_name.get(name.strip().lower())
-    if found is None:
+    servo = by_name.get(name.strip().lower())
+    if servo is None:
         near = get_close_matches(name.lower(), by_name, n=3, cutoff=0.4) or list(by_name)[:3]
         raise InputError(
             "unknown-servo",
             f"got the servo {name!r}, expected a servo from the list, such as "
-            f"{', '.join(by_name[each].name for each in near)}.",
+            f"{', '.join(by_name[near_name].name for near_name in near)}.",
             where="servo",
         )
-    return found
+    return servo
 
 
 def _servo(entry: Mapping[str, Any]) -> Servo:

@@ -59,14 +59,14 @@ class Fit:
     @property
     def against(self) -> tuple[str, ...]:
         """Reasons why it is unsuitable, each in a few words; empty if it is suitable."""
-        why: list[str] = []
+        mismatches: list[str] = []
         if not self.has_room:
-            why.append("too large")
+            mismatches.append("too large")
         if self.margin < 1.0:
-            why.append("too weak")
+            mismatches.append("too weak")
         if self.servo.turns_enough is False:
-            why.append(f"turns only {self.servo.range_deg:g}°")
-        return tuple(why)
+            mismatches.append(f"turns only {self.servo.range_deg:g}°")
+        return tuple(mismatches)
 
     @property
     def would_do(self) -> bool:
@@ -188,8 +188,10 @@ def suitable_pitches(
         return torque_wp * _unit_nm(servo, casing, pitch_m, gravity_m_s2) - gives
 
     longest = PITCH_RANGE_M[1]
-    most = inf if lacks(longest) <= 0.0 else cast(float, brentq(lacks, 0.0, longest, xtol=1e-12))
-    return PitchRange(least_m=least_pitch_m(servo, casing), most_m=most)
+    max_pitch_m = (
+        inf if lacks(longest) <= 0.0 else cast(float, brentq(lacks, 0.0, longest, xtol=1e-12))
+    )
+    return PitchRange(least_m=least_pitch_m(servo, casing), most_m=max_pitch_m)
 
 
 def largest_shape(
@@ -217,11 +219,11 @@ def largest_shape(
     for torque_wp in (0.0, *figures_wp.values()):
         _check(torque_wp, share, gravity_m_s2, pitch_m)
     unit = _unit_nm(servo, casing, pitch_m, gravity_m_s2)
-    most = share * servo.stall_nm / unit if unit > 0.0 else inf
+    max_torque = share * servo.stall_nm / unit if unit > 0.0 else inf
     ordered = sorted(figures_wp, key=lambda name: (figures_wp[name], name))
     return LargestShape(
-        torque_wp=most,
-        within=tuple(name for name in ordered if figures_wp[name] <= most),
+        torque_wp=max_torque,
+        within=tuple(name for name in ordered if figures_wp[name] <= max_torque),
     )
 
 
@@ -262,15 +264,15 @@ def _unit_nm(servo: Servo, casing: Casing, pitch_m: float, gravity_m_s2: float) 
 
 def _check(torque_wp: float, share: float, gravity: float, pitch_m: float = 1.0) -> None:
     """Check that all numbers are in their ranges."""
-    for where, unit, value, least, most in (
+    for field, unit, value, min_value, max_value in (
         ("torque", "w·p (module weight × pitch)", torque_wp, 0.0, 1e9),
         ("share", "of the stall torque", share, 1e-6, 1.0),
         ("gravity", "m/s²", gravity, 0.0, 1e3),
         ("pitch", "m", pitch_m, *PITCH_RANGE_M),
     ):
-        if not least <= value <= most:
+        if not min_value <= value <= max_value:
             raise InputError(
                 "bad-sizing",
-                f"got a {where} of {value:g} {unit}, expected {least:g} to {most:g}.",
-                where=where,
+                f"got a {field} of {value:g} {unit}, expected {min_value:g} to {max_value:g}.",
+                where=field,
             )

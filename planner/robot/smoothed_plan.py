@@ -77,7 +77,7 @@ def smoothed_record(
     size: float,
     seed: int,
     calm: bool = False,
-    told: Callable[[float], None] | None = None,
+    report: Callable[[float], None] | None = None,
     cancelled: Cancelled = never,
 ) -> Record:
     """Return a plan's motion smoothed, from folded to straight, in place of an explosion.
@@ -88,12 +88,12 @@ def smoothed_record(
         size: Module size that it is to be verified at, as a fraction of the pitch.
         seed: Seed of all random numbers.
         calm: True if hinges are to make few detours, see ``smooth``.
-        told: Receives the fraction that is done, after each part.
+        report: Receives the fraction that is done, after each part.
         cancelled: Returns True to stop; the motion found so far is then taken.
     """
-    begun = time.perf_counter()
-    whole = plan.whole()
-    angles = whole.joint_angles_rad
+    start_s = time.perf_counter()
+    motion = plan.whole()
+    angles = motion.joint_angles_rad
     if way != RECORDED:
         looks = MAX_EVALUATIONS if way == SMOOTHED else MAX_EVALUATIONS // 4
         angles = smooth(
@@ -103,7 +103,7 @@ def smoothed_record(
             seed=seed,
             looks=looks,
             calm=calm,
-            told=told,
+            report=report,
             cancelled=cancelled,
         ).angles
     count = len(angles)
@@ -113,13 +113,13 @@ def smoothed_record(
         reason="smoothing was cancelled" if stopped else "",
         frames=Motion.from_frames(
             phase="explosion",
-            time_s=np.linspace(0.0, float(whole.time_s[-1]), count),
+            time_s=np.linspace(0.0, float(motion.time_s[-1]), count),
             joint_angles_rad=angles[::-1],
-            root_position=np.repeat(whole.root_position[:1], count, axis=0),
-            root_wxyz=np.repeat(whole.root_wxyz[:1], count, axis=0),
+            root_position=np.repeat(motion.root_position[:1], count, axis=0),
+            root_wxyz=np.repeat(motion.root_wxyz[:1], count, axis=0),
         ),
         steps=0,
-        seconds=time.perf_counter() - begun,
+        seconds=time.perf_counter() - start_s,
         strategy=way,
     )
 

@@ -115,7 +115,7 @@ def smooth(
     seed: int = 0,
     looks: int = MAX_EVALUATIONS,
     calm: bool = False,
-    told: Callable[[float], None] | None = None,
+    report: Callable[[float], None] | None = None,
     cancelled: Cancelled = never,
 ) -> Smoothed:
     """Smooth a motion. The result depends on the arguments alone.
@@ -130,7 +130,7 @@ def smooth(
         looks: Approximate maximum number of configurations to check. One costs some 0.6 µs of
             processor time for each cube, three times as much for each tetrahedron.
         calm: True if hinges are to make few detours, even at the cost of torque.
-        told: Receives the used fraction of ``looks``, after each part.
+        report: Receives the used fraction of ``looks``, after each part.
         cancelled: Returns True to stop; the motion found so far is then taken.
 
     Raises:
@@ -144,7 +144,7 @@ def smooth(
             "each frame.",
         )
     angles = np.ascontiguousarray(angles, dtype=np.float64)
-    run = _Smoothing(chain, angles, size, looks, np.random.default_rng(seed), told)
+    run = _Smoothing(chain, angles, size, looks, np.random.default_rng(seed), report)
     return Smoothed(angles=run.smoothed(cancelled, calm=calm), looks=run.looks)
 
 
@@ -161,27 +161,27 @@ class _Smoothing:
         size: float,
         looks: int,
         rng: np.random.Generator,
-        told: Callable[[float], None] | None,
+        report: Callable[[float], None] | None,
     ) -> None:
         self.chain = chain
         self.all_looks = looks
-        self.told = told
+        self.report = report
         self.size = size
         self.tight = max(size, TIGHT_SIZE)
         self.most_looks = looks
         self.looks = 0
         self.rng = rng
-        self.given = angles
-        found = self._swept(angles)
-        self.margin = found.clearance
-        self.bound = min(found.bound, 1e-9)  # just above 0, because of rounding
+        self.given_angles = angles
+        swept = self._swept(angles)
+        self.margin = swept.clearance
+        self.bound = min(swept.bound, 1e-9)  # just above 0, because of rounding
         length = float(self._measured(angles)[0].sum())
         self.spacing = spacing_of(length)
         self.torque_weight = 0.0
 
     def smoothed(self, cancelled: Cancelled, *, calm: bool) -> Array:
         """Return the (F, J) best motion found, if ``calm`` after detours have been removed."""
-        best = self._resampled(self.given)
+        best = self._resampled(self.given_angles)
         if len(best) < MIN_PART_FRAMES:
             return best
         lengths, costs = self._measured(best)
@@ -189,9 +189,9 @@ class _Smoothing:
         unit = costs.sum() / max(float(self._efforts(best, lengths).sum()), 1e-9)
         if calm:
             best = self._without_detours(best)
-        whole = self.most_looks
+        max_looks = self.most_looks
         for share, weight in TORQUE_WEIGHTS:
-            self.most_looks = int(share * whole)
+            self.most_looks = int(share * max_looks)
             self.torque_weight = weight * unit
             best = self._cheaper(best, cancelled)
         return best
@@ -223,8 +223,8 @@ class _Smoothing:
             for pieces in SIMPLIFIED_PARTS:
                 if self.looks >= self.most_looks or cancelled():
                     return angles
-                if self.told is not None:
-                    self.told(self.looks / self.all_looks)
+                if self.report is not None:
+                    self.report(self.looks / self.all_looks)
                 if len(angles) < MIN_PART_FRAMES * pieces:
                     break
                 begins = parts(len(angles), pieces, self.rng)
@@ -254,26 +254,26 @@ class _Smoothing:
         unknown: Flags = np.ones(len(angles), dtype=np.bool_)
         unknown_ways: Flags = unknown.copy()
         for turn in range(MAX_FOLLOWING_ROUNDS):
-            found = angles + shares * (target - angles)
+            candidate = angles + shares * (target - angles)
             moved: Flags = shares.max(axis=1) > 0.0
             blamed = np.zeros(angles.shape, dtype=np.bool_)
             rows = np.flatnonzero(unknown & moved)
-            blamed[rows] = self._blamed(found[rows])
+            blamed[rows] = self._blamed(candidate[rows])
             unknown_ways |= unknown
             if not blamed.any():
-                if not moved.any() or self._costs(found).sum() >= most_cost:
+                if not moved.any() or self._costs(candidate).sum() >= most_cost:
                     return None
                 ways = np.flatnonzero(
                     (unknown_ways[:-1] | unknown_ways[1:]) & (moved[:-1] | moved[1:])
                 )
                 unknown_ways[:] = False
-                unknown_ways[self._blame_between(found, ways, blamed)] = True
+                unknown_ways[self._blame_between(candidate, ways, blamed)] = True
                 if not blamed.any():
-                    return found
+                    return candidate
             if turn >= WHOLE_FRAME_FROM_ROUND:
                 blamed[blamed.any(axis=1)] = True
-            kept = np.where(blamed, 0.5 if turn < HALVING_ROUNDS else 0.0, 1.0)
-            lower = shares * minimum_filter1d(kept, 3, axis=0)
+            factors = np.where(blamed, 0.5 if turn < HALVING_ROUNDS else 0.0, 1.0)
+            lower = shares * minimum_filter1d(factors, 3, axis=0)
             lower[lower < MIN_FOLLOWED_SHARE] = 0.0
             lower = softened(lower)
             unknown = np.abs(lower - shares).max(axis=1) > 0.0
@@ -315,11 +315,11 @@ class _Smoothing:
         for run in np.split(ways, ends[:-1]) if len(ways) else ():
             for start in range(int(run[0]), int(run[-1]) + 1, SWEEP_STEPS):
                 stop = min(start + SWEEP_STEPS, int(run[-1]) + 1)
-                found = self._swept(angles[start : stop + 1])
-                if found.modules is None or self._clear(found):
+                swept = self._swept(angles[start : stop + 1])
+                if swept.modules is None or self._clear(swept):
                     continue
-                frame = start + min(int(found.frame), stop - start - 1)
-                first, second = (max(0, module.joint_after(m)) for m in found.modules)
+                frame = start + min(int(swept.frame), stop - start - 1)
+                first, second = (max(0, module.joint_after(m)) for m in swept.modules)
                 hinges = module.hinges_per_joint
                 blamed[frame : frame + 2, first * hinges : second * hinges] = True
                 left.append(np.arange(start, stop))
@@ -354,9 +354,9 @@ class _Smoothing:
         slopes = np.diff(angles, axis=0) / spans
         rates = np.concatenate([slopes[:1], slopes])
         bends = np.zeros_like(angles)
-        both = spans[1:] + spans[:-1]
-        rates[1:-1] = (slopes[:-1] * spans[1:] + slopes[1:] * spans[:-1]) / both
-        bends[1:-1] = 2.0 * np.diff(slopes, axis=0) / both
+        span_sums = spans[1:] + spans[:-1]
+        rates[1:-1] = (slopes[:-1] * spans[1:] + slopes[1:] * spans[:-1]) / span_sums
+        bends[1:-1] = 2.0 * np.diff(slopes, axis=0) / span_sums
         torques = floating_torques(self.chain.module, angles, rates, bends)
         paces = np.sqrt(np.abs(torques).max(axis=1))
         return 0.5 * (paces[1:] + paces[:-1]) * spans[:, 0]
@@ -384,21 +384,21 @@ class _Smoothing:
         even = np.linspace(0.0, lengths[-1], count + 1)
         places = even
         for _ in range(6):
-            found = along(angles, lengths, places)
-            between = self._blamed(0.5 * (found[:-1] + found[1:]), slack=0.0)
+            samples = along(angles, lengths, places)
+            between = self._blamed(0.5 * (samples[:-1] + samples[1:]), slack=0.0)
             close: Flags = between.max(axis=1)
             if not close.any():
-                swept = self._swept(found)
+                swept = self._swept(samples)
                 if self._clear(swept):
-                    return found
+                    return samples
                 close[min(int(swept.frame), len(close) - 1)] = True
             # There the motion keeps all the frames that it had.
             of = np.searchsorted(places, lengths, side="right") - 1
             bad = close[np.clip(of, 0, len(close) - 1)] & (np.diff(lengths, prepend=-1.0) > 0.0)
-            more = np.union1d(places, lengths[bad])
-            if len(more) == len(places):
+            more_places = np.union1d(places, lengths[bad])
+            if len(more_places) == len(places):
                 break
-            places = more
+            places = more_places
         return angles
 
     def _swept(self, angles: Array) -> Sweep:
@@ -407,10 +407,10 @@ class _Smoothing:
         A proof of more than no contact would take most of the evaluations: with the mallet of 64
         none would remain to shorten its motion.
         """
-        found = sweep(self.chain, angles, size=self.tight, share=0.0)
-        self.looks += len(angles) + found.in_betweens
-        return found
+        swept = sweep(self.chain, angles, size=self.tight, share=0.0)
+        self.looks += len(angles) + swept.in_betweens
+        return swept
 
-    def _clear(self, found: Sweep) -> bool:
+    def _clear(self, swept: Sweep) -> bool:
         """Return True if a motion is as clear as the given one, and proved without contact."""
-        return found.clearance >= self.margin - 1e-9 and found.bound >= self.bound  # rounding
+        return swept.clearance >= self.margin - 1e-9 and swept.bound >= self.bound  # rounding

@@ -39,13 +39,13 @@ def mean(angles: Array, pieces: int) -> Array:
     from scipy.ndimage import uniform_filter1d  # late: most folds are not smoothed
 
     reach = max(1, len(angles) // (2 * pieces))
-    again = reach // 2
-    pad = min(reach + again, len(angles) - 1)
+    half_reach = reach // 2
+    pad = min(reach + half_reach, len(angles) - 1)
     before = 2.0 * angles[0] - angles[pad:0:-1]
     after = 2.0 * angles[-1] - angles[-2 : -pad - 2 : -1]
     # A corner of the first mean is a kink in the speed; of the second one, in the acceleration.
     mean = uniform_filter1d(np.concatenate([before, angles, after]), 2 * reach + 1, axis=0)
-    mean = uniform_filter1d(mean, 2 * again + 1, axis=0)[pad:-pad]
+    mean = uniform_filter1d(mean, 2 * half_reach + 1, axis=0)[pad:-pad]
     mean[0], mean[-1] = angles[0], angles[-1]
     return mean
 
@@ -62,9 +62,9 @@ def along(angles: Array, lengths: Array, places: Array) -> Array:
     frame = np.clip(np.searchsorted(lengths, places, side="right") - 1, 0, len(lengths) - 2)
     span = lengths[frame + 1] - lengths[frame]
     part = np.where(span > 0.0, (places - lengths[frame]) / np.where(span > 0.0, span, 1.0), 1.0)
-    found = angles[frame] + part[:, None] * (angles[frame + 1] - angles[frame])
-    found[0], found[-1] = angles[0], angles[-1]
-    return found
+    samples = angles[frame] + part[:, None] * (angles[frame + 1] - angles[frame])
+    samples[0], samples[-1] = angles[0], angles[-1]
+    return samples
 
 
 def softened(shares: Array) -> Array:

@@ -73,8 +73,10 @@ class Trajectory:
     @property
     def nbytes(self) -> int:
         """Size of its arrays and those of the path, bytes."""
-        own = (getattr(self, name) for name in _TRAJECTORY_ARRAYS)
-        return sum(a.nbytes for a in own) + sum(getattr(self.path, n).nbytes for n in _PATH_ARRAYS)
+        arrays = (getattr(self, name) for name in _TRAJECTORY_ARRAYS)
+        return sum(a.nbytes for a in arrays) + sum(
+            getattr(self.path, n).nbytes for n in _PATH_ARRAYS
+        )
 
     def save(self, directory: FilePath) -> None:
         """Write the trajectory to an existing directory."""
@@ -94,16 +96,16 @@ class Trajectory:
     def load(cls, directory: FilePath) -> Trajectory:
         """Read files that ``save`` wrote. The corners of the path stay in their file until used."""
         frames = np.load(directory / FRAMES_FILE, mmap_mode="r", allow_pickle=False)
-        with np.load(directory / REST_FILE, allow_pickle=False) as rest:
-            speed, acceleration, deviation = rest["numbers"].tolist()
-            of_path = {name: rest[name] for name in _PATH_ARRAYS if name != "frames"}
+        with np.load(directory / REST_FILE, allow_pickle=False) as numbers:
+            speed, acceleration, deviation = numbers["numbers"].tolist()
+            of_path = {name: numbers[name] for name in _PATH_ARRAYS if name != "frames"}
             return cls(
-                joint_names=tuple(rest["joint_names"].tolist()),
+                joint_names=tuple(numbers["joint_names"].tolist()),
                 max_speed_rad_s=speed,
                 max_acceleration_rad_s2=acceleration,
                 deviation_rad=deviation,
-                path=CutPath(frames=np.asarray(frames), cells=int(rest["cells"]), **of_path),
-                **{name: rest[name] for name in _TRAJECTORY_ARRAYS},
+                path=CutPath(frames=np.asarray(frames), cells=int(numbers["cells"]), **of_path),
+                **{name: numbers[name] for name in _TRAJECTORY_ARRAYS},
             )
 
     def at(self, time_s: Array) -> tuple[Array, Array, Array]:
@@ -125,8 +127,8 @@ class Trajectory:
         Among frames in which nothing moves it is the last one, but 0 at the beginning.
         """
         _, s, _, _ = self._along(np.asarray(time_s, dtype=np.float64))
-        found = np.interp(s, np.repeat(self.path.places, 2), self.frame_numbers)
-        return np.where(s > 0.0, found, 0.0)
+        frame_numbers = np.interp(s, np.repeat(self.path.places, 2), self.frame_numbers)
+        return np.where(s > 0.0, frame_numbers, 0.0)
 
     def _along(self, times: Array) -> tuple[Indices, Array, Array, Array]:
         """Return cell, s, ṡ and s̈, the last of which is constant within a cell."""

@@ -169,9 +169,7 @@ class Chooser:
                 self._visit_all(turn, pitches, visited, max_fits)
             best_fit = self._best(visited.values(), cells)
         assert best_fit is not None
-        return ChosenVoxels(
-            best_fit=best_fit, visited=tuple(visited.values()), score=_score(best_fit)
-        )
+        return ChosenVoxels(fit=best_fit, visited=tuple(visited.values()), score=_score(best_fit))
 
     def _most(self, cells: int) -> int:
         work = self.ladder.work(0, self.ladder.pitch_for(cells))

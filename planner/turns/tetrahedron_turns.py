@@ -60,7 +60,7 @@ def tetrahedron_turning(chain: Chain, size: float) -> Turning:
     scratch = Scratch(
         nodes=np.zeros((modules + 1, 3), np.int64),
         axes=np.zeros((modules, 3), np.int64),
-        seen=np.zeros((modules, 3), np.int64),
+        projected=np.zeros((modules, 3), np.int64),
         cells=np.full(slots, -1, np.int64),
         modules=np.zeros(slots, np.int32),
         contacts=np.zeros(modules, np.int64),

@@ -36,7 +36,7 @@ def chain_differs(timeline: Timeline, plan: Plan) -> Differences:
     expected = chain_attributes(plan.chain)
     if timeline.windowed:
         del expected["joint_names"]  # which those of long chains leave out
-    yield from value_differences(timeline.told_chain, expected, versus_plan(TIMELINE, "chain"))
+    yield from value_differences(timeline.chain_data, expected, versus_plan(TIMELINE, "chain"))
 
 
 def opened(path: FilePath) -> tuple[Timeline, Motion]:

@@ -245,12 +245,12 @@ def _tasks(
         for kind in kinds:
             tasks[kind] = task_of(
                 kind,
-                warm=warm and not compiling.told,
+                warm=warm and not compiling.has_reported,
                 progress=requests.progress,
                 directory=directory,
             )
     late = None
-    if warm and len(tasks) > 1 and compiling.told:
+    if warm and len(tasks) > 1 and compiling.has_reported:
         if PREPARER in tasks:
             load = partial(_load_preparer, directory)
             late = _Late(kind=PREPARER, compiling=beside("paths", directory), load=load)

@@ -113,13 +113,13 @@ class Watch:
         self._progress = progress
         self._cancelled = cancelled
         self._message = message
-        self._begin = self._last = time.perf_counter()
+        self._started_s = self._last = time.perf_counter()
         self._last_steps = 0
 
     @property
     def seconds(self) -> float:
         """Wall time since the run began, s."""
-        return time.perf_counter() - self._begin
+        return time.perf_counter() - self._started_s
 
     def check(self, explosion: Explosion[Any, Any], *, simulated_s: float = 0.0) -> End | None:
         """Report the progress if it is due; return the end of a cancelled run."""

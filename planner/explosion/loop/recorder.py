@@ -62,12 +62,12 @@ class SnapshotRule(Protocol[S]):
         """Return True if two snapshots are farther apart than allowed."""
         ...
 
-    def clearance(self, a: S, b: S, *, more: bool) -> float | None:
+    def clearance(self, a: S, b: S, *, divisible: bool) -> float | None:
         """Return the clearance of two snapshots and between them, pitches, as far as it counts.
 
         Args:
             a, b: Snapshots, one after the other.
-            more: True if there are steps between them.
+            divisible: True if there are steps between them.
 
         Returns:
             None if another snapshot is needed between them.
@@ -125,30 +125,30 @@ class Recorder(Generic[S]):
         """Drop the steps since the last ``commit``."""
         self._steps = []
 
-    def commit(self, *, end: bool = False, least: float = -np.inf) -> Refusal | None:
+    def commit(self, *, end: bool = False, min_clearance: float = -np.inf) -> Refusal | None:
         """Make the steps so far final and pass their snapshots on.
 
         Args:
             end: Make the last step a snapshot in any case.
-            least: Minimum clearance, pitches, of snapshots and of the motion between them.
+            min_clearance: Minimum clearance, pitches, of snapshots and of the motion between them.
 
         Returns:
             The reason why the steps were dropped instead, or None.
         """
         steps, self._steps = self._steps, []
-        chosen, done, clearance = self._choose(steps)
-        if clearance < least:
+        accepted, done, clearance = self._choose(steps)
+        if clearance < min_clearance:
             return TOO_CLOSE
-        if self._guard is not None and (refusal := self._guard(self._last, chosen)) is not None:
+        if self._guard is not None and (refusal := self._guard(self._last, accepted)) is not None:
             return refusal
-        if chosen:
-            self._last = chosen[-1]
+        if accepted:
+            self._last = accepted[-1]
         if end and steps[done:]:
-            chosen.append(steps[-1])
+            accepted.append(steps[-1])
         elif not end:
             self._steps = steps[done:]
-        if chosen:
-            self.append_motion(self._rule.motion(chosen))
+        if accepted:
+            self.append_motion(self._rule.motion(accepted))
         return None
 
     def close(self) -> None:
@@ -189,7 +189,7 @@ class Recorder(Generic[S]):
 
     def _choose(self, steps: list[S]) -> tuple[list[S], int, float]:
         """Return the snapshots among steps, how many steps are done with, and the clearance."""
-        chosen: list[S] = []
+        accepted: list[S] = []
         last, done, clearance = self._last, 0, np.inf
         for k, step in enumerate(steps):
             if last is None or (self._rule.commits_all and k == len(steps) - 1):
@@ -199,23 +199,23 @@ class Recorder(Generic[S]):
             else:
                 continue
             if last is not None:
-                between, least = self._between(last, steps[pick], steps[done:pick])
-                chosen.extend(between)
-                clearance = min(clearance, least)
+                between, step_clearance = self._between(last, steps[pick], steps[done:pick])
+                accepted.extend(between)
+                clearance = min(clearance, step_clearance)
             last = steps[pick]
-            chosen.append(last)
+            accepted.append(last)
             done = pick + 1
-        return chosen, done, clearance
+        return accepted, done, clearance
 
     def _between(self, a: S, b: S, steps: list[S]) -> tuple[list[S], float]:
         """Return the snapshots that are needed between two, and the clearance with them."""
-        clearance = self._rule.clearance(a, b, more=bool(steps))
+        clearance = self._rule.clearance(a, b, divisible=bool(steps))
         if clearance is not None:
             return [], clearance
         k = len(steps) // 2
-        before, one = self._between(a, steps[k], steps[:k])
-        after, other = self._between(steps[k], b, steps[k + 1 :])
-        return [*before, steps[k], *after], min(one, other)
+        before, clearance_before = self._between(a, steps[k], steps[:k])
+        after, clearance_after = self._between(steps[k], b, steps[k + 1 :])
+        return [*before, steps[k], *after], min(clearance_before, clearance_after)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -268,9 +268,9 @@ class FrameRule:
         moved = ((a.centres - b.centres) ** 2).sum(axis=1).max()
         return bool(moved >= (spacing * self.snapshot_distance) ** 2)
 
-    def clearance(self, a: Step, b: Step, *, more: bool) -> float | None:
+    def clearance(self, a: Step, b: Step, *, divisible: bool) -> float | None:
         """Return None if the motion between two snapshots comes closer than they are."""
-        if not more:
+        if not divisible:
             return np.inf
         if self.spacing() > 1.0:
             between = self._between.clearance(a.angles, b.angles, CLEAR_ENOUGH_PITCH)

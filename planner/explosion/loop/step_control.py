@@ -28,18 +28,18 @@ class ContactDepth:
     """Limits of the depth of contacts during an explosion, in pitches.
 
     Attributes:
-        most: Maximum depth; a run restarts from its checkpoint when a contact is deeper.
+        limit: Maximum depth; a run restarts from its checkpoint when a contact is deeper.
         back_off: Depth beyond which the tension falls.
     """
 
-    most: float
+    limit: float
     back_off: float
 
     @classmethod
     def within(cls, room: float, deepest: float) -> ContactDepth:
         """Build the limits for the room that the size to verify leaves, at most ``deepest``."""
-        most = float(np.clip(room, MIN_ALLOWED_DEPTH_PITCH, deepest))
-        return cls(most, BACK_OFF_DEPTH_SHARE * most)
+        depth = float(np.clip(room, MIN_ALLOWED_DEPTH_PITCH, deepest))
+        return cls(depth, BACK_OFF_DEPTH_SHARE * depth)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -115,7 +115,7 @@ class StepControl:
 
     def is_too_deep(self, depth: float) -> bool:
         """Return True if contacts are deeper than allowed and than in the step before."""
-        return depth > self.allowed.most and depth > self.depth
+        return depth > self.allowed.limit and depth > self.depth
 
     def adapt_tension(self, depth: float) -> None:
         """Adapt the tension to the depth of contacts, pitches."""

@@ -64,15 +64,15 @@ def straightening(
     scales[-1] = 0.0
     count = len(scales)
     way = scales[:, None] * angles
-    least = min(
+    min_clearance = min(
         STRAIGHTENING_CLEARANCE_PITCH,
         0.5 * _clearance(chain, way[-1], size, 2.0 * STRAIGHTENING_CLEARANCE_PITCH),
     )
     for row in way[::4]:  # before all is proved
-        if _clearance(chain, row, size, least) < least:
+        if _clearance(chain, row, size, min_clearance) < min_clearance:
             return None
     swept = sweep(chain, np.concatenate([angles[None], way]), size=size)
-    if swept.clearance < least or swept.bound <= 0.0:
+    if swept.clearance < min_clearance or swept.bound <= 0.0:
         return None
     centre = _centres(chain, state, angles[None])[0].mean(axis=0)
     offsets = np.concatenate(

@@ -58,17 +58,17 @@ class Core:
         self.cells = cells
         self.rotations = np.rint(folded.rotations)
         self.low = cells.min(axis=0).astype(np.int64)
-        whole = cells.astype(np.int64) - self.low
-        self.grid = np.full(whole.max(axis=0) + 1, -1, dtype=np.int32)
-        self.grid[tuple(whole.T)] = np.arange(len(cells), dtype=np.int32)
+        grid_cells = cells.astype(np.int64) - self.low
+        self.grid = np.full(grid_cells.max(axis=0) + 1, -1, dtype=np.int32)
+        self.grid[tuple(grid_cells.T)] = np.arange(len(cells), dtype=np.int32)
         self._boxes = np.empty((len(cells), 6), dtype=np.int64)
 
     def boxes(self, last: int) -> tuple[Array, Array]:
         """Return (B, 3) centres and half sides of boxes that hold the modules 0 to ``last``."""
         count = box_cover(self.grid, last, self._boxes)
-        found = self._boxes[:count].astype(np.float64)
-        half = 0.5 * found[:, 3:]
-        return found[:, :3] + self.low - 0.5 + half, half
+        rows = self._boxes[:count].astype(np.float64)
+        half = 0.5 * rows[:, 3:]
+        return rows[:, :3] + self.low - 0.5 + half, half
 
     def extent(self, last: int) -> Ints:
         """Return the (2, 3) smallest and largest cell of the modules 0 to ``last``."""
@@ -79,15 +79,15 @@ class Core:
         """Return the distance of each cell of the padded grid to the nearest folded one."""
         from scipy.ndimage import distance_transform_edt  # late: it takes a while
 
-        there = np.pad((self.grid >= 0) & (self.grid <= last), FIELD_PADDING_CELLS)
-        return np.asarray(distance_transform_edt(~there), dtype=np.float64)
+        solid = np.pad((self.grid >= 0) & (self.grid <= last), FIELD_PADDING_CELLS)
+        return np.asarray(distance_transform_edt(~solid), dtype=np.float64)
 
     def distance_at(self, field: Array, points: Array) -> Array:
         """Return rough (...,) distances of (..., 3) points to the core, outside the field too."""
-        found = np.empty(points.shape[:-1])
+        distances = np.empty(points.shape[:-1])
         low = (self.low - FIELD_PADDING_CELLS).astype(np.float64)
-        distances_at(field, low, points.reshape(-1, 3), found.reshape(-1))
-        return found
+        distances_at(field, low, points.reshape(-1, 3), distances.reshape(-1))
+        return distances
 
     def exit_direction(self, field: Array, start: Array, last: int, before: Array | None) -> Array:
         """Return the (3,) unit vector of the free ray from a point that is nearest to radial.
@@ -106,8 +106,8 @@ class Core:
         along = np.arange(1.0, reach, 0.5)
         points = start + rays[:, None, :] * along[None, :, None]
         distance = self.distance_at(field, points)
-        wanted = np.minimum(2.0, 0.7 + 0.5 * along)
-        lack = np.maximum(wanted - distance, 0.0).max(axis=1)
+        min_distances = np.minimum(2.0, 0.7 + 0.5 * along)
+        lack = np.maximum(min_distances - distance, 0.0).max(axis=1)
         score = rays @ radial - 3.0 * lack
         if before is not None:
             score = score + 0.5 * (rays @ before)
@@ -159,8 +159,8 @@ class CoreOnTable:
         points = projection.seen(start + rays[:, None, :] * along[None, :, None])
         gaps = points[:, :, None, :] - np.unique(projection.seen(cells), axis=0)
         distance = np.linalg.norm(gaps, axis=-1).min(axis=-1)
-        wanted = np.minimum(1.8, 0.7 + 0.5 * along)
-        lack = np.maximum(wanted - distance, 0.0).max(axis=1)
+        min_distances = np.minimum(1.8, 0.7 + 0.5 * along)
+        lack = np.maximum(min_distances - distance, 0.0).max(axis=1)
         # Away from the core's middle, on in the direction in which the chain leaves it, as before,
         # and clear of the core.
         score = (

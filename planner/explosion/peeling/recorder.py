@@ -27,14 +27,14 @@ class Proof:
     def __init__(self, chain: Chain, size: float) -> None:
         # Folded neighbours are no farther apart than the module size leaves.
         # Half the gap between neighbours in the folded shape, but for rounding.
-        self.least = min(0.002, 0.5 * (1.0 - size) - 1e-9)
+        self.min_clearance = min(0.002, 0.5 * (1.0 - size) - 1e-9)
         """Minimum clearance of snapshots, pitches."""
         self._hinges = chain.module.hinges_per_joint
         self._shape = windows_shape(chain, size)
 
     def is_clear(self, configurations: Sequence[WindowConfiguration]) -> bool:
         """Return True if configurations, and the motion between them, keep that clearance."""
-        return self.keeps(configurations, self.least)[0] >= self.least
+        return self.keeps(configurations, self.min_clearance)[0] >= self.min_clearance
 
     def keeps(self, bends: Sequence[WindowConfiguration], enough: float) -> tuple[float, Array]:
         """Return the least clearance of configurations and of the linear motion between them.
@@ -57,11 +57,11 @@ class Proof:
             values=values.astype(np.float32).astype(np.float64),
         )
         per_frame = np.full(count, enough)
-        found = sweep_frames(
+        result = sweep_frames(
             self._shape, angles, 0, count, enough, np.full(count, enough), per_frame, 0.0
         )
-        proved = found.lower_bound > 0.0
-        return (found.clearance if proved else min(found.clearance, 0.0)), per_frame
+        proved = result.lower_bound > 0.0
+        return (result.clearance if proved else min(result.clearance, 0.0)), per_frame
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,20 +85,20 @@ class WindowRule:
 
     def are_far(self, a: WindowConfiguration, b: WindowConfiguration) -> bool:
         """Return True if two snapshots are farther apart than allowed."""
-        _, one, other = self.peelable.together(a, b)
-        if np.abs(one - other).max(initial=0.0) >= self.snapshot_rad:
+        _, angles_a, angles_b = self.peelable.together(a, b)
+        if np.abs(angles_a - angles_b).max(initial=0.0) >= self.snapshot_rad:
             return True
         if a.along is not None and b.along is not None and a.along @ b.along < np.cos(0.1):
             return True
         return _moved(a, b) >= self.snapshot_distance
 
     def clearance(
-        self, a: WindowConfiguration, b: WindowConfiguration, *, more: bool
+        self, a: WindowConfiguration, b: WindowConfiguration, *, divisible: bool
     ) -> float | None:
         """Return the proved clearance; None if it is less between two snapshots than at them."""
-        least, each = self.proof.keeps((a, b), 0.02)
-        closer = more and least < each.min() - MIN_CLEARANCE_LOSS_PITCH
-        return None if closer else least
+        clearance, clearances = self.proof.keeps((a, b), 0.02)
+        closer = divisible and clearance < clearances.min() - MIN_CLEARANCE_LOSS_PITCH
+        return None if closer else clearance
 
     def motion(self, snapshots: list[WindowConfiguration]) -> Motion:
         """Return snapshots as a windowed motion."""

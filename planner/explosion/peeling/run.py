@@ -185,7 +185,7 @@ class Peeling(Explosion[Window, WindowConfiguration]):
         """
         self.world.place()
         self.record()
-        refusal = self.recorder.commit(least=self.proof.least)
+        refusal = self.recorder.commit(min_clearance=self.proof.min_clearance)
         if refusal is not TOO_CLOSE:
             self.refusal = refusal
         if refusal is not None:

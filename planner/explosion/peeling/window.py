@@ -73,11 +73,11 @@ class Peelable:
     def widened(self, bend: WindowConfiguration, first: int, hinges: int) -> Array:
         """Return the (hinges,) angles of a wider window that begins with an earlier module."""
         k = self.hinges
-        found = np.zeros(hinges)
+        angles = np.zeros(hinges)
         lead = k * (bend.first - first)
-        found[:lead] = self.chain.folded_rad[k * first : k * bend.first]
-        found[lead : lead + len(bend.angles)] = bend.angles
-        return found
+        angles[:lead] = self.chain.folded_rad[k * first : k * bend.first]
+        angles[lead : lead + len(bend.angles)] = bend.angles
+        return angles
 
     def together(self, a: WindowConfiguration, b: WindowConfiguration) -> tuple[int, Array, Array]:
         """Return the first module and the angles of two configurations in their common window."""
@@ -198,13 +198,13 @@ class WindowSetting:
         box = core.extent(first + FIXED - 1)
         return Held(unit, CoreCells(core.grid, core.low, box, first), field)
 
-    def heading(self, held: Held, before: Heading | None) -> Heading:
+    def heading(self, group: Held, before: Heading | None) -> Heading:
         """Return the heading after a release."""
-        core, first = self.peelable.core, held.cells.first
+        core, first = self.peelable.core, group.cells.first
         if first:
-            centre = core.cells[first + FIXED : first + FIXED + held.unit].mean(axis=0)
+            centre = core.cells[first + FIXED : first + FIXED + group.unit].mean(axis=0)
             target = self.surroundings.exit_direction(
-                held.field, centre, first + 1, None if before is None else before.target
+                group.field, centre, first + 1, None if before is None else before.target
             )
         else:
             # Nothing is left in the way: all goes where the first link points.

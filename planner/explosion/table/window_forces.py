@@ -77,10 +77,10 @@ class TableForces:
         """Draw a perturbation that begins at a step; ``scale`` multiplies its largest forces."""
         random, up = self._random, self._projection.up
         size = scale * random.uniform(0.0, 0.5)
-        each = random.normal(size=(self._modules, 3))
-        each -= 0.5 * np.outer(each @ up, up)
+        noise = random.normal(size=(self._modules, 3))
+        noise -= 0.5 * np.outer(noise @ up, up)
         alike = np.full(PERTURBED_NEIGHBOURS, 2.0 / PERTURBED_NEIGHBOURS)
-        smoothed = [np.convolve(each[:, axis], alike, "same") for axis in range(3)]
+        smoothed = [np.convolve(noise[:, axis], alike, "same") for axis in range(3)]
         pull, turning = random.uniform(0.0, 1.0), random.uniform(0.0, 2.0)
         largest = self._parameters.largest_spring_torque * random.uniform(0.75, 1.5 * scale)
         self._drive = Drive(
@@ -132,8 +132,8 @@ class TableForces:
         if abs(first @ projection.up) > MAX_LYING_RISE_PITCH:
             first = target
         turned = projection.turned(window.model.positions[1:], first, last)
-        wanted = projection.angle(target) - projection.angle(first)
-        return turned - unwrap_near(wanted, turned[-1])
+        target_angle = projection.angle(target) - projection.angle(first)
+        return turned - unwrap_near(target_angle, turned[-1])
 
     def _rod_mass(self, window: Window) -> float:
         return float(min(window.rod_modules, self._parameters.rod_modules))

@@ -88,7 +88,7 @@ def test_run_continues_from_a_state_with_contacts_that_are_too_deep() -> None:
         before = (window.time_s, window.state.copy())
         make_step(run)
         assert control.steps < 500
-    control.allowed = ContactDepth(most=0.5 * control.depth, back_off=0.4 * control.depth)
+    control.allowed = ContactDepth(limit=0.5 * control.depth, back_off=0.4 * control.depth)
     checkpoint.save(*before)
     return_to_checkpoint(run)
     angles = window.state.angles.copy()
