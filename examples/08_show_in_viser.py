@@ -21,7 +21,7 @@ def main() -> None:
     assert isinstance(shape, Path | Chain)
     with show.live() as shown:
         print(f"Look at {shown.url}", flush=True)
-        plan = fold(shape, progress=shown)
+        plan = fold(shape, directory="wrench-24", progress=shown)
         print(f"{plan.certificate.verdict}, {plan.certificate.min_clearance:.3f} pitches clear")
 
         # It is a plain viser server: all that viser offers can be added to it.

@@ -4,7 +4,7 @@
     from foldback.viewer import show
 
     show(fold(shape))
-    fold(shape, progress=show.live())
+    fold(shape, directory="wrench", progress=show.live())
 
 It needs viser: ``pip install 'foldback[viewer]'``.
 """

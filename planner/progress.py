@@ -32,8 +32,8 @@ class Progress:
         plan: Number of the plan that is computed, from 1; 0 where it is not counted.
         plans: About how many plans are computed in all; 0 where that is not known.
         directory: Directory in which the fold is computed, with its timeline; None if it is not
-            reported. That of ``foldback.fold`` is temporary: after the last stage, ``export``, has
-            reported its end, the files move to the fold's directory, or are removed.
+            reported, and in memory. That of ``foldback.fold`` is temporary: after the last stage,
+            ``export``, has reported its end, the files move to the fold's directory.
     """
 
     stage: str

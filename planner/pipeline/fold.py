@@ -1,7 +1,6 @@
 """Fold: everything from a shape to a verified plan, in one call.
 
-Without a directory, and without anybody who follows, everything is computed in memory and no file
-is written.
+Without a directory, everything is computed in memory and no file is written.
 """
 
 from __future__ import annotations
@@ -25,11 +24,11 @@ from foldback.planner.pipeline.preference import COMPUTING, Preference
 from foldback.planner.pipeline.reading import read_plan, read_shape
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.retry_policy import RetryPolicy
-from foldback.planner.pipeline.stages import run_stages
+from foldback.planner.pipeline.stages import read_chains, run_stages
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.shape_writers import write_chain, write_path
-from foldback.planner.progress import Cancelled, Report, naming, never, silent
+from foldback.planner.progress import STAGES, Cancelled, Report, naming, never, silent
 
 
 def fold(
@@ -62,11 +61,10 @@ def fold(
             limit.
         prefer: Preference among several verified plans; ``computing`` takes the first one.
         world: ``floating``, or on a ``table`` under gravity.
-        directory: Gets the plan, the timeline and the model, when all are written; they replace
-            those of an earlier fold. None for nowhere; then files are written only for
-            ``progress``, and removed in the end.
-        progress: Called with the progress, and with the temporary directory of the growing
-            timeline: ``Progress.directory``.
+        directory: Directory that gets the plan, the timeline and the model, when all are written;
+            they replace those of an earlier fold. None to write no file.
+        progress: Called with the progress, and with the temporary place of the growing timeline
+            if there is a ``directory``: ``Progress.directory``.
         cancelled: Asked periodically whether to stop; the plan then is not verified.
         workers: Explosions that are made at once at most, when one sticks; the plan is the same.
 
@@ -89,7 +87,7 @@ def fold(
         world=world,
     )
     watch = Watch(progress=progress, cancelled=cancelled)
-    return _plan_of(request, _data(shape), directory, watch, workers=workers)
+    return _plan_of(request, shape, directory, watch, workers=workers)
 
 
 def refold(
@@ -132,7 +130,7 @@ def refold(
         refold=True,
     )
     watch = Watch(progress=progress, cancelled=cancelled)
-    return _plan_of(request, _data(shape), directory, watch, start=start)
+    return _plan_of(request, shape, directory, watch, start=start)
 
 
 def smooth_plan(
@@ -160,16 +158,12 @@ def smooth_plan(
     """
     request = FoldRequest.smoothing(plan, seed=seed, module_size=module_size)
     watch = Watch(progress=progress, cancelled=cancelled)
-    return _plan_of(request, write_chain(plan.chain), directory, watch, recorded=plan)
-
-
-def _data(shape: Path | Chain) -> bytes:
-    return write_path(shape) if isinstance(shape, Path) else write_chain(shape)
+    return _plan_of(request, plan.chain, directory, watch, recorded=plan)
 
 
 def _plan_of(
     request: FoldRequest,
-    data: bytes,
+    shape: Path | Chain,
     directory: str | FilePath | None,
     watch: Watch,
     *,
@@ -177,52 +171,34 @@ def _plan_of(
     recorded: Plan | None = None,
     workers: int = 1,
 ) -> Plan:
-    """Return the plan of a request, made in memory or by the stages in a directory."""
-    if directory is None and watch.progress is silent:
-        return _plan_in_memory(
-            request, data, watch, start=start, recorded=recorded, workers=workers
-        )
-    with _place_for(directory) as place:
-        workspace = Workspace(place)
-        workspace.write_request(request, data, start=start, recorded=recorded)
-        progress = naming(place, watch.progress)
-        run_stages(place, progress=progress, cancelled=watch.cancelled, workers=workers)
-        return workspace.read_plan()
-
-
-@contextmanager
-def _place_for(directory: str | FilePath | None) -> Generator[FilePath]:
-    """Yield the folder in which a fold for a directory is computed; for None a temporary one."""
-    if directory is not None:
-        with replacing_fold(FilePath(directory)) as place:
-            yield place
-        return
-    with TemporaryDirectory(prefix="foldback-") as aside:
-        yield FilePath(aside)
-
-
-def _plan_in_memory(
-    request: FoldRequest,
-    data: bytes,
-    watch: Watch,
-    *,
-    start: Plan | None,
-    recorded: Plan | None,
-    workers: int,
-) -> Plan:
-    """Search until a plan is verified or nothing is left to try; return the best attempt's plan.
+    """Return the plan of a request, computed in memory or by the stages in a directory.
 
     Args:
         request: Request of the fold.
-        data: Bytes of the shape.
+        shape: Shape that the chain folds into.
+        directory: Directory of the fold; None for memory.
         watch: Channels to the observer.
         start: Plan that a refold begins with; None for other folds.
         recorded: Plan that is smoothed; None for other folds.
         workers: Explosions that are made at once at most.
     """
     request.check()
+    if directory is not None:
+        with replacing_fold(FilePath(directory)) as place:
+            workspace = Workspace(place)
+            data = write_path(shape) if isinstance(shape, Path) else write_chain(shape)
+            workspace.write_request(request, data, start=start, recorded=recorded)
+            read_chains(workspace, shape)
+            run_stages(
+                place,
+                first=STAGES[1],
+                progress=naming(place, watch.progress),
+                cancelled=watch.cancelled,
+                workers=workers,
+            )
+            return workspace.read_plan()
     begins = None if start is None else start.chain
-    reading = read_shape(request, data, start=begins) if recorded is None else read_plan(recorded)
+    reading = read_shape(request, shape, start=begins) if recorded is None else read_plan(recorded)
     job = Job(
         request=request,
         candidates=reading.candidates,
@@ -233,18 +209,23 @@ def _plan_in_memory(
     )
     with _pool(request, reading.candidates, workers) as pool:
         search = run_steps(job, Search(), Store(), watch, pool)
-    best = max(search.results, key=lambda number: search.rank(number, request.prefer))
-    history = search.history
-    if request.prefer != COMPUTING:
+    return _best_plan(job, search)
+
+
+def _best_plan(job: Job, search: Search) -> Plan:
+    """Return the plan of the best attempt, as it is read from a file."""
+    prefer, history = job.request.prefer, search.history
+    best = max(search.results, key=lambda number: search.rank(number, prefer))
+    if prefer != COMPUTING:
         history = with_choice(history, best)
     result = search.results[best]
     plan = finish(
-        request,
+        job.request,
         result,
         history,
-        candidates=reading.candidates,
-        start=begins,
-        recorded=result.recorded or recorded,
+        candidates=job.candidates,
+        start=job.start,
+        recorded=result.recorded or job.recorded,
     )
     return plan.as_stored().with_joint_errors_of(result.playback)
 

@@ -312,7 +312,7 @@ Found: TypeAlias = "Path | Chain | Shape | Solid"
 
 
 def prepare(
-    data: bytes,
+    given: bytes | Found,
     filename: str | None,
     options: PathOptions | None = None,
     *,
@@ -322,7 +322,7 @@ def prepare(
     """Read a file and find the chains that may fold into what is in it; see ``prepare_found``.
 
     Args:
-        data: The whole file.
+        given: The whole file, or what would be read from it.
         filename: Name of the file.
         options: Options that turn a shape into a path.
         seed: Random seed.
@@ -333,8 +333,9 @@ def prepare(
     """
     options = PathOptions() if options is None else options
     options.check()
-    found = read(data, filename=filename, as_voxels=options.as_voxels)
-    return prepare_found(found, options, seed=seed, time_limit_s=time_limit_s)
+    if isinstance(given, bytes):
+        given = read(given, filename=filename, as_voxels=options.as_voxels)
+    return prepare_found(given, options, seed=seed, time_limit_s=time_limit_s)
 
 
 def prepare_found(

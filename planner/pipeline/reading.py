@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
 from foldback.planner.explosion.strategies import on_lattice, ranked_strategies
 from foldback.planner.pipeline.attempt import Candidates
 from foldback.planner.pipeline.prepare import prepare
@@ -68,7 +69,7 @@ def read_plan(recorded: Plan) -> Reading:
 
 def read_shape(
     request: FoldRequest,
-    data: bytes,
+    shape: Path | Chain | bytes,
     *,
     start: Chain | None = None,
     prepared: PreparedChains | None = None,
@@ -77,7 +78,7 @@ def read_shape(
 
     Args:
         request: Request of the fold.
-        data: Bytes of the shape.
+        shape: The shape, or the bytes of its file.
         start: Chain as it is folded at the beginning of a refold; None for other folds.
         prepared: Chains that a preview has found with the same request; None to search for them.
 
@@ -86,7 +87,7 @@ def read_shape(
     """
     if prepared is None:
         seed = request.seed % PATH_SEED_MODULUS
-        prepared = prepare(data, request.filename, request.path_options(), seed=seed).prepared()
+        prepared = prepare(shape, request.filename, request.path_options(), seed=seed).prepared()
     chain, chains, likenesses = prepared.chains[0], prepared.chains, prepared.likenesses
     if start is not None:
         # A fitted path may have fewer modules; the path through blocks may still fit.

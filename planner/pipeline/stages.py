@@ -15,6 +15,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path as FilePath
 from typing import Any, Final
 
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.path import Path
 from foldback.planner.pipeline import manifest
 from foldback.planner.pipeline.attempt import Attempt
 from foldback.planner.pipeline.attempt_pool import AttemptPool
@@ -145,17 +147,26 @@ def _computed(stage: str, workspace: Workspace, watch: Watch, pool: AttemptPool)
             raise ValueError(f"got the stage {stage!r}, expected one of: {', '.join(STAGES)}.")
 
 
-def read_chains(workspace: Workspace) -> Reading:
-    """Run the stage ``read``: find the chains that may be folded, and write them."""
+def read_chains(workspace: Workspace, shape: Path | Chain | None = None) -> Reading:
+    """Run the stage ``read``: find the chains that may be folded, and write them.
+
+    Args:
+        workspace: Files of the fold.
+        shape: The shape in its input; None to read that.
+    """
     request = workspace.read_request()
     request.check()
     if request.smooth:
         found = read_plan(workspace.read_recorded())
     else:
         workspace.drop_recorded()  # of an earlier fold with a preference
-        data, start = workspace.read_input(), workspace.read_start(request)
-        prepared = workspace.read_prepared(request, data)
-        found = read_shape(request, data, start=start, prepared=prepared)
+        start = workspace.read_start(request)
+        if shape is None:
+            data = workspace.read_input()
+            prepared = workspace.read_prepared(request, data)
+            found = read_shape(request, data, start=start, prepared=prepared)
+        else:
+            found = read_shape(request, shape, start=start)
     workspace.clear()
     workspace.write_candidates(found.candidates)
     workspace.drop_prepared()

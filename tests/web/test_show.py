@@ -168,8 +168,7 @@ def test_newest_frame_is_followed_until_another_is_chosen(growing: Growing) -> N
         wait_until(lambda: live._moments is live._whole)
         live.play()  # the fold is finished: from the first frame
         assert live.frame == 0
-        # Reports without a directory, or with one that has no timeline, are ignored.
-        live(Progress(stage="export", fraction=1.0))
+        # A report with a directory that has no timeline is ignored.
         live(Progress(stage="export", fraction=1.0, directory=str(path)))
 
 
@@ -200,8 +199,10 @@ def test_fold_on_a_table_has_its_table_until_another_is_shown(tmp_path: Path) ->
         with show(tmp_path, port=0) as one, show(plan, port=0) as other:
             nodes = [each.server.scene._handle_from_node_name for each in (live, one, other)]
         assert all("/table" in names for names in nodes)
-        fold(chain_of(SNAKE), progress=live)
+        fold(chain_of(SNAKE), directory=tmp_path, progress=live)
         assert "/table" not in nodes[0]
+        with refused("no-directory"):
+            fold(chain_of(SNAKE), progress=live)
 
 
 def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:
@@ -222,7 +223,7 @@ def test_windows_are_posed_as_their_timeline(peeled: Path) -> None:
         assert np.array_equal(one.module_error_rad, other.module_error_rad, equal_nan=True)
 
 
-def test_live_fold_is_followed_and_outlives_its_directory() -> None:
+def test_live_fold_is_followed_and_outlives_its_directory(tmp_path: Path) -> None:
     with show.live(port=0) as live:
         assert isinstance(live, Live)
         reports: list[Progress] = []
@@ -233,7 +234,7 @@ def test_live_fold_is_followed_and_outlives_its_directory() -> None:
             reports.append(progress)
             seen.add(live._playhead.last)
 
-        plan = fold(snake((2, 2, 3)), progress=follow_progress)
+        plan = fold(snake((2, 2, 3)), directory=tmp_path, progress=follow_progress)
         directory = reports[-1].directory
         assert directory is not None and not Path(directory).exists()
         assert live._controls.text.content.startswith("Done")

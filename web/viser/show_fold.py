@@ -28,9 +28,9 @@ LAST_STAGE: Final = STAGES[-1]
 class Live(Shown):
     """A fold that is shown while it is computed: pass it to ``foldback.fold`` as ``progress``.
 
-    It shows the newest frame until a viewer moves the slider back. When the fold ends, it keeps all
-    frames in memory, because the fold's directory may be deleted. One object can show several
-    folds, one after the other.
+    The fold needs a ``directory``, to which it writes its frames. The newest frame is shown until a
+    viewer moves the slider back. When the fold ends, all frames stay in memory, because the fold's
+    directory may be deleted. One object can show several folds, one after the other.
     """
 
     def __init__(self, *, host: str, port: int, open_browser: bool) -> None:
@@ -49,9 +49,17 @@ class Live(Shown):
         )
 
     def __call__(self, progress: Progress) -> None:
-        """Show the progress of the fold."""
+        """Show the progress of the fold.
+
+        Raises:
+            InputError: ``no-directory`` if the fold writes no frames.
+        """
         if progress.directory is None:
-            return
+            raise InputError(
+                "no-directory",
+                "got a fold that is computed in memory, expected one that writes its frames; pass "
+                "a directory as well: fold(shape, directory='wrench', progress=show.live()).",
+            )
         directory = FilePath(progress.directory)
         if progress.stage == LAST_STAGE and progress.fraction >= 1.0:
             whole = self._whole
@@ -142,7 +150,9 @@ class Show:
     def live(
         self, *, port: int = DEFAULT_PORT, host: str = DEFAULT_HOST, open_browser: bool = False
     ) -> Live:
-        """Show a fold while it is computed: ``fold(shape, progress=show.live())``.
+        """Show a fold while it is computed.
+
+        For example: ``fold(shape, directory="wrench", progress=show.live())``.
 
         Args:
             port, host, open_browser: Same as for ``show``.

@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.module import CUBE
 from foldback.planner.errors import InputError
 from foldback.planner.motion.record import Record
 from foldback.planner.pipeline.attempt import Attempt, Trial
 from foldback.planner.pipeline.fold import fold, refold, smooth_plan
 from foldback.planner.pipeline.job import Result, Search
 from foldback.planner.plan.plan import Plan
+from foldback.planner.verification.verify import verify
 from tests.planner.chains import anchored, coil, line
 from tests.planner.folds import compare_motions, untimed
 from tests.planner.peels import snake
@@ -41,6 +44,15 @@ def test_fold_takes_its_options_and_fills_a_new_directory(tmp_path: FilePath) ->
     assert Plan.load(place / "plan.json").summary() == plan.summary()
     with pytest.raises(InputError, match="cannot fold on a table"):
         fold(coil(8), world="table")
+
+
+def test_angles_that_degrees_do_not_hold_exactly_are_taken_as_they_are(tmp_path: FilePath) -> None:
+    angles = np.random.default_rng(1).uniform(-0.3, 0.3, 12)
+    assert (np.deg2rad(np.rad2deg(angles)) != angles).any()
+    chain = Chain.from_angles(CUBE, angles)
+    plan = fold(chain, directory=tmp_path, settings="robots=0")
+    assert (plan.chain.folded_rad == angles).all()
+    assert verify(tmp_path).problems == ()
 
 
 def assert_same_plans(one: Plan, other: Plan) -> None:
