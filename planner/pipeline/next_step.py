@@ -135,7 +135,7 @@ def with_begun(history: Sequence[Attempt], step: Step) -> tuple[Attempt, ...]:
     """
     if isinstance(step, Explode):
         return (*history, Attempt(trial=step.trial, status="begun"))
-    if isinstance(step, PlayBack) and history[-1].verdict is not None:
+    if isinstance(step, PlayBack) and history[-1].verified is not None:
         return (*history, history[-1].unjudged(finer=step.finer, patience=step.patience))
     return tuple(history)
 
