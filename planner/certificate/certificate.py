@@ -154,8 +154,8 @@ class Certificate:
         """Return plain JSON values."""
         robots = None if self.robots is None else list(self.robots)
         reason = self.reason and self.reason.as_dict()
-        told = {"verified": self.verified, "verdict": self.verdict}
-        values = {**told, **asdict(self), "robots": robots, "reason": reason}
+        judgement = {"verified": self.verified, "verdict": self.verdict}
+        values = {**judgement, **asdict(self), "robots": robots, "reason": reason}
         del values["table"]
         if self.table is not None:
             values["table"] = self.table.as_dict()
@@ -215,7 +215,7 @@ def certify(
     Raises:
         InputError: ``bad-module-size``.
     """
-    begun = time.perf_counter()
+    began_s = time.perf_counter()
     size = _module_size(parameters)
     unusable = _unusable(chain, record, playback, start)
     if unusable is not None:
@@ -243,22 +243,24 @@ def certify(
         )
         on_table = _on_table(chain, playback, parameters, forces)
         reason = reason or on_table.reason
-    found = None
+    margins_found = None
     if with_margins and sweeps.plan is not None and reason is None:
         assert playback is not None
         progress(Progress(stage="certify", fraction=0.95, message="computing the margins"))
-        found = margins(chain, playback.reference, sweeps.plan, size=size, cancelled=cancelled)
+        margins_found = margins(
+            chain, playback.reference, sweeps.plan, size=size, cancelled=cancelled
+        )
     return Certificate(
         reason=reason,
         table=on_table,
-        margins=found,
+        margins=margins_found,
         simulated=None if playback is None else playback.simulated,
         module_size=size,
         exempt_pairs=exempt.result(),
         robots=robots,
         max_angle_record_rad=None if record is None else largest_angle(record.frames),
         joint_speed_limit_rad_s=parameters.joint_speed_limit_rad_s,
-        seconds=time.perf_counter() - begun,
+        seconds=time.perf_counter() - began_s,
         **sweeps.figures(),
         **figures,
     )

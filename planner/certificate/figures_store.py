@@ -84,12 +84,12 @@ class Curves:
                 f"got frames {start} to {end}, expected a range within the fold's {frames} frames."
             )
         try:
-            found: dict[str, Any] = {name: array[start:end] for name, array in arrays.items()}
+            columns: dict[str, Any] = {name: array[start:end] for name, array in arrays.items()}
         except DamagedError:
             raise
         except UNREADABLE as error:
             raise DamagedError(path, f"{type(error).__name__}: {error}") from error
-        return cls(**found)
+        return cls(**columns)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -116,11 +116,11 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
 
     The path then holds a complete zarr group, or, after an error, its former content.
     """
-    whole = FilePath(path)
-    aside = temporary_path(whole)
-    rmtree(aside, ignore_errors=True)
+    target = FilePath(path)
+    temporary = temporary_path(target)
+    rmtree(temporary, ignore_errors=True)
     try:
-        group = create_group(aside)
+        group = create_group(temporary)
         arrays: dict[str, zarr.Array[Any]] = {}
         curves: list[Curves] = []
         start = 0
@@ -136,14 +136,14 @@ def write(parts: Iterable[Curves], frames: int, path: str) -> None:
             values = np.concatenate([getattr(part, field.name) for part in curves])
             arrays[field.name] = _array(group, field.name, frames, values, 8192)
             arrays[field.name][:] = values
-        checksums = checksums_of(aside, arrays)
+        checksums = checksums_of(temporary, arrays)
         group.attrs.put(
             sealed({"format": FIGURES_FORMAT, "reach": CLEARANCE_REACH_PITCH}, checksums)
         )
-        rmtree(whole, ignore_errors=True)
-        aside.rename(whole)
+        rmtree(target, ignore_errors=True)
+        temporary.rename(target)
     finally:
-        rmtree(aside, ignore_errors=True)
+        rmtree(temporary, ignore_errors=True)
 
 
 def _array(

@@ -112,9 +112,9 @@ def _parts(
     unit = torque_unit_nm(timeline.chain, parameters)
     unit /= max(_slower(timeline, parameters, certificate), 1e-12) ** 2
 
-    def part(around: Motion, here: slice) -> Figures:
-        torque = unit * _torques(timeline.chain, around, here, whole=not here.start)
-        return _of_frames(timeline.chain, around, here, torque, parameters.module_size)
+    def part(around: Motion, frames: slice) -> Figures:
+        torque = unit * _torques(timeline.chain, around, frames, is_first=not frames.start)
+        return _of_frames(timeline.chain, around, frames, torque, parameters.module_size)
 
     chunks = _read_chunks(timeline)
     before, now = timeline.frames(0, 0), next(chunks)
@@ -130,15 +130,15 @@ def _parts(
             if len(due) > threads:
                 yield due.popleft().result()
             before, now = now[-SPLINE_MARGIN_FRAMES:], after
-        for left in due:
-            yield left.result()
+        for future in due:
+            yield future.result()
 
 
 def _curves(
     timeline: Timeline,
     parameters: Parameters,
     certificate: Certificate | None,
-    known: Array | None,
+    clearances: Array | None,
 ) -> Curves:
     """Return the figures of a timeline of windows."""
     chain, windows = timeline.chain, timeline.windows()
@@ -147,25 +147,25 @@ def _curves(
     moving = np.zeros(len(windows), dtype=np.int32)
     unit = torque_unit_nm(chain, parameters)
     unit /= max(_slower(timeline, parameters, certificate), 1e-12) ** 2
-    seen: tuple[Motion, Floats] | None = None
+    mirrored: tuple[Motion, Floats] | None = None
     for phase in np.unique(windows.phase)[::-1]:
         numbers = np.flatnonzero(windows.phase == phase)
         part = windows[numbers]
-        if phase != EXPLOSION and known is not None and len(known) == len(part):
-            clearance[numbers] = known
-        elif seen is not None and seen[0].passes_as(part[::-1]):
+        if phase != EXPLOSION and clearances is not None and len(clearances) == len(part):
+            clearance[numbers] = clearances
+        elif mirrored is not None and mirrored[0].passes_as(part[::-1]):
             # A kinematic playback passes through what was recorded.
-            clearance[numbers] = seen[1][::-1]
+            clearance[numbers] = mirrored[1][::-1]
         else:
             clearance[numbers] = sweep(chain, part, size=parameters.module_size).per_frame
-        seen = part, clearance[numbers]
+        mirrored = part, clearance[numbers]
         steps = part.steps(chain, fraction=MOVING_SPEED_SHARE)[1]
         moving[numbers] = np.concatenate([steps[:1], steps]) if len(steps) else 0
         if phase != EXPLOSION:
-            found = inverse_dynamics(chain, part)
-            if len(found.frames):
+            dynamics = inverse_dynamics(chain, part)
+            if len(dynamics.frames):
                 torque[numbers] = unit * np.interp(
-                    np.arange(len(numbers)), found.frames, found.largest
+                    np.arange(len(numbers)), dynamics.frames, dynamics.largest
                 )
     return Curves(
         max_error_rad=windows.largest_errors.astype(np.float32),
@@ -181,8 +181,10 @@ def _read_chunks(timeline: Timeline) -> Iterator[Motion]:
         yield timeline.frames(start, min(start + FIGURE_FRAMES_PER_CHUNK, len(timeline)))
 
 
-def _of_frames(chain: Chain, around: Motion, here: slice, torque: Array, size: float) -> Figures:
-    frames = around[here]
+def _of_frames(
+    chain: Chain, around: Motion, frames_here: slice, torque: Array, size: float
+) -> Figures:
+    frames = around[frames_here]
     broken = np.flatnonzero(~np.isfinite(frames.joint_angles_rad).all(axis=1))
     angles = frames.joint_angles_rad.copy()
     angles[broken] = 0.0
@@ -195,7 +197,7 @@ def _of_frames(chain: Chain, around: Motion, here: slice, torque: Array, size: f
         torque_nm=torque.astype(np.float32),
         max_error_rad=_largest(frames.joint_error_rad),
         min_clearance=clearance.min(axis=1, initial=CLEARANCE_REACH_PITCH),
-        hinges_moving=_moving(around)[here],
+        hinges_moving=_moving(around)[frames_here],
         peak_torque_nm=_largest(np.abs(torque)),
     )
 
@@ -221,22 +223,24 @@ def _moving(frames: Motion) -> Integers:
     return moving[np.minimum(step, count - 2)].astype(np.int32)
 
 
-def _torques(chain: Chain, around: Motion, here: slice, *, whole: bool) -> Array:
-    """Return torques in simulation units of the frames ``here``, from the motion around them.
+def _torques(chain: Chain, around: Motion, frames: slice, *, is_first: bool) -> Array:
+    """Return torques in simulation units of the frames ``frames``, from the motion around them.
 
-    They are NaN in the explosion and where they cannot be computed. With ``whole``, no frames come
-    before these, and the playback begins in them. A refold's unfolding and folding are one motion,
+    They are NaN in the explosion and where they cannot be computed. With ``is_first``, no frame
+    comes before these, and the playback begins in them. A refold's unfolding and folding are one motion,
     which rests when it is straight.
     """
     played = around.phase != EXPLOSION
     angles, times = around.joint_angles_rad[played], around.time_s[played]
-    torques = np.full_like(around.joint_angles_rad[here], np.nan)
-    wanted = played[here]
-    if not wanted.any() or not (np.isfinite(angles).all() and np.isfinite(times).all()):
+    torques = np.full_like(around.joint_angles_rad[frames], np.nan)
+    is_played = played[frames]
+    if not is_played.any() or not (np.isfinite(angles).all() and np.isfinite(times).all()):
         return torques
-    at = np.flatnonzero(np.arange(len(played))[played] >= here.start)[: wanted.sum()]
-    rates, accelerations = spline_derivatives(times, angles, at, from_rest=whole or not played[0])
-    torques[wanted] = floating_torques(chain.module, angles[at], rates, accelerations)
+    at = np.flatnonzero(np.arange(len(played))[played] >= frames.start)[: is_played.sum()]
+    rates, accelerations = spline_derivatives(
+        times, angles, at, from_rest=is_first or not played[0]
+    )
+    torques[is_played] = floating_torques(chain.module, angles[at], rates, accelerations)
     return torques
 
 

@@ -45,22 +45,22 @@ class MotionFigures:
         straight = int((motion.phase == PHASES.index("unfolding")).sum())
         ends = [0, straight, len(motion) - 1] if straight else [0, len(motion) - 1]
         travel = np.zeros(hinges)
-        least = np.zeros(hinges)
+        shortest = np.zeros(hinges)
         detour = np.zeros(hinges)
         reversals = np.zeros(hinges, dtype=np.int64)
         for first, last in zip(ends[:-1], ends[1:], strict=True):
-            begin, end = (motion.angles_at(chain, frame) for frame in (first, last))
-            least += np.abs(end - begin)
-            part = _Part(begin)
+            start_angles, end = (motion.angles_at(chain, frame) for frame in (first, last))
+            shortest += np.abs(end - start_angles)
+            part = _Part(start_angles)
             for start in range(first + 1, last + 1, FRAMES_AT_ONCE):
                 stop = min(start + FRAMES_AT_ONCE, last + 1)
                 part.add(_angles(chain, motion, start, stop))
             travel += part.travel
             reversals += part.reversals
-            returns = np.abs(end - begin) < MIN_COUNTED_MOTION_RAD
+            returns = np.abs(end - start_angles) < MIN_COUNTED_MOTION_RAD
             detour = np.maximum(detour, np.where(returns, part.largest, 0.0))
         counted = detour > MIN_COUNTED_MOTION_RAD
-        needed = float(least.sum())
+        needed = float(shortest.sum())
         return cls(
             travel_ratio=float(travel.sum()) / needed if needed > MIN_COUNTED_MOTION_RAD else None,
             reversals_mean=float(reversals.mean()),
@@ -73,23 +73,23 @@ class _Part:
     """Sums over the frames of one part of a motion.
 
     Args:
-        begin: (J,) angles of its first frame, rad.
+        start: (J,) angles of its first frame, rad.
     """
 
-    def __init__(self, begin: Array) -> None:
-        self._begin = begin
-        self._last = begin
-        self._turning_point = begin.copy()
-        self._direction = np.zeros(len(begin), dtype=np.int64)
-        self.travel = np.zeros(len(begin))
-        self.largest = np.zeros(len(begin))
-        self.reversals = np.zeros(len(begin), dtype=np.int64)
+    def __init__(self, start: Array) -> None:
+        self._start = start
+        self._last = start
+        self._turning_point = start.copy()
+        self._direction = np.zeros(len(start), dtype=np.int64)
+        self.travel = np.zeros(len(start))
+        self.largest = np.zeros(len(start))
+        self.reversals = np.zeros(len(start), dtype=np.int64)
 
     def add(self, angles: Array) -> None:
         """Add (F, J) angles of the next frames, rad."""
         steps = np.abs(np.diff(angles, axis=0, prepend=self._last[None]))
         self.travel += steps.sum(axis=0)
-        self.largest = np.maximum(self.largest, np.abs(angles - self._begin).max(axis=0))
+        self.largest = np.maximum(self.largest, np.abs(angles - self._start).max(axis=0))
         self._last = angles[-1]
         for row in angles:
             # The turning point is the farthest angle so far in the present direction.

@@ -55,9 +55,9 @@ def plan_figures(chain: Chain, playback: Playback | None, parameters: Parameters
         figures["torque_frames"] = playback.torque_frames
         figures["torque_source"] = "simulation, every step"
         if not playback.simulated:
-            known = "some" if playback.torque_frames is None else playback.torque_frames
+            frames_text = "some" if playback.torque_frames is None else playback.torque_frames
             figures["torque_source"] = (
-                f"inverse dynamics at {known} of {len(plan)} frames, accelerations smoothed"
+                f"inverse dynamics at {frames_text} of {len(plan)} frames, accelerations smoothed"
             )
     return figures
 
@@ -96,11 +96,11 @@ def robot_figures(
     """Return the figures of each robot; None if there are none with model errors."""
     if playback is None or playback.robots is None:
         return None
-    plan, found = playback.reference, []
+    plan, figures = playback.reference, []
     for motion, swept in zip(followed(playback)[1:], sweeps.of_robots, strict=False):
         if swept is None:
             continue
-        found.append(
+        figures.append(
             RobotFigures(
                 max_angle_error_rad=_largest_difference(motion, plan),
                 rms_position_error=rms(distances_from_shape(chain, motion.angles_at(chain, -1))),
@@ -108,7 +108,7 @@ def robot_figures(
                 clearance_bound=swept.bound,
             )
         )
-    return tuple(found)
+    return tuple(figures)
 
 
 def largest_angle(motion: Motion) -> float:

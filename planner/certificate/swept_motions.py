@@ -34,10 +34,10 @@ class Sweeps:
     def figures(self) -> dict[str, Any]:
         """Return the figures of a certificate that come from sweeps alone."""
         record, plan, playback = self.record, self.plan, self.playback
-        bounds = [found.bound for found in (plan, *self.of_robots) if found is not None]
+        bounds = [swept.bound for swept in (plan, *self.of_robots) if swept is not None]
         # A sweep that serves two motions counts once.
         different = {
-            id(found): found for found in (record, plan, *self.of_robots) if found is not None
+            id(swept): swept for swept in (record, plan, *self.of_robots) if swept is not None
         }
         return {
             "min_clearance": plan and plan.clearance,
@@ -47,7 +47,7 @@ class Sweeps:
             "min_clearance_playback_at": _place(playback),
             "min_clearance_record": record and record.clearance,
             "min_clearance_record_at": _place(record),
-            "in_betweens": sum(found.in_betweens for found in different.values()),
+            "in_betweens": sum(swept.in_betweens for swept in different.values()),
         }
 
 
@@ -74,8 +74,8 @@ class Sweeper:
             if playback.simulated:
                 of_playback = self._sweep(playback.frames, "playback", 0.7)
                 of_others = tuple(
-                    self._sweep(one, "playback of another simulated robot", 0.8)
-                    for one in others(playback)
+                    self._sweep(angles, "playback of another simulated robot", 0.8)
+                    for angles in others(playback)
                 )
         if record is not None:
             frames = None if playback is None else playback.frames
@@ -94,9 +94,9 @@ class Sweeper:
     ) -> Sweep:
         message = f"checking the {name}"
         self.progress(Progress(stage="certify", fraction=fraction, message=message))
-        found = sweep(self.chain, motion, size=self.size, share=share, cancelled=self._stops)
-        rounding = clearance_rounding(self.chain, self.size) if found.bound > 0.0 else 0.0
-        return replace(found, bound=found.bound - rounding)
+        swept = sweep(self.chain, motion, size=self.size, share=share, cancelled=self._stops)
+        rounding = clearance_rounding(self.chain, self.size) if swept.bound > 0.0 else 0.0
+        return replace(swept, bound=swept.bound - rounding)
 
     def _stops(self) -> bool:
         self.is_cancelled = self.is_cancelled or self.cancelled()
@@ -113,9 +113,13 @@ def followed(playback: Playback) -> tuple[Motion, ...]:
 
 def others(playback: Playback) -> tuple[Motion, ...]:
     """Return the motion of each robot whose playback is not the one that is shown."""
-    told = playback.others_rad
-    return () if told is None else tuple(playback.frames.with_angles(one) for one in told)
+    other_angles = playback.others_rad
+    return (
+        ()
+        if other_angles is None
+        else tuple(playback.frames.with_angles(angles) for angles in other_angles)
+    )
 
 
-def _place(found: Sweep | None) -> Place | None:
-    return None if found is None else Place(frame=found.frame, modules=found.modules)
+def _place(swept: Sweep | None) -> Place | None:
+    return None if swept is None else Place(frame=swept.frame, modules=swept.modules)

@@ -83,13 +83,13 @@ def table_certificate(
     Raises:
         InputError: ``bad-table`` for numbers out of range.
     """
-    begun = time.perf_counter()
+    began_s = time.perf_counter()
     pitch = chain.pitch_m if pitch_m is None else pitch_m
     mass = density_kg_m3 * chain.module.volume * pitch**3 if module_kg is None else module_kg
     _check(len(frames), friction, base, mass, pitch, module_size, bound)
     clearances = _clearances_above_table(chain, frames, height, module_size)
     stands = _are_on_table(clearances) if on_table is None else on_table
-    wanted = _Wanted(
+    task = _BalanceTask(
         chain=chain,
         frames=frames,
         friction=friction,
@@ -98,8 +98,8 @@ def table_certificate(
         laid=not stands,
         height=height,
     )
-    found = wanted.all_frames(progress, sink)
-    torques = np.array([frame.torque for frame in found])
+    balanced = task.all_frames(progress, sink)
+    torques = np.array([frame.torque for frame in balanced])
     worst, low = _worst_frame(torques), int(np.argmin(clearances))
     largest = None if worst is None else float(torques[worst])
     unit = mass * GRAVITY_M_S2 * pitch
@@ -122,15 +122,15 @@ def table_certificate(
         clearance=float(clearances[low]),
         clearance_frame=low,
         torques=tuple(float(t) if np.isfinite(t) else None for t in torques),
-        standing=tuple(frame.standing for frame in found),
+        standing=tuple(frame.standing for frame in balanced),
         assumptions=_assumptions(friction, base if stands else "free", stands, module_size),
-        seconds=time.perf_counter() - begun,
+        seconds=time.perf_counter() - began_s,
     )
     return replace(certificate, reason=_reason(certificate))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Wanted:
+class _BalanceTask:
     """Problem that is solved for every frame."""
 
     chain: Chain
@@ -147,16 +147,16 @@ class _Wanted:
         sink: Callable[[TableForces], object] | None,
     ) -> list[_Balanced]:
         """Balance all frames, some chunks of them at once; ``sink`` receives the forces of all."""
-        found: list[_Balanced] = []
+        balanced: list[_Balanced] = []
         starts = range(0, len(self.frames), BALANCE_CHUNK_FRAMES)
         with ThreadPoolExecutor(min(cores(), len(starts))) as pool:
             for part in pool.map(self.part, starts):
-                found += part
+                balanced += part
                 if progress is not None:
-                    progress(len(found) / len(self.frames))
+                    progress(len(balanced) / len(self.frames))
         if sink is not None:
-            sink(_forces(found))
-        return found
+            sink(_forces(balanced))
+        return balanced
 
     def part(self, start: int) -> list[_Balanced]:
         """Balance the chunk of frames from ``start`` on."""
@@ -171,16 +171,16 @@ class _Wanted:
         ]
 
     def _frame(self, balance: Balance, poses: Poses, angles: Array, k: int) -> _Balanced:
-        here = poses.positions[k], poses.rotations[k]
+        pose_now = poses.positions[k], poses.rotations[k]
         after = _moment_later(poses, k) if self.friction else None
         if not self.laid:
-            return _Balanced.of(self._solved(balance, here, after, angles), len(self.chain))
+            return _Balanced.of(self._solved(balance, pose_now, after, angles), len(self.chain))
         best: Standing | None = None
-        for pose in resting_poses(self.chain.module, *here):
+        for pose in resting_poses(self.chain.module, *pose_now):
             then = None if after is None else pose.of(*after)
-            one = self._solved(balance, pose.of(*here), then, angles)
-            if best is None or one.torque < best.torque:
-                best = one
+            standing = self._solved(balance, pose.of(*pose_now), then, angles)
+            if best is None or standing.torque < best.torque:
+                best = standing
         if best is None:
             return _Balanced.none(len(self.chain), len(angles))
         return _Balanced.of(best, len(self.chain))
@@ -188,14 +188,14 @@ class _Wanted:
     def _solved(
         self,
         balance: Balance,
-        here: tuple[Array, Array],
+        pose_now: tuple[Array, Array],
         after: tuple[Array, Array] | None,
         angles: Array,
     ) -> Standing:
         rubbing = None
         if after is not None:
             rubbing = Friction(coefficient=self.friction, positions=after[0], rotations=after[1])
-        return balance.solve(*here, angles, friction=rubbing, clamped=self.clamped)
+        return balance.solve(*pose_now, angles, friction=rubbing, clamped=self.clamped)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -208,17 +208,17 @@ class _Balanced:
     standing: tuple[int, ...]
 
     @classmethod
-    def of(cls, found: Standing, modules: int) -> _Balanced:
+    def of(cls, standing: Standing, modules: int) -> _Balanced:
         """Build the result from a solution for a chain of ``modules`` modules."""
-        on_floor, _, forces = found.floor
+        on_floor, _, forces = standing.floor
         pressed = np.bincount(on_floor, forces[:, 2], minlength=modules)
-        if not found.balances:
+        if not standing.balances:
             pressed = np.full(modules, np.nan)
         return cls(
-            torque=found.torque,
-            torques=found.torques.astype(np.float32),
+            torque=standing.torque,
+            torques=standing.torques.astype(np.float32),
             pressed=pressed.astype(np.float32),
-            standing=tuple(found.contacts.standing.tolist()),
+            standing=tuple(standing.contacts.standing.tolist()),
         )
 
     @classmethod
@@ -251,12 +251,12 @@ def _worst_frame(torques: Array) -> int | None:
     return worst if balanced.any() else None
 
 
-def _forces(found: list[_Balanced]) -> TableForces:
+def _forces(frames: list[_Balanced]) -> TableForces:
     """Return the forces of all frames; NaN in those without an equilibrium."""
-    torques = np.array([frame.torque for frame in found])
+    torques = np.array([frame.torque for frame in frames])
     return TableForces(
-        torques=np.array([frame.torques for frame in found]),
-        pressed=np.array([frame.pressed for frame in found]),
+        torques=np.array([frame.torques for frame in frames]),
+        pressed=np.array([frame.pressed for frame in frames]),
         torque=np.where(np.isfinite(torques), torques, np.nan).astype(np.float32),
     )
 
@@ -274,13 +274,13 @@ def _clearances_above_table(chain: Chain, frames: Motion, height: float, size: f
         clearances.append(
             floor_clearances(chain.module, poses.positions, poses.rotations, size=size)
         )
-    found = np.concatenate(clearances)
-    if not np.isfinite(found).all():
+    all_clearances = np.concatenate(clearances)
+    if not np.isfinite(all_clearances).all():
         raise InputError(
             "bad-table",
             "got frames with infinite or undefined positions, expected finite numbers.",
         )
-    return found
+    return all_clearances
 
 
 def _placed(chain: Chain, frames: Motion, height: float) -> Poses:
@@ -298,7 +298,7 @@ def _check(
     module_size: float,
     bound: float | None,
 ) -> None:
-    for name, value, least, most in (
+    for name, value, min_value, max_value in (
         ("frames", frames, 1, np.inf),
         ("friction", friction, 0.0, 2.0),
         ("pitch_m", pitch_m, 1e-9, 1e3),
@@ -306,9 +306,9 @@ def _check(
         ("module_size", module_size, 0.5, 1.0),
         ("bound", MIN_TORQUE_WP if bound is None else bound, MIN_TORQUE_WP, np.inf),
     ):
-        if not least <= value <= most:
+        if not min_value <= value <= max_value:
             raise InputError(
-                "bad-table", f"got {value:g}, expected {least:g} to {most:g}.", where=name
+                "bad-table", f"got {value:g}, expected {min_value:g} to {max_value:g}.", where=name
             )
     if base not in ("clamped", "free"):
         raise InputError(
@@ -316,40 +316,43 @@ def _check(
         )
 
 
-def _reason(found: TableCertificate) -> Reason | None:
+def _reason(certificate: TableCertificate) -> Reason | None:
     """Return the first condition that a motion on a table fails; None if it rests."""
-    base: ReasonValues = {"friction": found.friction, "clamped": found.base == "clamped"}
-    if found.unbalanced:
+    base: ReasonValues = {
+        "friction": certificate.friction,
+        "clamped": certificate.base == "clamped",
+    }
+    if certificate.unbalanced:
         return Reason.of(
             Code.TIPS_OVER,
             base,
-            count=len(found.unbalanced),
-            frames=len(found.torques),
-            frame=found.unbalanced[0],
+            count=len(certificate.unbalanced),
+            frames=len(certificate.torques),
+            frame=certificate.unbalanced[0],
         )
-    if not found.on_table:
-        return Reason.of(Code.NO_TABLE, base, torque=found.torque, frame=found.frame)
-    if found.clearance < -MAX_TABLE_ENTRY_PITCH:
+    if not certificate.on_table:
+        return Reason.of(Code.NO_TABLE, base, torque=certificate.torque, frame=certificate.frame)
+    if certificate.clearance < -MAX_TABLE_ENTRY_PITCH:
         return Reason.of(
             Code.SINKS_INTO_TABLE,
-            depth=-found.clearance,
-            frame=found.clearance_frame,
+            depth=-certificate.clearance,
+            frame=certificate.clearance_frame,
             limit=MAX_TABLE_ENTRY_PITCH,
         )
-    if found.bound is not None and (found.torque or 0.0) > found.bound:
+    if certificate.bound is not None and (certificate.torque or 0.0) > certificate.bound:
         return Reason.of(
             Code.TORQUE_LIMIT,
             base,
-            torque=found.torque,
-            frame=found.frame,
-            limit_torque=found.bound,
+            torque=certificate.torque,
+            frame=certificate.frame,
+            limit_torque=certificate.bound,
         )
     return None
 
 
 def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tuple[str, ...]:
     """Return the assumptions of the figures."""
-    said = [
+    assumptions = [
         "The torque of a frame is the largest joint torque, minimised over all distributions of "
         "contact forces. This lower bound is exact for motors that yield at their limit. Servos "
         "that hold their position stiffly need more.",
@@ -363,27 +366,29 @@ def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tu
         "Every frame is checked, but not the motion between frames.",
     ]
     if friction == 0.0:
-        said.append("No friction: the table exerts no forces along its plane.")
+        assumptions.append("No friction: the table exerts no forces along its plane.")
     else:
-        said.append(
+        assumptions.append(
             f"Coulomb friction with the table (coefficient {friction:g}) opposes the motion to the "
             "next frame. At corners that do not slip, the friction cone is replaced by an "
             f"inscribed pyramid with {CONE_SIDES} sides."
         )
     if base == "clamped":
-        said.append("The first module is clamped to the table, which bears any force and moment.")
+        assumptions.append(
+            "The first module is clamped to the table, which bears any force and moment."
+        )
     elif friction == 0.0:
-        said.append("The chain lies free on the table.")
+        assumptions.append("The chain lies free on the table.")
     else:
-        said.append(
+        assumptions.append(
             "The chain lies free on the table. It drifts so that friction does the least work, "
             "computed with the contact forces of a table without friction. Friction forces may "
             f"deviate from the slip direction by {DIRECTION_SPREADS_RAD[0]:g} rad, or by "
             f"{DIRECTION_SPREADS_RAD[1]:g} rad if the forces cannot balance otherwise."
         )
     if not on_table:
-        said.append(
+        assumptions.append(
             "The plan was not made for a table. Each frame was laid down in the resting pose that "
             "needs the least torque; the motion from one pose to the next is not checked."
         )
-    return tuple(said)
+    return tuple(assumptions)

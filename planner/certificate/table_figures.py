@@ -89,8 +89,8 @@ class TableCertificate:
     def as_dict(self) -> dict[str, Any]:
         """Return plain JSON values."""
         values = {**asdict(self), "reason": self.reason and self.reason.as_dict()}
-        told = {"format": TABLE_FORMAT, "rests": self.rests, "verdict": self.verdict}
-        return {**told, **plain_lists(values)}
+        judgement = {"format": TABLE_FORMAT, "rests": self.rests, "verdict": self.verdict}
+        return {**judgement, **plain_lists(values)}
 
     @classmethod
     def from_dict(cls, values: dict[str, Any]) -> TableCertificate:

@@ -47,18 +47,18 @@ class TableForces:
         """
         try:
             with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-                found = {f.name: np.asarray(file[f.name], dtype=np.float32) for f in fields(cls)}
+                columns = {f.name: np.asarray(file[f.name], dtype=np.float32) for f in fields(cls)}
         except UNREADABLE as error:
             raise InputError(
                 "no-forces",
                 f"{path.name} cannot be read ({type(error).__name__}); expected the table "
                 "forces of a fold on a table.",
             ) from error
-        shapes = [found[name].shape for name in ("torques", "pressed", "torque")]
+        shapes = [columns[name].shape for name in ("torques", "pressed", "torque")]
         if [len(shape) for shape in shapes] != [2, 2, 1] or len({s[0] for s in shapes}) != 1:
             raise InputError(
                 "no-forces",
                 f"got arrays of the shapes {shapes}, expected (F, J), (F, n) and (F,) for F "
                 "frames, J hinges and n modules.",
             )
-        return cls(**found)
+        return cls(**columns)

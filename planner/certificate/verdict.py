@@ -65,8 +65,8 @@ def find_reason(
             return beyond
     if playback.simulated and figures["rms_position_error"] > MAX_VERIFIED_ERROR_PITCH:
         return Reason.of(Code.PLAYBACK_END, error=figures["rms_position_error"])
-    for other in others(playback):
-        error = rms(distances_from_shape(chain, other.angles_at(chain, -1)))
+    for other_motion in others(playback):
+        error = rms(distances_from_shape(chain, other_motion.angles_at(chain, -1)))
         if error > MAX_VERIFIED_ERROR_PITCH:
             return Reason.of(Code.OTHER_ROBOT_END, error=error)
     for motion, sweep in swept:

@@ -134,7 +134,7 @@ class Run(PlaybackRun):
         super().__init__(trajectory.chain, trajectory.step_s)
         self.trajectory = trajectory
         self.finer = trajectory.finer
-        self.kept: list[Motion] = []
+        self.motions: list[Motion] = []
         self.references: list[Array] = []
         self.rest_frames: list[int] = []
         self.plant, self.drive = build_plant(trajectory, seed)
@@ -149,7 +149,7 @@ class Run(PlaybackRun):
     @property
     def frames(self) -> Motion:
         """Recorded frames."""
-        return Motion.joined(self.kept)
+        return Motion.joined(self.motions)
 
     @property
     def reference_rad(self) -> Array:
@@ -177,9 +177,9 @@ class Run(PlaybackRun):
         parts: list[tuple[Phase, Setpoints]] = [(p, make()) for p, make in self.trajectory.parts]
         most_steps = self.trajectory.parameters.max_steps
         target = None
-        part, begun = 0, 0
+        part, first_step = 0, 0
         try:
-            while self.steps - begun < most_steps:
+            while self.steps - first_step < most_steps:
                 plant.begin_step()
                 angles = plant.angles
                 phase, setpoints = parts[part]
@@ -188,12 +188,12 @@ class Run(PlaybackRun):
                     assert target is not None
                     if part + 1 < len(parts):
                         # The first frame of the next part is here, where this one has ended.
-                        part, begun = part + 1, self.steps
+                        part, first_step = part + 1, self.steps
                         self._last = None
                         continue
                     self._keep(phase, angles, target, sink)
                     if phase in self.trajectory.resting:
-                        self.rest_frames.append(len(self.kept) - 1)
+                        self.rest_frames.append(len(self.motions) - 1)
                     return "folded", ""
                 target = following
                 errors = np.abs(target.angles - angles)
@@ -207,7 +207,7 @@ class Run(PlaybackRun):
                     # Of a refold, the straight chain is the end of one part and begins the other.
                     resting = {parts[part][0], parts[max(0, part - 1)][0]} & self.trajectory.resting
                     if target.rests or (begins and resting):
-                        self.rest_frames.append(len(self.kept) - 1)
+                        self.rest_frames.append(len(self.motions) - 1)
                 self.drive(target)
                 plant.end_step()
                 if self.at_rest:
@@ -240,8 +240,8 @@ class Run(PlaybackRun):
         if turned >= turn:
             return True
         if self.trajectory.robots > 1:
-            gone = abs(target.gone_rad - last.target.gone_rad)
-            return gone >= way * self.trajectory.parameters.distance_weight
+            distance = abs(target.gone_rad - last.target.gone_rad)
+            return distance >= way * self.trajectory.parameters.distance_weight
         moved = self.plant.centres - last.centres
         return bool(np.abs(angles - last.angles).max() >= turn) or bool(
             (moved**2).sum(axis=1).max() >= way * way
@@ -262,7 +262,7 @@ class Run(PlaybackRun):
             root_wxyz=self.plant.root_wxyz[None],
             joint_error_rad=np.abs(target.angles - angles)[None],
         )
-        self.kept.append(frame)
+        self.motions.append(frame)
         self._last = _Kept(self.steps, target, angles, self.plant.centres)
         self.references.append(target.angles.copy())
         if sink is not None:
@@ -273,7 +273,7 @@ class Run(PlaybackRun):
         # A simulation that broke off leaves no numbers; its last sound frame counts.
         angles = self.plant.angles
         if not np.isfinite(angles).all():
-            angles = self.kept[-1].joint_angles_rad[-1]
+            angles = self.motions[-1].joint_angles_rad[-1]
         return self.distance_to_goal(angles)
 
     def bent_wrong(self) -> int:

@@ -65,9 +65,9 @@ def drive_by_computed_torque(tree: Tree, target: Target, p: PlaybackParameters) 
     """Apply inverse dynamics of the floating chain: q̈ = q̈_ref + 2w ė + w² e."""
     w, step = p.bandwidth, p.robot.encoder_step
     angles = np.rint(tree.angles / step) * step if step else tree.angles
-    wanted = (
+    commanded = (
         target.accelerations
         + 2.0 * w * (target.rates - tree.rates)
         + w * w * (target.angles - angles)
     )
-    tree.apply_torques(tree.torques_for(wanted))
+    tree.apply_torques(tree.torques_for(commanded))

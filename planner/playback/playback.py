@@ -198,7 +198,7 @@ def play_back(
     Raises:
         InputError: An unknown controller, or a controller that needs a record without one.
     """
-    begun = time.perf_counter()
+    began_s = time.perf_counter()
     recorded = None if record is None else record.frames
     windowed = recorded is not None and recorded.is_windowed
     if windowed and unfolding is not None:
@@ -217,9 +217,11 @@ def play_back(
         )
     streamed = not windowed and trajectory.robots == 1
     runs = simulate_robots(trajectory, seed, sink if streamed else None, progress, cancelled)
-    failed = next((one for one in runs if one.status != "folded"), None)
+    failed = next((robot_run for robot_run in runs if robot_run.status != "folded"), None)
     run = failed or max(runs, key=lambda one: one.largest_error)
-    others = [one.frames.stored_angles_rad for one in runs if one is not run]
+    other_angles = [
+        robot_run.frames.stored_angles_rad for robot_run in runs if robot_run is not run
+    ]
     frames, largest_error = run.frames, run.largest_error
     rest_frames = tuple(run.rest_frames) or None if isinstance(run, Run) else None
     if windowed:  # in single precision, frames may tell a little more
@@ -233,13 +235,13 @@ def play_back(
         frames=frames,
         reference_rad=run.reference_rad,
         steps=run.steps,
-        seconds=time.perf_counter() - begun,
+        seconds=time.perf_counter() - began_s,
         rms_position_error=run.final_error(),
         max_angle_error_rad=largest_error,
-        peak_torque=max(one.peak_torque for one in runs),
+        peak_torque=max(robot_run.peak_torque for robot_run in runs),
         rms_torque=float(np.sqrt(run.square_torque / max(1, run.steps))),
         robots=len(runs) if len(runs) > 1 else None,
-        others_rad=np.array(others) if others and failed is None else None,
+        others_rad=np.array(other_angles) if other_angles and failed is None else None,
         rest_frames=rest_frames,
     )
 
@@ -268,8 +270,8 @@ def _followed(
 ) -> Playback:
     """Play a record back kinematically."""
     assert record is not None
-    begun, recorded = time.perf_counter(), record.frames
-    kept: list[Motion] = []
+    began_s, recorded = time.perf_counter(), record.frames
+    parts: list[Motion] = []
     for frames in kinematic_frames(
         chain,
         recorded,
@@ -280,10 +282,10 @@ def _followed(
         unfolding=unfolding,
         rests=record.rest_frames,
     ):
-        kept.append(frames)
+        parts.append(frames)
         if sink is not None:
             sink(frames)
-    frames = Motion.joined(kept)
+    frames = Motion.joined(parts)
     torques = inverse_dynamics(chain, frames)
     return Playback(
         status="folded",
@@ -291,7 +293,7 @@ def _followed(
         frames=frames,
         reference_rad=None if frames.is_windowed else frames.joint_angles_rad,
         steps=0,
-        seconds=time.perf_counter() - begun,
+        seconds=time.perf_counter() - began_s,
         rms_position_error=None,
         max_angle_error_rad=None,
         peak_torque=torques.peak if len(torques.frames) else None,

@@ -85,8 +85,8 @@ class Reference:
         total = float(lengths[-1])
         knots = np.concatenate([np.zeros(SPLINE_DEGREE), breaks, np.ones(SPLINE_DEGREE)])
         # At the means of their knots, so that u runs evenly along the record at its ends too.
-        where = total * sliding_window_view(knots[1:-1], SPLINE_DEGREE).mean(axis=1)
-        right, part = frames_around(lengths, where)
+        positions = total * sliding_window_view(knots[1:-1], SPLINE_DEGREE).mean(axis=1)
+        right, part = frames_around(lengths, positions)
         controls = (1.0 - part)[:, None] * angles[right - 1] + part[:, None] * angles[right]
         controls[0], controls[-1] = angles[0], angles[-1]
         # The stops of a simulated joint give a little. A B-spline stays within its control points,
@@ -107,14 +107,14 @@ class Reference:
         """
         even = np.linspace(0.0, 1.0, max(2, int(np.ceil(self.length_rad / turn_rad))) + 1)
         steps = self.steps_rad(even)
-        gone = np.concatenate(
+        distances = np.concatenate(
             [
                 [0.0],
                 np.cumsum(np.maximum(steps, np.diff(even) * self.length_rad / ARC_LENGTH_PER_TURN)),
             ]
         )
-        count = max(2, int(np.ceil(gone[-1] / turn_rad)))
-        places = np.interp(np.linspace(0.0, gone[-1], count + 1), gone, even)
+        count = max(2, int(np.ceil(distances[-1] / turn_rad)))
+        places = np.interp(np.linspace(0.0, distances[-1], count + 1), distances, even)
         places[0], places[-1] = 0.0, 1.0
         return places
 

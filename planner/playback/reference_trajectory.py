@@ -115,8 +115,8 @@ class ReferenceTrajectory:
                 ("playback", lambda: self._snapshots(snapshots))
             ]
             if unfolding is not None:
-                back = Backwards(unfolding.time_s, unfolding.folding_rad, p.step_s)
-                folding.insert(0, ("unfolding", lambda: self._snapshots(back)))
+                backwards = Backwards(unfolding.time_s, unfolding.folding_rad, p.step_s)
+                folding.insert(0, ("unfolding", lambda: self._snapshots(backwards)))
             return folding
         if p.controller not in ("robot", "computed-torque"):
             raise InputError(
@@ -180,10 +180,12 @@ class ReferenceTrajectory:
         while True:
             scalings = [self._scaling(reference) for reference in references]
             if self.finer >= 4 or all(
-                sweep(self.chain, one.spline(scaling.u), size=self.module_size, share=0.0).clearance
+                sweep(
+                    self.chain, reference.spline(scaling.u), size=self.module_size, share=0.0
+                ).clearance
                 > 0.0
-                for one, scaling in zip(references, scalings, strict=True)
-                if one.rests is None  # a straight line is the same between any frames
+                for reference, scaling in zip(references, scalings, strict=True)
+                if reference.rests is None  # a straight line is the same between any frames
             ):
                 return scalings
             self.finer *= 2

@@ -26,16 +26,16 @@ def simulate_robots(
 ) -> Sequence[Run | WindowRun]:
     """Simulate all robots of a trajectory and return their runs."""
 
-    def one(number: int, told: Report, stopped: Cancelled) -> Run | WindowRun:
+    def simulate_one(number: int, report: Report, stopped: Cancelled) -> Run | WindowRun:
         if isinstance(trajectory, WindowTrajectory):
             run = WindowRun(trajectory, [seed, number])
-            run.simulate(told, stopped)
+            run.simulate(report, stopped)
         else:
             run = Run(trajectory, [seed, number])
-            run.simulate(sink, told, stopped)
+            run.simulate(sink, report, stopped)
         return run
 
-    return _beside(trajectory.robots, one, progress, cancelled)
+    return _beside(trajectory.robots, simulate_one, progress, cancelled)
 
 
 R = TypeVar("R")
@@ -60,16 +60,16 @@ def _beside(
     lock, stop = Lock(), Event()
     last: dict[int, Progress] = {}
 
-    def one(number: int) -> R:
-        def told(now: Progress) -> None:
+    def fold_one(number: int) -> R:
+        def report(now: Progress) -> None:
             with lock:
                 last[number] = now
                 progress(
                     replace(
                         now,
-                        fraction=sum(each.fraction for each in last.values()) / robots,
-                        steps=sum(each.steps for each in last.values()),
-                        steps_per_second=sum(each.steps_per_second for each in last.values()),
+                        fraction=sum(state.fraction for state in last.values()) / robots,
+                        steps=sum(state.steps for state in last.values()),
+                        steps_per_second=sum(state.steps_per_second for state in last.values()),
                     )
                 )
 
@@ -79,11 +79,11 @@ def _beside(
                     stop.set()
             return stop.is_set()
 
-        return fold(number, told, stopped)
+        return fold(number, report, stopped)
 
     numbers = range(robots)
     if min(cores(), robots) == 1:
-        return [one(number) for number in numbers]
+        return [fold_one(number) for number in numbers]
     # More than there are cores: of three on two cores, two first would take as long as four.
     with ThreadPoolExecutor(min(2 * cores(), robots)) as threads:
-        return list(threads.map(one, numbers))
+        return list(threads.map(fold_one, numbers))

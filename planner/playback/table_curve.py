@@ -53,19 +53,22 @@ class TableCurve(WindowCurve):
 
     def _recorded_heights(self) -> Array:
         """Return (P, n) heights of modules of the record at control points; NaN: not standing."""
-        found = np.full((len(self._points), len(self.chain)), np.nan)
-        for start in range(0, len(found), FRAMES_AT_ONCE):
+        heights = np.full((len(self._points), len(self.chain)), np.nan)
+        for start in range(0, len(heights), FRAMES_AT_ONCE):
             after = self._after[start : start + FRAMES_AT_ONCE]
             part = self._part[start : start + FRAMES_AT_ONCE, None]
-            before, there = (
+            before, next_heights = (
                 self._heights(np.stack([self._angles(int(k), self._every) for k in frames]))
                 for frames in (after - 1, after)
             )
             between = np.maximum(
-                before + part * (there - before), -LIFTED_DEPTH_SHARE * MAX_TABLE_PENETRATION_PITCH
+                before + part * (next_heights - before),
+                -LIFTED_DEPTH_SHARE * MAX_TABLE_PENETRATION_PITCH,
             )
-            found[start : start + FRAMES_AT_ONCE] = np.where(between <= FLOOR_GAP, between, np.nan)
-        return found
+            heights[start : start + FRAMES_AT_ONCE] = np.where(
+                between <= FLOOR_GAP, between, np.nan
+            )
+        return heights
 
     def _heights(self, angles: Array) -> Array:
         """Return the (F, n) height of the lowest corner of each module, pitches."""
@@ -83,14 +86,14 @@ class TableCurve(WindowCurve):
             off = self._recorded[part] - heights
             deep = heights < -MAX_TABLE_PENETRATION_PITCH
             wrong = deep | (np.abs(off) > 0.005)  # pitches
-            wanted = np.where(
+            targets = np.where(
                 deep & np.isnan(off),
                 -LIFTED_DEPTH_SHARE * MAX_TABLE_PENETRATION_PITCH - heights,
                 off,
             )
             for i in np.flatnonzero(wrong.any(axis=1)):
-                here = Poses(positions=poses.positions[i], rotations=poses.rotations[i])
-                turns[int(part[i])] = self._turn(int(part[i]), angles[i], here, wanted[i])
+                frame_poses = Poses(positions=poses.positions[i], rotations=poses.rotations[i])
+                turns[int(part[i])] = self._turn(int(part[i]), angles[i], frame_poses, targets[i])
         for k, turn in turns.items():
             self._points[k] = np.clip(self._points[k] + turn, -self._limit, self._limit)
         around = np.unique(np.array([*turns], dtype=np.int64)[:, None] + np.arange(-1, 2))
@@ -107,34 +110,34 @@ class TableCurve(WindowCurve):
             root_wxyz=chain.folded_wxyz,
         )
 
-    def _turn(self, point: int, angles: Array, poses: Poses, wanted: Array) -> Array:
+    def _turn(self, point: int, angles: Array, poses: Poses, target_heights: Array) -> Array:
         """Return the (J,) least turn of a window's hinges that moves modules up or down.
 
         Args:
             point: The control point.
             angles: (J,) angles there, rad.
             poses: Poses of the modules there.
-            wanted: (n,) wanted rise of each module, pitches; NaN for any.
+            target_heights: (n,) wanted rise of each module, pitches; NaN for any.
         """
-        which = np.flatnonzero(~np.isnan(wanted))
-        corners = poses.rotations[which] @ self.chain.module.vertices.T
-        lowest = corners[np.arange(len(which)), :, corners[:, 2].argmin(axis=1)]
+        lifted = np.flatnonzero(~np.isnan(target_heights))
+        corners = poses.rotations[lifted] @ self.chain.module.vertices.T
+        lowest = corners[np.arange(len(lifted)), :, corners[:, 2].argmin(axis=1)]
         axes, anchors = hinge_frames(self.chain, angles, poses)
         hinges = Hinges(
             axes=np.ascontiguousarray(axes.reshape(-1, 3)),
             anchors=np.repeat(anchors, axes.shape[1], axis=0),
             before=self._before,
         )
-        up = np.tile([0.0, 0.0, 1.0], (len(which), 1))
-        nothing = np.full(len(which), -1)
+        up = np.tile([0.0, 0.0, 1.0], (len(lifted), 1))
+        nothing = np.full(len(lifted), -1)
         starts, rows, values = torque_columns(
-            hinges, 0, True, which, nothing, poses.positions[which] + lowest, up
+            hinges, 0, True, lifted, nothing, poses.positions[lifted] + lowest, up
         )
         # A hinge holds against what a turn would follow: a lever is the opposite of its torque.
-        levers = np.zeros((len(which), len(angles)))
-        levers[np.repeat(np.arange(len(which)), np.diff(starts)), rows] = -values
+        levers = np.zeros((len(lifted), len(angles)))
+        levers[np.repeat(np.arange(len(lifted)), np.diff(starts)), rows] = -values
         levers[:, : self.first[point]] = levers[:, self.last[point] :] = 0.0
         # damped: hinges that raise a module by less hardly turn
-        square = levers @ levers.T + 0.03**2 * np.eye(len(which))
-        turn = levers.T @ np.linalg.solve(square, wanted[which])
+        square = levers @ levers.T + 0.03**2 * np.eye(len(lifted))
+        turn = levers.T @ np.linalg.solve(square, target_heights[lifted])
         return np.asarray(np.clip(turn, -MAX_CORRECTION_RAD, MAX_CORRECTION_RAD))

@@ -143,7 +143,7 @@ def play_on_table(
     return run.result(status, reason, start_s)
 
 
-class _Kept(NamedTuple):
+class _RecordedFrame(NamedTuple):
     """Recorded frame, with the largest torque of each motor since the frame before."""
 
     time: float
@@ -167,7 +167,7 @@ class _Run(PlaybackRun):
         clamped: bool,
     ) -> None:
         super().__init__(chain, p.step)
-        self._begun = time.perf_counter()
+        self._began_s = time.perf_counter()
         self.p, self.limit = p, limit
         self.clamped = clamped
         self.body = TableBody(
@@ -179,8 +179,8 @@ class _Run(PlaybackRun):
             clamped=clamped,
         )
         self.trajectory = TableTrajectory(chain, record, p, self.body, limit)
-        self._most = np.zeros(len(chain.folded_rad))
-        self._kept: list[_Kept] = []
+        self._peak_torques = np.zeros(len(chain.folded_rad))
+        self._frames: list[_RecordedFrame] = []
 
     def simulate(self, progress: Report, cancelled: Cancelled) -> tuple[PlaybackStatus, str]:
         """Fold; return how that ended, and why.
@@ -196,13 +196,13 @@ class _Run(PlaybackRun):
                 trajectory.angles(start, stop + 1),
                 trajectory.torques(body, start, stop),
             )
-            for here, there, torques in zip(targets, targets[1:], expected, strict=False):
+            for current, following, torques in zip(targets, targets[1:], expected, strict=False):
                 if trajectory.is_kept[self.steps]:
-                    self._keep(here)
-                self._step(here, there, torques)
+                    self._keep(current)
+                self._step(current, following, torques)
                 if self.largest_error > TRACKING_LOST_RAD:
-                    self._keep(there)
-                    return "missed", self._lost(there)
+                    self._keep(following)
+                    return "missed", self._lost(following)
                 fraction = self.steps / len(trajectory)
                 if not self.check(progress, cancelled, fraction, "folding on the table"):
                     return "cancelled", "the playback was cancelled."
@@ -212,17 +212,19 @@ class _Run(PlaybackRun):
         self._keep(end)
         return "folded", ""
 
-    def _step(self, here: Array, there: Array, expected: Array) -> None:
+    def _step(self, current: Array, following: Array, expected: Array) -> None:
         p, body = self.p, self.body
-        body.step((there - here) / p.step, here - body.angles, expected)
-        np.maximum(self._most, np.abs(body.torques), out=self._most)
-        self.largest_error = max(self.largest_error, float(np.abs(there - body.angles).max()))
+        body.step((following - current) / p.step, current - body.angles, expected)
+        np.maximum(self._peak_torques, np.abs(body.torques), out=self._peak_torques)
+        self.largest_error = max(self.largest_error, float(np.abs(following - body.angles).max()))
         self.count_step(body.torques)
 
     def _keep(self, target: Array) -> None:
         time_now, body = self.steps * self.p.step, self.body
-        self._kept.append(_Kept(time_now, body.angles, target, self._most.copy(), *body.poses))
-        self._most[:] = 0.0
+        self._frames.append(
+            _RecordedFrame(time_now, body.angles, target, self._peak_torques.copy(), *body.poses)
+        )
+        self._peak_torques[:] = 0.0
 
     def _lost(self, target: Array) -> str:
         """Describe which hinge has yielded."""
@@ -239,7 +241,7 @@ class _Run(PlaybackRun):
         """Return the result of a run that ended so, with times from ``start_s`` on."""
         chain = self.chain
         times, angles, targets, torques, positions, wxyzs = map(
-            np.array, zip(*self._kept, strict=True)
+            np.array, zip(*self._frames, strict=True)
         )
         frames = Motion.from_frames(
             phase="playback",
@@ -252,8 +254,8 @@ class _Run(PlaybackRun):
         if self.clamped:
             frames = frames.clamped(chain)
         meant = frames.planned(chain, frames.with_angles(targets), clamped=self.clamped)
-        wanted = meant.poses(chain).positions
-        errors = np.sqrt(((positions - wanted) ** 2).sum(axis=2).mean(axis=1))
+        target_positions = meant.poses(chain).positions
+        errors = np.sqrt(((positions - target_positions) ** 2).sum(axis=2).mean(axis=1))
         aligned = aligned_distances(positions[-1], chain.folded_poses.positions)
         if status == "folded" and errors[-1] > GOAL_TOLERANCE_PITCH:
             status = "missed"
@@ -269,5 +271,5 @@ class _Run(PlaybackRun):
             largest_error_rad=self.largest_error,
             largest_torque=self.peak_torque,
             steps=self.steps,
-            seconds=time.perf_counter() - self._begun,
+            seconds=time.perf_counter() - self._began_s,
         )

@@ -70,8 +70,8 @@ class TableTrajectory:
         accelerations = np.diff(rates, axis=0) / self.parameters.step
         return np.array(
             [
-                body.inertial_torques(*each)
-                for each in zip(angles[1:-1], rates[:-1], accelerations, strict=True)
+                body.inertial_torques(*arguments)
+                for arguments in zip(angles[1:-1], rates[:-1], accelerations, strict=True)
             ]
         )
 

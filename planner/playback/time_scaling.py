@@ -67,19 +67,19 @@ class TimeScaling:
             rate=-self.rate[::-1],
             acceleration=self.acceleration[::-1],
             step_s=self.step_s,
-            rests=tuple(len(self) - rest for rest in reversed(self.rests)),
+            rests=tuple(len(self) - frame for frame in reversed(self.rests)),
         )
 
 
-def frames_kept(gone: Array) -> Flags:
+def frames_kept(lengths: Array) -> Flags:
     """Return (S + 1,) True at steps where a frame is kept: the first and last, and one per unit.
 
     Args:
-        gone: (S + 1,) length of the curve up to each step, in the distance of two frames.
+        lengths: (S + 1,) length of the curve up to each step, in the distance of two frames.
     """
-    kept = np.concatenate([[True], np.diff(np.floor(gone)) > 0.0])
-    kept[-1] = True
-    return kept
+    is_kept = np.concatenate([[True], np.diff(np.floor(lengths)) > 0.0])
+    is_kept[-1] = True
+    return is_kept
 
 
 def torque_bounded_scaling(
@@ -123,10 +123,10 @@ def torque_bounded_scaling(
 
 def _torque_terms(reference: Reference, module: Module, u: Array) -> tuple[Array, Array]:
     """Return (U, J) a and (U, J) b of the torques a ü + b u̇² at (U,) parameters."""
-    where, first, second = reference.spline(u), reference.first(u), reference.second(u)
+    angles, first, second = reference.spline(u), reference.first(u), reference.second(u)
     return (
-        floating_torques(module, where, np.zeros_like(first), first),
-        floating_torques(module, where, first, second),
+        floating_torques(module, angles, np.zeros_like(first), first),
+        floating_torques(module, angles, first, second),
     )
 
 
@@ -154,8 +154,8 @@ def torque_bounded_profile(u: Array, a: Array, b: Array) -> Array:
 
 def bounded_profile(u: Array, a: Array, b: Array, ceiling: Array) -> Array:
     """Return the (U,) z = u̇² that keeps |a ü + b u̇²| ≤ 1 and never exceeds a (U,) ceiling."""
-    most = np.minimum(ceiling, 1.0 / np.maximum(np.abs(b).max(axis=1), 1e-12))
-    return _smoothed(torque_passes(a, b, most, u[1] - u[0]))
+    max_rates = np.minimum(ceiling, 1.0 / np.maximum(np.abs(b).max(axis=1), 1e-12))
+    return _smoothed(torque_passes(a, b, max_rates, u[1] - u[0]))
 
 
 def _smoothed(z: Array) -> Array:
@@ -211,12 +211,12 @@ def _scaling_from_times(u: Array, times: Array, steps: int, step_s: float) -> Ti
     total = steps * step_s
     spline = CubicSpline(times * (total / times[-1]), u, bc_type="clamped")
     t = np.linspace(0.0, total, steps + 1)
-    where = np.clip(spline(t), 0.0, 1.0)
+    path_parameters = np.clip(spline(t), 0.0, 1.0)
     rate = spline(t, 1)
     acceleration = spline(t, 2)
     if rate.min() < -0.05 / total:
         return smooth_scaling(steps=steps, step_s=step_s)
-    return TimeScaling(u=where, rate=rate, acceleration=acceleration, step_s=step_s)
+    return TimeScaling(u=path_parameters, rate=rate, acceleration=acceleration, step_s=step_s)
 
 
 def hinge_bounded_scaling(
@@ -330,11 +330,14 @@ def torque_bounded_resting_scaling(
         middle = math.sqrt(low * high)
         late = sum(duration(u, z) for z in profiles(middle)) > seconds
         low, high = (middle, high) if late else (low, middle)
-    found = profiles(high)
-    counts = _whole_steps(np.array([duration(u, z) for z in found]), step_s)
+    profiles_found = profiles(high)
+    counts = _whole_steps(np.array([duration(u, z) for z in profiles_found]), step_s)
     return _joined(
         reference.rests,
-        [scaling_from_profile(u, z, steps, step_s) for z, steps in zip(found, counts, strict=True)],
+        [
+            scaling_from_profile(u, z, steps, step_s)
+            for z, steps in zip(profiles_found, counts, strict=True)
+        ],
         step_s,
     )
 

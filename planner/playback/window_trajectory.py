@@ -96,8 +96,8 @@ class WindowCurve:
         self.chain = chain
         self.length_rad = float(lengths[-1])
         count = max(SUPPORT_POINTS, int(np.ceil(self.length_rad / spacing_rad)) + 1)
-        where = np.linspace(0.0, self.length_rad, count)
-        after, part = frames_around(lengths, where)
+        positions = np.linspace(0.0, self.length_rad, count)
+        after, part = frames_around(lengths, positions)
         self._windows = windows
         # Twice again at both ends, where the curve is to begin and to end.
         ends = np.clip(np.arange(-2, count + 2), 0, count - 1)
@@ -134,21 +134,21 @@ class WindowCurve:
     def _point(self, k: int, hinges: slice) -> Array:
         after, part = int(self._after[k]), float(self._part[k])
         before = self._angles(after - 1, hinges)
-        found = before + part * (self._angles(after, hinges) - before)
-        return np.clip(found, -self._limit, self._limit)
+        angles = before + part * (self._angles(after, hinges) - before)
+        return np.clip(angles, -self._limit, self._limit)
 
     def _angles(self, frame: int, hinges: slice) -> Array:
         """Return the (H,) angles of one window, folded before it and straight behind, rad."""
         windows, start, stop = self._windows, hinges.start, hinges.stop
         first, last = int(windows.first[frame]), int(windows.last[frame])
-        found = np.zeros(stop - start)
+        angles = np.zeros(stop - start)
         folded = max(start, min(first, stop))
-        found[: folded - start] = self.chain.folded_rad[start:folded]
+        angles[: folded - start] = self.chain.folded_rad[start:folded]
         low, high = max(first, start), min(last, stop)
         if high > low:
             at = int(windows.offsets[frame]) - first
-            found[low - start : high - start] = windows.angles_rad[at + low : at + high]
-        return found
+            angles[low - start : high - start] = windows.angles_rad[at + low : at + high]
+        return angles
 
 
 def _weights(t: Array, derivative: int) -> tuple[Array, Array, Array, Array]:
@@ -196,12 +196,12 @@ class WindowTrajectory:
         room = min(REFERENCE_CLEARANCE_PITCH, 0.25 * (1.0 - module_size))
         while True:
             self._draw(finer)
-            found = sweep(chain, self.reference, size=module_size, share=0.0)
-            if found.clearance > room or finer >= 8:
+            swept = sweep(chain, self.reference, size=module_size, share=0.0)
+            if swept.clearance > room or finer >= 8:
                 break
             finer *= 2
         self._torques = self._all_torques()
-        self.peak_torque = max(float(np.abs(one).max()) for one in self._torques)
+        self.peak_torque = max(float(np.abs(torques).max()) for torques in self._torques)
         """Largest torque that a robot without model errors needs."""
 
     def _draw(self, finer: int) -> None:
@@ -244,9 +244,9 @@ class WindowTrajectory:
         for number, stretch in enumerate(self.stretches):
             hinges = stretch.hinges(self.chain)
             stop = stretch.stop + (number == len(self.stretches) - 1)
-            kept = np.flatnonzero(self.is_kept[stretch.start : stop])
-            first += [hinges.start] * len(kept)
-            angles += list(self.curve.at(self._u[stretch.start + kept], hinges))
+            kept_steps = np.flatnonzero(self.is_kept[stretch.start : stop])
+            first += [hinges.start] * len(kept_steps)
+            angles += list(self.curve.at(self._u[stretch.start + kept_steps], hinges))
         steps = np.flatnonzero(self.is_kept)
         steps[-1] += SETTLE_STEPS
         backwards = self._backwards
@@ -254,7 +254,7 @@ class WindowTrajectory:
             time_s=self._start_s + self.step_s * steps.astype(np.float64),
             phase="playback",
             first=np.array(first, dtype=np.int64),
-            offsets=np.concatenate([[0], np.cumsum([len(one) for one in angles])]),
+            offsets=np.concatenate([[0], np.cumsum([len(window) for window in angles])]),
             angles_rad=np.concatenate(angles).astype(np.float32),
             base_position=np.repeat(backwards.anchor_position[:1], len(steps), axis=0),
             base_wxyz=np.repeat(backwards.anchor_wxyz[:1], len(steps), axis=0),
@@ -296,38 +296,38 @@ class WindowTrajectory:
 
     def _all_torques(self) -> list[NDArray[np.float32]]:
         """Return the (S, H) torques of each stretch for a robot without model errors."""
-        found: list[NDArray[np.float32]] = []
+        all_torques: list[NDArray[np.float32]] = []
         for number, stretch in enumerate(self.stretches):
             targets = self.targets(number)
             accelerations = np.diff(targets.rates, axis=0) / self.step_s
             torques = self._floating_torques(
                 stretch, targets.angles[:-1], targets.rates[:-1], accelerations
             )
-            found.append(torques.astype(np.float32))
-        return found
+            all_torques.append(torques.astype(np.float32))
+        return all_torques
 
 
 def _stretches(chain: Chain, curve: WindowCurve, u: Array) -> Iterator[Stretch]:
     """Yield the stretches of the S steps between (S + 1,) parameters."""
     steps = len(u) - 1
     k = chain.module.hinges_per_joint
-    most = chain.joint_count
+    max_joints = chain.joint_count
     piece = curve.piece(u)
     low = sliding_window_view(curve.first, SUPPORT_POINTS).min(axis=1)[piece] // k
     high = -(-sliding_window_view(curve.last, SUPPORT_POINTS).max(axis=1)[piece] // k)
     start = 0
     while start < steps:
         # The step before a stretch and the one behind it belong to its finite differences.
-        begin = max(0, start - 1)
-        lows = np.minimum.accumulate(low[begin:])
-        highs = np.maximum.accumulate(high[begin:])
-        soon = min(start + 48, steps) - begin
+        first_step = max(0, start - 1)
+        lows = np.minimum.accumulate(low[first_step:])
+        highs = np.maximum.accumulate(high[first_step:])
+        soon = min(start + 48, steps) - first_step
         needed = int(highs[soon] - lows[soon]) + 8
-        joints = min(most, MODEL_JOINTS_MULTIPLE * -(-needed // MODEL_JOINTS_MULTIPLE))
+        joints = min(max_joints, MODEL_JOINTS_MULTIPLE * -(-needed // MODEL_JOINTS_MULTIPLE))
         fits = highs - lows <= joints
-        last = begin + (len(fits) if fits.all() else int(fits.argmin())) - 1
+        last = first_step + (len(fits) if fits.all() else int(fits.argmin())) - 1
         stop = steps if last == steps else max(start + 1, last - 1)
-        within = slice(begin, min(stop + 1, steps) + 1)
-        first = min(int(low[within].min()), most - joints)
+        within = slice(first_step, min(stop + 1, steps) + 1)
+        first = min(int(low[within].min()), max_joints - joints)
         yield Stretch(first=first, joints=joints, start=start, stop=stop)
         start = stop

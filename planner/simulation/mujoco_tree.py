@@ -258,9 +258,9 @@ class Tree:
         data, model = self.data, self.model
         data.qpos[:7] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
         data.qpos[self._at.qpos] = angles
-        for values, given in ((data.qvel, rates), (data.qacc, accelerations)):
+        for values, source in ((data.qvel, rates), (data.qacc, accelerations)):
             values[:] = 0.0
-            values[self._at.dofs] = given
+            values[self._at.dofs] = source
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_comVel(model, data)

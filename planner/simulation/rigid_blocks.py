@@ -232,12 +232,12 @@ class _Parts:
         )
 
 
-def _set_inertia(body: Any, places: Array, each: float) -> None:
+def _set_inertia(body: Any, places: Array, inertia: float) -> None:
     """Set the inertia of a body to that of cubes of mass 1 with (m, 3) centres."""
     centre = places.mean(axis=0)
     arms = places - centre
     squares = (arms**2).sum()
-    tensor = (squares + each * len(places)) * np.eye(3) - arms.T @ arms
+    tensor = (squares + inertia * len(places)) * np.eye(3) - arms.T @ arms
     body.explicitinertial = True
     body.mass = float(len(places))
     body.ipos = centre.tolist()

@@ -111,11 +111,11 @@ class RobotErrors:
             accelerations = accelerate(
                 np.where(free, rotor_inertia, 0.0) + step_s * friction_damping, motors + friction
             )
-            given = np.where(free, commanded - rotor_inertia * accelerations.qdd, motors)
-            beyond = free & (np.abs(given) > self.limit)
+            torques = np.where(free, commanded - rotor_inertia * accelerations.qdd, motors)
+            beyond = free & (np.abs(torques) > self.limit)
             if not remaining or not beyond.any():
-                return given, accelerations
-            saturated[beyond] = np.sign(given[beyond])
+                return torques, accelerations
+            saturated[beyond] = np.sign(torques[beyond])
 
 
 class ServoChain:
@@ -163,7 +163,7 @@ class ServoChain:
                 state, Loads(torques, rotor_inertias, forces, torque), contacts
             )
 
-        given, accelerations = self.errors.drive(hinges, state, target, self._step_s, accelerate)
+        torques, accelerations = self.errors.drive(hinges, state, target, self._step_s, accelerate)
         if not advance(
             self._reduced,
             accelerations,
@@ -173,7 +173,7 @@ class ServoChain:
             engine.modules,
         ):
             raise SimulationError("the simulated state became infinite or undefined.")
-        return given
+        return torques
 
     def stop_drifting(self) -> None:
         """Remove the momentum that integration has added since the chain was at rest."""

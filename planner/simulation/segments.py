@@ -153,7 +153,7 @@ class Segments(SpringChain):
         module = self.chain.module
         if np.abs(state.angles).max() >= self.stop_rad:
             return False
-        least, _, _ = least_separation(
+        separation, _, _ = least_separation(
             self.positions,
             self.rotations,
             near,
@@ -161,7 +161,7 @@ class Segments(SpringChain):
             self._geom_size,
             MIN_FREE_GAP_PITCH,
         )
-        return least >= MIN_FREE_GAP_PITCH
+        return separation >= MIN_FREE_GAP_PITCH
 
     def lean_accelerations(self, state: State, forces: Array, near: Ints) -> Acceleration:
         """Return the acceleration of a state, by the articulated-body pass.

@@ -37,8 +37,8 @@ class RigidEnds:
         inertia = chain.module.inertia
         self._core = _moments(masses, inertia, self._folded.positions, self._folded.rotations)
         straight = (self._straight.positions[::-1], self._straight.rotations[::-1])
-        back = _moments(masses[::-1], inertia, *straight)
-        self._tail = tuple(sums[::-1] for sums in back)
+        tail_moments = _moments(masses[::-1], inertia, *straight)
+        self._tail = tuple(sums[::-1] for sums in tail_moments)
 
     def lumps(self, core: int, tail: int) -> Lumps:
         """Return modules before ``core`` and those behind ``tail``, in the frames of these two."""
@@ -49,7 +49,7 @@ class RigidEnds:
         ):
             if not 0 <= outermost < len(poses.positions):
                 continue
-            mass, first, second = (each[outermost] for each in sums)
+            mass, first, second = (sums_of_end[outermost] for sums_of_end in sums)
             position, rotation = poses.positions[module], poses.rotations[module]
             centre = first / mass
             about = mass * ((centre @ centre) * np.eye(3) - np.outer(centre, centre))
@@ -77,13 +77,13 @@ def _moments(
     masses: Array, inertia: Array, positions: Array, rotations: Array
 ) -> tuple[Array, Array, Array]:
     """Return mass, first and second moment, (n,), (n, 3), (n, 3, 3), of modules up to each one."""
-    own = (rotations * inertia) @ rotations.transpose(0, 2, 1)
+    own_inertia = (rotations * inertia) @ rotations.transpose(0, 2, 1)
     squares = (positions**2).sum(axis=1)
     about = squares[:, None, None] * np.eye(3) - positions[:, :, None] * positions[:, None, :]
     return (
         np.cumsum(masses),
         np.cumsum(masses[:, None] * positions, axis=0),
-        np.cumsum(masses[:, None, None] * (own + about), axis=0),
+        np.cumsum(masses[:, None, None] * (own_inertia + about), axis=0),
     )
 
 

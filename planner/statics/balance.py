@@ -70,7 +70,7 @@ class Standing:
 class _At(NamedTuple):
     """A configuration."""
 
-    found: Contacts
+    contacts: Contacts
     hinges: Hinges
     positions: Array
     rotations: Array
@@ -127,7 +127,7 @@ class Balance:
             clamped: Index of a module that is held in place by any force; None for a free chain.
             enough: Torque below which the search ends, w·p; larger values are faster.
         """
-        found = contacts(
+        touching = contacts(
             self.chain.module,
             positions,
             rotations,
@@ -143,13 +143,13 @@ class Balance:
             anchors=np.repeat(anchors, axes.shape[1], axis=0),
             before=self._before,
         )
-        at = _At(found, hinges, np.array(positions, dtype=np.float64), rotations)
+        at = _At(touching, hinges, np.array(positions, dtype=np.float64), rotations)
         if friction is not None and clamped is None and friction.positions is not None:
             smooth = self._solved(at, None, None, MIN_TORQUE_WP)
             if not smooth.balances:
                 return smooth
-            pressures = smooth.forces[found.on_floor, 2]
-            friction = with_estimated_drift(found, friction, at.positions, rotations, pressures)
+            pressures = smooth.forces[touching.on_floor, 2]
+            friction = with_estimated_drift(touching, friction, at.positions, rotations, pressures)
             narrow = self._solved(at, friction, None, enough)
             return narrow if narrow.balances else self._solved(at, wider(friction), None, enough)
         return self._solved(at, friction, clamped, enough)
@@ -174,49 +174,55 @@ class Balance:
         self, at: _At, friction: Friction | None, clamped: int | None, enough: float
     ) -> Standing:
         """Find the smallest maximum torque for one friction model."""
-        found, joints = at.found, len(self._before)
-        which, forces = rays(found, friction, at.positions, at.rotations)
+        touching, joints = at.contacts, len(self._before)
+        contact_rows, forces = rays(touching, friction, at.positions, at.rotations)
         root = self.chain.root if clamped is None else clamped
-        held = clamped is not None
-        first, second, points = found.first[which], found.second[which], found.points[which]
-        matrix = torque_columns(at.hinges, root, held, first, second, points, forces)
-        weight = self._weight(at.hinges, root, held, at.positions)
-        most = 1.0 / max(enough, MIN_TORQUE_WP)
-        pushes = self._program.pushes(_keys(found, which), matrix, weight, joints, most)
-        told = weight + _times(matrix, pushes, len(weight))
-        if np.abs(told[joints:]).max(initial=0.0) > EQUILIBRIUM_TOLERANCE_W:
-            nothing = np.full((len(found), 3), np.nan)
+        is_clamped = clamped is not None
+        first, second, points = (
+            touching.first[contact_rows],
+            touching.second[contact_rows],
+            touching.points[contact_rows],
+        )
+        matrix = torque_columns(at.hinges, root, is_clamped, first, second, points, forces)
+        weight = self._weight(at.hinges, root, is_clamped, at.positions)
+        max_scale = 1.0 / max(enough, MIN_TORQUE_WP)
+        pushes = self._program.pushes(
+            _keys(touching, contact_rows), matrix, weight, joints, max_scale
+        )
+        loads = weight + _times(matrix, pushes, len(weight))
+        if np.abs(loads[joints:]).max(initial=0.0) > EQUILIBRIUM_TOLERANCE_W:
+            nothing = np.full((len(touching), 3), np.nan)
             return Standing(
-                torque=np.inf, torques=np.full(joints, np.nan), contacts=found, forces=nothing
+                torque=np.inf, torques=np.full(joints, np.nan), contacts=touching, forces=nothing
             )
-        on_first = np.zeros((len(found), 3))
-        np.add.at(on_first, which, pushes[:, None] * forces)
-        largest = float(np.abs(told[:joints]).max(initial=0.0))
+        on_first = np.zeros((len(touching), 3))
+        np.add.at(on_first, contact_rows, pushes[:, None] * forces)
+        largest = float(np.abs(loads[:joints]).max(initial=0.0))
         return Standing(
             torque=0.0 if largest <= MIN_TORQUE_WP * (1.0 + 1e-6) else largest,
-            torques=told[:joints],
-            contacts=found,
+            torques=loads[:joints],
+            contacts=touching,
             forces=on_first,
         )
 
-    def _weight(self, hinges: Hinges, root: int, held: bool, positions: Array) -> Array:
+    def _weight(self, hinges: Hinges, root: int, is_clamped: bool, positions: Array) -> Array:
         """Return the (rows,) load of the modules' weights on every row."""
         _, rows, values = torque_columns(
-            hinges, root, held, self._all, self._none, positions, self._down
+            hinges, root, is_clamped, self._all, self._none, positions, self._down
         )
-        count = len(self._before) + (0 if held else EQUATIONS)
+        count = len(self._before) + (0 if is_clamped else EQUATIONS)
         return np.bincount(rows, values, minlength=count).astype(np.float64)
 
 
-def _keys(found: Contacts, which: Ints) -> Ints:
+def _keys(touching: Contacts, contact_rows: Ints) -> Ints:
     """Return (R,) keys that identify rays from frame to frame."""
-    ray = np.arange(len(which)) - np.searchsorted(which, which)
-    first, second = found.first[which], found.second[which]
-    return ((first << 20 | second + 1) << 12 | found.feature[which] + 1 << 4) | ray
+    ray = np.arange(len(contact_rows)) - np.searchsorted(contact_rows, contact_rows)
+    first, second = touching.first[contact_rows], touching.second[contact_rows]
+    return ((first << 20 | second + 1) << 12 | touching.feature[contact_rows] + 1 << 4) | ray
 
 
 def _times(matrix: Columns, pushes: Array, count: int) -> Array:
     """Return the (count,) product of a sparse matrix of columns with a vector."""
     starts, rows, values = matrix
-    each = values * np.repeat(pushes, np.diff(starts))
-    return np.bincount(rows, each, minlength=count).astype(np.float64)
+    products = values * np.repeat(pushes, np.diff(starts))
+    return np.bincount(rows, products, minlength=count).astype(np.float64)

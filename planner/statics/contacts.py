@@ -115,11 +115,11 @@ def solid_of(module: Module, size: float) -> FacetedHull:
         for loop in loops
         for p, q in zip(loop, loop[1:] + loop[:1], strict=True)
     }
-    most = max(len(loop) for loop in loops)
+    max_corners = max(len(loop) for loop in loops)
     return FacetedHull(
         vertices=np.ascontiguousarray(module.vertices * size),
         normals=np.array(normals),
-        loops=np.array([loop + [-1] * (most - len(loop)) for loop in loops], dtype=np.int64),
+        loops=np.array([loop + [-1] * (max_corners - len(loop)) for loop in loops], dtype=np.int64),
         edges=np.array(sorted(edges), dtype=np.int64),
         directions=np.array(module.edge_directions),
         radius=module.radius * size,
@@ -130,8 +130,8 @@ def _around(points: Array, normal: Array, corners: Ints) -> list[int]:
     """Return the corners of a face counterclockwise, seen against its normal."""
     middle = points.mean(axis=0)
     ahead = points[0] - middle
-    aside = np.cross(normal, ahead)
-    angles = np.arctan2((points - middle) @ aside, (points - middle) @ ahead)
+    sideways = np.cross(normal, ahead)
+    angles = np.arctan2((points - middle) @ sideways, (points - middle) @ ahead)
     return [int(corners[k]) for k in np.argsort(angles)]
 
 

@@ -40,7 +40,9 @@ class Program:
         self._highs.setOptionValue("simplex_scale_strategy", 0)
         self._basis = _Basis(basic=np.empty(0, np.int64), last=False, rows=[])
 
-    def pushes(self, keys: Ints, matrix: Columns, weight: Array, hinges: int, most: float) -> Array:
+    def pushes(
+        self, keys: Ints, matrix: Columns, weight: Array, hinges: int, max_scale: float
+    ) -> Array:
         """Return the (R,) force of each ray; all zeros without equilibrium.
 
         Args:
@@ -48,14 +50,14 @@ class Program:
             matrix: Load of a unit force of each ray on every row.
             weight: (rows,) load of the weights.
             hinges: Number of leading rows that are hinges.
-            most: Largest s: the reciprocal of the smallest torque of interest.
+            max_scale: Largest s: the reciprocal of the smallest torque of interest.
 
         Raises:
             PlannerError: The solver gives up.
         """
-        self._pass(matrix, weight, hinges, most)
-        if begin := self._basis.of(keys, len(weight)):
-            self._highs.setBasis(begin)
+        self._pass(matrix, weight, hinges, max_scale)
+        if start_basis := self._basis.of(keys, len(weight)):
+            self._highs.setBasis(start_basis)
         self._highs.run()
         if self._highs.getModelStatus() != OPTIMAL:
             self._once_more()
@@ -80,12 +82,12 @@ class Program:
                 "this error together with the plan."
             )
 
-    def _pass(self, matrix: Columns, weight: Array, hinges: int, most: float) -> None:
+    def _pass(self, matrix: Columns, weight: Array, hinges: int, max_scale: float) -> None:
         starts, rows, values = matrix
         columns = len(starts)  # one more than rays: the last one is s
         heavy = np.flatnonzero(weight)
         cost, upper = np.zeros(columns), np.full(columns, highspy.kHighsInf)
-        cost[-1], upper[-1] = -1.0, most
+        cost[-1], upper[-1] = -1.0, max_scale
         limits = np.zeros(len(weight))
         limits[:hinges] = 1.0
         passed = self._highs.passModel(
@@ -129,7 +131,7 @@ class _Basis:
     @classmethod
     def found(cls, basis: highspy.HighsBasis, keys: Ints) -> _Basis:
         status = basis.col_status
-        basic = np.fromiter((each == BASIC for each in status), bool, len(status))
+        basic = np.fromiter((state == BASIC for state in status), bool, len(status))
         return cls(basic=keys[basic[:-1]], last=bool(basic[-1]), rows=basis.row_status)
 
     def of(self, keys: Ints, rows: int) -> highspy.HighsBasis | None:
@@ -137,12 +139,14 @@ class _Basis:
         if len(self.rows) != rows:
             return None
         basic = np.isin(keys, self.basic)
-        kept = int(basic.sum())
-        if kept < 0.8 * len(self.basic):
+        common_count = int(basic.sum())
+        if common_count < 0.8 * len(self.basic):
             return None
-        begin = highspy.HighsBasis()
-        begin.valid = True
-        begin.alien = kept < len(self.basic)  # gaps are to be filled
-        begin.col_status = [BASIC if each else LOWER for each in [*basic.tolist(), self.last]]
-        begin.row_status = self.rows
-        return begin
+        basis = highspy.HighsBasis()
+        basis.valid = True
+        basis.alien = common_count < len(self.basic)  # gaps are to be filled
+        basis.col_status = [
+            BASIC if is_basic else LOWER for is_basic in [*basic.tolist(), self.last]
+        ]
+        basis.row_status = self.rows
+        return basis

@@ -50,12 +50,12 @@ class Friction:
 
 
 def rays(
-    found: Contacts, friction: Friction | None, positions: Array, rotations: Array
+    touching: Contacts, friction: Friction | None, positions: Array, rotations: Array
 ) -> tuple[Ints, Array]:
     """Return generators of the friction cones: contact and unit force of each.
 
     Args:
-        found: C contacts.
+        touching: C contacts.
         friction: Friction with the floor; None for a smooth floor.
         positions: (n, 3) centres.
         rotations: (n, 3, 3) orientations.
@@ -63,47 +63,47 @@ def rays(
     Returns:
         (R,) contacts, ordered, and (R, 3) forces on their first module.
     """
-    everything = np.arange(len(found))
+    everything = np.arange(len(touching))
     if friction is None or friction.coefficient == 0.0:
-        return everything, found.normals
-    floor = np.flatnonzero(found.on_floor)
-    ways = slip_displacements(found, friction, positions, rotations)
+        return everything, touching.normals
+    floor = np.flatnonzero(touching.on_floor)
+    ways = slip_displacements(touching, friction, positions, rotations)
     slipping = np.linalg.norm(ways, axis=1) > 0.0
     moving, still = floor[slipping], floor[~slipping]
-    back = np.arctan2(-ways[slipping, 1], -ways[slipping, 0])
+    opposite = np.arctan2(-ways[slipping, 1], -ways[slipping, 0])
     fan = (0.0,) if friction.fan == 0.0 else (-friction.fan, friction.fan)
     turns = 2.0 * np.pi * np.arange(CONE_SIDES) / CONE_SIDES
-    which = np.concatenate(
+    contact_rows = np.concatenate(
         [np.setdiff1d(everything, floor), *(moving for _ in fan), np.repeat(still, CONE_SIDES)]
     )
     forces = np.concatenate(
         [
-            found.normals[~found.on_floor],
-            *(_leaning(back + angle, friction.coefficient) for angle in fan),
+            touching.normals[~touching.on_floor],
+            *(_leaning(opposite + angle, friction.coefficient) for angle in fan),
             np.tile(_leaning(turns, friction.coefficient), (len(still), 1)),
         ]
     )
-    order = np.argsort(which, kind="stable")
-    return which[order], forces[order]
+    order = np.argsort(contact_rows, kind="stable")
+    return contact_rows[order], forces[order]
 
 
 def slip_displacements(
-    found: Contacts, friction: Friction, positions: Array, rotations: Array
+    touching: Contacts, friction: Friction, positions: Array, rotations: Array
 ) -> Array:
     """Return the (K, 2) displacement of each corner on the floor; exactly 0 for sticking ones."""
-    ways = _ways(found, friction, positions, rotations)
+    ways = _ways(touching, friction, positions, rotations)
     farthest = _farthest(friction, positions)
     ways[np.linalg.norm(ways, axis=1) <= friction.slips_from * farthest] = 0.0
     return ways
 
 
 def with_estimated_drift(
-    found: Contacts, friction: Friction, positions: Array, rotations: Array, pressures: Array
+    touching: Contacts, friction: Friction, positions: Array, rotations: Array, pressures: Array
 ) -> Friction:
     """Return the friction after the rigid drift of the whole chain with the least work.
 
     Args:
-        found: C contacts, K of them with the floor.
+        touching: C contacts, K of them with the floor.
         friction: Friction with the floor.
         positions: (n, 3) centres.
         rotations: (n, 3, 3) orientations.
@@ -111,24 +111,24 @@ def with_estimated_drift(
     """
     if friction.positions is None or friction.rotations is None:
         return friction
-    ways = _ways(found, friction, positions, rotations)
-    ends = found.points[found.on_floor][:, :2] + ways
+    ways = _ways(touching, friction, positions, rotations)
+    ends = touching.points[touching.on_floor][:, :2] + ways
     middle = positions[:, :2].mean(axis=0)
     # Way of each corner for a shift by one pitch along x, along y, and a turn by one radian.
     moves = np.zeros((len(ends), 2, 3))
     moves[:, 0, 0] = moves[:, 1, 1] = 1.0
     moves[:, 0, 2], moves[:, 1, 2] = middle[1] - ends[:, 1], ends[:, 0] - middle[0]
     # Friction is reduced in proportion below this displacement; Coulomb's is not.
-    least = 2e-3 * max(_farthest(friction, positions), 1e-9)
+    softening = 2e-3 * max(_farthest(friction, positions), 1e-9)
     twist = np.zeros(3)
     for _ in range(100):  # by least squares whose weights follow (Weiszfeld's method)
         now = ways + moves @ twist
-        weights = pressures / np.sqrt((now**2).sum(axis=1) + least**2)
+        weights = pressures / np.sqrt((now**2).sum(axis=1) + softening**2)
         normal = np.einsum("k,kix,kiy->xy", weights, moves, moves)
         against = np.einsum("k,kix,ki->x", weights, moves, ways)
         before = twist
         twist = -np.linalg.lstsq(normal, against, rcond=1e-12)[0]
-        if np.abs(twist - before).max() < 1e-3 * least:
+        if np.abs(twist - before).max() < 1e-3 * softening:
             break
     cosine, sine = np.cos(twist[2]), np.sin(twist[2])
     turn = np.array([[cosine, -sine, 0.0], [sine, cosine, 0.0], [0.0, 0.0, 1.0]])
@@ -147,10 +147,10 @@ def wider(friction: Friction) -> Friction:
     return replace(friction, fan=DIRECTION_SPREADS_RAD[1])
 
 
-def _ways(found: Contacts, friction: Friction, positions: Array, rotations: Array) -> Array:
+def _ways(touching: Contacts, friction: Friction, positions: Array, rotations: Array) -> Array:
     """Return the (K, 2) displacement of each corner along the floor."""
-    floor = found.on_floor
-    modules, points = found.first[floor], found.points[floor]
+    floor = touching.on_floor
+    modules, points = touching.first[floor], touching.points[floor]
     if friction.positions is None or friction.rotations is None:
         return np.zeros((len(points), 2))
     turns = friction.rotations[modules] @ np.swapaxes(rotations[modules], 1, 2)

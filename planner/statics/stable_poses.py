@@ -51,7 +51,7 @@ def resting_poses(module: Module, positions: Array, rotations: Array) -> Iterato
     faces: list[tuple[float, Array]] = []
     for k in np.flatnonzero(_inside(corners[hull.simplices], below)):
         normal = hull.equations[k, :3]
-        if not any(normal @ other > 1.0 - 1e-9 for _, other in faces):
+        if not any(normal @ normal_2 > 1.0 - 1e-9 for _, normal_2 in faces):
             faces.append((float(heights[k]), normal))
     for height, normal in sorted(faces, key=lambda face: face[0]):
         turn = turn_down(normal)
@@ -85,13 +85,15 @@ def _margin(hull: object, normal: Array, centre: Array) -> float:
     """Return the distance of a point from the rim of the hull's face with this normal."""
     simplices, equations = hull.simplices, hull.equations  # type: ignore[attr-defined]
     points, neighbours = hull.points, hull.neighbors  # type: ignore[attr-defined]
-    least = np.inf
+    min_distance = np.inf
     down = equations[:, :3] @ normal > 1.0 - 1e-9
     for k in np.flatnonzero(down):
         for m in range(3):
             if not down[neighbours[k, m]]:  # the edge opposite corner m is on the rim
                 p, q = points[np.delete(simplices[k], m)]
                 along = (q - p) / np.linalg.norm(q - p)
-                aside = (centre - p) - ((centre - p) @ along) * along
-                least = min(least, float(np.linalg.norm(aside - (aside @ normal) * normal)))
-    return least
+                to_edge = (centre - p) - ((centre - p) @ along) * along
+                min_distance = min(
+                    min_distance, float(np.linalg.norm(to_edge - (to_edge @ normal) * normal))
+                )
+    return min_distance

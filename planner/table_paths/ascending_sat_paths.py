@@ -64,8 +64,8 @@ def find_ascending_path(
             break
         order = np.array(nodes[1:], dtype=np.int64) - 1
         bad = [] if hairpins_allowed else hairpins(cells[order])
-        for begin, end in bad:
-            solver.forbid(pairwise(nodes[begin : end + 3]))
+        for start, end in bad:
+            solver.forbid(pairwise(nodes[start : end + 3]))
         if bad:
             continue
         best = order

@@ -75,15 +75,15 @@ def sides_of(cells: Ints, *, turned: bool = True) -> Iterator[Side]:
         cells: (n, 3) distinct cells.
         turned: True for all sides, False for the one that is down.
     """
-    seen: set[bytes] = set()
+    images_seen: set[bytes] = set()
     for down, rows in SIDE_ROTATIONS.items():
         turn = np.array(rows, dtype=np.int64)
         laid = cells @ turn.T
         shift = -laid.min(axis=0)
         laid = laid + shift
         look = min(_sorted(image).tobytes() for image in images(laid))
-        if look not in seen:
-            seen.add(look)
+        if look not in images_seen:
+            images_seen.add(look)
             yield Side(down=down, turn=turn, shift=shift, cells=laid)
         if not turned:
             return

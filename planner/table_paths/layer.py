@@ -24,12 +24,12 @@ searched at random."""
 class Work:
     """Budget of a search: remaining steps, each the extension of a path by a cell."""
 
-    left: int
+    remaining: int
 
     def spent(self) -> bool:
         """Take one step and return True if the budget is spent."""
-        self.left -= 1
-        return self.left < 0
+        self.remaining -= 1
+        return self.remaining < 0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -101,13 +101,19 @@ class Layer:
         x, y = self.cells[self.cell_at[bit]]
         across, along = (1, 0) if step < 2 else (0, 1)
         sign = 1 if step % 2 == 0 else -1
-        same = self.cells[:, across] == (x, y)[across]
+        in_row = self.cells[:, across] == (x, y)[across]
         beyond = sign * (self.cells[:, along] - (x, y)[along]) > 0
-        return self.set_of(np.flatnonzero(same & beyond).tolist())
+        return self.set_of(np.flatnonzero(in_row & beyond).tolist())
 
 
 def ways(
-    layer: Layer, starts: list[int], ends: int, rng: np.random.Generator, *, most: int, work: Work
+    layer: Layer,
+    starts: list[int],
+    ends: int,
+    rng: np.random.Generator,
+    *,
+    max_ways: int,
+    work: Work,
 ) -> Iterator[tuple[int, ...]]:
     """Yield paths through all cells of a layer, as the bits of the cells in order.
 
@@ -119,35 +125,35 @@ def ways(
         starts: Bits that a way may begin with.
         ends: The set of cells that it may end with.
         rng: Random choices.
-        most: Maximum number of paths of a large layer.
+        max_ways: Maximum number of paths of a large layer.
         work: Budget of the search.
     """
     starts = [start for start in starts if _ends_of(layer, start, ends)]
     if not starts or not layer.in_one_piece(layer.whole):
         return
-    found: set[tuple[int, ...]] = set()
+    results: set[tuple[int, ...]] = set()
     if len(layer.cells) <= MAX_EXHAUSTIVE_CELLS:
         order = [int(k) for k in rng.permutation(len(starts))]
         for k in order:
             for way in _from(layer, starts[k], ends, None, work):
-                if way not in found:
-                    found.add(way)
+                if way not in results:
+                    results.add(way)
                     yield way
         return
-    for attempt in range(4 * most):
-        if len(found) >= most or work.left < 0:
+    for attempt in range(4 * max_ways):
+        if len(results) >= max_ways or work.remaining < 0:
             return
         start = starts[
             attempt % len(starts) if attempt < len(starts) else rng.integers(len(starts))
         ]
-        own = Work(min(40 * len(layer.cells), work.left))
-        before = own.left
-        for way in _from(layer, start, ends, rng, own):
-            if way not in found:
-                found.add(way)
+        trial = Work(min(40 * len(layer.cells), work.remaining))
+        before = trial.remaining
+        for way in _from(layer, start, ends, rng, trial):
+            if way not in results:
+                results.add(way)
                 yield way
             break
-        work.left -= before - own.left
+        work.remaining -= before - trial.remaining
 
 
 def _ends_of(layer: Layer, start: int, ends: int) -> int:
@@ -223,8 +229,8 @@ def _may_go_on(layer: Layer, head: int, remaining: int, ends: int) -> bool:
         return False
     width, around = layer.width, remaining | 1 << head
     a, b, c, d = around << 1, around >> 1, around << width, around >> width
-    one = (a | b | c | d) & remaining
-    if one != remaining:
+    reached = (a | b | c | d) & remaining
+    if reached != remaining:
         return False
     two = (a & b | c & d | (a | b) & (c | d)) & remaining
     single = remaining & ~two

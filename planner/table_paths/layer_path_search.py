@@ -72,12 +72,12 @@ class Climb:
         """Fill the pools of all layers within the budget."""
         allowed: list[int] = [int(b) for b in self.layers[0].bits]
         for level, layer in enumerate(self.layers):
-            share = Work(work.left // (len(self.layers) - level))
-            before = share.left
+            share = Work(work.remaining // (len(self.layers) - level))
+            before = share.remaining
             ends = self._below_cells(level)
-            for way in ways(layer, allowed, ends, self.rng, most=48, work=share):
+            for way in ways(layer, allowed, ends, self.rng, max_ways=48, work=share):
                 self.add(level, way)
-            work.left -= before - share.left
+            work.remaining -= before - share.remaining
             self._thin(level)
             if not self.pools[level]:
                 return
@@ -106,7 +106,7 @@ class Climb:
             first, last = (at[0], at[-1]) if at else (VERTICAL, VERTICAL)
             self.pools[level][bits] = Way(bits, first, last, cost)
 
-    def best(self, most: int) -> list[Ints]:
+    def best(self, count: int) -> list[Ints]:
         """Return the best paths through all layers as indices of cells, the best first."""
         now: dict[tuple[int, int], list[_Beginning]] = {}
         for way in self._different_on_the_floor():
@@ -117,8 +117,8 @@ class Climb:
             now = self._joined(
                 level, {k: nsmallest(BEAM_WIDTH, v, key=_cost) for k, v in now.items()}
             )
-        everything = [each for group in now.values() for each in group]
-        return [self._order(each) for each in nsmallest(most, everything, key=_cost)]
+        everything = [beginning for group in now.values() for beginning in group]
+        return [self._order(beginning) for beginning in nsmallest(count, everything, key=_cost)]
 
     def _joined(
         self, level: int, below: dict[tuple[int, int], list[_Beginning]]
@@ -134,22 +134,22 @@ class Climb:
                 if way.first != VERTICAL and way.first == heading ^ 1:
                     continue
                 rolled = roll if way.first not in (VERTICAL, heading) else 0.0
-                for each in below.get((under[way.bits[0]], heading), ()):
-                    merged.append((each.cost + rolled, len(merged), each))
-            for cost, _, each in nsmallest(BEAM_WIDTH, merged):
-                heading = each.heading if way.last == VERTICAL else way.last
-                bends = (each.way.last != VERTICAL) + (way.first != VERTICAL)
-                joined = _Beginning(cost + way.cost + bends * weight, way, heading, each)
+                for beginning in below.get((under[way.bits[0]], heading), ()):
+                    merged.append((beginning.cost + rolled, len(merged), beginning))
+            for cost, _, beginning in nsmallest(BEAM_WIDTH, merged):
+                heading = beginning.heading if way.last == VERTICAL else way.last
+                bends = (beginning.way.last != VERTICAL) + (way.first != VERTICAL)
+                joined = _Beginning(cost + way.cost + bends * weight, way, heading, beginning)
                 extended.setdefault((way.bits[-1], heading), []).append(joined)
         return extended
 
     def _order(self, end: _Beginning) -> Ints:
         rows: list[list[int]] = []
-        each: _Beginning | None = end
+        beginning: _Beginning | None = end
         for layer in reversed(self.layers):
-            assert each is not None
-            rows.append([int(layer.index[layer.cell_at[bit]]) for bit in each.way.bits])
-            each = each.below
+            assert beginning is not None
+            rows.append([int(layer.index[layer.cell_at[bit]]) for bit in beginning.way.bits])
+            beginning = beginning.below
         return np.array([k for way in reversed(rows) for k in way], dtype=np.int64)
 
     def _cost(self, level: int, bits: tuple[int, ...]) -> float | None:
@@ -185,12 +185,12 @@ class Climb:
         if len(pool) <= POOL_SIZE:
             return
         ranked = sorted(pool, key=lambda bits: (pool[bits].cost, bits))
-        kept: dict[tuple[int, ...], tuple[int, ...]] = {}
+        representatives: dict[tuple[int, ...], tuple[int, ...]] = {}
         for bits in ranked:
             way = pool[bits]
-            kept.setdefault((bits[0], way.first, bits[-1], way.last), bits)
-        chosen = dict.fromkeys([*kept.values(), *ranked[:POOL_SIZE]])
-        self.pools[level] = {bits: pool[bits] for bits in chosen}
+            representatives.setdefault((bits[0], way.first, bits[-1], way.last), bits)
+        pool_bits = dict.fromkeys([*representatives.values(), *ranked[:POOL_SIZE]])
+        self.pools[level] = {bits: pool[bits] for bits in pool_bits}
 
     def _below_cells(self, level: int) -> int:
         """Return the cells of a layer that have one above them; all of the highest layer."""
@@ -208,9 +208,11 @@ class Climb:
     def _under(self, level: int) -> dict[int, int]:
         """Return the bit under each bit of a layer, −1 without a cell."""
         layer, low = self.layers[level], self.layers[level - 1]
-        known = {tuple(cell): bit for cell, bit in zip(low.cells.tolist(), low.bits, strict=True)}
+        bit_of_cell = {
+            tuple(cell): bit for cell, bit in zip(low.cells.tolist(), low.bits, strict=True)
+        }
         pairs = zip(layer.cells.tolist(), layer.bits, strict=True)
-        return {bit: known.get(tuple(cell), -1) for cell, bit in pairs}
+        return {bit: bit_of_cell.get(tuple(cell), -1) for cell, bit in pairs}
 
     def _different_on_the_floor(self) -> list[Way]:
         """Return the paths of the lowest layer that differ under the shape's symmetries.
@@ -219,14 +221,16 @@ class Climb:
         """
         if max(len(layer.cells) for layer in self.layers) > MAX_EXHAUSTIVE_CELLS:
             return list(self.pools[0].values())
-        own = _symmetries(self.cells)
+        symmetries_of_cells = _symmetries(self.cells)
         layer = self.layers[0]
         different: dict[bytes, Way] = {}
         for way in sorted(self.pools[0].values(), key=lambda way: (way.cost, way.bits)):
             path = np.column_stack(
                 [layer.cells[[layer.cell_at[bit] for bit in way.bits]], np.zeros(len(way.bits))]
             ).astype(np.int64)
-            turned = [image.tobytes() for k, image in enumerate(images(path)) if k in own]
+            turned = [
+                image.tobytes() for k, image in enumerate(images(path)) if k in symmetries_of_cells
+            ]
             different.setdefault(min(turned), way)
         return list(different.values())
 
@@ -237,8 +241,8 @@ def _symmetries(cells: Ints) -> list[int]:
     return [k for k, look in enumerate(looks) if look == looks[0]]
 
 
-def _cost(each: _Beginning) -> float:
-    return each.cost
+def _cost(beginning: _Beginning) -> float:
+    return beginning.cost
 
 
 def _run(way: Ints) -> float:

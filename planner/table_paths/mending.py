@@ -35,10 +35,12 @@ def cells_to_add(cells: Ints, seed: int = 0) -> list[Cell]:
     now = {(int(x), int(y), int(z)) for x, y, z in standing} | set(added)
     tries = [added] if added else []
     tries += [[*added, cell] for cell in _near(now)[:6]]  # each takes about 1 s
-    for each in tries:
-        found, _ = paths_or_reasons(_with(standing, each), seed=seed, most=1, turned=False)
-        if found:
-            return [(x, y, z + int(low[2])) for x, y, z in each]
+    for added_cells in tries:
+        paths, _ = paths_or_reasons(
+            _with(standing, added_cells), seed=seed, max_paths=1, turned=False
+        )
+        if paths:
+            return [(x, y, z + int(low[2])) for x, y, z in added_cells]
     return []
 
 
@@ -78,9 +80,9 @@ def _obstacles_removed(cells: Ints) -> list[Cell] | None:
     """
     now = {(int(x), int(y), int(z)) for x, y, z in cells}
     added: list[Cell] = []
-    most = min(24, max(2, round(0.1 * len(cells))))
+    max_added = min(24, max(2, round(0.1 * len(cells))))
     trouble = _trouble(now)
-    while trouble and len(added) < most:
+    while trouble and len(added) < max_added:
         options = [(_trouble(now | {cell}), rank, cell) for rank, cell in enumerate(_near(now))]
         best = min(options, default=None)
         if best is None or best[0] >= trouble:
@@ -109,19 +111,19 @@ def _amount(cells: Ints) -> int:
 def _near(now: set[Cell]) -> list[Cell]:
     """Return the free cells beside a shape that may help, those with most neighbours first."""
     array = np.array(sorted(now), dtype=np.int64)
-    wanted: dict[int, int | None] = {}
+    colour_of_height: dict[int, int | None] = {}
     for height in np.unique(array[:, 2]).tolist():
         layer = array[array[:, 2] == height]
         excess = int((1 - 2 * colours(layer)).sum())
         if _amount(layer):
-            wanted[height] = None if abs(excess) < 2 else (1 if excess > 0 else 0)
-    whole = int((1 - 2 * colours(array)).sum())
-    if not wanted:
-        colour = None if abs(whole) < 2 else (1 if whole > 0 else 0)
-        wanted = dict.fromkeys(np.unique(array[:, 2]).tolist(), colour)
+            colour_of_height[height] = None if abs(excess) < 2 else (1 if excess > 0 else 0)
+    excess_of_all = int((1 - 2 * colours(array)).sum())
+    if not colour_of_height:
+        colour = None if abs(excess_of_all) < 2 else (1 if excess_of_all > 0 else 0)
+        colour_of_height = dict.fromkeys(np.unique(array[:, 2]).tolist(), colour)
     neighbour_counts: dict[Cell, int] = {}
     for x, y, z in now:
-        if z not in wanted:
+        if z not in colour_of_height:
             continue
         for i, j in ((1, 0), (-1, 0), (0, 1), (0, -1)):
             cell = x + i, y + j, z
@@ -130,5 +132,9 @@ def _near(now: set[Cell]) -> list[Cell]:
                 continue
             neighbour_counts[cell] = neighbour_counts.get(cell, 0) + 1
     shade = {cell: int(colours(np.array([cell], dtype=np.int64))[0]) for cell in neighbour_counts}
-    fitting = [c for c in neighbour_counts if wanted[c[2]] is None or shade[c] == wanted[c[2]]]
+    fitting = [
+        c
+        for c in neighbour_counts
+        if colour_of_height[c[2]] is None or shade[c] == colour_of_height[c[2]]
+    ]
     return sorted(fitting, key=lambda c: (-neighbour_counts[c], c))[:16]

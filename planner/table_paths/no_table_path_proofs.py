@@ -99,14 +99,14 @@ def ruled_out(side: Side) -> NoPath | None:
 
 def unsolved(side: Side, seed: int) -> tuple[Ints | None, NoPath | None]:
     """Search a side's path with the solver: indices of its cells, or a reason."""
-    found = find_ascending_path(side.cells, seed=seed)
-    if found.order is not None:
-        faults = rule_violations(side.cells[found.order])
+    search = find_ascending_path(side.cells, seed=seed)
+    if search.order is not None:
+        faults = rule_violations(side.cells[search.order])
         if not faults:
-            return found.order, None
+            return search.order, None
         detail = f"the search found a path, but the chain cannot follow it: {faults[0].detail}"
         return None, _no_path(side, "not-stable", detail, faults[0].cells)
-    if found.status == "undecided":
+    if search.status == "undecided":
         detail = (
             "the search found no path that starts on the floor and never goes down, but such a "
             "path may exist."
@@ -155,14 +155,14 @@ def closest(reasons: tuple[NoPath, ...]) -> NoPath:
 def most_telling(reasons: tuple[NoPath, ...]) -> tuple[str, str]:
     """Return code and detail without any path: of the closest side, and codes of the rest."""
     first = closest(reasons)
-    others = [
+    other_sides = [
         f" With its {SIDE_NAMES[reason.down]} side down, {SHORT_REASONS[reason.code]}."
         for reason in reasons
         if reason is not first
     ]
-    rest = "".join(others)
-    got = "got a shape that cannot fold on a table, because it has no suitable path"
-    return first.code, f"{got}; {first.text}{rest}"
+    others_text = "".join(other_sides)
+    prefix = "got a shape that cannot fold on a table, because it has no suitable path"
+    return first.code, f"{prefix}; {first.text}{others_text}"
 
 
 def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
@@ -191,9 +191,9 @@ def _of_layer(side: Side, layer: Ints, height: int) -> NoPath | None:
     return _no_path(side, "parts", detail, tuples(layer), may_fall=True)
 
 
-def _hairpins_only(side: Side, which: str) -> NoPath:
+def _hairpins_only(side: Side, subject: str) -> NoPath:
     detail = (
-        f"{which} turns back directly above itself at some point. On a table, a chain "
+        f"{subject} turns back directly above itself at some point. On a table, a chain "
         "cannot make such a turn."
     )
     return _no_path(side, "hairpins-only", detail, may_fall=True)
@@ -201,8 +201,8 @@ def _hairpins_only(side: Side, which: str) -> NoPath:
 
 def _borne_by_nothing(cells: Ints) -> Ints:
     """Return the (k, 3) cells above the floor without a cell under them."""
-    known = {tuple(cell) for cell in cells.tolist()}
-    hanging = [z > 0 and (x, y, z - 1) not in known for x, y, z in cells.tolist()]
+    occupied = {tuple(cell) for cell in cells.tolist()}
+    hanging = [z > 0 and (x, y, z - 1) not in occupied for x, y, z in cells.tolist()]
     return cells[np.array(hanging, dtype=np.bool_)]
 
 
@@ -211,12 +211,12 @@ def _lowest_layers(count: int) -> str:
     return f"a chain folds the lowest {layers} first, and this part"
 
 
-def _tipping(side: Side, margin: float, what: str, cells: Ints) -> NoPath:
+def _tipping(side: Side, margin: float, subject: str, cells: Ints) -> NoPath:
     detail = (
-        f"{what} would tip over: its centre of mass is {-margin:.2g} module widths "
+        f"{subject} would tip over: its centre of mass is {-margin:.2g} module widths "
         "outside its base."
         if margin < 0
-        else f"{what} would almost tip over: its centre of mass is {margin:.2g} module widths "
+        else f"{subject} would almost tip over: its centre of mass is {margin:.2g} module widths "
         f"inside the edge of its base, but at least {MIN_BALANCE_MARGIN_PITCH:g} module widths are "
         "needed."
     )

@@ -59,13 +59,13 @@ class Offer:
             "added": [list(cell) for cell in self.added],
         }
 
-    def options(self, asked: PathOptions) -> PathOptions:
+    def options(self, requested: PathOptions) -> PathOptions:
         """Return the options of a fold that takes this offer."""
-        return replace(asked, **self.change)
+        return replace(requested, **self.change)
 
 
 def table_offers(
-    found: Solid | Shape,
+    subject: Solid | Shape,
     options: PathOptions,
     *,
     seed: int = 0,
@@ -78,7 +78,7 @@ def table_offers(
     nearest counts, none above ``MAX_TABLE_MODULES``. Of cells, a repair comes first.
 
     Args:
-        found: Input solid or shape.
+        subject: Input solid or shape.
         options: Requested options.
         seed: Seed of the searches; a fold with the same seed finds the same paths.
         time_limit_s: Wall time, s. It is checked between shapes, each of which takes a second.
@@ -89,10 +89,10 @@ def table_offers(
     def over() -> bool:
         return cancelled() or time.monotonic() > deadline
 
-    if isinstance(found, Shape):
-        yield from _of_cells(found, options, seed, over)
+    if isinstance(subject, Shape):
+        yield from _of_cells(subject, options, seed, over)
     else:
-        yield from _of_solid(found, options, seed, over)
+        yield from _of_solid(subject, options, seed, over)
 
 
 def _of_cells(
@@ -112,18 +112,18 @@ def _of_cells(
 def _of_solid(
     solid: Solid, options: PathOptions, seed: int, over: Callable[[], bool]
 ) -> Iterator[Offer]:
-    asked = DEFAULT_MODULES if options.modules is None else options.modules
-    target = min(asked, MAX_TABLE_MODULES)
+    requested_modules = DEFAULT_MODULES if options.modules is None else options.modules
+    target = min(requested_modules, MAX_TABLE_MODULES)
     yield from _blocks(solid, target, seed, over)
     if over():
         return
-    if target == asked and not options.repair:
-        shape = voxelise(solid, cells=asked, seed=seed).shape
+    if target == requested_modules and not options.repair:
+        shape = voxelise(solid, cells=requested_modules, seed=seed).shape
         added = cells_to_add(shape.cells, seed)
         if added and len(shape) + len(added) <= MAX_TABLE_MODULES:
             yield replace(_repair(shape, added), change={"method": "auto", "repair": True})
     for count in _counts(solid, target, seed, over):
-        if count != asked:
+        if count != requested_modules:
             yield Offer(kind="modules", modules=count, change={**OFFER_DEFAULTS, "modules": count})
 
 
@@ -170,7 +170,7 @@ def _has_path(shape: Shape, seed: int, *, turned: bool = False) -> bool:
     reasons = [ruled_out(side) for side in sides]
     if all(reason is not None and not reason.may_fall for reason in reasons):
         return False
-    return bool(paths_or_reasons(shape.cells, seed=seed, most=1, turned=turned)[0])
+    return bool(paths_or_reasons(shape.cells, seed=seed, max_paths=1, turned=turned)[0])
 
 
 def _repair(shape: Shape, added: list[Cell]) -> Offer:

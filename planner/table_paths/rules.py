@@ -150,10 +150,10 @@ def _unstable(order: Ints) -> list[Fault]:
         f"the first {k + 1} cells of the path would tip over: their centre of mass must be at "
         f"least {MIN_BALANCE_MARGIN_PITCH:g} module widths inside the edge of their base."
     )
-    if more := len(bad) - 1:
+    if further := len(bad) - 1:
         detail += (
-            f" {more} longer section{'s' * (more > 1)} at the start of the path would tip over, "
-            "too."
+            f" {further} longer section{'s' * (further > 1)} at the start of the path would tip "
+            "over, too."
         )
     return [Fault(code="not-stable", detail=detail, at=k, cells=_named(order[k : k + 1]))]
 

@@ -110,8 +110,8 @@ def levers(cells: Ints) -> Ints:
 
     Distances are in steps along x and y; the number of cells in a layer with nothing under it.
     """
-    known = {tuple(cell) for cell in cells.tolist()}
-    borne = np.array([z == 0 or (x, y, z - 1) in known for x, y, z in cells.tolist()])
+    occupied = {tuple(cell) for cell in cells.tolist()}
+    borne = np.array([z == 0 or (x, y, z - 1) in occupied for x, y, z in cells.tolist()])
     distances = np.zeros(len(cells), dtype=np.int64)
     for k in np.flatnonzero(~borne).tolist():
         level = cells[:, 2] == cells[k, 2]
@@ -131,8 +131,8 @@ def _ways_out(order: Ints) -> tuple[Flags, Flags]:
         along = offset[:, :, 0] * x + offset[:, :, 1] * y
         across = offset[:, :, 0] * y + offset[:, :, 1] * x
         free[:, k] = ~(level & (along > 0) & (across == 0)).any(axis=0)
-    same = (offset[:, :, :2] == 0).all(axis=2)
-    covered = (earlier & same & (offset[:, :, 2] > 0)).any(axis=0)
+    same_column = (offset[:, :, :2] == 0).all(axis=2)
+    covered = (earlier & same_column & (offset[:, :, 2] > 0)).any(axis=0)
     return free, covered
 
 
@@ -157,8 +157,8 @@ def _swing(free: Flags) -> float:
 
 def _tipping(order: Ints) -> float:
     raised = np.asarray(np.maximum.accumulate(order[:, 2]) > 0)
-    least = prefix_margins(order)[raised].min(initial=1.0)
-    return max(0.0, 1.0 - float(least))
+    min_margin = prefix_margins(order)[raised].min(initial=1.0)
+    return max(0.0, 1.0 - float(min_margin))
 
 
 def _front(order: Ints) -> float:

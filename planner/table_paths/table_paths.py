@@ -52,7 +52,7 @@ def paths_or_reasons(
     cells: ArrayLike,
     *,
     seed: int = 0,
-    most: int = 8,
+    max_paths: int = 8,
     turned: bool = True,
     work: int = 60_000,
     weights: Parts = WEIGHTS,
@@ -67,7 +67,7 @@ def paths_or_reasons(
     Args:
         cells: (n, 3) whole numbers: the shape, in any order.
         seed: Seed of all random choices.
-        most: Maximum number of paths.
+        max_paths: Maximum number of paths.
         turned: True to try all sides of the shape, False to keep it as it stands.
         work: Steps of the search.
         weights: Weight of each part of the score.
@@ -78,10 +78,12 @@ def paths_or_reasons(
     Raises:
         InputError: ``too-few-cells``, and what ``Shape.from_cells`` refuses.
     """
-    given = Shape.from_cells(cells).cells
-    if len(given) < MIN_CELLS:
-        raise InputError("too-few-cells", f"got {len(given)} cells, expected at least {MIN_CELLS}.")
-    sides = list(sides_of(given, turned=turned))
+    unique_cells = Shape.from_cells(cells).cells
+    if len(unique_cells) < MIN_CELLS:
+        raise InputError(
+            "too-few-cells", f"got {len(unique_cells)} cells, expected at least {MIN_CELLS}."
+        )
+    sides = list(sides_of(unique_cells, turned=turned))
     reasons = {side.down: reason for side in sides if (reason := ruled_out(side)) is not None}
     candidates = [side for side in sides if side.down not in reasons]
     paths: list[TablePath] = []
@@ -89,14 +91,14 @@ def paths_or_reasons(
     for k, side in enumerate(candidates):
         climb = climbs[side.down] = Climb(side.cells, np.random.default_rng([seed, k]), weights)
         climb.search(Work(work // len(candidates)))
-        paths += _made(climb, side, most, weights)
+        paths += _made(climb, side, max_paths, weights)
     if not paths:
         for side in candidates:
             order, reason = unsolved(side, seed)
             if order is not None:
                 climbs[side.down].add_path(order.tolist())
                 paths.append(_path(side, order, LAYERS, weights))
-                paths += _made(climbs[side.down], side, most, weights)
+                paths += _made(climbs[side.down], side, max_paths, weights)
             if reason is not None:
                 reasons[side.down] = reason
     if not paths:
@@ -107,11 +109,13 @@ def paths_or_reasons(
                 paths.append(_path(side, order, FALLS, weights))
             if reason is not None:
                 reasons[side.down] = reason
-    return _chosen(paths, most), tuple(reasons[side.down] for side in sides if side.down in reasons)
+    return _chosen(paths, max_paths), tuple(
+        reasons[side.down] for side in sides if side.down in reasons
+    )
 
 
-def _made(climb: Climb, side: Side, most: int, weights: Parts) -> list[TablePath]:
-    orders = climb.best(6 * most)
+def _made(climb: Climb, side: Side, max_paths: int, weights: Parts) -> list[TablePath]:
+    orders = climb.best(6 * max_paths)
     return [_path(side, order, LAYERS, weights) for order in orders]
 
 
@@ -130,11 +134,11 @@ def _path(side: Side, order: Ints, rule: Rule, weights: Parts) -> TablePath:
     )
 
 
-def _chosen(paths: list[TablePath], most: int) -> tuple[TablePath, ...]:
+def _chosen(paths: list[TablePath], max_paths: int) -> tuple[TablePath, ...]:
     """Return the best paths; those almost equal to another or its mirror image come last."""
     different = {(path.down, path.cells.tobytes()): path for path in paths}.values()
     ranked = sorted(different, key=lambda path: (path.score, path.down, path.cells.tobytes()))
-    chosen: list[TablePath] = []
+    picked: list[TablePath] = []
     looks: list[frozenset[tuple[int, ...]]] = []
     alike: list[TablePath] = []
     for path in ranked:
@@ -143,11 +147,11 @@ def _chosen(paths: list[TablePath], most: int) -> tuple[TablePath, ...]:
         if shared > 0.9 * (len(path.cells) - 1):
             alike.append(path)
         else:
-            chosen.append(path)
+            picked.append(path)
             looks.append(links[0])
-        if len(chosen) == most:
+        if len(picked) == max_paths:
             break
-    return tuple((chosen + alike)[:most])
+    return tuple((picked + alike)[:max_paths])
 
 
 def _links(cells: Ints) -> frozenset[tuple[int, ...]]:

@@ -96,21 +96,21 @@ def unfold(
         turns = turning.turns(beam, keys, codes, weight=CONTACT_WEIGHT)
         expanded += len(beam)
         order = np.argsort(turns.score + MAX_JITTER * random.random(len(turns.score)))
-        chosen = _first_clear(turning, beam, turns, order, visited, room=room, count=width)
-        score = float(turns.score[chosen].min(initial=np.inf))
+        accepted = _first_clear(turning, beam, turns, order, visited, room=room, count=width)
+        score = float(turns.score[accepted].min(initial=np.inf))
         improves = score < lowest
         since = 0 if improves else since + 1
         lowest = min(lowest, score)
-        if since > PATIENCE_TURNS or not len(chosen):
+        if since > PATIENCE_TURNS or not len(accepted):
             outcome = "blocked" if expanded == 1 else "stuck"
             return Unfolded(outcome=outcome, states=nearest, expanded=expanded)
-        parent, hinge = turns.parent[chosen], turns.hinge[chosen]
+        parent, hinge = turns.parent[accepted], turns.hinge[accepted]
         trail.add(parent, hinge, beam[parent, hinge])
         beam = beam[parent]
-        beam[np.arange(len(chosen)), hinge] += turns.change[chosen].astype(np.int8)
-        keys = turns.key[chosen]
+        beam[np.arange(len(accepted)), hinge] += turns.change[accepted].astype(np.int8)
+        keys = turns.key[accepted]
         if improves:
-            best = int(turns.score[chosen].argmin())
+            best = int(turns.score[accepted].argmin())
             nearest = trail.to(beam[best], best)
     at = int(np.argmin(beam.any(axis=1)))
     return Unfolded(outcome="straight", states=trail.to(beam[at], at), expanded=expanded)
@@ -130,17 +130,17 @@ def _first_clear(
 
     Turns are tested in blocks, so that few are tested where most are clear.
     """
-    chosen: list[int] = []
-    begin, size = 0, 2 * count
-    while begin < len(order) and len(chosen) < count:
-        block = order[begin : begin + size]
+    accepted: list[int] = []
+    start, size = 0, 2 * count
+    while start < len(order) and len(accepted) < count:
+        block = order[start : start + size]
         block = block[[key not in visited for key in turns.key[block].tolist()]]
         clear = turning.are_clear(beam, turns, block, room=room)
         for k in block[clear].tolist():
             key = int(turns.key[k])
-            if key not in visited and len(chosen) < count:
+            if key not in visited and len(accepted) < count:
                 visited.add(key)
-                chosen.append(k)
-        begin += size
+                accepted.append(k)
+        start += size
         size *= 2
-    return np.array(chosen, np.int64)
+    return np.array(accepted, np.int64)

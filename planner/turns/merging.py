@@ -36,10 +36,10 @@ class Merger:
             start: (J,) levels before the first move.
             moves: Moves that are clear one by one.
         """
-        state, left, size = start.copy(), moves, 1
+        state, remaining, size = start.copy(), moves, 1
         steps: list[Move] = []
-        while left:
-            step, left = self._proved(state, self._growth(state, left, size))
+        while remaining:
+            step, remaining = self._proved(state, self._growth(state, remaining, size))
             steps.append(tuple(turn for move in step for turn in move))
             make(state, step)
             size = max(1, len(step) // 2)
@@ -60,32 +60,32 @@ class Merger:
             middle = (low + high) // 2
         return growth[low]
 
-    def _growth(self, state: Levels, left: list[Move], size: int) -> list[Split]:
+    def _growth(self, state: Levels, remaining: list[Move], size: int) -> list[Split]:
         """Return the stages in the growth of one step that seems clear, from one move on.
 
         Args:
             state: (J,) levels at the start; the first move is known to be clear.
-            left: Moves to make, in an order that is clear one by one.
+            remaining: Moves to make, in an order that is clear one by one.
             size: Number of moves that are tried at once at first; doubled while they are clear.
         """
-        step, waiting, coming = left[:1], list[Move](), left[1:]
+        step, waiting, coming = remaining[:1], list[Move](), remaining[1:]
         stages = [(step, coming)]
         misfits = 0
         while coming and misfits < MAX_MISFITS:
-            tried, later, rest = self._next(step, waiting, coming, size)
-            if not tried:
+            extension, later, following = self._next(step, waiting, coming, size)
+            if not extension:
                 break
-            if self._seems_clear(state, step + tried, waiting + later, rest):
-                step = step + tried
+            if self._seems_clear(state, step + extension, waiting + later, following):
+                step = step + extension
                 waiting = waiting + later
-                coming = rest
+                coming = following
                 size *= 2
                 stages.append((step, waiting + coming))
-            elif len(tried) > 1:
-                size = len(tried) // 2
+            elif len(extension) > 1:
+                size = len(extension) // 2
             else:
-                waiting = waiting + later + tried
-                coming = rest
+                waiting = waiting + later + extension
+                coming = following
                 misfits += 1
         return stages
 
@@ -95,25 +95,25 @@ class Merger:
         """Return the next moves that may join a step, those that they pass, and the rest."""
         used = {hinge for move in step + waiting for hinge, _ in move}
         room = self._at_once - sum(map(len, step))
-        tried: list[Move] = []
+        extension: list[Move] = []
         later: list[Move] = []
         for move in coming:
-            if len(tried) == size or room <= 0:
+            if len(extension) == size or room <= 0:
                 break
             if len(move) > room or any(hinge in used for hinge, _ in move):
                 later.append(move)
             else:
-                tried.append(move)
+                extension.append(move)
                 room -= len(move)
             used.update(hinge for hinge, _ in move)
-        return tried, later, coming[len(tried) + len(later) :]
+        return extension, later, coming[len(extension) + len(later) :]
 
     def _seems_clear(
-        self, state: Levels, step: list[Move], waiting: list[Move], rest: list[Move]
+        self, state: Levels, step: list[Move], waiting: list[Move], following: list[Move]
     ) -> bool:
         """Return True if a step seems clear, and the moves after it are, one by one."""
         after = _after(state, step)
-        if waiting and not self._proof.one_by_one(after, waiting + rest):
+        if waiting and not self._proof.one_by_one(after, waiting + following):
             return False
         return self._proof.seems_clear(state, after)
 

@@ -93,22 +93,22 @@ class RoomProof:
         """Return True if moves are clear, made one by one from a state with (J,) levels on."""
         state = start.copy()
         pairs: list[tuple[Levels, Levels]] = []
-        begin = 0
-        while begin < len(moves):
-            end = begin
+        first_move = 0
+        while first_move < len(moves):
+            end = first_move
             while end < len(moves) and len(moves[end]) == 1:
                 end += 1
-            if end > begin:
-                turns = np.array([move[0] for move in moves[begin:end]], np.int64)
+            if end > first_move:
+                turns = np.array([move[0] for move in moves[first_move:end]], np.int64)
                 hinges, changes = turns.T.copy()
                 if self._turning.clear_turns(state, hinges, changes, room=self._room) < len(turns):
                     return False
-                make(state, moves[begin:end])
+                make(state, moves[first_move:end])
             if end < len(moves):
                 before = state.copy()
                 make(state, moves[end : end + 1])
                 pairs.append((before, state.copy()))
-            begin = end + 1
+            first_move = end + 1
         return all(self.at_once(*pair) for pair in pairs)
 
 

@@ -106,15 +106,19 @@ class RoomSearch:
         for _ in range(MAX_PAIRS):
             if search.outcome in ("straight", "cancelled"):
                 break
-            farthest, tried, checked = search, 0, 0
+            farthest, pairs_tried, checked = search, 0, 0
             for pair in self._turning.pairs(search.states[-1]):
                 checked += 1
-                if checked > MAX_CHECKED_PAIRS or tried >= MAX_TRIED_PAIRS or self._cancelled():
+                if (
+                    checked > MAX_CHECKED_PAIRS
+                    or pairs_tried >= MAX_TRIED_PAIRS
+                    or self._cancelled()
+                ):
                     break
                 motion = search.states[-1], pair
                 if not (proof.seems_clear(*motion, sample_gap=0.0) and proof.at_once(*motion)):
                     continue
-                tried += 1
+                pairs_tried += 1
                 further = self._from(np.concatenate([search.states, pair[None]]), PAIR_WIDTH)
                 if further.outcome in ("straight", "cancelled"):
                     return further

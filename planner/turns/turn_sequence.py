@@ -85,8 +85,8 @@ def find_turns(
         return NoTurns(outcome=unfolded.outcome, expanded=search.expanded, last_rad=angles)
     proof = RoomProof(chain, turning, search.room)
     moves = shortened(turning.folded, moves_between(unfolded.states), proof)
-    most = len(chain.folded_rad) if at_once is None else at_once
-    steps = _fewest_steps(turning.folded, moves, Merger(proof, at_once=most))
+    max_turns = len(chain.folded_rad) if at_once is None else at_once
+    steps = _fewest_steps(turning.folded, moves, Merger(proof, at_once=max_turns))
     rests = QUARTER_RAD * states_after(np.zeros_like(turning.folded), steps).astype(float)
     if steps:
         rests[-1] = chain.folded_rad

@@ -130,20 +130,20 @@ class Turning:
             key=keys[parent] ^ codes[hinge, before + 1] ^ codes[hinge, after + 1],
         )
 
-    def are_clear(self, states: Levels, turns: Turns, some: Ints, *, room: float) -> Flags:
+    def are_clear(self, states: Levels, turns: Turns, numbers: Ints, *, room: float) -> Flags:
         """Return (T,) True for turns that are clear.
 
         Args:
             states: (B, J) levels.
             turns: Turns of these states.
-            some: (T,) numbers of the turns that are tested.
+            numbers: (T,) numbers of the turns that are tested.
             room: Distance that modules must keep, pitches.
         """
-        clear = np.zeros(len(some), np.bool_)
-        parents = turns.parent[some]
+        clear = np.zeros(len(numbers), np.bool_)
+        parents = turns.parent[numbers]
         for parent in np.unique(parents).tolist():
             rows = np.flatnonzero(parents == parent)
-            hinges, changes = turns.hinge[some[rows]], turns.change[some[rows]]
+            hinges, changes = turns.hinge[numbers[rows]], turns.change[numbers[rows]]
             flags = np.zeros(len(rows), np.bool_)
             self._with_table(self._kernels.test_turns, states[parent], hinges, changes, room, flags)
             clear[rows] = flags
@@ -170,9 +170,9 @@ class Turning:
         first, second = np.triu_indices(len(hinge), 1)
         symmetric = axis[first] == -axis[second]
         gain = straightens[first].astype(np.int64) + straightens[second]
-        some = (hinge[first] != hinge[second]) & ((gain == 2) | ((gain == 1) & symmetric))
-        first, second = first[some], second[some]
-        order = np.lexsort((hinge[second] - hinge[first], -gain[some]))
+        useful = (hinge[first] != hinge[second]) & ((gain == 2) | ((gain == 1) & symmetric))
+        first, second = first[useful], second[useful]
+        order = np.lexsort((hinge[second] - hinge[first], -gain[useful]))
         first, second = first[order], second[order]
         states = np.repeat(state[None], len(order), axis=0)
         for turn in (first, second):

@@ -23,5 +23,5 @@ def table_paths(cells: ArrayLike, **options: Any) -> tuple[TablePath, ...]:
 
 def reasons_for_no_path(cells: ArrayLike, **options: Any) -> tuple[NoPath, ...]:
     """Return the reasons, one per side, why a shape has no path; empty if it has one."""
-    paths, reasons = paths_or_reasons(cells, most=1, **options)
+    paths, reasons = paths_or_reasons(cells, max_paths=1, **options)
     return () if paths else reasons

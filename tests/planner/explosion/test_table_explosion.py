@@ -23,7 +23,7 @@ BOX = np.array([(x, y, z) for x in range(2) for y in range(2) for z in range(2)]
 
 
 def on_table(cells: np.ndarray) -> Chain:
-    return chain_of(table_paths(cells, most=1)[0].cells)
+    return chain_of(table_paths(cells, max_paths=1)[0].cells)
 
 
 @pytest.fixture(scope="module")

@@ -119,7 +119,7 @@ def test_chain_with_a_free_base_drifts(row: tuple[Chain, Motion]) -> None:
 
 
 def test_box_folds_on_the_table_with_half_as_much_torque_again() -> None:
-    chain = chain_of(table_paths(BOX, most=1)[0].cells)
+    chain = chain_of(table_paths(BOX, max_paths=1)[0].cells)
     record = explode_on_table(chain, TableParameters(), seed=0)
     assert record.status == "straight", record.reason
     assert record.frames.is_windowed

@@ -67,7 +67,7 @@ def test_margins_to_the_rim_of_the_base() -> None:
 
 def some_ways(layer: Layer, most: int, work: Work) -> list[Any]:
     random = np.random.default_rng(most)
-    return list(ways(layer, layer.bits, layer.whole, random, most=most, work=work))
+    return list(ways(layer, layer.bits, layer.whole, random, max_ways=most, work=work))
 
 
 def test_all_ways_through_a_small_layer_are_found() -> None:
@@ -85,7 +85,7 @@ def test_ways_through_a_large_layer_are_limited() -> None:
         work = Work(limit)
         found = some_ways(layer, 10, work)
         assert (len(found) == 10) == (limit > 100)
-        assert work.left >= -1
+        assert work.remaining >= -1
     for way in found:
         order = cells[[layer.cell_at[bit] for bit in way]]
         assert (np.abs(np.diff(order, axis=0)).sum(axis=1) == 1).all()

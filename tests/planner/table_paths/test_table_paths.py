@@ -65,20 +65,21 @@ def has_path(cells: Ints) -> bool:
 
 def test_boxes_have_paths_that_keep_all_rules() -> None:
     for sides in ((3, 3, 3), (5, 3, 2)):
-        check(table_paths(box_array(*sides), most=4), box_array(*sides))
-    assert len(table_paths(box_array(3, 3, 2), most=5)) == 5
+        check(table_paths(box_array(*sides), max_paths=4), box_array(*sides))
+    assert len(table_paths(box_array(3, 3, 2), max_paths=5)) == 5
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["cup", pytest.param("chair", marks=pytest.mark.long)])
 def test_shapes_of_the_gallery_have_paths(name: str) -> None:
     cells = shape(name)
-    check(table_paths(cells, most=2), cells)
+    check(table_paths(cells, max_paths=2), cells)
 
 
 def test_seed_decides_the_paths() -> None:
     one, same, other = (
-        table_paths(box_array(5, 4, 2), seed=seed, most=1)[0].cells.tolist() for seed in (3, 3, 4)
+        table_paths(box_array(5, 4, 2), seed=seed, max_paths=1)[0].cells.tolist()
+        for seed in (3, 3, 4)
     )
     assert one == same
     assert one != other
@@ -136,7 +137,7 @@ def test_parity_of_a_layer_is_a_reason() -> None:
 @pytest.mark.slow
 def test_path_goes_down_only_where_necessary() -> None:
     cells = shape("pawn")
-    (path,) = table_paths(cells, most=1)
+    (path,) = table_paths(cells, max_paths=1)
     check((path,), cells, rule="falls")
     assert 0 < path.parts.downs < 0.05
     assert any(fault.code == "goes-down" for fault in rule_violations(path.cells))
@@ -155,7 +156,7 @@ def test_paths_keep_the_rules_or_a_reason_is_given(walk: Ints) -> None:
     if len(walk) < 3:
         return
     try:
-        paths = table_paths(walk, most=3)
+        paths = table_paths(walk, max_paths=3)
     except InputError as error:
         reasons = reasons_for_no_path(walk)
         assert error.code in {reason.code for reason in reasons}
