@@ -227,8 +227,8 @@ def _torques(chain: Chain, around: Motion, frames: slice, *, is_first: bool) -> 
     """Return torques in simulation units of the frames ``frames``, from the motion around them.
 
     They are NaN in the explosion and where they cannot be computed. With ``is_first``, no frame
-    comes before these, and the playback begins in them. A refold's unfolding and folding are one motion,
-    which rests when it is straight.
+    comes before these, and the playback begins in them. A refold's unfolding and folding are one
+    motion, which rests when it is straight.
     """
     played = around.phase != EXPLOSION
     angles, times = around.joint_angles_rad[played], around.time_s[played]

@@ -35,63 +35,65 @@ to it counts as 0, and so does the squared length of a cross product, so that pa
 separating axis."""
 
 
-def blocks_differ(chain: Chain, angles_rad: Array, told: BlockFigures, size: float) -> Differences:
+def blocks_differ(
+    chain: Chain, angles_rad: Array, stated: BlockFigures, size: float
+) -> Differences:
     """Yield the differences between reported and computed blocks.
 
     Args:
         chain: The chain.
         angles_rad: (J,) hinge angles where the explosion stopped, rad.
-        told: The evidence.
+        stated: The evidence.
         size: Module size at which the explosion keeps clear.
     """
-    first = told["first_hinge"]
-    if told["module_size"] != size:
-        yield f"module_size: got {told['module_size']:g}, expected {size:g}"
-    if told["bent_above_rad"] > MAX_UNREPORTED_BEND_RAD:
+    first = stated["first_hinge"]
+    if stated["module_size"] != size:
+        yield f"module_size: got {stated['module_size']:g}, expected {size:g}"
+    if stated["bent_above_rad"] > MAX_UNREPORTED_BEND_RAD:
         yield (
-            f"bent_above_rad: got {told['bent_above_rad']:.3g}, expected at most "
+            f"bent_above_rad: got {stated['bent_above_rad']:.3g}, expected at most "
             f"{MAX_UNREPORTED_BEND_RAD:.3g}"
         )
     if not np.allclose(
         angles_rad[:first], chain.folded_rad[:first], rtol=0.0, atol=SINGLE_PRECISION_ANGLE_RAD
     ):
         yield f"first_hinge: got {first}, expected a hinge before which all hinges are folded"
-    bent = np.flatnonzero(np.abs(angles_rad) > told["bent_above_rad"])
+    bent = np.flatnonzero(np.abs(angles_rad) > stated["bent_above_rad"])
     expected = bent[bent >= first].tolist()
-    if [turn["hinge"] for turn in told["turns"]] != expected:
+    if [turn["hinge"] for turn in stated["turns"]] != expected:
         yield (
-            f"turns: got {len(told['turns'])} turns, expected {len(expected)}: one for each "
+            f"turns: got {len(stated['turns'])} turns, expected {len(expected)}: one for each "
             "bent hinge, in the order of the hinges"
         )
         return
-    if not told["turns"] and not told["moves"]:
+    if not stated["turns"] and not stated["moves"]:
         yield "turns and moves: got none, expected at least one blocked turn or move"
     before = forward_kinematics(chain.module, angles_rad)
-    for turn in told["turns"]:
+    for turn in stated["turns"]:
         hinge, turned = turn["hinge"], turn["turned_rad"]
         if turned * angles_rad[hinge] >= 0.0 or abs(turned) > MAX_BLOCKED_TURN_RAD + AXIS_ROUNDING:
-            most = MAX_BLOCKED_TURN_RAD
+            max_turn = MAX_BLOCKED_TURN_RAD
             yield (
                 f"hinge {hinge}: got a turn of {turned:.3g} rad, expected a turn of at most "
-                f"{most:.3g} rad towards the straight position"
+                f"{max_turn:.3g} rad towards the straight position"
             )
         yield from _turn_differs(chain, angles_rad, before, turn, size)
-    yield from _moves_differ(chain, told, size)
+    yield from _moves_differ(chain, stated, size)
 
 
 def quarter_turns_differ(
-    chain: Chain, angles_rad: Array, told: QuarterTurnFigures, size: float
+    chain: Chain, angles_rad: Array, stated: QuarterTurnFigures, size: float
 ) -> Differences:
     """Yield the differences between reported and computed overlaps in quarter turns.
 
     Args:
         chain: The chain.
         angles_rad: (J,) hinge angles where the search for turns stopped, rad.
-        told: The evidence.
+        stated: The evidence.
         size: Module size of the fold.
     """
-    if told["module_size"] != size:
-        yield f"module_size: got {told['module_size']:g}, expected {size:g}"
+    if stated["module_size"] != size:
+        yield f"module_size: got {stated['module_size']:g}, expected {size:g}"
     off = float(np.abs(angles_rad - chain.folded_rad).max(initial=0.0))
     if off > SINGLE_PRECISION_ANGLE_RAD:
         yield f"the search has left the folded state: a hinge is off by {off:.3g} rad"
@@ -101,7 +103,7 @@ def quarter_turns_differ(
         for sign in (-1, 1)
         if abs(angle + sign * QUARTER_RAD) <= chain.module.angle_limit_rad
     ]
-    turns = told["turns"]
+    turns = stated["turns"]
     if [(turn["hinge"], np.sign(turn["turned_rad"])) for turn in turns] != expected:
         yield (
             f"turns: got {len(turns)} turns, expected {len(expected)}: one for each quarter turn "
@@ -133,21 +135,21 @@ def _turn_differs(
     yield from _overlap_differs(chain, poses, before, (i, j), size, turn["overlap"], name)
 
 
-def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
+def _moves_differ(chain: Chain, stated: BlockFigures, size: float) -> Differences:
     """Yield the differences of the moves of a unit, which must be blocked in all directions."""
-    if not told["moves"]:
+    if not stated["moves"]:
         return
     axes = np.concatenate([np.eye(3), -np.eye(3)]).astype(int).tolist()
-    directions = [move["direction"] for move in told["moves"]]
+    directions = [move["direction"] for move in stated["moves"]]
     if sorted(directions) != sorted(axes):
         yield f"moves: got the directions {directions}, expected each of the six directions once"
-    last = chain.module_before(told["first_hinge"])
-    if told["unit"] is None or told["unit"][1] != last:
-        yield f"unit: got {told['unit']}, expected a range whose last module is {last}"
+    last = chain.module_before(stated["first_hinge"])
+    if stated["unit"] is None or stated["unit"][1] != last:
+        yield f"unit: got {stated['unit']}, expected a range whose last module is {last}"
         return
-    low, high = told["unit"]
+    low, high = stated["unit"]
     folded = forward_kinematics(chain.module, chain.folded_rad)
-    for move in told["moves"]:
+    for move in stated["moves"]:
         (a, b), moved = move["modules"], move["moved"]
         name = f"direction {move['direction']}"
         if not (low <= a <= high and 0 <= b < low):
@@ -156,8 +158,8 @@ def _moves_differ(chain: Chain, told: BlockFigures, size: float) -> Differences:
                 f"and one before module {low}"
             )
         if not 0.0 < moved <= MAX_BLOCKED_MOVE_PITCH:
-            most = MAX_BLOCKED_MOVE_PITCH
-            yield f"{name}: got a move of {moved:g} pitch, expected at most {most:g} pitch"
+            max_move = MAX_BLOCKED_MOVE_PITCH
+            yield f"{name}: got a move of {moved:g} pitch, expected at most {max_move:g} pitch"
         positions = folded.positions.copy()
         positions[low:] += moved * np.array(move["direction"])
         poses = Poses(positions=positions, rotations=folded.rotations)
@@ -170,7 +172,7 @@ def _overlap_differs(
     before: Poses,
     pair: tuple[int, int],
     size: float,
-    told: float,
+    stated: float,
     name: str,
 ) -> Differences:
     """Yield the reasons why two modules are no obstacle to each other as reported."""
@@ -178,10 +180,10 @@ def _overlap_differs(
     if not 0 <= i < j < len(chain) or j - i < chain.module.apart:
         yield f"{name}: got modules {i} and {j}, expected two modules that are not linked"
         return
-    found = overlap(chain, poses, i, j, size)
-    if not (found > 0.0 and abs(found - told) <= 1e-6):  # pitches: rounding
+    depth = overlap(chain, poses, i, j, size)
+    if not (depth > 0.0 and abs(depth - stated) <= 1e-6):  # pitches: rounding
         yield (
-            f"{name}: modules {i} and {j} overlap by {found:.3g} pitch, expected {told:.3g} pitch"
+            f"{name}: modules {i} and {j} overlap by {depth:.3g} pitch, expected {stated:.3g} pitch"
         )
     if overlap(chain, before, i, j, size) > AXIS_ROUNDING:
         yield f"{name}: modules {i} and {j} already overlap before the motion"
@@ -191,7 +193,7 @@ def overlap(chain: Chain, poses: Poses, i: int, j: int, size: float) -> float:
     """Return the depth of the overlap of two modules, pitches; negative if they are apart."""
     module = chain.module
     turns = poses.rotations[i], poses.rotations[j]
-    one, two = (
+    corners_i, two = (
         size * module.vertices @ turn.T + poses.positions[k]
         for turn, k in zip(turns, (i, j), strict=True)
     )
@@ -200,6 +202,6 @@ def overlap(chain: Chain, poses: Poses, i: int, j: int, size: float) -> float:
     axes = np.concatenate([*(module.face_normals @ turn.T for turn in turns), products])
     lengths = np.linalg.norm(axes, axis=1)
     axes = axes[lengths > AXIS_ROUNDING**0.5] / lengths[lengths > AXIS_ROUNDING**0.5, None]
-    a, b = one @ axes.T, two @ axes.T
+    a, b = corners_i @ axes.T, two @ axes.T
     deep = np.minimum(a.max(axis=0) - b.min(axis=0), b.max(axis=0) - a.min(axis=0))
     return float(deep.min())

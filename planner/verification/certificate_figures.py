@@ -44,13 +44,14 @@ class ReportedFigures:
     record: Record | None
     playback: Playback | None
 
-    def differences(self, again: Certificate, notes: list[str]) -> Differences:
+    def differences(self, recomputed: Certificate, notes: list[str]) -> Differences:
         """Yield the differences from a certificate computed again, except wall time."""
-        mine, theirs = _reported(self.plan.certificate), _reported(again)
-        aside = {"seconds", "margins", *_ROUNDING_DEPENDENT_FIGURES}  # margins are proved instead
+        stated, expected = _reported(self.plan.certificate), _reported(recomputed)
+        # Margins are proved instead.
+        unchecked = {"seconds", "margins", *_ROUNDING_DEPENDENT_FIGURES}
         loose = [*_ROUNDING_DEPENDENT_FIGURES]
         if self.record is None and self.plan.explosion is not None:
-            aside |= {"min_clearance_record", "max_angle_record_rad"}
+            unchecked |= {"min_clearance_record", "max_angle_record_rad"}
             loose = [
                 n
                 for n in _ROUNDING_DEPENDENT_FIGURES
@@ -59,51 +60,56 @@ class ReportedFigures:
             notes.append(
                 "There is no record.npz, so the figures of the explosion were not compared."
             )
-        if (mine.get("robots") or [])[1:] and self.playback and self.playback.others_rad is None:
-            aside |= {"exempt_pairs", "max_angle_rad"}
+        if (stated.get("robots") or [])[1:] and self.playback and self.playback.others_rad is None:
+            unchecked |= {"exempt_pairs", "max_angle_rad"}
             loose = [n for n in loose if n not in ("in_betweens", "robots")]
             notes.append(
                 "Only the figures of the robot with the largest joint error were compared, because "
                 "the playbacks of the other simulated robots are missing."
             )
         # Certificates of earlier versions lack the figures of the hinges' motion.
-        aside |= {f.name for f in fields(MotionFigures)} - set(self.certificate)
-        names = [f.name for f in fields(Certificate) if f.name not in aside]
+        unchecked |= {f.name for f in fields(MotionFigures)} - set(self.certificate)
+        names = [f.name for f in fields(Certificate) if f.name not in unchecked]
         yield from figure_differences(
-            {name: mine.get(name) for name in names},
-            {name: theirs.get(name) for name in names},
+            {name: stated.get(name) for name in names},
+            {name: expected.get(name) for name in names},
             "plan.npz certificate",
         )
         for name in loose:
-            if not self._passes(name, again):
-                where = " and playback.npz others_rad" if name == "robots" else ""
+            if not self._passes(name, recomputed):
+                addition = " and playback.npz others_rad" if name == "robots" else ""
                 yield from value_differences(
-                    mine.get(name), theirs.get(name), f"plan.npz certificate.{name}{where}"
+                    stated.get(name), expected.get(name), f"plan.npz certificate.{name}{addition}"
                 )
-        yield from self._end(again)
+        yield from self._end(recomputed)
 
-    def _passes(self, name: str, again: Certificate) -> bool:
+    def _passes(self, name: str, recomputed: Certificate) -> bool:
         """Return True if a figure that may depend on the processor is as good as the new one."""
-        mine, theirs = getattr(self.plan.certificate, name), getattr(again, name)
-        if mine is None or theirs is None:
-            return mine is theirs
+        stated, expected = getattr(self.plan.certificate, name), getattr(recomputed, name)
+        if stated is None or expected is None:
+            return stated is expected
         if name == "in_betweens":
             # rounding may halve a few more intervals
-            return abs(mine - theirs) <= 16 + 1e-2 * theirs
+            return abs(stated - expected) <= 16 + 1e-2 * expected
         if name == "clearance_bound":
-            told = self.plan.certificate
-            seen = [c for c in (told.min_clearance, told.min_clearance_playback) if c is not None]
-            seen += [robot["min_clearance"] for robot in told.robots or ()]
-            return mine <= min(seen, default=0.0) and mine <= theirs + BOUND_RTOL * abs(theirs)
+            certificate = self.plan.certificate
+            clearances = [
+                c
+                for c in (certificate.min_clearance, certificate.min_clearance_playback)
+                if c is not None
+            ]
+            clearances += [robot["min_clearance"] for robot in certificate.robots or ()]
+            allowed = expected + BOUND_RTOL * abs(expected)
+            return stated <= min(clearances, default=0.0) and stated <= allowed
         if name == "robots":
-            return _same_robots(mine, theirs)
-        return mine == theirs or self._as_near(name, mine)
+            return _same_robots(stated, expected)
+        return stated == expected or self._as_near(name, stated)
 
     def _as_near(self, name: str, place: Place) -> bool:
         """Return True if the clearance at a place is the least one reported for its motion."""
-        told = getattr(self.plan.certificate, name.removesuffix("_at"))
+        stated = getattr(self.plan.certificate, name.removesuffix("_at"))
         motion = self._motion(name)
-        if motion is None or place.modules is None or told is None:
+        if motion is None or place.modules is None or stated is None:
             return False
         i, j = sorted(place.modules)
         chain = self.plan.chain
@@ -112,24 +118,24 @@ class ReportedFigures:
         if j - i < chain.module.apart:
             return False
         size = self.plan.certificate.module_size
-        found = clearance_at(chain, motion, place.frame, (i, j), size=size)
-        return abs(found - told) <= 1e-7  # rounding; another place may be equally close
+        clearance = clearance_at(chain, motion, place.frame, (i, j), size=size)
+        return abs(clearance - stated) <= 1e-7  # rounding; another place may be equally close
 
     def _motion(self, name: str) -> Motion | None:
         if name == "min_clearance_at":
             return self.playback and self.playback.reference
-        held = self.record if name == "min_clearance_record_at" else self.playback
-        return held and held.frames
+        result = self.record if name == "min_clearance_record_at" else self.playback
+        return result and result.frames
 
-    def _end(self, again: Certificate) -> Differences:
+    def _end(self, recomputed: Certificate) -> Differences:
         """Yield the differences of the end of a simulation from the playback's figures."""
         playback = self.playback
-        if playback is None or not playback.simulated or again.rms_position_error is None:
+        if playback is None or not playback.simulated or recomputed.rms_position_error is None:
             return
         if playback.status in ("folded", "missed"):  # else it broke off between two frames
             yield from figure_differences(
                 playback.rms_position_error,
-                again.rms_position_error,
+                recomputed.rms_position_error,
                 "plan.npz playback.rms_position_error",
             )
 
@@ -147,16 +153,20 @@ def _reported(certificate: Certificate) -> dict[str, Any]:
     return values
 
 
-def _same_robots(mine: tuple[RobotFigures, ...], theirs: tuple[RobotFigures, ...]) -> bool:
+def _same_robots(stated: tuple[RobotFigures, ...], recomputed: tuple[RobotFigures, ...]) -> bool:
     """Return True if the figures of robots are equal, except for the halving of intervals."""
     names = ("max_angle_error_rad", "rms_position_error", "min_clearance")
-    told, found = ([[one[name] for name in names] for one in all_] for all_ in (mine, theirs))
+    stated_values, expected_values = (
+        [[robot[name] for name in names] for robot in all_] for all_ in (stated, recomputed)
+    )
     return (
-        np.shape(told) == np.shape(found)
-        and np.allclose(told, found, rtol=FIGURES_RTOL, atol=FIGURES_ATOL)
+        np.shape(stated_values) == np.shape(expected_values)
+        and np.allclose(stated_values, expected_values, rtol=FIGURES_RTOL, atol=FIGURES_ATOL)
         and all(
-            one["clearance_bound"] <= min(one["min_clearance"], (1.0 + BOUND_RTOL) * other)
-            for one, other in zip(mine, (one["clearance_bound"] for one in theirs), strict=True)
+            robot["clearance_bound"] <= min(robot["min_clearance"], (1.0 + BOUND_RTOL) * bound)
+            for robot, bound in zip(
+                stated, (robot["clearance_bound"] for robot in recomputed), strict=True
+            )
         )
     )
 

@@ -89,18 +89,18 @@ def check_reason(
     Returns:
         Result of the check; None if the diagnosis has no evidence, as in earlier versions.
     """
-    told = stuck.get("evidence")
-    if told is None:
+    stated = stuck.get("evidence")
+    if stated is None:
         return None
     try:
-        differences = tuple(_differences(chain, record, told, parameters))
+        differences = tuple(_differences(chain, record, stated, parameters))
     except UNREADABLE as error:
         differences = (f"the evidence cannot be checked ({type(error).__name__}: {error})",)
-    return ReasonCheck(kind=str(told.get("kind")), words=stuck["words"], differences=differences)
+    return ReasonCheck(kind=str(stated.get("kind")), words=stuck["words"], differences=differences)
 
 
 def _differences(
-    chain: Chain, record: Record, told: EvidenceFigures, parameters: Mapping[str, Any]
+    chain: Chain, record: Record, stated: EvidenceFigures, parameters: Mapping[str, Any]
 ) -> Differences:
     last = record.frames[-1:].dense(chain)
     angles = last.joint_angles_rad[0]
@@ -109,27 +109,27 @@ def _differences(
             f"status: got {record.status}, expected stalled, timeout or diverged, because the plan "
             "contains evidence of a failure"
         )
-    elif told["kind"] == "knot":
-        yield from knot_differs(last.poses(chain).positions[0], told)
-    elif told["kind"] == "blocks":
+    elif stated["kind"] == "knot":
+        yield from knot_differs(last.poses(chain).positions[0], stated)
+    elif stated["kind"] == "blocks":
         peels = record.strategy == "peel"
-        if told["first_hinge"] and not peels:
+        if stated["first_hinge"] and not peels:
             yield (
-                f"first_hinge: got {told['first_hinge']}, expected 0, because the strategy is not "
-                "peel"
+                f"first_hinge: got {stated['first_hinge']}, expected 0, because the strategy is "
+                "not peel"
             )
         size = float(parameters["module_size"])
         if _limits_of(record) != "table":  # on a table, this size is what is kept clear
-            how: dict[str, Any] = parameters[_limits_of(record)] or {}
-            size = max(size, float(how.get("verify_size", 0.0)))
-        yield from blocks_differ(chain, angles, told, size)
-    elif told["kind"] == "quarter_turns":
-        yield from quarter_turns_differ(chain, angles, told, float(parameters["module_size"]))
-    elif told["kind"] == "budget":
-        yield from _spent_differs(chain, record, told, parameters)
-        yield from _bends_differ(angles, told)
+            limits: dict[str, Any] = parameters[_limits_of(record)] or {}
+            size = max(size, float(limits.get("verify_size", 0.0)))
+        yield from blocks_differ(chain, angles, stated, size)
+    elif stated["kind"] == "quarter_turns":
+        yield from quarter_turns_differ(chain, angles, stated, float(parameters["module_size"]))
+    elif stated["kind"] == "budget":
+        yield from _spent_differs(chain, record, stated, parameters)
+        yield from _bends_differ(angles, stated)
     else:
-        yield f"kind: got {told['kind']!r}, expected one of {', '.join(REASON_KINDS)}"
+        yield f"kind: got {stated['kind']!r}, expected one of {', '.join(REASON_KINDS)}"
 
 
 def _limits_of(record: Record) -> str:
@@ -144,10 +144,10 @@ def _limits_of(record: Record) -> str:
 
 
 def _spent_differs(
-    chain: Chain, record: Record, told: BudgetFigures, parameters: Mapping[str, Any]
+    chain: Chain, record: Record, stated: BudgetFigures, parameters: Mapping[str, Any]
 ) -> Differences:
     """Yield the differences of a limit from record and parameters, or that it was not used up."""
-    spent, allowed, used = told["spent"], told["allowed"], told["used"]
+    spent, allowed, used = stated["spent"], stated["allowed"], stated["used"]
     if record.status not in STATUSES_BY_LIMIT[spent]:
         yield f"spent: got {spent}, which does not fit the status {record.status}"
     if record.spent is not None:
@@ -170,12 +170,12 @@ def _spent_differs(
     if allowed != (allowed if limit is None else limit):
         yield f"allowed: got {allowed} {spent}, expected {limit}, as in the parameters"
     if spent == "refusals":
-        most = float(parameters["table"]["table_torque"])
-        if record.table is None or record.table.bound < most:
+        max_torque = float(parameters["table"]["table_torque"])
+        if record.table is None or record.table.bound < max_torque:
             bound = "none" if record.table is None else f"{record.table.bound:g} w·p"
             yield (
                 "spent: got refusals, expected another limit, because refusals end a run only at "
-                f"the torque limit {most:g} w·p; the torque limit in the record is {bound}"
+                f"the torque limit {max_torque:g} w·p; the torque limit in the record is {bound}"
             )
 
 
@@ -214,11 +214,11 @@ def _limit(
     return int(limits["refusals"]) if spent == "refusals" else None
 
 
-def _bends_differ(angles: Array, told: BudgetFigures) -> Differences:
+def _bends_differ(angles: Array, stated: BudgetFigures) -> Differences:
     """Yield the differences of the reported bends from those of the last frame."""
     bent = int((np.abs(angles) > MAX_STRAIGHT_HINGE_RAD).sum())
-    if told["bent_hinges"] != bent:
-        yield f"bent_hinges: got {told['bent_hinges']}, expected {bent}"
+    if stated["bent_hinges"] != bent:
+        yield f"bent_hinges: got {stated['bent_hinges']}, expected {bent}"
     largest = float(np.abs(angles).max(initial=0.0))
-    if not abs(told["largest_bend_rad"] - largest) <= 1e-9:  # rounding
-        yield f"largest_bend_rad: got {told['largest_bend_rad']:.6g}, expected {largest:.6g}"
+    if not abs(stated["largest_bend_rad"] - largest) <= 1e-9:  # rounding
+        yield f"largest_bend_rad: got {stated['largest_bend_rad']:.6g}, expected {largest:.6g}"

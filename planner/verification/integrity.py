@@ -43,41 +43,41 @@ def check(directory: FilePath, *names: str) -> None:
         path = directory / name
         stamp = (_stamp(path), _stamp(directory / FILE))
         with _LOCK:
-            known = _RESULTS.get(path)
-        if known is None or known[0] != stamp:
-            known = (stamp, _reason(directory, name))
+            cached = _RESULTS.get(path)
+        if cached is None or cached[0] != stamp:
+            cached = (stamp, _reason(directory, name))
             with _LOCK:
                 if len(_RESULTS) >= 4096:
                     _RESULTS.clear()
-                _RESULTS[path] = known
-        if known[1] is not None:
-            raise DamagedError(path, known[1])
+                _RESULTS[path] = cached
+        if cached[1] is not None:
+            raise DamagedError(path, cached[1])
 
 
 def damaged_among(directory: FilePath, names: Iterable[str]) -> list[str]:
     """Return the names of damaged files."""
-    found: list[str] = []
+    damaged: list[str] = []
     for name in names:
         try:
             check(directory, name)
         except DamagedError:
-            found.append(name)
-    return found
+            damaged.append(name)
+    return damaged
 
 
 def _reason(directory: FilePath, name: str) -> str | None:
     """Return why a file is damaged, or None."""
     path = directory / name
     try:
-        known = _manifest(directory)
-        if known is not None and name not in known:
+        digests = _manifest(directory)
+        if digests is not None and name not in digests:
             return None
         if not path.exists():
-            return None if known is None else "the file is missing"
+            return None if digests is None else "the file is missing"
         if path.suffix == ".zarr" and is_sealed(read_group(path).attrs.asdict()):
-            return _reason_of_sealed(path, known)
-        if known is not None:
-            return _reason_by_digest(directory, name, known[name])
+            return _reason_of_sealed(path, digests)
+        if digests is not None:
+            return _reason_by_digest(directory, name, digests[name])
         return _reason_by_itself(path)
     except DamagedError as error:
         return f"{FilePath(error.path).relative_to(directory)}: {error.reason}"
@@ -85,9 +85,9 @@ def _reason(directory: FilePath, name: str) -> str | None:
         return f"{type(error).__name__}: {error}"
 
 
-def _reason_of_sealed(path: FilePath, known: Digests | None) -> str | None:
+def _reason_of_sealed(path: FilePath, digests: Digests | None) -> str | None:
     check_chunks(path)
-    identity = None if known is None else known[path.name].get("attributes.id")
+    identity = None if digests is None else digests[path.name].get("attributes.id")
     if identity is None:
         return None
     text = json.dumps(read_group(path).attrs.asdict().get("id"))
@@ -98,9 +98,9 @@ def _reason_of_sealed(path: FilePath, known: Digests | None) -> str | None:
     )
 
 
-def _reason_by_digest(directory: FilePath, name: str, known: dict[str, str]) -> str | None:
-    here = digests_of(directory, [name])[name]
-    changed = [field for field in {**known, **here} if known.get(field) != here.get(field)]
+def _reason_by_digest(directory: FilePath, name: str, stated: dict[str, str]) -> str | None:
+    digests = digests_of(directory, [name])[name]
+    changed = [field for field in {**stated, **digests} if stated.get(field) != digests.get(field)]
     return f"these fields were changed: {', '.join(changed[:3])}" if changed else None
 
 
@@ -139,20 +139,20 @@ def _manifest(directory: FilePath) -> Digests | None:
 def _stamps_below(directory: str) -> Iterator[tuple[str, int, int, int]]:
     """Yield what changes whenever a file below a directory is written, without building paths."""
     with os.scandir(directory) as entries:
-        for entry in sorted(entries, key=lambda each: each.name):
+        for entry in sorted(entries, key=lambda item: item.name):
             if entry.is_dir():
                 yield from _stamps_below(entry.path)
             else:
-                found = entry.stat()
-                yield entry.path, found.st_ino, found.st_mtime_ns, found.st_size
+                stat = entry.stat()
+                yield entry.path, stat.st_ino, stat.st_mtime_ns, stat.st_size
 
 
 def _stamp(path: FilePath) -> object:
     """Return what changes whenever a file, or a file in a directory, is written."""
     try:
-        found = path.stat()
+        stat = path.stat()
         if path.suffix != ".zarr":
-            return (found.st_ino, found.st_mtime_ns, found.st_size)
+            return (stat.st_ino, stat.st_mtime_ns, stat.st_size)
         return hash(tuple(_stamps_below(str(path))))
     except OSError:
         return None

@@ -27,54 +27,59 @@ MIN_CLOSINGS: Final = 3
 if an end cannot be extended without passing close to other modules."""
 
 
-def knot_differs(positions: Array, told: KnotFigures) -> Differences:
+def knot_differs(positions: Array, stated: KnotFigures) -> Differences:
     """Yield the differences between the reported knot and that of a chain.
 
     Args:
         positions: (n, 3) centres of its modules where the explosion stopped, pitches.
-        told: The evidence.
+        stated: The evidence.
     """
     rng = np.random.default_rng(len(positions))
-    polygon, sight = np.array(told["polygon"], dtype=np.float64), np.array(told["sight"])
-    seen = crossings_of(polygon, sight)
-    diagram = [(each["over"], each["under"], each["sign"]) for each in told["diagram"]]
-    if told["crossings"] != len(diagram):
-        yield f"crossings: got {told['crossings']}, expected {len(diagram)}, as in the diagram"
-    if len(seen) != len(diagram) or not all(
-        sign == other[2] and np.allclose((over, under), other[:2], rtol=0.0, atol=1e-6)  # rounding
-        for (over, under, sign), other in zip(sorted(seen), sorted(diagram), strict=True)
+    polygon, sight = np.array(stated["polygon"], dtype=np.float64), np.array(stated["sight"])
+    expected = crossings_of(polygon, sight)
+    diagram = [
+        (crossing["over"], crossing["under"], crossing["sign"]) for crossing in stated["diagram"]
+    ]
+    if stated["crossings"] != len(diagram):
+        yield f"crossings: got {stated['crossings']}, expected {len(diagram)}, as in the diagram"
+    if len(expected) != len(diagram) or not all(
+        sign == drawn_crossing[2]
+        and np.allclose((over, under), drawn_crossing[:2], rtol=0.0, atol=1e-6)  # rounding
+        for (over, under, sign), drawn_crossing in zip(
+            sorted(expected), sorted(diagram), strict=True
+        )
     ):
         yield (
-            f"diagram: the {len(seen)} crossings of the polygon differ from the {len(diagram)} "
+            f"diagram: the {len(expected)} crossings of the polygon differ from the {len(diagram)} "
             "crossings in the evidence"
         )
         return
-    drawn = invariants_of_crossings(seen)
-    if not told["closings"]:
+    drawn = invariants_of_crossings(expected)
+    if not stated["closings"]:
         yield "closings: got none, expected at least one way to join the ends"
-    for corners in told["closings"]:
+    for corners in stated["closings"]:
         outside = np.array(corners, dtype=np.float64).reshape(-1, 3)
         yield from _closing_differs(
-            positions, outside, several=len(told["closings"]) >= MIN_CLOSINGS
+            positions, outside, several=len(stated["closings"]) >= MIN_CLOSINGS
         )
         moved = positions + rng.uniform(
             -POSITION_JITTER_PITCH, POSITION_JITTER_PITCH, positions.shape
         )
-        found = invariants_of(np.concatenate([moved, outside]), rng)
-        if found is None or drawn is None:
+        invariants = invariants_of(np.concatenate([moved, outside]), rng)
+        if invariants is None or drawn is None:
             yield "determinant: there are too many crossings to compute it again"
             return
-        if not found.knotted:
+        if not invariants.knotted:
             yield (
                 "knot: got evidence of a knot, but the chain's Alexander polynomial, computed at "
                 "two points, shows no knot"
             )
-        if told["determinant"] not in (None, found.determinant):
-            yield f"determinant: got {told['determinant']}, expected {found.determinant}"
-        if drawn != found:
+        if stated["determinant"] not in (None, invariants.determinant):
+            yield f"determinant: got {stated['determinant']}, expected {invariants.determinant}"
+        if drawn != invariants:
             yield (
                 f"polygon: got a knot with the determinant {drawn.determinant}, expected a knot "
-                f"with the determinant {found.determinant} and the polynomial of the chain"
+                f"with the determinant {invariants.determinant} and the polynomial of the chain"
             )
 
 
@@ -100,9 +105,9 @@ def _closing_differs(positions: Array, corners: Array, *, several: bool) -> Diff
     if several:
         return
     for end, corner in ((0, corners[-1]), (len(positions) - 1, corners[0])):
-        others = np.delete(positions, end, axis=0)
+        other_points = np.delete(positions, end, axis=0)
         # a closer line might cross the chain
-        if _distances(others, positions[end], corner).min() < 0.5:
+        if _distances(other_points, positions[end], corner).min() < 0.5:
             yield (
                 f"closings: the line from module {end} crosses other modules; this is allowed "
                 f"only if there are at least {MIN_CLOSINGS} closings"

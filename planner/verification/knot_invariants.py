@@ -78,18 +78,18 @@ def without_idle_vertices(polygon: Array) -> Array:
 
 def _is_free(triangle: Array, starts: Array, ends: Array) -> bool:
     """Return True if no edge from (m, 3) points to (m, 3) others meets a triangle (3, 3)."""
-    corner, one, two = triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[0]
-    normal = np.cross(one, two)
+    corner, side_1, two = triangle[0], triangle[1] - triangle[0], triangle[2] - triangle[0]
+    normal = np.cross(side_1, two)
     from_plane, to_plane = (starts - corner) @ normal, (ends - corner) @ normal
     passes = from_plane * to_plane <= 0.0
     if not passes.any():
         return True
     a, b = from_plane[passes], to_plane[passes]
     share = np.divide(a, a - b, out=np.zeros_like(a), where=a != b)
-    met = starts[passes] + share[:, None] * (ends - starts)[passes] - corner
+    offsets = starts[passes] + share[:, None] * (ends - starts)[passes] - corner
     area = max(float(normal @ normal), 1e-300)
-    u = np.cross(met, two) @ normal / area
-    v = np.cross(one, met) @ normal / area
+    u = np.cross(offsets, two) @ normal / area
+    v = np.cross(side_1, offsets) @ normal / area
     return not bool(
         ((u > -TRIANGLE_MARGIN) & (v > -TRIANGLE_MARGIN) & (u + v < 1.0 + TRIANGLE_MARGIN)).any()
     )
@@ -100,27 +100,27 @@ def crossings_of(polygon: Array, sight: Array) -> Crossings:
     up = sight / np.linalg.norm(sight)
     right = np.cross(up, np.eye(3)[int(np.argmin(np.abs(up)))])
     right /= np.linalg.norm(right)
-    seen = polygon @ np.stack([right, np.cross(up, right), up], axis=1)
-    edges = np.roll(seen, -1, axis=0) - seen
-    n = len(seen)
-    found: Crossings = []
+    projected = polygon @ np.stack([right, np.cross(up, right), up], axis=1)
+    edges = np.roll(projected, -1, axis=0) - projected
+    n = len(projected)
+    crossings: Crossings = []
     for i in range(n - 2):
-        others = np.arange(i + 2, n - (i == 0))
-        gap, along = seen[others] - seen[i], edges[others]
+        later_edges = np.arange(i + 2, n - (i == 0))
+        gap, along = projected[later_edges] - projected[i], edges[later_edges]
         across = edges[i, 0] * along[:, 1] - edges[i, 1] * along[:, 0]
         across[across == 0.0] = np.inf
         s = (gap[:, 0] * along[:, 1] - gap[:, 1] * along[:, 0]) / across
         t = (gap[:, 0] * edges[i, 1] - gap[:, 1] * edges[i, 0]) / across
         hit = np.isfinite(across) & (s >= 0.0) & (s < 1.0) & (t >= 0.0) & (t < 1.0)
         for k in np.flatnonzero(hit).tolist():
-            j = int(others[k])
-            mine = float(seen[i, 2] + s[k] * edges[i, 2])
-            other = float(seen[j, 2] + t[k] * edges[j, 2])
+            j = int(later_edges[k])
+            height_i = float(projected[i, 2] + s[k] * edges[i, 2])
+            height_j = float(projected[j, 2] + t[k] * edges[j, 2])
             first, second = i + float(s[k]), j + float(t[k])
-            above = mine > other
+            above = height_i > height_j
             sign = 1 if (across[k] > 0.0) == above else -1
-            found.append((first, second, sign) if above else (second, first, sign))
-    return found
+            crossings.append((first, second, sign) if above else (second, first, sign))
+    return crossings
 
 
 def _alexander(crossings: Crossings, at: int) -> int:

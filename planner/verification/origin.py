@@ -47,34 +47,37 @@ def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differen
         return
     try:
         workspace = Workspace(directory)
-        known = workspace.read_candidates()
-        again = _read_again(workspace)
+        stored = workspace.read_candidates()
+        input_now = _read_again(workspace)
     except (*UNREADABLE, PlannerError) as error:
         yield f"{INPUT}: the shape cannot be read again ({error})"
         return
-    found, chain = again.candidates, chain_attributes(plan.chain)
-    same = [*_chain_differences(_chains_of(known), _chains_of(found), CANDIDATES)]
-    if same and not (again.method in TIME_INDEPENDENT_METHODS or again.kind in ("path", "chain")):
+    candidates, chain = input_now.candidates, chain_attributes(plan.chain)
+    differences = [*_chain_differences(_chains_of(stored), _chains_of(candidates), CANDIDATES)]
+    if differences and not (
+        input_now.method in TIME_INDEPENDENT_METHODS or input_now.kind in ("path", "chain")
+    ):
         # How long a search may take decides which of several paths it finds.
-        if not _fills(plan.chain, found.chains[0]):
+        if not _fills(plan.chain, candidates.chains[0]):
             yield f"{INPUT}: the plan's chain does not fill the cells of the shape in this file"
             return
         notes.append(
             f"The search found other paths through the same cells of the {INPUT}, because it is "
             "limited in time. Only the cells were compared."
         )
-        yield from _likeness_differs(plan, next(iter(found.likenesses), None), notes)
+        yield from _likeness_differs(plan, next(iter(candidates.likenesses), None), notes)
         return
-    for difference in same:
+    for difference in differences:
         yield f"{INPUT} was read again: {difference}"
-    others = [chain_attributes(each) for each in _with_other_ends(found)]
+    others = [chain_attributes(candidate) for candidate in _with_other_ends(candidates)]
     if all(any(_chain_differences(chain, other, INPUT)) for other in others):
         yield (
             f"{INPUT}: got a plan for {plan.chain.name} ({len(plan.chain)} modules), expected one "
-            f"for {found.chains[0].name} ({len(found.chains[0])} modules), the shape in this file"
+            f"for {candidates.chains[0].name} ({len(candidates.chains[0])} modules), the shape in "
+            "this file"
         )
         return
-    yield from _likeness_differs(plan, found.likeness_of(plan.chain), notes)
+    yield from _likeness_differs(plan, candidates.likeness_of(plan.chain), notes)
 
 
 def _chain_differences(got: Any, expected: Any, name: str) -> Differences:
@@ -87,17 +90,17 @@ def _chains_of(candidates: Candidates) -> dict[str, Any]:
     return replace(candidates, likenesses=()).as_dict()
 
 
-def _likeness_differs(plan: Plan, again: Likeness | None, notes: list[str]) -> Differences:
+def _likeness_differs(plan: Plan, recomputed: Likeness | None, notes: list[str]) -> Differences:
     """Yield the differences of the plan's likeness to its input from one measured again."""
-    if plan.likeness is None and again is not None:
+    if plan.likeness is None and recomputed is not None:
         notes.append(
             "The plan does not state how much it looks like its input; measured again, the "
-            f"overlap is {again.iou:.3f}."
+            f"overlap is {recomputed.iou:.3f}."
         )
         return
     yield from value_differences(
         None if plan.likeness is None else plan.likeness.as_dict(),
-        None if again is None else again.as_dict(),
+        None if recomputed is None else recomputed.as_dict(),
         f"plan.npz likeness, measured again from {INPUT}",
         atol=1e-3,  # some points may lie on the other side of a surface on another processor
     )
@@ -106,33 +109,33 @@ def _likeness_differs(plan: Plan, again: Likeness | None, notes: list[str]) -> D
 def _read_again(workspace: Workspace) -> Reading:
     """Return the chains in the input. A smoothing keeps the end at which its plan begins."""
     request, data = workspace.read_request(), workspace.read_input()
-    found = read_shape(request, data, start=workspace.read_start(request))
+    result = read_shape(request, data, start=workspace.read_start(request))
     if request.smooth:
         # Its input is a chain; how much that looks like a shape, the plan it smooths states.
-        told = workspace.read_recorded().likeness
-        likenesses = () if told is None else (told,)
-        candidates = replace(found.candidates, two_ended=False, likenesses=likenesses)
-        return replace(found, candidates=candidates)
-    return found
+        likeness = workspace.read_recorded().likeness
+        likenesses = () if likeness is None else (likeness,)
+        candidates = replace(result.candidates, two_ended=False, likenesses=likenesses)
+        return replace(result, candidates=candidates)
+    return result
 
 
 def _with_other_ends(candidates: Candidates) -> list[Chain]:
     chains = candidates.chains
-    return [*chains, *(each.from_other_end() for each in chains if candidates.two_ended)]
+    return [*chains, *(chain.from_other_end() for chain in chains if candidates.two_ended)]
 
 
-def _fills(one: Chain, other: Chain) -> bool:
+def _fills(first: Chain, second: Chain) -> bool:
     """Return True if two chains fill the same cells."""
-    if len(one) != len(other) or one.module.name != other.module.name:
+    if len(first) != len(second) or first.module.name != second.module.name:
         return False
-    places = [np.sort(_rows(each.folded_poses.positions)) for each in (one, other)]
+    places = [np.sort(_rows(chain.folded_poses.positions)) for chain in (first, second)]
     return bool((places[0] == places[1]).all())
 
 
 def _rows(positions: Any) -> Any:
     """Return one comparable value for each rounded place."""
-    whole = np.rint(positions / 1e-6).astype(np.int64)
-    return whole.view([("x", np.int64), ("y", np.int64), ("z", np.int64)]).reshape(-1)
+    rounded = np.rint(positions / 1e-6).astype(np.int64)
+    return rounded.view([("x", np.int64), ("y", np.int64), ("z", np.int64)]).reshape(-1)
 
 
 def attempts_differ(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
@@ -164,7 +167,9 @@ def _sequence_differs(history: Sequence[Attempt], policy: RetryPolicy) -> Differ
     """Yield where the attempts are not those that follow from the ones before."""
     for number, attempt in enumerate(history):
         # A failed one is judged only when nothing is left to try.
-        before = tuple(each.unjudged() if each.failed else each for each in history[:number])
+        before = tuple(
+            attempt.unjudged() if attempt.failed else attempt for attempt in history[:number]
+        )
         step = next_step(before, policy)
         finer, patience = 1, 0
         if isinstance(step, Explode):
@@ -175,12 +180,14 @@ def _sequence_differs(history: Sequence[Attempt], policy: RetryPolicy) -> Differ
         else:
             yield f"plan.npz attempts[{number}]: got another attempt, expected no more attempts"
             return
-        got = {**asdict(attempt.trial), "finer": attempt.finer, "patience": attempt.patience}
+        actual = {**asdict(attempt.trial), "finer": attempt.finer, "patience": attempt.patience}
         expected = {**asdict(trial), "finer": finer, "patience": patience}
-        if (what := next((name for name in got if got[name] != expected[name]), None)) is not None:
+        if (
+            differing := next((name for name in actual if actual[name] != expected[name]), None)
+        ) is not None:
             yield (
-                f"plan.npz attempts[{number}].{what}: got {got[what]!r}, expected "
-                f"{expected[what]!r}"
+                f"plan.npz attempts[{number}].{differing}: got {actual[differing]!r}, expected "
+                f"{expected[differing]!r}"
             )
             return
 
@@ -206,27 +213,27 @@ def _own_attempt_differs(
     if chain_attributes(candidates.chain_of(attempt.trial)) != chain_attributes(plan.chain):
         yield f"plan.npz attempts[{number}]: its chain is not that of the plan"
     if attempt.figures is not None:
-        mine = PlanFigures.of(certificate.as_dict())
+        figures = PlanFigures.of(certificate.as_dict())
         stated = COMPARED_IF_STATED & plan.attempts[number]["figures"].keys()
         for name in sorted(COMPARED | stated):
             yield from value_differences(
                 getattr(attempt.figures, name),
-                getattr(mine, name),
+                getattr(figures, name),
                 f"plan.npz attempts[{number}].figures.{name}",
             )
 
 
 def own_attempt(plan: Plan) -> int | None:
     """Return the number of the attempt whose plan this is; None if none can be."""
-    own = {key: value for key, value in (plan.explosion or {}).items() if key != "strategy"}
+    own_figures = {key: value for key, value in (plan.explosion or {}).items() if key != "strategy"}
     reason = plan.certificate.reason
     refusal = None if reason is None else reason.as_dict()
     fits = [
         number
         for number, values in enumerate(plan.attempts)
-        if own == {key: values.get(key) for key in own}
+        if own_figures == {key: values.get(key) for key in own_figures}
         and values.get("verified") == plan.certificate.verified
         and values.get("refusal") == refusal
     ]
-    chosen = [number for number in fits if plan.attempts[number].get("chosen")]
-    return next(iter([*chosen, *reversed(fits)]), None)
+    marked = [number for number in fits if plan.attempts[number].get("chosen")]
+    return next(iter([*marked, *reversed(fits)]), None)

@@ -21,27 +21,27 @@ from foldback.planner.storage.file_names import PLAN, PLAN_TEXT
 
 def formats_differ(plan: Plan, npz: dict[str, Any], text: dict[str, Any]) -> Differences:
     """Yield the differences of the two forms of a plan, and contradictions in one of them."""
-    other = Plan.of_values(text, PLAN_TEXT)
+    text_plan = Plan.of_values(text, PLAN_TEXT)
     arrays = {**plan.motion.columns(), "max_error_rad": plan.max_error_rad}
-    theirs = {**other.motion.columns(), "max_error_rad": other.max_error_rad}
-    if plan.motion.layout != other.motion.layout:
+    text_columns = {**text_plan.motion.columns(), "max_error_rad": text_plan.max_error_rad}
+    if plan.motion.layout != text_plan.motion.layout:
         yield "plan.json and plan.npz store their frames in different layouts"
         return
-    for name, mine in arrays.items():
+    for name, values in arrays.items():
         if name != "joint_error_rad":  # which a plan has not
-            both = f"plan.json and plan.npz differ in {name}"
-            yield from array_difference(theirs[name], mine, both)
+            message = f"plan.json and plan.npz differ in {name}"
+            yield from array_difference(text_columns[name], values, message)
     columns = {*arrays, "plan", "angle_planes", "joint_error_rad"}
-    mine, said = (
+    values, text_values = (
         {k: _plain(v) for k, v in values.items() if k not in columns} for values in (npz, text)
     )
-    if isinstance(said.get("angles"), dict):
-        said["angles"].pop("data", None)
-    yield from value_differences(said, mine, versus_plan(PLAN_TEXT, "plan"))
-    rest = plan.rest()
-    derived = {name: rest[name] for name in ("chain", "start", "root_module")}
+    if isinstance(text_values.get("angles"), dict):
+        text_values["angles"].pop("data", None)
+    yield from value_differences(text_values, values, versus_plan(PLAN_TEXT, "plan"))
+    remainder = plan.rest()
+    derived = {name: remainder[name] for name in ("chain", "start", "root_module")}
     derived["joint_names"] = list(plan.chain.joint_names)
-    yield from value_differences({name: mine.get(name) for name in derived}, derived, PLAN)
+    yield from value_differences({name: values.get(name) for name in derived}, derived, PLAN)
 
 
 def lacking(
@@ -60,8 +60,8 @@ def lacking(
     if record is not None:
         expected["explosion"] = record.summary()
     columns = {*plan.motion.columns(), "max_error_rad", "angle_planes"}
-    mine = {name: _plain(value) for name, value in npz.items() if name not in columns}
-    yield from value_differences(mine, json.loads(json.dumps(expected)), PLAN)
+    actual = {name: _plain(value) for name, value in npz.items() if name not in columns}
+    yield from value_differences(actual, json.loads(json.dumps(expected)), PLAN)
     if record is None and plan.explosion is not None:
         yield "record.npz is missing, so the figures of the explosion in plan.npz cannot be checked"
 

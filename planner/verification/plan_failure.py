@@ -26,24 +26,24 @@ def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck 
         notes: Receives a note if the check is not possible.
     """
     stuck, record = stuck_of(plan.explosion, plan.attempts), Workspace(directory).read_record()
-    found = stuck and record and check_reason(plan.chain, record, stuck, plan.parameters)
-    if stuck is None or found is None:
+    check = stuck and record and check_reason(plan.chain, record, stuck, plan.parameters)
+    if stuck is None or check is None:
         notes.append(
             "The reason for the failure was not checked. The check needs record.npz, and evidence "
             "in the attempts of plan.npz. Earlier versions did not write this evidence."
         )
         return None
     words = Diagnosis.from_dict(stuck).words
-    other = value_differences(stuck["words"], words, "words")
-    alone = _unconfirmed(directory) if found.kind in foldback_check_refusals.REASONS else ()
-    return replace(found, differences=(*found.differences, *other, *alone))
+    word_differences = value_differences(stuck["words"], words, "words")
+    alone = _unconfirmed(directory) if check.kind in foldback_check_refusals.REASONS else ()
+    return replace(check, differences=(*check.differences, *word_differences, *alone))
 
 
 def _unconfirmed(directory: FilePath) -> Differences:
     """Yield what the independent checker cannot confirm from plan and record alone."""
     try:
-        found = foldback_check_refusals.check(directory / PLAN, directory / RECORD)
+        result = foldback_check_refusals.check(directory / PLAN, directory / RECORD)
     except ValueError as error:
-        found = {"verdict": "no plan", "reason": str(error)}
-    if found["verdict"] != "refusal confirmed":
-        yield f"the independent checker does not confirm the reason: {found['reason']}"
+        result = {"verdict": "no plan", "reason": str(error)}
+    if result["verdict"] != "refusal confirmed":
+        yield f"the independent checker does not confirm the reason: {result['reason']}"

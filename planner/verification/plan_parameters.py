@@ -49,8 +49,12 @@ def plan_parameters(plan: Plan, module_size: float | None) -> Parameters:
         for name in names
         if name in plan.parameters
     }
-    found = _on_its_table(replace(plan_preset(plan), **plain), plan)
-    return found if module_size is None else replace(found, module_size=module_size)
+    parameters_found = _on_its_table(replace(plan_preset(plan), **plain), plan)
+    return (
+        parameters_found
+        if module_size is None
+        else replace(parameters_found, module_size=module_size)
+    )
 
 
 def _on_its_table(parameters: Parameters, plan: Plan) -> Parameters:
@@ -68,9 +72,9 @@ def _on_its_table(parameters: Parameters, plan: Plan) -> Parameters:
             f"got {world!r} in parameters.world of plan.npz, expected one of: "
             f"{', '.join(WORLD_CHOICES)}.",
         )
-    told = plan.parameters.get("table", {})
-    friction = told.get("table_friction", parameters.table.table_friction)
-    base = told.get("table_base", parameters.table.table_base)
+    table_values = plan.parameters.get("table", {})
+    friction = table_values.get("table_friction", parameters.table.table_friction)
+    base = table_values.get("table_base", parameters.table.table_base)
     if base not in get_args(Base):
         raise InputError(
             "not-a-plan",
@@ -82,7 +86,7 @@ def _on_its_table(parameters: Parameters, plan: Plan) -> Parameters:
         table_base=base,
         table_friction=friction and _checked_number(friction, "table.table_friction"),
         table_torque=_checked_number(
-            told.get("table_torque", parameters.table.table_torque), "table.table_torque"
+            table_values.get("table_torque", parameters.table.table_torque), "table.table_torque"
         ),
     )
     return replace(parameters, world=world, table=table)
@@ -133,21 +137,21 @@ def request_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differ
     except (*UNREADABLE, PlannerError) as error:
         yield f"request.json cannot be read ({error})"
         return
-    told = {"seed": plan.seed, "preset": plan.preset}
-    told["refold"] = plan.start is not None
+    stated = {"seed": plan.seed, "preset": plan.preset}
+    stated["refold"] = plan.start is not None
     if not (smoothed and request.prefer != COMPUTING):  # the best plan may be a smoothed one
-        told["smooth"] = smoothed
+        stated["smooth"] = smoothed
     yield from value_differences(
-        {n: getattr(request, n) for n in told}, told, versus_plan(REQUEST, "request")
+        {n: getattr(request, n) for n in stated}, stated, versus_plan(REQUEST, "request")
     )
-    here, made = versions().get("foldback"), plan.versions.get("foldback")
+    installed, plan_version = versions().get("foldback"), plan.versions.get("foldback")
     different = value_differences(
         with_defaults(plan.parameters, parameters), asdict(parameters), "plan.npz parameters"
     )
-    if here == made:
+    if installed == plan_version:
         yield from different
     else:
         notes += [
-            f"{each}, as in foldback {here}; the plan was made by foldback {made}."
-            for each in different
+            f"{field}, as in foldback {installed}; the plan was made by foldback {plan_version}."
+            for field in different
         ]

@@ -35,9 +35,9 @@ def kind_differs(plan: Plan, playback: Playback) -> Differences:
 
     The expected kind follows from the chain, its record, and the parameters.
     """
-    wanted = plan_preset(plan).explosion is not None
-    if wanted != (plan.explosion is not None):
-        need = "null, expected results" if wanted else "results, expected null"
+    expects_explosion = plan_preset(plan).explosion is not None
+    if expects_explosion != (plan.explosion is not None):
+        need = "null, expected results" if expects_explosion else "results, expected null"
         yield f"plan.npz explosion: got {need}, because the preset is {plan.preset}"
     direct = plan.explosion is None and not plan.motion.is_windowed
     limit = int(playback_number(plan, "simulated_modules"))
@@ -55,17 +55,17 @@ def _simulated_figures(plan: Plan, playback: Playback) -> Differences:
     yield from value_differences(playback.torque_frames, None, "plan.npz playback.torque_frames")
     if playback.status not in ("folded", "missed"):  # it broke off between two frames
         return
-    most = float(np.nanmax(plan.max_error_rad, initial=0.0))
-    if playback.status == "folded" and not most <= (playback.max_angle_error_rad or 0.0) * (
+    max_error = float(np.nanmax(plan.max_error_rad, initial=0.0))
+    if playback.status == "folded" and not max_error <= (playback.max_angle_error_rad or 0.0) * (
         1 + SINGLE_PRECISION_ATOL_RAD
     ):
         yield (
             f"plan.npz playback.max_angle_error_rad: got {playback.max_angle_error_rad}, expected "
-            f"at least {most}, the largest error in a frame"
+            f"at least {max_error}, the largest error in a frame"
         )
-    told = playback.summary()
+    summary = playback.summary()
     for name in ("rms_position_error", "max_angle_error_rad", "peak_torque", "rms_torque"):
-        if told[name] is None:
+        if summary[name] is None:
             yield (
                 f"plan.npz playback.{name}: got null, expected a number, because the playback was "
                 "simulated"
@@ -90,8 +90,8 @@ def _simulated_figures(plan: Plan, playback: Playback) -> Differences:
 def _step_s(plan: Plan) -> float:
     """Return the time step of a plan's simulation, s."""
     if is_on_table(plan):
-        held = plan_parameters(plan, None).table.held
-        return time_unit_s(plan.chain) * TablePlaybackParameters.usual(clamped=held).step
+        is_clamped = plan_parameters(plan, None).table.held
+        return time_unit_s(plan.chain) * TablePlaybackParameters.usual(clamped=is_clamped).step
     return playback_number(plan, "step_s")
 
 
@@ -99,7 +99,7 @@ def _kinematic_figures(plan: Plan, playback: Playback) -> Differences:
     """Yield the differences of the figures of a kinematic playback from its frames."""
     torques = inverse_dynamics(plan.chain, playback.frames)
     looked = len(torques.frames)
-    again: dict[str, Any] = {
+    expected: dict[str, Any] = {
         "peak_torque": torques.peak if looked else None,
         "rms_torque": torques.rms if looked else None,
         "torque_frames": looked,
@@ -108,9 +108,9 @@ def _kinematic_figures(plan: Plan, playback: Playback) -> Differences:
     }
     none = np.full(len(plan.max_error_rad), np.nan)
     yield from array_difference(plan.max_error_rad, none, "plan.npz max_error_rad")
-    told = playback.summary()
+    summary = playback.summary()
     yield from figure_differences(
-        {name: told[name] for name in again},
-        again,
+        {name: summary[name] for name in expected},
+        expected,
         "plan.npz playback",
     )

@@ -65,9 +65,9 @@ def why_not_repeated(directory: FilePath, plan: Plan, playback: Playback) -> str
     if not 0 <= size <= 4_000_000:  # 160 modules take 0.8 million, and 2 s
         return "it would take too long"
     for name in ("foldback", "mujoco"):
-        here, made = versions().get(name), plan.versions.get(name)
-        if here != made:
-            return f"the plan was made with {name} {made}, and this is {name} {here}"
+        installed, plan_version = versions().get(name), plan.versions.get(name)
+        if installed != plan_version:
+            return f"the plan was made with {name} {plan_version}, and this is {name} {installed}"
     return None
 
 
@@ -77,59 +77,63 @@ def robots_differ(directory: FilePath, plan: Plan, playback: Playback) -> Differ
     try:
         request, record = workspace.read_request(), workspace.read_record()
         number = own_attempt(plan)
-        own = {} if number is None else plan.attempts[number]
-        again = play_back(
+        attempt = {} if number is None else plan.attempts[number]
+        repeated = play_back(
             plan.chain,
             record,
             request.parameters(smoothed=is_smoothing(record)),
             Watch(),
             seed=plan.seed,
-            finer=int(own.get("finer", 1)),
-            patience=int(own.get("patience", 0)),
+            finer=int(attempt.get("finer", 1)),
+            patience=int(attempt.get("patience", 0)),
             unfolding=workspace.read_unfolding(request),
         )
     except (*UNREADABLE, PlannerError) as error:
         yield f"{PLAYBACK}: the simulation cannot be repeated ({error})"
         return
-    if again is None:
+    if repeated is None:
         yield f"{PLAYBACK}: got a playback, expected none after this explosion"
         return
-    where = f"{PLAYBACK} and a repeated simulation differ in"
-    told, found = playback.summary(), again.summary()
+    message = f"{PLAYBACK} and a repeated simulation differ in"
+    stated, recomputed = playback.summary(), repeated.summary()
     for name in ("status", "steps", "kind", "robots"):
-        yield from value_differences(told[name], found[name], f"{where} {name}")
+        yield from value_differences(stated[name], recomputed[name], f"{message} {name}")
     for name in ("rms_position_error", "max_angle_error_rad", "peak_torque", "rms_torque"):
         yield from value_differences(
-            told[name],
-            found[name],
-            f"{where} {name}",
+            stated[name],
+            recomputed[name],
+            f"{message} {name}",
             rtol=0.05,
             atol=SAME_SIMULATION_RAD,
         )
     for name in ("angles_rad", "others_rad"):
         of = [
-            each.frames.angles_rad if name == "angles_rad" else each.others_rad
-            for each in (playback, again)
+            result.frames.angles_rad if name == "angles_rad" else result.others_rad
+            for result in (playback, repeated)
         ]
         if of[0] is None or of[1] is None:
             if of[0] is not of[1]:
-                yield f"{where} {name}: only one of them has this array"
+                yield f"{message} {name}: only one of them has this array"
             continue
-        yield from array_difference(of[0], of[1], f"{where} {name}", atol=SAME_SIMULATION_RAD)
+        yield from array_difference(of[0], of[1], f"{message} {name}", atol=SAME_SIMULATION_RAD)
 
 
-def forces_differ(directory: FilePath, again: TableForces) -> Differences:
+def forces_differ(directory: FilePath, recomputed: TableForces) -> Differences:
     """Yield the differences of the torques on a table from those of a certificate computed again.
 
     Several equilibria may have the same largest torque, so only that is compared.
     """
     try:
-        told = TableForces.load(directory / FORCES)
+        stored = TableForces.load(directory / FORCES)
     except InputError as error:
         yield error.detail
         return
-    if told.torque.shape != again.torque.shape or not np.allclose(
-        told.torque, again.torque, rtol=SAME_TORQUES_RTOL, atol=SAME_TORQUES_RTOL, equal_nan=True
+    if stored.torque.shape != recomputed.torque.shape or not np.allclose(
+        stored.torque,
+        recomputed.torque,
+        rtol=SAME_TORQUES_RTOL,
+        atol=SAME_TORQUES_RTOL,
+        equal_nan=True,
     ):
         yield f"{FORCES} torque: these are not the largest torques of the frames"
 
@@ -137,11 +141,11 @@ def forces_differ(directory: FilePath, again: TableForces) -> Differences:
 def smoothing_differs(directory: FilePath, plan: Plan) -> Differences:
     """Yield the differences of the figures before and after smoothing from those computed again."""
     try:
-        again = before_and_after(Plan.load(directory / RECORDED_PLAN), plan)
+        recomputed = before_and_after(Plan.load(directory / RECORDED_PLAN), plan)
     except (*UNREADABLE, PlannerError) as error:
         yield f"plan.npz smoothing: its figures cannot be computed again ({error})"
         return
-    yield from figure_differences(plan.smoothing, again, "plan.npz smoothing")
+    yield from figure_differences(plan.smoothing, recomputed, "plan.npz smoothing")
 
 
 def plots_differ(
@@ -168,36 +172,37 @@ def plots_differ(
         return
     try:
         with TemporaryDirectory(prefix="foldback-verify-") as place:
-            again = FilePath(place) / FIGURES
+            recomputed_path = FilePath(place) / FIGURES
             write_figures(
                 directory / TIMELINE,
-                again,
+                recomputed_path,
                 plan_parameters(plan, None),
                 certificate=plan.certificate,
                 clearances=clearances,
             )
             if FIGURES in stored:
-                yield from _curves_differ(directory / FIGURES, again)
+                yield from _curves_differ(directory / FIGURES, recomputed_path)
             if MOMENTS in stored:
-                yield from _moments_differ(directory, timeline, plan, again)
+                yield from _moments_differ(directory, timeline, plan, recomputed_path)
     except (*UNREADABLE, PlannerError) as error:
         yield f"{' and '.join(stored)} cannot be computed again ({error})"
 
 
-def _curves_differ(stored: FilePath, again: FilePath) -> Differences:
+def _curves_differ(stored: FilePath, recomputed: FilePath) -> Differences:
     """Yield the differences of the curves of the plots."""
-    mine, theirs = zarr_group(stored), zarr_group(again)
+    stored_group, recomputed_group = zarr_group(stored), zarr_group(recomputed)
     for name in RECOMPUTED_CURVES:
-        if name not in theirs:
+        if name not in recomputed_group:
             continue
-        if name not in mine:
+        if name not in stored_group:
             yield f"{FIGURES} {name}: got nothing, expected this curve"
             continue
-        got, expected = (
-            np.asarray(cast("Any", group[name])[:], dtype=np.float64) for group in (mine, theirs)
+        actual, expected = (
+            np.asarray(cast("Any", group[name])[:], dtype=np.float64)
+            for group in (stored_group, recomputed_group)
         )
-        if got.shape != expected.shape or not np.allclose(
-            got,
+        if actual.shape != expected.shape or not np.allclose(
+            actual,
             expected,
             rtol=1e-4,
             atol=1e-6,
@@ -210,7 +215,7 @@ def _moments_differ(
     directory: FilePath, timeline: Timeline, plan: Plan, figures: FilePath
 ) -> Differences:
     """Yield the differences of the moments."""
-    again = moments_of(
+    recomputed = moments_of(
         timeline,
         size=plan.certificate.module_size,
         figures=figures,
@@ -218,6 +223,6 @@ def _moments_differ(
         direct=(directory / RECORD).exists(),
         steps=find_steps(plan),
     )
-    told: dict[str, Any] = json_of(directory / MOMENTS)
-    expected = {} if again is None else again.as_dict()
-    yield from value_differences(told, expected, MOMENTS)
+    stated: dict[str, Any] = json_of(directory / MOMENTS)
+    expected = {} if recomputed is None else recomputed.as_dict()
+    yield from value_differences(stated, expected, MOMENTS)

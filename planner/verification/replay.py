@@ -58,7 +58,7 @@ def replay(plan: Plan, xml: str, *, stride: int = 1) -> Replay:
         InputError: The model is not one of this plan.
     """
     loaded = _Loaded.of(plan, xml)
-    difference, overlap, where = 0.0, 0.0, None
+    difference, overlap, overlap_frame = 0.0, 0.0, None
     count = 0
     for frame, angles, position, wxyz in _configurations(plan, stride):
         loaded.place(angles, position, wxyz)
@@ -69,9 +69,11 @@ def replay(plan: Plan, xml: str, *, stride: int = 1) -> Replay:
         off = np.linalg.norm(data.site_xpos[loaded.sites] - poses.positions, axis=1)
         difference = max(difference, float(off.max()))
         if data.ncon and -float(data.contact.dist.min()) > overlap:
-            overlap, where = -float(data.contact.dist.min()), frame
+            overlap, overlap_frame = -float(data.contact.dist.min()), frame
         count += 1
-    return Replay(frames=count, pose_difference=difference, overlap=overlap, overlap_frame=where)
+    return Replay(
+        frames=count, pose_difference=difference, overlap=overlap, overlap_frame=overlap_frame
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -132,12 +134,14 @@ class _Loaded:
             places.append(_moved(places[-1], data.xpos[end], data.xmat[end].reshape(3, 3)))
         tree = self.bodies.index(int(self.model.body_rootid[self.root]))
         at, turn = _moved(places[tree], data.xpos[self.root], data.xmat[self.root].reshape(3, 3))
-        wanted = np.empty(9)
-        mujoco.mju_quat2Mat(wanted, np.asarray(wxyz, dtype=np.float64))
-        whole = wanted.reshape(3, 3) @ turn.T
+        flat_rotation = np.empty(9)
+        mujoco.mju_quat2Mat(flat_rotation, np.asarray(wxyz, dtype=np.float64))
+        rotation_matrix = flat_rotation.reshape(3, 3) @ turn.T
         for address, (origin, rotation) in zip(self.roots, places, strict=True):
-            data.qpos[address : address + 3] = position + whole @ (origin - at)
-            mujoco.mju_mat2Quat(data.qpos[address + 3 : address + 7], (whole @ rotation).ravel())
+            data.qpos[address : address + 3] = position + rotation_matrix @ (origin - at)
+            mujoco.mju_mat2Quat(
+                data.qpos[address + 3 : address + 7], (rotation_matrix @ rotation).ravel()
+            )
         mujoco.mj_kinematics(self.model, data)
 
 
@@ -177,12 +181,12 @@ def _configurations(plan: Plan, stride: int) -> Any:
             yield start + 0.5, angles.mean(axis=0), positions.mean(axis=0), wxyzs[0]
 
 
-def replay_differs(found: Replay) -> Differences:
+def replay_differs(result: Replay) -> Differences:
     """Yield the differences of a replay from the plan, and overlaps."""
-    if not found.pose_difference <= 1e-6:  # pitches: rounding
-        yield f"model.xml: poses differ from the plan's by {found.pose_difference:.2g} pitch"
-    if not found.overlap <= 1e-9:  # pitches: rounding
+    if not result.pose_difference <= 1e-6:  # pitches: rounding
+        yield f"model.xml: poses differ from the plan's by {result.pose_difference:.2g} pitch"
+    if not result.overlap <= 1e-9:  # pitches: rounding
         yield (
-            f"plan.npz: MuJoCo finds an overlap of {found.overlap:.2g} pitch at frame "
-            f"{found.overlap_frame:g}"
+            f"plan.npz: MuJoCo finds an overlap of {result.overlap:.2g} pitch at frame "
+            f"{result.overlap_frame:g}"
         )

@@ -58,8 +58,10 @@ def stage_texts_differ(directory: FilePath, plan: Plan, npz: dict[str, Any]) -> 
     """
 
     def same_time(name: str, figures: dict[str, Any]) -> Check:
-        where = versus_plan(name, "seconds")
-        return lambda: value_differences(_seconds(directory / name), figures.get("seconds"), where)
+        message = versus_plan(name, "seconds")
+        return lambda: value_differences(
+            _seconds(directory / name), figures.get("seconds"), message
+        )
 
     checks = _text_checks(directory, plan, npz) | {
         names.PLAYBACK: same_time(names.PLAYBACK, plan.playback or {}),
@@ -72,8 +74,8 @@ def _text_checks(directory: FilePath, plan: Plan, npz: dict[str, Any]) -> dict[s
     """Return the comparisons of files without motions, by the file's name."""
 
     def states(name: str, field: str, expected: Any) -> Check:
-        where = versus_plan(name, field)
-        return lambda: value_differences(_stated(directory / name), expected, where)
+        message = versus_plan(name, field)
+        return lambda: value_differences(_stated(directory / name), expected, message)
 
     chain = chain_attributes(plan.chain)
     checks = {
@@ -122,36 +124,40 @@ def _among(directory: FilePath, plan: Plan) -> Differences:
 
 
 def _same_playback(directory: FilePath, plan: Plan, playback: Playback | None) -> Differences:
-    found = Workspace(directory).read_playback()
-    assert found is not None
-    told = {name: value for name, value in found.summary().items() if name in (plan.playback or {})}
-    yield from value_differences(told, plan.playback or {}, versus_plan(names.PLAYBACK, "playback"))
+    stored = Workspace(directory).read_playback()
+    assert stored is not None
+    stated = {
+        name: value for name, value in stored.summary().items() if name in (plan.playback or {})
+    }
+    yield from value_differences(
+        stated, plan.playback or {}, versus_plan(names.PLAYBACK, "playback")
+    )
     if playback is not None:
-        yield from _same_motion(found.frames, playback.frames, names.PLAYBACK)
+        yield from _same_motion(stored.frames, playback.frames, names.PLAYBACK)
         yield from array_difference(
-            found.reference.stored_angles_rad,
+            stored.reference.stored_angles_rad,
             playback.reference.stored_angles_rad,
             versus_plan(names.PLAYBACK, "joint_angles_rad"),
         )
 
 
 def _same_record(directory: FilePath, plan: Plan, record: Record | None) -> Differences:
-    found = Workspace(directory).read_record()
-    assert found is not None
+    stored = Workspace(directory).read_record()
+    assert stored is not None
     yield from value_differences(
-        found.summary(), plan.explosion or {}, versus_plan(names.RECORD, "explosion")
+        stored.summary(), plan.explosion or {}, versus_plan(names.RECORD, "explosion")
     )
     if record is not None:
         # A timeline holds one layout: that of a fold on a table is dense once it is played back.
-        frames = found.frames.in_layout_of(record.frames, plan.chain)
+        frames = stored.frames.in_layout_of(record.frames, plan.chain)
         yield from _same_motion(frames, record.frames, names.RECORD)
-    yield from _snapshots(found, plan)
+    yield from _snapshots(stored, plan)
 
 
 def _snapshots(record: Record, plan: Plan) -> Differences:
     """Yield the differences of the snapshots of a published playback from its frames."""
-    told: Any = plan.parameters.get("explosion") or {}
-    every, name = told.get("snapshot_interval"), "record.npz snapshots_rad"
+    limits: Any = plan.parameters.get("explosion") or {}
+    every, name = limits.get("snapshot_interval"), "record.npz snapshots_rad"
     angles, frames = record.snapshots_rad, record.frames
     if every is None or frames.is_windowed:
         if angles is not None:
@@ -159,34 +165,36 @@ def _snapshots(record: Record, plan: Plan) -> Differences:
         return
     shape = (record.steps // every + 2, len(plan.chain.folded_rad))
     if angles is None or (record.status == "straight" and angles.shape != shape):
-        got = None if angles is None else angles.shape
-        yield f"{name}: got the shape {got}, expected {shape}"
+        shape_found = None if angles is None else angles.shape
+        yield f"{name}: got the shape {shape_found}, expected {shape}"
         return
-    numbers = np.rint(frames.time_s / (every * told["step_s"])).astype(np.int64)
+    numbers = np.rint(frames.time_s / (every * limits["step_s"])).astype(np.int64)
     numbers[-1] = len(angles) - 1
     if (np.diff(numbers) < 0).any() or numbers[0] < 0 or numbers.max() >= len(angles):
         yield f"{name}: the times of the snapshots are not those of the frames"
         return
     yield from array_difference(angles[numbers], frames.joint_angles_rad, name, atol=PLAN_STEP_RAD)
-    held = np.searchsorted(numbers, np.arange(len(angles)), side="right") - 1
-    far = np.abs(angles - frames.joint_angles_rad[held]).max(axis=1)
+    snapshot = np.searchsorted(numbers, np.arange(len(angles)), side="right") - 1
+    far = np.abs(angles - frames.joint_angles_rad[snapshot]).max(axis=1)
     near = far <= FRAME_SPACING_RAD + PLAN_STEP_RAD
     if not near.all():
         yield f"{name}[{int(np.argmax(~near))}] differs too much from the last frame before it"
 
 
-def _same_motion(got: Motion, expected: Motion, name: str) -> Differences:
-    if got.layout != expected.layout:
+def _same_motion(actual: Motion, expected: Motion, name: str) -> Differences:
+    if actual.layout != expected.layout:
         yield f"{name}: its frames and those of timeline.zarr have different layouts"
         return
-    theirs = expected.columns()
-    both = f"{name} and timeline.zarr differ in"
-    for column, values in got.columns().items():
+    expected_columns = expected.columns()
+    message = f"{name} and timeline.zarr differ in"
+    for column, values in actual.columns().items():
         single = SINGLE_PRECISION_ATOL_RAD if column == "joint_error_rad" else 0.0
-        if column not in theirs:
-            yield f"{both} {column}: only {name} has this array"
+        if column not in expected_columns:
+            yield f"{message} {column}: only {name} has this array"
             continue
-        yield from array_difference(values, theirs[column], f"{both} {column}", atol=single)
+        yield from array_difference(
+            values, expected_columns[column], f"{message} {column}", atol=single
+        )
 
 
 def _stated(path: FilePath) -> Any:

@@ -143,8 +143,8 @@ def _chains_differ(directory: FilePath) -> Differences:
     """Yield the differences of the chain in the timeline of a fold without a plan."""
     chain, timeline = (result_path(directory, name) for name in (names.CHAIN, names.TIMELINE))
     if chain.exists() and timeline.exists():
-        told = json.loads(chain.read_bytes())
-        shown = chain_attributes(Timeline.open(timeline).chain)
+        stated = json.loads(chain.read_bytes())
+        attributes = chain_attributes(Timeline.open(timeline).chain)
         yield from value_differences(
-            shown, told, f"timeline.zarr and {names.CHAIN} differ in chain"
+            attributes, stated, f"timeline.zarr and {names.CHAIN} differ in chain"
         )

@@ -125,14 +125,14 @@ class Mesh:
 
 def mesh_of(corners: Array, count: int, apart: int) -> Mesh:
     """Return the mesh of hulls of modules; pairs less than ``apart`` in the chain are exempt."""
-    one = len(corners)
+    corner_count = len(corners)
     hull = ConvexHull(corners).simplices
     sides = np.unique(np.sort(hull[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1), axis=0)
-    shifts = one * np.arange(count)[:, None, None]
-    own = np.stack(np.triu_indices(one, 1), axis=1)
-    to_next = np.stack(np.divmod(np.arange(one * one), one), axis=1)
-    exempt = [shifts + own]
-    exempt += [shifts[: count - k] + to_next + [0, k * one] for k in range(1, apart)]
+    shifts = corner_count * np.arange(count)[:, None, None]
+    pairs_within = np.stack(np.triu_indices(corner_count, 1), axis=1)
+    to_next = np.stack(np.divmod(np.arange(corner_count * corner_count), corner_count), axis=1)
+    exempt = [shifts + pairs_within]
+    exempt += [shifts[: count - k] + to_next + [0, k * corner_count] for k in range(1, apart)]
     return Mesh(
         (shifts + hull).reshape(-1, 3).astype("i4"),
         (shifts + sides).reshape(-1, 2).astype("i4"),
@@ -169,15 +169,15 @@ class Vertices:
         """Divide the interval after a frame so that straight motion is within a tolerance."""
         ends = frame, min(frame + 1, self.plan.frames - 1)
         first, last = (self.plan.angles(end, 0, len(self.plan.folded)) for end in ends)
-        rest = self._remainder(np.abs(last - first))
-        parts = max(1, math.ceil((2.0 * rest / tolerance) ** 0.2))
+        remainder = self._remainder(np.abs(last - first))
+        parts = max(1, math.ceil((2.0 * remainder / tolerance) ** 0.2))
         while True:
-            seen = self.at(first, last, parts * STEPS_PER_PART)
-            shown = SPREAD * largest_deviation(seen)
-            deviation = shown + rest / parts**5
+            sampled = self.at(first, last, parts * STEPS_PER_PART)
+            sampled_deviation = SPREAD * largest_deviation(sampled)
+            deviation = sampled_deviation + remainder / parts**5
             if deviation <= tolerance:
-                return Division(seen[::STEPS_PER_PART], deviation)
-            needed = math.sqrt(shown / (tolerance - rest / parts**5))
+                return Division(sampled[::STEPS_PER_PART], deviation)
+            needed = math.sqrt(sampled_deviation / (tolerance - remainder / parts**5))
             parts = max(parts + 1, math.ceil(parts * needed * 1.01))
 
     def _remainder(self, turned: Array) -> float:
@@ -190,11 +190,11 @@ class Vertices:
         )
 
 
-def largest_deviation(seen: Array) -> float:
+def largest_deviation(sampled: Array) -> float:
     """Return how far vertices (4 n + 1, V, 3) are from straight motion in each four steps."""
-    ends = seen[::STEPS_PER_PART]
+    ends = sampled[::STEPS_PER_PART]
     share = np.arange(1, STEPS_PER_PART)[:, None, None] / STEPS_PER_PART
-    inner = seen[:-1].reshape(len(ends) - 1, STEPS_PER_PART, -1, 3)[:, 1:]
+    inner = sampled[:-1].reshape(len(ends) - 1, STEPS_PER_PART, -1, 3)[:, 1:]
     straight = ends[:-1, None] + share * np.diff(ends, axis=0)[:, None]
     return float(np.linalg.norm(inner - straight, axis=-1).max())
 
@@ -206,11 +206,11 @@ def toolkit() -> Any:
         InputError: ``no-ipctk`` if it is not installed.
     """
     try:
-        found = importlib.import_module("ipctk")
+        ipctk = importlib.import_module("ipctk")
     except ImportError as error:
         raise InputError("no-ipctk", IPCTK_MISSING) from error
-    found.set_logger_level(found.LoggerLevel.error)
-    return found
+    ipctk.set_logger_level(ipctk.LoggerLevel.error)
+    return ipctk
 
 
 class _Detector:
@@ -220,8 +220,8 @@ class _Detector:
         self.ipctk, self.distance, self.corners = toolkit(), distance, len(plan.module.corners)
         self.narrow = self.ipctk.AdditiveCCD()
         mesh = mesh_of(plan.module.corners, plan.count, plan.module.apart)
-        rest = np.zeros((plan.count * self.corners, 3), order="F")
-        self.mesh = self.ipctk.CollisionMesh(rest, mesh.edges, mesh.faces)
+        rest_positions = np.zeros((plan.count * self.corners, 3), order="F")
+        self.mesh = self.ipctk.CollisionMesh(rest_positions, mesh.edges, mesh.faces)
         table = dict.fromkeys(map(tuple, mesh.exempt.tolist()), False)
         self.mesh.can_collide = self.ipctk.make_sparse_filter(table, True)
 
@@ -256,8 +256,8 @@ class _Detector:
                 *ends, min_distance=self.distance, narrow_phase_ccd=self.narrow
             )
             if hit:
-                one, other = sorted({k // self.corners for k in ids})
-                hits.append((moment, (one, other)))
+                module_a, module_b = sorted({k // self.corners for k in ids})
+                hits.append((moment, (module_a, module_b)))
         return min(hits, default=(0.0, None))
 
 

@@ -60,9 +60,9 @@ def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]
     """
     record = playback = None
     # The timeline of a refold, and of a smoothed plan, shows only what was made of the record.
-    made = plan.start is not None or plan.smoothing is not None
+    is_from_plan = plan.start is not None or plan.smoothing is not None
     exploded = frames[np.flatnonzero(frames.phase == PHASES.index("explosion"))]
-    if plan.explosion is not None and (not made or len(exploded)):
+    if plan.explosion is not None and (not is_from_plan or len(exploded)):
         figures = {k: v for k, v in plan.explosion.items() if k != "frames"}
         record = Record(frames=exploded, **figures)
     if plan.playback is not None:
@@ -79,8 +79,8 @@ def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]
             )
         simulated = plan.playback.get("kind") == "dynamic"
         if plan.motion.is_windowed:
-            same = played.has_windows_of if simulated else played.passes_as
-            if not same(plan.motion):
+            agrees = played.has_windows_of if simulated else played.passes_as
+            if not agrees(plan.motion):
                 raise InputError(
                     "wrong-timeline", "the playback in timeline.zarr is not the motion of plan.npz."
                 )
@@ -101,16 +101,16 @@ def with_other_robots(
     if playback is None or playback.robots is None:
         return playback
     try:
-        kept = Workspace(directory).read_playback()
+        stored = Workspace(directory).read_playback()
     except UNREADABLE as error:
         raise InputError("not-a-playback", f"playback.npz cannot be read: {error}") from error
-    if kept is None:
+    if stored is None:
         notes.append(
             "There is no playback.npz, so only the playback of the robot with the largest joint "
             "error was checked."
         )
         return playback
-    return replace(playback, others_rad=kept.others_rad)
+    return replace(playback, others_rad=stored.others_rad)
 
 
 def kept_record(directory: FilePath, plan: Plan) -> Record | None:
@@ -128,21 +128,21 @@ def kept_record(directory: FilePath, plan: Plan) -> Record | None:
 def playback_differs(plan: Plan, playback: Playback) -> Differences:
     """Yield the differences of the playback in the timeline from that of the plan."""
     played, motion = playback.frames, plan.motion
-    both = "timeline.zarr and plan.npz differ in"
-    shown = played.columns() | {"time_s": played.time_s - played.time_s[:1]}
+    message = "timeline.zarr and plan.npz differ in"
+    columns = played.columns() | {"time_s": played.time_s - played.time_s[:1]}
     planned = motion.columns()
-    names = [name for name in ("time_s", *_ROOT, "base_position", "base_wxyz") if name in shown]
+    names = [name for name in ("time_s", *_ROOT, "base_position", "base_wxyz") if name in columns]
     if is_on_table(plan) and not played.is_windowed:
         yield from _root_differs(plan, motion, played)
         names = ["time_s"]
     if not played.is_windowed and not playback.simulated:
         names.append("joint_angles_rad")
     for name in names:
-        yield from array_difference(shown[name], planned[name], f"{both} {name}")
+        yield from array_difference(columns[name], planned[name], f"{message} {name}")
     yield from array_difference(
         played.largest_errors,
         plan.max_error_rad,
-        f"{both} max_error_rad",
+        f"{message} max_error_rad",
         atol=SINGLE_PRECISION_ATOL_RAD,
     )
     if not playback.simulated:
@@ -162,19 +162,19 @@ def _root_differs(plan: Plan, motion: Motion, played: Motion) -> Differences:
     The first module of a clamped chain has its folded pose, in the plan and in the playback. The
     drift of a chain that lies free is known from the simulation alone: the plan follows it.
     """
-    held = plan_parameters(plan, None).table.held
-    followed = played.planned(plan.chain, motion, clamped=held)
+    is_clamped = plan_parameters(plan, None).table.held
+    followed = played.planned(plan.chain, motion, clamped=is_clamped)
     meant = [(PLAN, motion, followed)]
-    how = "a chain that drifts like the playback"
-    if held:
+    drift = "a chain that drifts like the playback"
+    if is_clamped:
         meant.append((TIMELINE, played, played.clamped(plan.chain)))
-        how = "a chain whose first module is clamped"
-    for file, frames, wanted in meant:
+        drift = "a chain whose first module is clamped"
+    for file, frames, expected in meant:
         for name in _ROOT:
             yield from array_difference(
                 getattr(frames, name),
-                getattr(wanted, name),
-                f"for {how}: {file} {name}",
+                getattr(expected, name),
+                f"for {drift}: {file} {name}",
                 atol=1e-6,  # rounding
             )
 

@@ -166,53 +166,55 @@ def verify(
         changed = manifest.changed_fields(directory)
         if not changed:
             raise
-        more = (
+        further = (
             ""
             if len(changed) <= MAX_DIFFERENCES
             else f", and {len(changed) - MAX_DIFFERENCES} more"
         )
-        told = f"{error} These fields were changed: {'; '.join(changed[:MAX_DIFFERENCES])}{more}."
+        message = (
+            f"{error} These fields were changed: {'; '.join(changed[:MAX_DIFFERENCES])}{further}."
+        )
         if isinstance(error, InputError):
-            raise InputError(error.code, told) from error
-        raise TimelineError(told) from error
+            raise InputError(error.code, message) from error
+        raise TimelineError(message) from error
 
 
 def _verified(
     directory: FilePath, module_size: float | None, progress: Report, *, third_opinion: bool
 ) -> Verification:
-    found = _Findings()
+    findings = _Findings()
     npz = read_values(directory / PLAN)
     text = read_values(directory / PLAN_TEXT)
     plan = Plan.of_values(npz, PLAN)
-    found.look("plan.json and plan.npz hold the same data", formats_differ(plan, npz, text))
+    findings.look("plan.json and plan.npz hold the same data", formats_differ(plan, npz, text))
     timeline, frames = opened(directory / TIMELINE)
-    found.look("timeline.zarr belongs to this chain", chain_differs(timeline, plan))
-    record, playback = _results(directory, plan, frames, found.notes)
-    found.look("plan.npz is complete", lacking(plan, npz, record, playback))
+    findings.look("timeline.zarr belongs to this chain", chain_differs(timeline, plan))
+    record, playback = _results(directory, plan, frames, findings.notes)
+    findings.look("plan.npz is complete", lacking(plan, npz, record, playback))
     if playback is not None:
-        found.look("timeline.zarr shows the plan's playback", playback_differs(plan, playback))
-        found.look(
+        findings.look("timeline.zarr shows the plan's playback", playback_differs(plan, playback))
+        findings.look(
             "the plan states correctly whether the playback was simulated",
             kind_differs(plan, playback),
         )
-    found.look(
+    findings.look(
         "the files of the stages match the plan",
-        stage_files_differ(directory, plan, npz, record, playback, found.notes),
+        stage_files_differ(directory, plan, npz, record, playback, findings.notes),
     )
     parameters = plan_parameters(plan, module_size)
-    found.look(
+    findings.look(
         "the plan's parameters are those of the request",
-        request_differs(directory, plan, found.notes),
+        request_differs(directory, plan, findings.notes),
     )
-    found.look(
+    findings.look(
         "the input was read again and gives the plan's chain",
-        input_differs(directory, plan, found.notes),
+        input_differs(directory, plan, findings.notes),
     )
-    found.look(
+    findings.look(
         "the attempts are those that follow from the request",
-        attempts_differ(directory, plan, found.notes),
+        attempts_differ(directory, plan, findings.notes),
     )
-    repeated = _check_robots(directory, plan, playback, found)
+    repeated = _check_robots(directory, plan, playback, findings)
     clearances: list[Array] = []
     forces: list[TableForces] = []
     certificate = certify(
@@ -227,55 +229,55 @@ def _verified(
         forces=forces.append,
     )
     if module_size is None:
-        told = ReportedFigures(plan, npz["certificate"], record, playback)
-        _check_figures(directory, told, certificate, found, repeated=repeated)
+        stated = ReportedFigures(plan, npz["certificate"], record, playback)
+        _check_figures(directory, stated, certificate, findings, repeated=repeated)
         if forces and (directory / FORCES).exists():
-            found.look(
+            findings.look(
                 "the largest torques in table.npz were computed again and match",
                 forces_differ(directory, forces[0]),
             )
         if plan.smoothing is not None and (directory / RECORDED_PLAN).exists():
-            found.look(
+            findings.look(
                 "the figures before and after smoothing were computed again and match",
                 smoothing_differs(directory, plan),
             )
-        found.look(
+        findings.look(
             "moments.json and the curves in figures.zarr were computed again and match",
-            plots_differ(directory, plan, next(iter(clearances), None), found.notes),
+            plots_differ(directory, plan, next(iter(clearances), None), findings.notes),
         )
-    opinion = _opinion(directory, npz, certificate, found) if third_opinion else None
-    reason = _reason(directory, plan, found)
+    opinion = _opinion(directory, npz, certificate, findings) if third_opinion else None
+    reason = _reason(directory, plan, findings)
     model = _text(directory / MODEL)
-    found.look("model.xml is the plan's model", _model(model, plan))
-    replayed = _replayed(plan, model, found)
-    _check_manifest(directory, found)
-    found.notes.append(REPORTED_ONLY)
+    findings.look("model.xml is the plan's model", _model(model, plan))
+    replayed = _replayed(plan, model, findings)
+    _check_manifest(directory, findings)
+    findings.notes.append(REPORTED_ONLY)
     return Verification(
         certificate=certificate,
         robots_repeated=repeated,
         reason=reason,
         replay=replayed,
         opinion=opinion,
-        checked=tuple(found.checked),
-        problems=tuple(map(escaped, found.problems)),
-        notes=tuple(map(escaped, found.notes)),
+        checked=tuple(findings.checked),
+        problems=tuple(map(escaped, findings.problems)),
+        notes=tuple(map(escaped, findings.notes)),
     )
 
 
 def _check_robots(
-    directory: FilePath, plan: Plan, playback: Playback | None, found: _Findings
+    directory: FilePath, plan: Plan, playback: Playback | None, findings: _Findings
 ) -> bool | None:
     """Repeat the simulation of a playback; return False if that is not possible, None without."""
     if playback is None or not playback.simulated:
         return None
     reason = why_not_repeated(directory, plan, playback)
     if reason is not None:
-        found.notes.append(
+        findings.notes.append(
             f"The simulation of the robots was not repeated, because {reason}. Their figures "
             "(joint errors, torques) are reported only."
         )
         return False
-    found.look(
+    findings.look(
         "the simulated robots folded the chain once more, and did the same",
         robots_differ(directory, plan, playback),
     )
@@ -284,86 +286,93 @@ def _check_robots(
 
 def _check_figures(
     directory: FilePath,
-    told: ReportedFigures,
+    stated: ReportedFigures,
     certificate: Certificate,
-    found: _Findings,
+    findings: _Findings,
     *,
     repeated: bool | None,
 ) -> None:
     """Compare the reported figures with a certificate computed again; prove its bounds again."""
     alone = " (not computed again: simulated torques, and the largest error between frames)"
-    found.look(
+    findings.look(
         "the certificate's figures were computed again and match"
         f"{alone if repeated is False else ''}",
-        told.differences(certificate, found.notes),
+        stated.differences(certificate, findings.notes),
     )
-    if certificate.verified and told.certificate.get("clearance_bound"):
-        found.look(
+    if certificate.verified and stated.certificate.get("clearance_bound"):
+        findings.look(
             "an independent checker proves the clearance from plan.npz alone",
             _unproved(directory),
         )
     if not certificate.verified:
         return
-    if told.plan.certificate.margins is not None:
-        found.look(
-            "the margins were proved and computed again", _margins_differ(told.plan, certificate)
+    if stated.plan.certificate.margins is not None:
+        findings.look(
+            "the margins were proved and computed again", _margins_differ(stated.plan, certificate)
         )
     elif certificate.margins is not None:
-        found.notes.append("The plan states no margins, although there are some.")
+        findings.notes.append("The plan states no margins, although there are some.")
 
 
 def _unproved(directory: FilePath) -> Differences:
     """Yield what the independent checker cannot prove; a straight chain need not fold."""
-    found = foldback_check.check(directory / PLAN)
-    if found["verdict"] != "proved" and found["limits"] != [foldback_check.NOTHING]:
-        yield f"plan.npz: the independent checker cannot prove the plan: {found['reason']}"
+    result = foldback_check.check(directory / PLAN)
+    if result["verdict"] != "proved" and result["limits"] != [foldback_check.NOTHING]:
+        yield f"plan.npz: the independent checker cannot prove the plan: {result['reason']}"
 
 
-def _margins_differ(plan: Plan, again: Certificate) -> Differences:
+def _margins_differ(plan: Plan, recomputed: Certificate) -> Differences:
     """Yield the margins that cannot be proved, and those that differ from the ones found again.
 
     Of several places that are equally close, rounding decides which one is reported.
     """
-    told, size = plan.certificate.margins, plan.certificate.module_size
-    assert told is not None
-    for name in unproved_margins(plan.chain, plan.motion, told, size=size):
-        value = getattr(told, name).value
+    stated, size = plan.certificate.margins, plan.certificate.module_size
+    assert stated is not None
+    for name in unproved_margins(plan.chain, plan.motion, stated, size=size):
+        value = getattr(stated, name).value
         yield f"plan.npz certificate.margins.{name}: got {value:g}, which cannot be proved"
-    if again.margins is None:
+    if recomputed.margins is None:
         yield "plan.npz certificate.margins: got margins, expected none"
         return
     yield from figure_differences(
-        told.failure_probability,
-        again.margins.failure_probability,
+        stated.failure_probability,
+        recomputed.margins.failure_probability,
         "plan.npz certificate.margins.failure_probability",
     )
     for name in ("module_size", "one_hinge_rad", "independent_rad"):
-        mine, theirs = getattr(told, name), getattr(again.margins, name)
-        where = f"plan.npz certificate.margins.{name}"
-        yield from value_differences(mine.value, theirs.value, where, rtol=SAME_MARGIN_RTOL)
-        if mine.limited_by != theirs.limited_by and not _limits(plan, name, mine, theirs):
+        own_margin, recomputed_margin = getattr(stated, name), getattr(recomputed.margins, name)
+        place_name = f"plan.npz certificate.margins.{name}"
+        yield from value_differences(
+            own_margin.value, recomputed_margin.value, place_name, rtol=SAME_MARGIN_RTOL
+        )
+        if own_margin.limited_by != recomputed_margin.limited_by and not _limits(
+            plan, name, own_margin, recomputed_margin
+        ):
             yield from value_differences(
-                asdict(mine.limited_by), asdict(theirs.limited_by), f"{where}.limited_by"
+                asdict(own_margin.limited_by),
+                asdict(recomputed_margin.limited_by),
+                f"{place_name}.limited_by",
             )
 
 
-def _limits(plan: Plan, name: str, mine: Margin, theirs: Margin) -> bool:
+def _limits(plan: Plan, name: str, stated: Margin, recomputed: Margin) -> bool:
     """Return True if a margin's modules touch at the same value as those that were found again."""
     chain, motion, size = plan.chain, plan.motion, plan.certificate.module_size
-    place = mine.limited_by
+    place = stated.limited_by
     if place.modules is None or not 0.0 <= place.frame <= len(motion) - 1:
         return False
     i, j = place.modules
     if not (i >= 0 and i + chain.module.apart <= j < len(chain)):
         return False
-    one, other = (
-        limit_at(chain, motion, name, margin.limited_by, size=size) for margin in (mine, theirs)
+    first_limit, second_limit = (
+        limit_at(chain, motion, name, margin.limited_by, size=size)
+        for margin in (stated, recomputed)
     )
-    return abs(one - other) <= SAME_MARGIN_RTOL * abs(other)
+    return abs(first_limit - second_limit) <= SAME_MARGIN_RTOL * abs(second_limit)
 
 
 def _opinion(
-    directory: FilePath, npz: dict[str, Any], certificate: Certificate, found: _Findings
+    directory: FilePath, npz: dict[str, Any], certificate: Certificate, findings: _Findings
 ) -> Opinion | None:
     """Return what ipctk says about a plan's motion; None if there is no claim to ask about.
 
@@ -372,14 +381,14 @@ def _opinion(
     proved = certificate.clearance_bound if certificate.verified else None
     claim = proved or npz["certificate"].get("clearance_bound")
     if not claim:
-        found.notes.append("The check with ipctk was skipped: the plan claims no clearance.")
+        findings.notes.append("The check with ipctk was skipped: the plan claims no clearance.")
         return None
     try:
         opinion = opinion_of(directory / PLAN, certificate.module_size, claim)
     except InputError as error:
-        found.problems.append(f"failed: ipctk cannot check the motion: {error.detail}")
+        findings.problems.append(f"failed: ipctk cannot check the motion: {error.detail}")
         return None
-    found.look(opinion.words, opinion.problems)
+    findings.look(opinion.words, opinion.problems)
     return opinion
 
 
@@ -402,13 +411,13 @@ def _results(
         ) from error
 
 
-def _reason(directory: FilePath, plan: Plan, found: _Findings) -> ReasonCheck | None:
+def _reason(directory: FilePath, plan: Plan, findings: _Findings) -> ReasonCheck | None:
     """Check the reason why an explosion stalled; None if it did not, or states none."""
     if plan.explosion is None or plan.explosion["status"] in ("straight", "cancelled"):
         return None
-    reason = reason_of(directory, plan, found.notes)
+    reason = reason_of(directory, plan, findings.notes)
     if reason is not None:
-        found.look(
+        findings.look(
             "the reason why unfolding stalled was confirmed",
             (
                 f"the reason why unfolding stalled is not confirmed: {difference}"
@@ -418,7 +427,7 @@ def _reason(directory: FilePath, plan: Plan, found: _Findings) -> ReasonCheck | 
     return reason
 
 
-def _replayed(plan: Plan, model: str, found: _Findings) -> Replay | None:
+def _replayed(plan: Plan, model: str, findings: _Findings) -> Replay | None:
     """Replay a plan in plain MuJoCo; None if it has no frames, or its model cannot be used."""
     if not len(plan.time_s):
         return None
@@ -426,24 +435,25 @@ def _replayed(plan: Plan, model: str, found: _Findings) -> Replay | None:
     try:
         replayed = replay(plan, model, stride=stride)
     except InputError as error:
-        found.problems.append(f"failed: model.xml: {error.detail}")
+        findings.problems.append(f"failed: model.xml: {error.detail}")
         return None
-    where = "" if stride == 1 else f" (checked at one frame in {stride})"
-    found.look(
-        f"the replay in MuJoCo has the plan's poses and no overlap{where}", replay_differs(replayed)
+    sampling_note = "" if stride == 1 else f" (checked at one frame in {stride})"
+    findings.look(
+        f"the replay in MuJoCo has the plan's poses and no overlap{sampling_note}",
+        replay_differs(replayed),
     )
     return replayed
 
 
-def _check_manifest(directory: FilePath, found: _Findings) -> None:
+def _check_manifest(directory: FilePath, findings: _Findings) -> None:
     changed = manifest.changed_fields(directory)
     if changed is None:
-        found.problems.append(
+        findings.problems.append(
             f"failed: {manifest.FILE}, the file with the digests of all fields, is missing; copy "
             "it with the fold's other files."
         )
     else:
-        found.look(
+        findings.look(
             "every field of every file matches its digest in manifest.json",
             (
                 field if field.endswith(manifest.MISSING) else f"{field} was changed"
@@ -461,22 +471,20 @@ class _Findings:
         self.notes: list[str] = []
 
     def look(self, at: str, differences: Differences) -> None:
-        told = list(dict.fromkeys(differences))
-        if not told:
+        texts = list(dict.fromkeys(differences))
+        if not texts:
             self.checked.append(at)
-        self.problems += [f"failed: {difference}" for difference in told[:MAX_DIFFERENCES]]
-        if len(told) > MAX_DIFFERENCES:
-            self.problems.append(
-                f'failed: … and {len(told) - MAX_DIFFERENCES} more differences in the check "{at}"'
-            )
+        self.problems += [f"failed: {text}" for text in texts[:MAX_DIFFERENCES]]
+        if (further := len(texts) - MAX_DIFFERENCES) > 0:
+            self.problems.append(f'failed: … and {further} more differences in the check "{at}"')
 
 
 def _model(text: str, plan: Plan) -> Differences:
     """Yield the differences of the model from the plan's."""
     try:
         size = plan_parameters(plan, None).module_size
-        again = mjcf.mjcf(plan.chain, module_size=size, keys=mjcf.keys_of(plan))
-        for difference in model_differences(mjcf.named_bodies(text), again):
+        expected = mjcf.mjcf(plan.chain, module_size=size, keys=mjcf.keys_of(plan))
+        for difference in model_differences(mjcf.named_bodies(text), expected):
             yield f"model.xml: {difference}"
     except InputError as error:
         raise named(error, MODEL) from None
