@@ -164,7 +164,8 @@ def _spanning_tree(blocks: Ints, rng: np.random.Generator, tree: Tree) -> tuple[
     pairs = contacts(blocks)
     # Weights are above zero, which a sparse matrix needs; only a random tree looks at them.
     weights = 1.0 + rng.random(len(pairs))
-    graph = csr_array((weights, (pairs[:, 0], pairs[:, 1])), shape=(count, count))
+    # SciPy before 1.17.1 finds no spanning trees of graphs with 64-bit indices.
+    graph = csr_array((weights, pairs.T.astype(np.int32)), shape=(count, count))
     part_count, _ = connected_components(graph, directed=False)
     if part_count > 1:
         raise InputError(

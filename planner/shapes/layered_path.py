@@ -100,7 +100,9 @@ def _cycle(squares: Ints, rng: np.random.Generator) -> dict[Cell, Cell] | None:
                 rows.append(k)
                 columns.append(index[beside])
                 weights.append(weight + 0.1 * float(rng.random()))
-    graph = csr_array((weights, (rows, columns)), shape=(len(index), len(index)))
+    # SciPy before 1.17.1 finds no spanning trees of graphs with 64-bit indices.
+    links = np.array([rows, columns], dtype=np.int32)
+    graph = csr_array((weights, links), shape=(len(index), len(index)))
     tree = minimum_spanning_tree(graph).tocoo()
     if tree.nnz != len(index) - 1:
         return None
