@@ -15,15 +15,13 @@ from foldback.planner.readers.angle_strings import HEADING
 from foldback.planner.readers.gallery import Gallery
 from foldback.planner.readers.limits import megabytes
 from foldback.planner.readers.text import READ_AS_VOXELS
+from foldback.planner.storage.files import MAX_FILE_BYTES
 from foldback.words.messages import count_from_one
 
 if TYPE_CHECKING:
     from foldback.planner.plan.plan import Plan
 
 TYPED_REMEDY = "if the order of the cells has no meaning, use --as-voxels"
-MAX_INPUT_BYTES = 64 * 2**20
-"""Maximum size of an input file of the command line, in bytes; a larger one is refused before it is
-read."""
 
 
 def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str]:
@@ -41,11 +39,11 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
     if not path.exists() and (example := Gallery().shape(shape)) is not None:
         return example.data, example.filename
     try:
-        if path.stat().st_size > MAX_INPUT_BYTES:
+        if path.stat().st_size > MAX_FILE_BYTES:
             raise InputError(
                 "too-large",
                 f"got {megabytes(path.stat().st_size)}, expected at most "
-                f"{megabytes(MAX_INPUT_BYTES)}.",
+                f"{megabytes(MAX_FILE_BYTES)}.",
                 where=path.name,
             )
         return path.read_bytes(), path.name

@@ -22,10 +22,6 @@ from foldback.planner.storage.file_names import PLAN, TABLE_FILE
 from foldback.planner.storage.files import write_whole
 from foldback.words.messages import assumption_for_people, reason_text
 
-MM_PER_M = 1000.0
-"""Millimetres in a metre: the command line takes and prints lengths in millimetres, and computes
-with metres."""
-
 
 def table(
     *,
@@ -75,7 +71,7 @@ def table(
             friction=friction,
             base=_base(base),
             module_kg=module_kg,
-            pitch_m=None if pitch_mm is None else pitch_mm / MM_PER_M,
+            pitch_m=None if pitch_mm is None else pitch_mm / 1000.0,
             density_kg_m3=float(loaded.parameters["density_kg_m3"]),
             module_size=module_size,
             bound=bound,
@@ -137,7 +133,7 @@ def _show(found: TableCertificate, written: Path) -> None:
     facts.add_row(
         "1 w·p",
         f"{found.unit_nm:.3g} N·m: modules of {found.module_kg:.3g} kg, "
-        f"{found.pitch_m * MM_PER_M:g} mm apart",
+        f"{found.pitch_m * 1000.0:g} mm apart",
     )
     facts.add_row(
         "Base",

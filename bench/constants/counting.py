@@ -2,7 +2,7 @@
 
 A numeric constant is a name in capitals that a module assigns outside of functions and classes and
 whose value is a number, a computation with numbers and such names, or a tuple, list or dictionary
-of them.
+of them. Other names for a constant, and tuples of names alone, do not count.
 """
 
 from __future__ import annotations
@@ -24,16 +24,20 @@ def numeric_constants(source: str) -> Iterator[str]:
             target, value = node.targets[0], node.value
         else:
             continue
-        if isinstance(target, ast.Name) and target.id.isupper() and value and _is_numeric(value):
+        if not (isinstance(target, ast.Name) and target.id.isupper() and value):
+            continue
+        if _is_numeric(value) and any(map(_is_number, ast.walk(value))):
             yield target.id
+
+
+def _is_number(value: ast.AST) -> bool:
+    return isinstance(value, ast.Constant) and type(value.value) in {int, float}
 
 
 def _is_numeric(value: ast.expr) -> bool:
     match value:
-        case ast.Constant(value=bool()):
-            return False
-        case ast.Constant(value=int() | float()):
-            return True
+        case ast.Constant():
+            return _is_number(value)
         case ast.Name(id=name):
             return name.isupper()
         case ast.Attribute(attr=name):
@@ -44,7 +48,7 @@ def _is_numeric(value: ast.expr) -> bool:
             return _is_numeric(left) and _is_numeric(right)
         case ast.Tuple(elts=parts) | ast.List(elts=parts) | ast.Dict(values=parts):
             return bool(parts) and all(map(_is_numeric, parts))
-        case ast.Call(func=ast.Name() | ast.Attribute(), args=parts):
+        case ast.Call(func=ast.Name() | ast.Attribute(value=ast.Name()), args=parts):
             return bool(parts) and all(map(_is_numeric, parts))
         case _:
             return False

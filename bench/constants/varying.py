@@ -45,7 +45,7 @@ from foldback.planner.robot import smoothing, smoothing_targets
 from foldback.planner.shapes import lattice_fits, voxel_choice
 from foldback.planner.shapes.solid import Solid
 from foldback.planner.shapes.voxelise import voxelise
-from foldback.planner.turns import beam_search, moves, room_search
+from foldback.planner.turns import beam_search
 from tests.planner.chains import knotted, shuffled
 
 FACTORS: Final = (0.7, 1.4)
@@ -70,27 +70,19 @@ NUMBERS: Final[dict[str, dict[ModuleType | type, tuple[str, ...]]]] = {
         simultaneous: ("FIRST_FINISH_STEPS",),
     },
     "jams": {
-        checkpoint: ("RESTORED_VELOCITY_SCALE", "PULSE_STEPS", "MIN_UNFOLDING_PROGRESS"),
-        explosion_loop: (
-            *("COMMIT_EVERY_STEPS", "STOP_COMPLIANCE_RAD", "PULSE_TENSION_SCALE"),
-            "PULSE_REPULSION_SCALE",
-        ),
+        checkpoint: ("RESTORED_VELOCITY_SCALE", "PULSE_STEPS"),
+        explosion_loop: ("COMMIT_EVERY_STEPS", "STOP_COMPLIANCE_RAD", "PULSE_REPULSION_SCALE"),
         radial_forces: ("REPTATION_FORCE",),
         recorder: ("CLEAR_ENOUGH_PITCH", "MIN_CLEARANCE_LOSS_PITCH"),
-        simultaneous: ("MAX_EXPLOSION_DEPTH_PITCH",),
-        step_control: (
-            *("MIN_TENSION_SCALE", "MIN_CONTACT_TIME_CONSTANT_S", "MIN_ALLOWED_DEPTH_PITCH"),
-            "BACK_OFF_DEPTH_SHARE",
-        ),
-        straightening: ("STRAIGHTENING_CLEARANCE_PITCH", "COARSE_CHECKS"),
+        step_control: ("WEAK_TENSION_SCALE", "MIN_CONTACT_TIME_CONSTANT_S"),
+        straightening: ("STRAIGHTENING_CLEARANCE_PITCH",),
         ExplosionParameters: ("step_in_contact_s", "body_cap"),
     },
     "playback": {
         PlaybackParameters: ("spacing_rad", "distance_weight", "steps_per_rad", "bandwidth"),
-        chain_run: ("FRAME_TURN_RAD", "FRAME_MOVE_PITCH", "MAX_FRAME_STEPS"),
+        chain_run: ("FRAME_MOVE_PITCH", "MAX_FRAME_STEPS"),
         reference_curve: (
-            *("REFERENCE_CLEARANCE_PITCH", "JOINT_LIMIT_MARGIN_RAD", "OVERLAP_CHECK_RAD"),
-            "ARC_LENGTH_PER_TURN",
+            *("REFERENCE_CLEARANCE_PITCH", "JOINT_LIMIT_MARGIN_RAD", "ARC_LENGTH_PER_TURN"),
         ),
         reference_trajectory: ("STRAIGHT_TORQUE_RATIO", "LAW_SAMPLES_PER_RAD"),
         setpoints: ("SETTLE_STEPS",),
@@ -98,26 +90,20 @@ NUMBERS: Final[dict[str, dict[ModuleType | type, tuple[str, ...]]]] = {
     },
     "smoothing": {
         smoothing: (
-            *("MAX_EVALUATIONS", "SMOOTHED_FRAMES", "CLEARANCE_SLACK_PITCH", "MIN_PART_FRAMES"),
-            *("WHOLE_FRAME_FROM_ROUND", "MAX_FOLLOWING_ROUNDS", "MIN_FOLLOWED_SHARE"),
+            *("MAX_EVALUATIONS", "SMOOTHED_FRAMES", "MIN_PART_FRAMES", "MIN_FOLLOWED_SHARE"),
             *("MIN_PASS_GAIN", "DISTANCE_WEIGHT", "SWEEP_STEPS"),
         ),
         smoothing_targets: ("FADE_FRAMES",),
     },
     "turns": {
-        beam_search: ("CONTACT_WEIGHT", "MAX_JITTER", "PATIENCE_TURNS"),
-        moves: ("SAMPLE_GAP",),
-        room_search: ("PAIR_WIDTH", "LAST_WIDTH", "MAX_PAIRS", "MAX_TRIED_PAIRS"),
+        beam_search: ("CONTACT_WEIGHT",),
     },
     "voxels": {
         voxel_choice: (
             *("COUNT_TOLERANCE", "COUNT_PENALTY", "SCORE_TOLERANCE", "UPRIGHT_BONUS"),
-            *("LAYERED_LOSS", "MIN_FITS", "MAX_FITS", "PITCHES_PER_SIDE", "THOROUGH_FROM_FITS"),
+            "THOROUGH_FROM_FITS",
         ),
-        lattice_fits: (
-            *("THRESHOLD_LEVELS", "MIN_FILL_THRESHOLD", "MAX_FILL_THRESHOLD"),
-            "WELD_TOLERANCE_SHARE",
-        ),
+        lattice_fits: ("THRESHOLD_LEVELS", "MAX_FILL_THRESHOLD", "WELD_TOLERANCE_SHARE"),
     },
 }
 """Numbers that may change results, by the group of runs that uses them and the module of the

@@ -15,6 +15,9 @@ from foldback.planner.errors import InputError
 MAX_COORDINATE: Final = 1_000_000
 """Maximum magnitude of a cell's coordinate in an input, in cells; a larger one is refused. It keeps
 all arithmetic with cells exact."""
+STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
+"""Displacements from a cell to its six neighbours, in cells; those with indices k and k ^ 1 are
+opposite."""
 MIN_CELLS: Final = 3
 """Minimum number of cells of a path for a chain: a shorter chain has no joint, and is refused."""
 DEFAULT_PITCH_M: Final = 0.01

@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 import numpy as np
 
 from foldback.planner.arrays import Array
+
+QUARTER_RAD: Final = np.pi / 2
+"""Right angle, rad."""
 
 
 def matrix_from_wxyz(wxyz: Array) -> Array:

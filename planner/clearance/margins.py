@@ -37,9 +37,6 @@ REDUCTION_FACTOR: Final = 0.95
 """Factor, from 0 to 1, of the next error of hinges or module size that is tried when a proof that
 the motion tolerates an error fails: relative to the error at which the two modules concerned would
 touch."""
-MAX_STEPS: Final = 12
-"""Maximum number of failed proofs in the search for the largest error of hinges, or module size,
-that a motion tolerates; with one more, the motion is reported to tolerate no error."""
 FAILURE_PROBABILITY: Final = 0.05
 """Upper bound of the probability, 0 to 1, that modules of a robot touch anywhere in a motion if all
 its hinges have independent random errors up to the margin that the certificate reports."""
@@ -318,7 +315,7 @@ class _Search:
                 motions.pop(0)
                 continue
             steps += 1
-            if steps > MAX_STEPS:
+            if steps > 12:
                 return [replace(margin, value=0.0) for margin in margins]
             place, touching = self.closest, [0.0] * len(limits)
             if swept.modules is not None:

@@ -15,6 +15,8 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.chain.path import STEPS
+from foldback.planner.chain.rotations import QUARTER_RAD
 from foldback.planner.explosion.failure_evidence import (
     BlockEvidence,
     Move,
@@ -30,17 +32,12 @@ stuck; folded joints have a right angle."""
 TRIAL_TURNS_RAD: Final = tuple(np.deg2rad([1.0, 2.0, 3.0, 4.0, 5.0]).tolist())
 """Angles, rad, by which each bent hinge of a stalled chain is turned towards straight, one after
 the other, until modules overlap. A hinge that can make the largest turn is free."""
-QUARTER_RAD: Final = float(np.pi / 2)
 QUARTER_TRIALS: Final = tuple((k + 0.5) / 2**m for m in range(6) for k in range(2**m))
 """Fractions of a quarter turn at which overlaps are looked for: in the middle first, where modules
 that turn meet most others, then in the middles of the halves, and so on, every 1.4° at last."""
 TRIAL_MOVE_PITCH: Final = 0.5
 """Distance, pitches, by which the next modules to be released are moved along each lattice
 direction, to test which folded modules block them."""
-MIN_BLOCKING_OVERLAP_PITCH: Final = 1e-3
-"""Minimum depth, pitches, to which two modules overlap after a trial motion for them to count as
-blocking each other."""
-LATTICE_DIRECTIONS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 
 def blocked(
@@ -146,7 +143,7 @@ def _moves(chain: Chain, unit: tuple[int, int], size: float) -> tuple[Move, ...]
     """Find the overlap of a unit in each direction; empty if it is free in one of them."""
     poses = forward_kinematics(chain.module, chain.folded_rad[: _hinges_to(chain, unit[1])])
     moves: list[Move] = []
-    for direction in LATTICE_DIRECTIONS:
+    for direction in STEPS:
         positions = poses.positions.copy()
         positions[unit[0] :] += TRIAL_MOVE_PITCH * np.array(direction)
         pairs = near_pairs(positions, 2.0 * chain.module.radius * size, chain.module.apart)
@@ -177,6 +174,6 @@ def _deepest(
         np.array(pairs, dtype=np.int64).reshape(-1, 2),
         chain.module.hull,
         size,
-        -MIN_BLOCKING_OVERLAP_PITCH,
+        -1e-3,  # pitches
     )
     return (0.0, None) if i < 0 else (-float(separation), (int(i), int(j)))

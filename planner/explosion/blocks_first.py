@@ -28,16 +28,8 @@ TETHER_MODULES: Final = 4
 """Number of modules at either end of a rigid block whose joints stay free, so that blocks can part.
 With 0 or 1, packed blocks hinge into each other and jam; more are slower to simulate:
 docs/decisions/0015-hard-paths.md."""
-MIN_BLOCK_STEPS: Final = 200
-"""Minimum number of simulation steps with rigid blocks before all joints are freed."""
-LOOSE_TETHER_RAD: Final = 0.35
-"""Mean angle, rad, of the hinges between rigid blocks below which the blocks count as parted and
-all joints are freed."""
 TETHER_CHECK_STEPS: Final = 100
 """Number of simulation steps between two checks of whether rigid blocks have parted."""
-MIN_TETHER_EASING: Final = 0.03
-"""Minimum relative decrease, between two checks, of the mean angle of the hinges between rigid
-blocks. Below it the blocks count as stuck, and all joints are freed."""
 
 
 def explode_blocks_first(
@@ -113,8 +105,8 @@ class Tethers:
         free = world.engine.free[np.abs(folded[world.engine.free]) > 0.1]
         before = mean_bend_rad(folded[free]) if self.bend_rad is None else self.bend_rad
         self.bend_rad = bend = mean_bend_rad(world.state.angles[free])
-        eased = bend < (1.0 - MIN_TETHER_EASING) * before
-        if steps >= MIN_BLOCK_STEPS and (bend < LOOSE_TETHER_RAD or not eased):
+        eased = bend < 0.97 * before
+        if steps >= 200 and (bend < 0.35 or not eased):  # the blocks have parted, or are stuck
             explosion.commit()
             world.forces.tension = self.parameters.tension
             explosion.control.max_step_in_contact_s = self.parameters.step_in_contact_s

@@ -55,15 +55,9 @@ FIRST_FINISH_STEPS: Final = 50
 """Number of simulation steps between two attempts to straighten the chain without simulation, by
 shrinking all angles evenly; it grows after failed attempts. Measured from 35 to 70: equally good
 (decision 0051)."""
-FINISH_BACKOFF: Final = (1.5, 800.0)
-"""Factor by which the number of simulation steps between two attempts to straighten the chain
-without simulation grows after a failure, and its maximum."""
 JAM_CHECK_STEPS: Final = 400
 """Number of simulation steps between two checks of whether the unfolding chain is jammed; a jam
 starts a loosening pulse."""
-MAX_EXPLOSION_DEPTH_PITCH: Final = 0.02
-"""Maximum depth of contacts while all modules are pulled apart at once, pitches; the limit is lower
-if the required clearance leaves less room."""
 CALM_SPRING_SCALE: Final = 3.0
 """Factor of the stiffness of all hinges' springs in a calm explosion: the experiments are in
 docs/decisions/0034-calm-motion.md."""
@@ -152,7 +146,7 @@ class KinematicFinish:
             size=p.verify_size,
         )
         if frames is None:
-            factor, max_wait_steps = FINISH_BACKOFF
+            factor, max_wait_steps = 1.5, 800.0
             self.wait_steps = min(factor * self.wait_steps, max_wait_steps)
             self.next_step = step + round(self.wait_steps)
         return frames
@@ -218,7 +212,7 @@ class Simultaneous(Explosion[WholeChain, Step]):
             spacing=lambda: 1.0 + (spacing - 1.0) * forces.looseness,
         )
         room = 2.0 * chain.module.inner_radius * (parameters.geom_size - parameters.verify_size)
-        allowed = ContactDepth.within(room, MAX_EXPLOSION_DEPTH_PITCH)
+        allowed = ContactDepth.within(room, 0.02)  # pitches
         return cls(
             world=world,
             control=StepControl.adaptive(parameters, allowed),

@@ -34,9 +34,6 @@ MAX_DRAWN_MODULES: Final = 250_000
 """Maximum number of modules in all drawings of a leaflet; drawing so many takes about 25 s."""
 MAX_LARGE_STEPS: Final = 24
 """Maximum number of steps that are drawn large; more steps are drawn small, on fewer pages."""
-MIN_SCALE_MM: Final = 1.5
-"""Minimum length of a pitch on paper, in mm, in drawings of up to ``MAX_LARGE_STEPS`` steps. Long
-chains get more room on a page, until it is reached: at half of it, modules merge into a line."""
 PAGE_MM: Final = (182.0, 245.0)
 """Width and height of what fits on both A4 and Letter paper between their margins, in mm."""
 HEAD_MM: Final = 17.0
@@ -85,9 +82,7 @@ def layout_of(drawings: Sequence[Drawing]) -> tuple[int, int]:
     if count > MAX_LARGE_STEPS:
         return 3, 4
     layouts = ((min(count, 2), min(-(-count // 2), 3)), (2, 1))
-    return next(
-        (layout for layout in layouts if _scale_mm(drawings, layout) >= MIN_SCALE_MM), (1, 1)
-    )
+    return next((layout for layout in layouts if _scale_mm(drawings, layout) >= 1.5), (1, 1))
 
 
 def _scale_mm(drawings: Sequence[Drawing], layout: tuple[int, int]) -> float:

@@ -10,9 +10,6 @@ from foldback.planner.plan.plan import Plan
 if TYPE_CHECKING:
     from trimesh import Trimesh
 
-MM_PER_M: Final = 1000.0
-"""Millimetres in a metre: exported STL files state lengths in millimetres, as slicers for 3D
-printing expect."""
 STL_HEADER: Final = b"foldback: the outer solid of one module, in millimetres".ljust(80)
 
 
@@ -24,7 +21,7 @@ def write(plan: Plan) -> bytes:
     """
     from trimesh.exchange.stl import export_stl
 
-    edge = plan.certificate.module_size * plan.chain.pitch_m * MM_PER_M
+    edge = plan.certificate.module_size * plan.chain.pitch_m * 1000.0  # mm, as slicers assume
     return STL_HEADER + export_stl(hull_of(plan.chain.module, edge))[len(STL_HEADER) :]
 
 

@@ -25,9 +25,6 @@ MIN_CROSS = 1e-9
 """Minimum length of the cross product of two unit edges, the sine of their angle, for it to be
 tested as a separating axis of two convex modules. Shorter ones belong to parallel edges, which the
 face normals cover."""
-MIN_CROSS_SQUARE = 1e-18
-"""Minimum squared length of the cross product of two unit edges, the squared sine of their angle,
-for it to be tested as a separating axis of two boxes: the square of ``MIN_CROSS``."""
 
 
 class Solid(NamedTuple):
@@ -112,7 +109,7 @@ def _box_axis_separation(k: int, across: Array, relative: Array, half: Array) ->
         r, c = (k - 6) // 3, (k - 6) % 3
         r1, r2, c1, c2 = (r + 1) % 3, (r + 2) % 3, (c + 1) % 3, (c + 2) % 3
         scale = relative[r1, c] * relative[r1, c] + relative[r2, c] * relative[r2, c]
-        if scale < MIN_CROSS_SQUARE:
+        if scale < 1e-18:  # the square of MIN_CROSS
             return -np.inf
         scale = 1.0 / np.sqrt(scale)
         distance = across[r2] * relative[r1, c] - across[r1] * relative[r2, c]

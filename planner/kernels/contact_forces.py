@@ -42,16 +42,6 @@ solved exactly; beyond it the slower, approximate gradient solver takes over."""
 MAX_NON_IMPROVING_PIVOTS = 3
 """Number of block pivots in a row that do not reduce the number of infeasible contact forces before
 the solver changes to single pivots, which cannot cycle: p̄ in Júdice & Pires (1994)."""
-PIVOT_TOLERANCE = 1e-10
-"""Magnitude up to which a negative contact acceleration counts as zero in the pivoting solver, as a
-fraction of the largest bias (acceleration at a contact without contact forces, less the wanted
-one). With smaller values rounding errors cause endless pivots."""
-MAX_GRADIENT_STEPS = 400
-"""Maximum number of iterations of the gradient solver for contact forces; beyond it the forces
-found so far are used."""
-GRADIENT_TOLERANCE = 1e-3
-"""Residual at which the gradient solver for contact forces ends, as a fraction of the largest bias
-(acceleration at a contact without contact forces, less the wanted one)."""
 
 
 class PairContacts(NamedTuple):
@@ -437,7 +427,7 @@ def _solve_lcp_block_pivoting(A: Array, b: Array, f: Array) -> bool:
     tolerance = 0.0
     for k in range(m):
         is_basic[k] = b[k] < 0.0
-        tolerance = max(tolerance, PIVOT_TOLERANCE * abs(b[k]))
+        tolerance = max(tolerance, 1e-10 * abs(b[k]))  # with less, rounding causes endless pivots
     fewest, remaining = m + 1, MAX_NON_IMPROVING_PIVOTS
     for _ in range(MAX_PIVOTS):
         size = ZERO
@@ -573,8 +563,8 @@ def _solve_lcp_gradient(
     x = np.zeros(m)
     y = np.zeros(m)
     theta = 1.0
-    tolerance = GRADIENT_TOLERANCE * np.abs(scaled).max()
-    for _ in range(MAX_GRADIENT_STEPS):
+    tolerance = 1e-3 * np.abs(scaled).max()
+    for _ in range(400):
         gradient = _apply_delassus(y, scale, R, contacts, operator) + scaled
         x_next = np.maximum(y - step * gradient, 0.0)
         if np.abs(y - x_next).max() < step * tolerance:

@@ -13,10 +13,6 @@ from foldback.planner.kernels import INNER, KERNEL
 
 Array = NDArray[Any]
 
-SAMPLE_SHIFT_U = 1.3e-6
-"""Offset of the points at which a mesh is sampled from the cells' centres along the first axis, u,
-in cells, so that no ray hits an edge of a box-shaped mesh."""
-
 
 @njit(**INNER)
 def _side(u: float, v: float, a: int, b: int, us: Array, vs: Array) -> float:
@@ -46,7 +42,7 @@ def mark_crossings(us: Array, vs: Array, ws: Array, faces: Array, marks: Array) 
         low_v = int(np.floor(min(vs[a], vs[b], vs[c]) - 0.5))
         high_v = int(np.ceil(max(vs[a], vs[b], vs[c]) - 0.5))
         for i in range(max(low_u, 0), min(high_u + 1, count_u)):
-            u = i + 0.5 + SAMPLE_SHIFT_U
+            u = i + 0.5 + 1.3e-6  # no ray hits an edge of a box-shaped mesh
             for j in range(max(low_v, 0), min(high_v + 1, count_v)):
                 # Another shift than along u: no ray hits a diagonal edge of a box-shaped mesh
                 # either.

@@ -19,9 +19,6 @@ Pairs = NDArray[np.int64]
 MIN_GRID_POINTS = 1000
 """Number of points from which on near pairs are searched in a hashed grid, in time linear in the
 points; for fewer, a walk along the chain is faster. Measured."""
-MAX_SQUARED_DISTANCE = 1e18
-"""Squared distance in pitches² above which a simulation counts as diverged, and the search for near
-pairs skips no points. The root of a larger one, or of infinity, may not fit into an integer."""
 MIN_REPULSION_SQUARE = 1e-6
 """Squared distance of two modules in pitches² below which their repulsion grows no more, so that it
 stays finite if both centres coincide."""
@@ -104,7 +101,7 @@ def _near_pairs_along(points: Array, cutoff: float, apart: int) -> Pairs:
                 # beyond the cutoff has k followers that are too far as well. A distance that is
                 # not finite allows no such conclusion, and has no value as an integer.
                 j += 1
-                if square < MAX_SQUARED_DISTANCE:
+                if square < 1e18:  # else diverged
                     j += int(np.sqrt(square) - cutoff)
     return pairs[:count].copy()
 

@@ -37,8 +37,6 @@ MOVES: Final = 8
 _HEAD, _TAIL, _COUNT, _SHARED, _COST = range(5)
 RANDOM: Final = 5
 """Place of the state of the random numbers in the sums of a state."""
-_RECORD_AFTER: Final = 3
-"""A third of the moves passes, while the path is hot, before the best path is recorded."""
 _BARE: Final[dict[str, Any]] = INNER | {"_nrt": False}
 """Options of a kernel that creates no arrays. Their references are then not counted, which would
 take six times as long as the moves."""
@@ -479,7 +477,7 @@ def _walk(
             _store(path, last_order)
             last_count = path.sums[_COUNT]
         accepted[kind] += 1
-        if _RECORD_AFTER * turn < schedule.moves:
+        if 3 * turn < schedule.moves:  # hot in the first third
             continue
         energy = energy_of(field, path.sums[_COUNT], path.sums[_SHARED], path.sums[_COST])
         if energy < best - 1e-9:

@@ -18,13 +18,6 @@ from foldback.planner.kernels import INNER, KERNEL
 
 Array = NDArray[np.float64]
 Indices = NDArray[np.int64]
-FEASIBILITY_TOLERANCE = 1e-12
-"""Amount by which the lower bound of a squared path speed may exceed its upper bound before no
-speed counts as allowed, relative to that speed; rounding can cause as much."""
-MIN_SLOPE = 1e-7
-"""Ratio |b| / |a| below which an acceleration constraint |a x + b x₊| ≤ limit on the squared path
-speeds x at a grid point and x₊ at the next one counts as a bound of x alone: dividing by b would be
-inexact."""
 
 
 @njit(**INNER)
@@ -109,7 +102,7 @@ def _next_range(
         for knot in range(2):
             a = curvature - half * start[j] if knot == 0 else -half * end[j]
             b = half * start[j] if knot == 0 else curvature + half * end[j]
-            if abs(b) <= MIN_SLOPE * abs(a):
+            if abs(b) <= 1e-7 * abs(a):
                 if a != 0.0:
                     x_bound = min(x_bound, acceleration / abs(a))
                 continue
@@ -138,7 +131,7 @@ def _controllable(
             low, low_slope = 0.0, 0.0
         if high > x_next:
             high, high_slope = x_next, 0.0
-        if high - low >= -FEASIBILITY_TOLERANCE * (x + x_next) or high_slope >= low_slope:
+        if high - low >= -1e-12 * (x + x_next) or high_slope >= low_slope:
             break
         x = max(0.0, x - (high - low) / (high_slope - low_slope))
     return x

@@ -27,8 +27,6 @@ Ints = NDArray[np.int64]
 RING: Final = 6
 """Number of tetrahedra around a diagonal of a unit cube."""
 _COUNT, _SHARED, _COST, _STAMP = range(4)
-_RECORD_AFTER: Final = 3
-"""A third of the moves passes, while the set is hot, before the best one is recorded."""
 _BARE: Final[dict[str, Any]] = INNER | {"_nrt": False}
 """Options of a kernel that creates no arrays; references to them are then not counted."""
 
@@ -309,7 +307,7 @@ def _walk(
         limit = temperature * schedule.thresholds[draw(sums, 1024)]
         if not _changed(field, parities, group, limit):
             continue
-        if _RECORD_AFTER * turn < schedule.moves:
+        if 3 * turn < schedule.moves:  # hot in the first third
             continue
         value = energy_of(field, sums[_COUNT], sums[_SHARED], sums[_COST])
         if value < best - 1e-9:

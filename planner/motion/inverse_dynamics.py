@@ -7,7 +7,6 @@ spread evenly; torques between them may be larger.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -15,10 +14,6 @@ from foldback.planner.arrays import Array, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.floating_torques import floating_torques
 from foldback.planner.motion.motion import Motion
-
-MAX_TORQUE_FRAME_MODULES: Final = 2_000_000
-"""Maximum product of frames and modules for which the joint torques of a motion are computed;
-beyond it only some frames, evenly spread, are."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -57,7 +52,7 @@ def inverse_dynamics(chain: Chain, motion: Motion) -> Torques:
     if inner < 1:
         none = np.zeros(0, np.int64)
         return Torques(frames=none, largest=np.zeros(0), hinges=none, rms=0.0)
-    count = min(inner, max(1, MAX_TORQUE_FRAME_MODULES // len(chain)))
+    count = min(inner, max(1, 2_000_000 // len(chain)))
     middle = 1 + np.unique(np.linspace(0, inner - 1, count).astype(np.int64))
     largest, hinges = np.empty(len(middle)), np.empty(len(middle), np.int64)
     step = max(1, 2**18 // len(chain.folded_rad))

@@ -51,9 +51,6 @@ FRAMES_PER_CHUNK: Final = 128
 WINDOWS_PER_CHUNK: Final = 4096
 """Number of frames in a zarr chunk of a motion that stores only the moving hinges of each frame,
 for all arrays but those of angles."""
-ANGLES_PER_CHUNK: Final = 2**16
-"""Number of hinge angles in a zarr chunk of a motion that stores only the moving hinges of each
-frame, counted over all frames."""
 MIN_FLUSH_PERIOD_S: Final = 0.15
 """Minimum time between two writes of new frames to disk, s."""
 MAX_FLUSH_PERIOD_S: Final = 1.0
@@ -73,7 +70,7 @@ def _columns(windowed: bool, hinges: int) -> dict[str, tuple[tuple[int, ...], st
     if windowed:
         names = (*_WINDOW_ROWS[:3], "offsets", *_WINDOW_ROWS[3:], *_WINDOW_ANGLES)
         table = {"ends" if name == "offsets" else name: WINDOW_COLUMNS[name] for name in names}
-    rows: dict[str, int] = {name: ANGLES_PER_CHUNK for name in _WINDOW_ANGLES}
+    rows: dict[str, int] = {name: 2**16 for name in _WINDOW_ANGLES}
     chunk_rows = WINDOWS_PER_CHUNK if windowed else FRAMES_PER_CHUNK
     return {
         name: (

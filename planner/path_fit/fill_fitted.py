@@ -33,8 +33,6 @@ METHOD: Final = "fitted"
 MAX_FITTED_MODULES: Final = 2_000
 """Maximum number of modules of a fitted path: annealing longer ones takes too long."""
 MIN_FITTED_MODULES: Final = 8
-MIN_JOINED_GAIN: Final = 0.03
-"""Smallest gain in IoU for which separate bodies are joined by modules in the air."""
 REROUTES: Final = 8
 """Number of searches for a path through fitted cells with other ends."""
 
@@ -197,7 +195,8 @@ def _stages(solid: Solid, modules: int, seed: int, *, exact: bool) -> Iterator[_
 def _worth(laid: _LaidFit) -> float:
     """Return the IoU with the whole solid, less what joined bodies must gain."""
     ladder, fit = laid
-    return _path_iou(ladder, fit.paths[0]) - (MIN_JOINED_GAIN if ladder.all_bodies else 0.0)
+    # IoU for which modules in the air join bodies
+    return _path_iou(ladder, fit.paths[0]) - (0.03 if ladder.all_bodies else 0.0)
 
 
 def _path_iou(ladder: Ladder, fitted: FittedPath) -> float:

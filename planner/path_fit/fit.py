@@ -16,7 +16,6 @@ from foldback.planner.kernels.path_annealing import (
     CORNER,
     CUT,
     DETOUR,
-    FULL,
     GROW,
     PARALLEL,
     RETRACT,
@@ -67,20 +66,11 @@ FINAL_RUNS: Final = 2
 """Number of last annealings of each finalist."""
 PITCH_FACTORS: Final = tuple(0.8 + 0.04 * k for k in range(11))
 """Pitches that are tried, relative to that of N cells with the volume of the solid."""
-MIN_CLOSING_PITCH: Final = 2.5
-"""Smallest pitch that closes walls, in their thickness, for which they are closed: below, cells
-with the best IoU leave few gaps (decision 0042)."""
 GAP_COST: Final = 0.05
 """Loss of score for each gap in thin walls: each tunnel that the solid does not have (decision
 0042)."""
 MIN_TILT_GAIN: Final = 0.03
 """Smallest gain in IoU for which the solid is turned: people expect a model upright."""
-SAME_IOU: Final = 0.004
-"""Difference in IoU below which the path is taken that unfolds more easily."""
-AIR_FILL: Final = FULL // 50
-"""Fill below which a cell counts as air, in 1/``FULL``."""
-AIR_COST: Final = 0.0
-"""Further energy of a cell in the air, in cells."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -150,11 +140,10 @@ def schedule(moves: int, *, hot: float = HOT, cold: float = COLD) -> Schedule:
 
 def field_of(placement: Placement, counts: Counts) -> Field:
     """Return the cells of a placement and the goal of a path."""
-    fill, worth = placement.fill.reshape(-1), placement.worth.reshape(-1)
-    cost = np.where((fill >= 0) & (fill < AIR_FILL), round(AIR_COST * FULL), 0)
+    worth = placement.worth.reshape(-1)
     return Field(
         fill=worth,
-        cost=cost.astype(np.int64),
+        cost=np.zeros(len(worth), np.int64),
         steps=placement.steps(),
         volume=placement.needed,
         target=float(counts.high),
@@ -261,7 +250,7 @@ def _walls(ladder: Ladder, cells: int) -> Walls:
     """
     pitch, wall = ladder.pitch_for(cells), ladder.thickness
     closing = pitch * float(np.sqrt(pitch / wall))
-    if closing < MIN_CLOSING_PITCH * wall:
+    if closing < 2.5 * wall:  # below, the best cells leave few gaps: docs/decisions/0042
         return Walls(pitch)
     return Walls(closing, float(np.sqrt(2.0)) * wall, ladder.tunnels)  # a wall from edge to edge
 
@@ -298,7 +287,7 @@ def _chosen(runs: list[FittedPath], low: int) -> tuple[FittedPath, ...]:
     for run in runs:
         if len(run.cells) < low <= len(runs[0].cells):
             break
-        if sound and _worth(run) < _worth(sound[0][1]) - SAME_IOU:
+        if sound and _worth(run) < _worth(sound[0][1]) - 0.004:
             break
         if knot_of(run.cells).verdict == "unknot":
             sound.append((spread(run.cells), run))

@@ -44,9 +44,6 @@ MAX_TABLE_FITTED_MODULES: Final = 200
 """Maximum number of modules of a path that is fitted for a table: about 5 s of processor time."""
 MOVES_PER_CELL: Final = 600
 """Moves of each annealing, for each cell of the requested number."""
-DIFFICULTY_OF_IOU: Final = 20.0
-"""Difference in difficulty that is worth a difference of 1 in IoU: a path that is 0.05 less like
-the solid is taken if its score is better by 1 (decision 0038)."""
 MIN_IOU_SHARE: Final = 0.8
 """Smallest IoU of a path that is taken, relative to the best one: an easier fold of something that
 no longer looks like the solid is of no use."""
@@ -135,4 +132,5 @@ def cost_of(cells: Ints, iou: float) -> float:
         iou: Intersection over union with the solid.
     """
     standing = cells - np.array([0, 0, cells[:, 2].min()])
-    return parts_of(standing).times(WEIGHTS) + DIFFICULTY_OF_IOU * (1.0 - iou)
+    # 0.05 of IoU are worth a difficulty of 1: docs/decisions/0038
+    return parts_of(standing).times(WEIGHTS) + 20.0 * (1.0 - iou)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Final
 
 import numpy as np
 
@@ -13,17 +12,6 @@ from foldback.planner.kernels.trails import anneal_trail
 from foldback.planner.path_fit.fit import MIN_SHARE, Walls, placements_of, schedule, worth_of
 from foldback.planner.path_fit.placements import TETRAHEDRA, Counts, Placement
 from foldback.planner.shapes.lattice_fits import Ladder
-
-UPRIGHT_PLACEMENTS: Final = 5
-"""Number of placements of the upright solid in the race."""
-RACE_MOVES: Final = 500
-"""Moves for each tetrahedron in the first annealing of a placement."""
-FINALISTS: Final = 3
-"""Number of placements that are annealed again."""
-FINAL_RUNS: Final = 2
-"""Number of last annealings of each finalist."""
-FINAL_MOVES: Final = 2_000
-"""Moves for each tetrahedron in each of the last annealings."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -80,18 +68,16 @@ def fit_trail(ladder: Ladder, modules: int, *, seed: int = 0) -> FittedTetrahedr
     """
     counts = Counts(low=int(np.ceil(MIN_SHARE * modules)), high=modules)
     walls = Walls(ladder.pitch_for(modules) / float(np.cbrt(TETRAHEDRA.volume)))
-    placements = placements_of(
-        ladder, counts, walls, seed, lattice=TETRAHEDRA, upright=UPRIGHT_PLACEMENTS
-    )
+    placements = placements_of(ladder, counts, walls, seed, lattice=TETRAHEDRA, upright=5)
     runs = [
-        _annealed(placement, counts, RACE_MOVES * modules, [seed, 0, number])
+        _annealed(placement, counts, 500 * modules, [seed, 0, number])
         for number, placement in enumerate(placements)
     ]
-    finals = sorted(runs, key=_worth)[-FINALISTS:]
+    finals = sorted(runs, key=_worth)[-3:]
     finals += [
-        _annealed(run.placement, counts, FINAL_MOVES * modules, [seed, 1 + k, attempt])
+        _annealed(run.placement, counts, 2_000 * modules, [seed, 1 + k, attempt])
         for k, run in enumerate(finals)
-        for attempt in range(FINAL_RUNS)
+        for attempt in range(2)
     ]
     return max(finals, key=_worth)
 

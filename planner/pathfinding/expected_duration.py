@@ -11,11 +11,6 @@ MAX_IMPROVING_S: Final = 300.0
 """Maximum time, in s, that the duration that users are told before a fold is longer if several
 plans are computed and the best is chosen, rather than the first."""
 
-TABLE_POWERS: Final = (3.5, 2.0)
-"""Exponents of the number of modules in the expected duration of a fold on a table. The first holds
-up to 96 modules; fitted to 2 s for 24 modules and 29 to 62 s for 64. The second holds beyond, where
-attempts get stuck and end early."""
-
 
 def expected_seconds(
     modules: int, preset: str = "default", *, choosing: bool = False, world: str = FLOATING
@@ -31,7 +26,7 @@ def expected_seconds(
         world: World of the fold; on a table runs of 24 to 96 modules were measured.
     """
     if world != FLOATING:
-        below, beyond = TABLE_POWERS
+        below, beyond = 3.5, 2.0
         share = modules / 96  # the longest chain that was timed
         # measured: docs/decisions/0026
         return 1.0 + 330.0 * share ** (below if share < 1.0 else beyond)

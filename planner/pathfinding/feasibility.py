@@ -12,11 +12,11 @@ from typing import Final, TypeAlias
 import numpy as np
 
 from foldback.planner.arrays import Ints
-from foldback.planner.chain.path import MIN_CELLS
+from foldback.planner.chain.path import MIN_CELLS, STEPS
 from foldback.planner.pathfinding import Cell
 from foldback.planner.pathfinding.block_merging import halved
 from foldback.planner.pathfinding.exact_search import exact_path
-from foldback.planner.pathfinding.lattice import STEPS, colours, neighbours, parts
+from foldback.planner.pathfinding.lattice import colours, neighbours, parts
 from foldback.planner.pathfinding.no_path_proofs import Problem, obstacles, written
 from foldback.planner.pathfinding.snake import is_box
 from foldback.planner.shapes.shape import Shape
@@ -33,9 +33,6 @@ MAX_CHANGES: Final = 12
 """Number of cells that a repair (a changed shape that has a path) may add or drop in any shape;
 shapes of more than 120 cells may change by a tenth of their cells. Also the maximum number of cells
 that join separate parts."""
-MAX_CHANGED_SHARE: Final = 0.1
-"""Fraction of a shape's cells that a repair (a changed shape that has a path) may add or drop, if
-this is more than the 12 cells that it may change in any shape."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -147,7 +144,7 @@ def _repairs(
 def _mended(before: Cells, base: Cells, adding: bool, seed: int, deadline: float) -> Repair | None:
     """Add or drop cells one at a time, each time the one that helps most."""
     now = base
-    for _ in range(max(MAX_CHANGES, int(MAX_CHANGED_SHARE * len(base))) + 1):
+    for _ in range(max(MAX_CHANGES, int(0.1 * len(base))) + 1):
         problems = obstacles(_array(now))
         if not problems:
             if now != before and _has_path(now, seed):

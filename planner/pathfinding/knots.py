@@ -29,9 +29,6 @@ the knot test is degenerate. Strands are 0.5 apart, so a much larger value could
 MIN_STICKS: Final = 6
 """Minimum number of edges of a closed polygon that can be knotted: six, the stick number of the
 trefoil knot. Shorter ones need no test."""
-MAX_EXACT_CROSSINGS: Final = 300
-"""Maximum number of crossings of a diagram whose determinant is computed exactly. With more, the
-knot test evaluates the Alexander polynomial modulo two primes only, and reports no determinant."""
 SECOND_EVALUATION_POINT: Final = 2
 """Argument besides −1 at which the knot test evaluates the Alexander polynomial: at −1 alone, some
 knots (the torus knot of 3 and 5) look like no knot."""
@@ -125,7 +122,7 @@ def _judged(points: Array, rng: np.random.Generator) -> Knot:
         return UNKNOT
     if len(signs) > 1200:  # elimination takes time by the cube of the number
         return Knot(verdict="undecided", determinant=None, crossings=len(signs))
-    exact = len(signs) <= MAX_EXACT_CROSSINGS
+    exact = len(signs) <= 300  # with more, modulo two primes only
     value = _determinant(places, signs) if exact else None
     knotted = (value is not None and value != 1) or not _is_unit(places, signs)
     return Knot(

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.path import STEPS
 from foldback.planner.errors import InputError
 from foldback.planner.pathfinding import Cell
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
-
-
-STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
-"""Displacements from a cell to its six neighbours, in cells; those with indices k and k ^ 1 are
-opposite."""
 
 
 def keys_of(cells: Ints, low: Ints, size: Ints) -> Ints:

@@ -13,8 +13,8 @@ from typing import TypeAlias
 import numpy as np
 
 from foldback.planner.arrays import Ints
+from foldback.planner.chain.path import STEPS
 from foldback.planner.pathfinding.block_merging import cut, cut_costs
-from foldback.planner.pathfinding.lattice import STEPS
 
 Cell: TypeAlias = tuple[int, int, int]
 Edge: TypeAlias = frozenset[Cell]

@@ -21,9 +21,6 @@ from foldback.planner.playback.setpoints import Setpoints, Target
 from foldback.planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
 
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
-FRAME_TURN_RAD: Final = 0.01
-"""Turn of a hinge, or of its target angle, since the last frame, rad, at which a simulated playback
-records the next frame."""
 FRAME_MOVE_PITCH: Final = 0.2
 """Displacement of a module since the last frame, relative to the mean of all modules, pitches, at
 which a simulated playback records the next frame: the ends of a nearly straight chain go far while
@@ -231,7 +228,7 @@ class Run(PlaybackRun):
 
         With several robots the target alone decides: all keep frames at the same steps.
         """
-        last, turn, way = self._last, FRAME_TURN_RAD / self.finer, FRAME_MOVE_PITCH / self.finer
+        last, turn, way = self._last, 0.01 / self.finer, FRAME_MOVE_PITCH / self.finer
         if last is None or target.rests or self.steps - last.step >= MAX_FRAME_STEPS:
             return True
         turned = float(np.abs(target.angles - last.target.angles).max())

@@ -31,9 +31,6 @@ quarter of the gap between two cells if that is less: room for the joint errors 
 JOINT_LIMIT_MARGIN_RAD: Final = 1e-3
 """Margin, rad, between the planned angles of a playback and the end of a joint's range, so that
 joint errors of the simulated chain do not leave the range."""
-OVERLAP_CHECK_RAD: Final = 0.04
-"""Turn of the fastest hinge, rad, between two configurations of a planned curve that are checked
-for collisions; the straight motion between them is checked, too."""
 ARC_LENGTH_PER_TURN: Final = 8.0
 """Maximum length of a planned curve (displacements included) between two samples, as a multiple of
 the turn of the fastest hinge between them: the ends of a nearly straight chain travel far while its
@@ -189,7 +186,7 @@ def clear_reference(
     breaks = _even(float(lengths[-1]), spacing_rad)
     for _ in range(MAX_PIECE_HALVINGS):
         reference = Reference.of_pieces(chain, angles, lengths, breaks)
-        places = reference.places(OVERLAP_CHECK_RAD)
+        places = reference.places(0.04)
         close = _too_close(chain, reference.spline(places), size, room)
         if not close.any():
             return reference

@@ -59,26 +59,12 @@ spacing."""
 FRAME_SPACING_RANGE_RAD: Final = (0.015, 0.06)
 """Minimum and maximum length of motion between two frames of a smoothed motion, in rad of joint
 motion."""
-CLEARANCE_SLACK_PITCH: Final = 0.001
-"""Additional clearance, in pitches, that smoothing demands at frames and halfway between them, as a
-reserve for the motion in between."""
 SIMPLIFIED_PARTS: Final = (1, 3, 6, 12, 24, 48)
 """Numbers of parts into which smoothing divides a motion, in this order; each part is replaced by a
 straight line or a mean if that is clear."""
 MIN_PART_FRAMES: Final = 4
 """Minimum mean number of frames of the parts into which smoothing divides a motion; it is divided
 no further."""
-HALVING_ROUNDS: Final = 1
-"""Smoothing moves hinges towards a shorter motion and reduces this step, round by round, where
-modules would collide. In this number of first rounds the hinges concerned make half of their step;
-in later rounds they keep their angle."""
-WHOLE_FRAME_FROM_ROUND: Final = 6
-"""Number of rounds after which a collision makes all hinges of its frame keep their angles when
-smoothing moves a motion towards a shorter one; in earlier rounds only the hinges between the two
-colliding modules do."""
-MAX_FOLLOWING_ROUNDS: Final = 14
-"""Maximum number of rounds in which smoothing holds back hinges between colliding modules while it
-moves a motion towards a shorter one; with collisions left after them, this attempt is given up."""
 MIN_FOLLOWED_SHARE: Final = 0.02
 """Smallest step of a hinge, as a fraction of the difference between its angle and that in the
 shorter motion towards which smoothing moves it. A hinge that collisions restrict to less keeps its
@@ -253,7 +239,7 @@ class _Smoothing:
         shares = softened(np.repeat(worth.astype(np.float64)[:, None], angles.shape[1], axis=1))
         unknown: Flags = np.ones(len(angles), dtype=np.bool_)
         unknown_ways: Flags = unknown.copy()
-        for turn in range(MAX_FOLLOWING_ROUNDS):
+        for turn in range(14):
             candidate = angles + shares * (target - angles)
             moved: Flags = shares.max(axis=1) > 0.0
             blamed = np.zeros(angles.shape, dtype=np.bool_)
@@ -270,9 +256,10 @@ class _Smoothing:
                 unknown_ways[self._blame_between(candidate, ways, blamed)] = True
                 if not blamed.any():
                     return candidate
-            if turn >= WHOLE_FRAME_FROM_ROUND:
+            if turn >= 6:  # not the blamed hinges alone, but all of their frames
                 blamed[blamed.any(axis=1)] = True
-            factors = np.where(blamed, 0.5 if turn < HALVING_ROUNDS else 0.0, 1.0)
+            # half a step first, then none
+            factors = np.where(blamed, 0.5 if turn < 1 else 0.0, 1.0)
             lower = shares * minimum_filter1d(factors, 3, axis=0)
             lower[lower < MIN_FOLLOWED_SHARE] = 0.0
             lower = softened(lower)
@@ -280,7 +267,7 @@ class _Smoothing:
             shares = lower
         return None
 
-    def _blamed(self, angles: Array, *, slack: float = CLEARANCE_SLACK_PITCH) -> Flags:
+    def _blamed(self, angles: Array, *, slack: float = 0.001) -> Flags:
         """Return (F, J), True for the hinges between modules that are closer than allowed."""
         module = self.chain.module
         blamed = np.zeros(angles.shape, dtype=np.bool_)

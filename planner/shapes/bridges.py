@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import heapq
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array, Flags, Ints
+from foldback.planner.chain.path import STEPS
 
 Cell = tuple[int, int, int]
-FACE_STEPS: Final = ((1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0), (0, 0, 1), (0, 0, -1))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -96,7 +96,7 @@ def _ways(
         if part in remaining:
             remaining.discard(part)
             bridges.append((cell, came_from))
-        for step in FACE_STEPS:
+        for step in STEPS:
             near: Cell = (cell[0] + step[0], cell[1] + step[1], cell[2] + step[2])
             if min(near) < 0 or any(n >= s for n, s in zip(near, numbers.shape, strict=True)):
                 continue

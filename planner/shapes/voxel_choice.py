@@ -31,9 +31,6 @@ count as equally good."""
 UPRIGHT_BONUS: Final = 0.02
 """Score (as overlap with the solid, IoU from 0 to 1) that a voxelisation in the file's own
 orientation gets in addition."""
-LAYERED_LOSS: Final = 0.02
-"""Score (overlap with the solid, IoU from 0 to 1) by which a voxelisation with connected layers may
-be worse and still be preferred, because it unfolds more easily."""
 OTHER_PITCHES: Final = {False: (1.08, 1.25), True: (0.93, 0.8)}
 """Factors on the chosen pitch (a cell's size) at which voxelisations with more modules (True) or
 fewer (False) are searched, to offer other numbers. Factors farther from 1 offer more distant
@@ -45,19 +42,10 @@ MAX_OFFER_FACTOR: Final = 2.5
 """When a solid is divided into modules, other numbers of modules that also fit it well are offered
 to the user. This is the largest ratio, upwards or downwards, of an offered number to the nearest
 one that could be offered."""
-MIN_FITS: Final = 10
-"""Minimum number of fits (cell sizes and orientations of the solid) that are tried for one number
-of modules, however large the solid is."""
-MAX_FITS: Final = 120
-"""Maximum number of fits (cell sizes and orientations of the solid) that are tried for one number
-of modules, however small the solid is."""
 THOROUGH_FROM_FITS: Final = 30
 """Minimum number of fits (cell sizes and orientations of a solid) that may be tried within the
 limit of sample points for the choice to be thorough: then up to 10, instead of 4, of the best fits
 are voxelised and compared."""
-PITCHES_PER_SIDE: Final = 4
-"""Number of cell sizes (pitches), 1.25 % apart, that are tried on either side of the one that is
-estimated to give the requested number of modules."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -173,7 +161,7 @@ class Chooser:
 
     def _most(self, cells: int) -> int:
         work = self.ladder.work(0, self.ladder.pitch_for(cells))
-        return int(np.clip(1.2e8 / max(work, 1.0), MIN_FITS, MAX_FITS))
+        return int(np.clip(1.2e8 / max(work, 1.0), 10, 120))
 
     def _visit(self, turn: int, pitch: float, visited: dict[tuple[int, float], LatticeFit]) -> bool:
         fit = self.ladder.fit(turn, pitch)
@@ -197,7 +185,7 @@ class Chooser:
     def _around(self, turn: int, pitch: float) -> list[float]:
         """Return pitches near one: those that divide the box, then a few to both sides."""
         step = self.ladder.step(pitch)
-        sides = [step + sign * n for n in range(PITCHES_PER_SIDE + 1) for sign in (1, -1)]
+        sides = [step + sign * n for n in range(5) for sign in (1, -1)]
         return self.ladder.dividing(turn, pitch) + [self.ladder.pitch_of(s) for s in sides]
 
     def _best(self, fits: Iterable[LatticeFit], cells: int) -> FittedCells | None:
@@ -227,7 +215,8 @@ class Chooser:
                     layered = [
                         fit
                         for fit in (*found, *self._made_of(entries, more_entries, cells))
-                        if _worth(fit, cells) >= best_worth - LAYERED_LOSS
+                        # layered voxels unfold more easily
+                        if _worth(fit, cells) >= best_worth - 0.02
                         and has_whole_layers(fit.joined.cells)
                     ]
                     good_ones = layered or good_ones

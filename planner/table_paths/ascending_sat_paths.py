@@ -11,8 +11,9 @@ from itertools import pairwise
 import numpy as np
 
 from foldback.planner.arrays import Ints
+from foldback.planner.chain.path import STEPS
 from foldback.planner.pathfinding.circuit_solver import CircuitSolver
-from foldback.planner.pathfinding.lattice import STEPS, neighbours
+from foldback.planner.pathfinding.lattice import neighbours
 from foldback.planner.pathfinding.sat_paths import SolverResult
 from foldback.planner.table_paths.rules import hairpins
 

@@ -15,12 +15,6 @@ from foldback.planner.turns.turning import Keys, Turning, Turns
 CONTACT_WEIGHT: Final = 0.5
 """Weight of a pair of touching modules in the score of a state; a bent hinge counts 1. With 0.5 all
 14 gallery shapes of a first trial were unfolded."""
-MAX_JITTER: Final = 0.3
-"""Maximum random amount that is added to a score, so that equal states are taken in random order;
-less than the difference of two scores, 0.5."""
-PATIENCE_TURNS: Final = 24
-"""Number of turns without a better score after which a search ends as stuck. Searches of gallery
-shapes that succeeded did so within 8."""
 
 Outcome = Literal["straight", "blocked", "stuck", "cancelled"]
 
@@ -95,13 +89,14 @@ def unfold(
             return Unfolded(outcome="cancelled", states=trail.to(beam[0], 0), expanded=expanded)
         turns = turning.turns(beam, keys, codes, weight=CONTACT_WEIGHT)
         expanded += len(beam)
-        order = np.argsort(turns.score + MAX_JITTER * random.random(len(turns.score)))
+        # less than the difference of two scores, 0.5
+        order = np.argsort(turns.score + 0.3 * random.random(len(turns.score)))
         accepted = _first_clear(turning, beam, turns, order, visited, room=room, count=width)
         score = float(turns.score[accepted].min(initial=np.inf))
         improves = score < lowest
         since = 0 if improves else since + 1
         lowest = min(lowest, score)
-        if since > PATIENCE_TURNS or not len(accepted):
+        if since > 24 or not len(accepted):  # searches that succeed get better within 8
             outcome = "blocked" if expanded == 1 else "stuck"
             return Unfolded(outcome=outcome, states=nearest, expanded=expanded)
         parent, hinge = turns.parent[accepted], turns.hinge[accepted]

@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.rotations import QUARTER_RAD
 from foldback.planner.clearance.sweep import ALLOWANCE_CAP, Between
 from foldback.planner.kernels import Levels
 from foldback.planner.kernels.clearance import least_separation
 from foldback.planner.kernels.pairs import near_pairs
-from foldback.planner.turns.turning import QUARTER_RAD, Turning
+from foldback.planner.turns.turning import Turning
 
 PIECE_ORDER: Final = (4, 2, 6, 1, 3, 5, 7, 0)
 """Order in which the eighths of a motion are checked: where turns get in each other's way, it is
@@ -23,9 +24,6 @@ most often in the middle, and the first piece that is not clear ends the check."
 SAMPLES: Final = (np.array([8, 4, 12, 2, 6, 10, 14, 1, 3, 5, 7, 9, 11, 13, 15, 0]) + 0.5) / 16
 """Places on the way of a motion, 0 to 1, at which poses are looked at before it is proved, in the
 order in which they are looked at."""
-SAMPLE_GAP: Final = 2e-3
-"""Distance, pitches, beyond the room that modules keep at these places: between two places they may
-come somewhat nearer."""
 
 Turn = tuple[int, int]
 """A hinge, and the change of its level."""
@@ -63,7 +61,7 @@ class RoomProof:
             )
         return self._proved[key]
 
-    def seems_clear(self, before: Levels, after: Levels, *, sample_gap: float = SAMPLE_GAP) -> bool:
+    def seems_clear(self, before: Levels, after: Levels, *, sample_gap: float = 2e-3) -> bool:
         """Return True if some poses of the motion between two states are clear: no proof.
 
         That takes a tenth of the time of a proof.

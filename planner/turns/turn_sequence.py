@@ -8,6 +8,7 @@ import numpy as np
 
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
+from foldback.planner.chain.rotations import QUARTER_RAD
 from foldback.planner.kernels import Levels
 from foldback.planner.progress import Cancelled, never
 from foldback.planner.turns.beam_search import Outcome
@@ -17,7 +18,6 @@ from foldback.planner.turns.moves import Move, RoomProof, moves_between, states_
 from foldback.planner.turns.room_search import RoomSearch
 from foldback.planner.turns.shortening import shortened
 from foldback.planner.turns.tetrahedron_turns import tetrahedron_turning
-from foldback.planner.turns.turning import QUARTER_RAD
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)

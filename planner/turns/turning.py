@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,15 +12,13 @@ from numpy.typing import NDArray
 from foldback.planner.arrays import Array, Flags, Ints
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
+from foldback.planner.chain.rotations import QUARTER_RAD
 from foldback.planner.kernels import TABLE_FULL, Levels
 
 Keys = NDArray[np.uint64]
 
 KernelArrays = tuple[object, ...]
 """Named tuple of arrays and numbers that kernels get as one argument."""
-
-QUARTER_RAD: Final = np.pi / 2
-"""Angle of a turn by one level, rad."""
 
 
 class Turns(NamedTuple):

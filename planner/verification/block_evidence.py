@@ -12,13 +12,13 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses, forward_kinematics
+from foldback.planner.chain.rotations import QUARTER_RAD
 from foldback.planner.motion.failure_schemas import BlockFigures, QuarterTurnFigures, TurnFigures
 from foldback.planner.plan.value_differences import Differences
 
 MAX_BLOCKED_TURN_RAD: Final = float(np.deg2rad(5.0))
 """Maximum turn, in rad, by which the evidence of a jam may show that a hinge collides. A hinge that
 can turn further counts as free."""
-QUARTER_RAD: Final = float(np.pi / 2)
 MAX_UNREPORTED_BEND_RAD: Final = float(np.deg2rad(60.0))
 """Maximum bend, in rad, of hinges that the evidence of a jam may leave out as straight; evidence
 that leaves out more is refused."""

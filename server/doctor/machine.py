@@ -31,13 +31,6 @@ from foldback.server.processes.limits import INTERACTIVE_CHILDREN
 from foldback.server.settings import Settings, is_loopback, unknown_names, unknown_words
 
 MIN_PYTHON: Final = (3, 11)
-WEB_PROCESS_BYTES: Final = 384 * 2**20
-"""Memory that the web process takes, in bytes. ``foldback doctor`` uses it to estimate if the
-service fits into the machine's memory; with a larger value it warns on more machines. Measured."""
-WEB_CHILD_BYTES: Final = 272 * 2**20
-"""Memory that each computing process of the web process takes without a task, in bytes. ``foldback
-doctor`` uses it to estimate if the service fits into the machine's memory; with a larger value it
-warns on more machines. Measured."""
 
 
 def python(_: Settings) -> CheckResult:
@@ -144,7 +137,8 @@ def memory(settings: Settings) -> CheckResult:
     """Check that all folds, the web process and its children together fit into memory."""
     there = min(psutil.virtual_memory().total, *_allowed_bytes())
     folds = settings.workers * settings.folds_per_worker
-    besides = WEB_PROCESS_BYTES + INTERACTIVE_CHILDREN * WEB_CHILD_BYTES
+    # measured: the web process, and each of its idle children
+    besides = 2**20 * (384 + 272 * INTERACTIVE_CHILDREN)
     needed = folds * settings.child_memory_bytes + besides
     found = (
         f"this machine has {_mib(there)}; {folds} simultaneous folds need up to "

@@ -38,10 +38,6 @@ other visitors for longer: at this value for about 0.5 s."""
 MIN_BURST_EVENTS: Final = 1000.0
 """Minimum number of protocol events (HTTP chunks, websocket frames) that a visitor or a connection
 may cause at once after a pause, so that a low permitted rate does not stop ordinary page loads."""
-CONNECTION_FRACTION: Final = 0.25
-"""Limit of protocol events (HTTP chunks, websocket frames) of one connection, as a fraction of its
-visitor's limit: 1000 of 4000 per second by default; beyond it the connection is not read for a
-while. The client of a target stream may send 400 messages per second."""
 
 
 class EventBudget(SharedBuckets):
@@ -55,7 +51,7 @@ class EventBudget(SharedBuckets):
         # twice what the permitted requests count as
         rate = 2.0 * REQUEST_EVENTS * settings.requests_per_second_of_visitor
         burst = max(EVENT_BURST_S * rate, MIN_BURST_EVENTS)
-        self.connection_rate = CONNECTION_FRACTION * rate
+        self.connection_rate = 0.25 * rate  # 1000 of 4000 per second by default
         self.connection_burst = max(EVENT_BURST_S * self.connection_rate, MIN_BURST_EVENTS)
         super().__init__(rate, burst)
 

@@ -23,14 +23,9 @@ from foldback.server.store.folds import Store, compiled_fraction
 from foldback.server.store.leases import Compilation, Leases
 from foldback.server.store.tables import FoldRow
 
-MAX_CACHED_ESTIMATES: Final = 1024
-"""Maximum number of folds whose last displayed remaining time is cached."""
 SETTLING_RANGE_S: Final = (0.5, 3.0)
 """Smallest and largest time constant, in s, with which the displayed remaining time approaches a
 new estimate; in between it is a quarter of the remaining time."""
-LATE_FACTOR: Final = 2.0
-"""Multiple of the typical duration of a fold's stage (such as the explosion) after which the stage
-counts as late, so that no remaining time is displayed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -80,7 +75,7 @@ class EtaEstimator:
         self._clock = clock
         self._lock = threading.Lock()
         self._told: TTLCache[str, tuple[float, float]] = TTLCache(
-            MAX_CACHED_ESTIMATES,
+            1024,
             60.0,
             timer=clock,  # so that the next continues without a jump
         )
@@ -176,7 +171,7 @@ def left_s(
     took = least + sum(spent_s.get(other, 0.0) for other in before)
     typical = usual.get(stage, 0.0) * (1.0 if chooses else took / known)
     taken = spent_s.get(stage, 0.0) + elapsed_s
-    if taken > LATE_FACTOR * typical + 3.0:  # s; short stages are not late at once
+    if taken > 2.0 * typical + 3.0:  # s; short stages are not late at once
         return 0.0
     left = max(typical - taken, 0.1 * typical)
     if chooses:

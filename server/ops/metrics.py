@@ -12,7 +12,6 @@ from foldback.server.store.stats import ServiceCounts
 
 METRICS_MEDIA_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
 BUCKETS_S: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
-QUANTILES: Final = (0.5, 0.9, 1.0)
 
 
 class Metrics:
@@ -90,7 +89,7 @@ def _set_service_counts(rows: CollectorRegistry, found: ServiceCounts) -> None:
     last = len(found.computed_s) - 1
     seconds = {
         f"{quantile:g}": found.computed_s[min(int(quantile * (last + 1)), last)]
-        for quantile in QUANTILES
+        for quantile in (0.5, 0.9, 1.0)
         if found.computed_s
     }
     _set_counts(rows, "fold_seconds_lately", words, "quantile", seconds)

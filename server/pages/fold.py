@@ -7,7 +7,6 @@ import json
 from collections.abc import Callable
 from functools import lru_cache
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from fastapi import APIRouter, Request
@@ -24,6 +23,7 @@ from foldback.server.pages.facts import FoldFacts, fold_facts, script_facts
 from foldback.server.pages.page import origin_of, page, script_json
 from foldback.server.pages.privacy import visibility
 from foldback.server.pages.problem_page import no_such_page
+from foldback.server.processes.read_task import MAX_DRAWN_CELLS
 from foldback.server.store.fold_source import Found
 from foldback.server.store.tables import FoldRow
 from foldback.server.viewing.fold_lookup import find_now, viewing_of
@@ -35,10 +35,6 @@ from foldback.words.missing_pages import NO_FOLD
 from foldback.words.suggestions import ONCE_READY, about
 
 router = APIRouter(include_in_schema=False)
-
-MAX_DRAWN_MODULES: Final = 4000
-"""Maximum number of modules of a chain of which a fold's page shows an SVG drawing until the 3D
-view is ready; for longer chains there is no drawing, as it would make the page slow."""
 
 
 @router.get("/folds/{fold_id}", response_class=HTMLResponse)
@@ -102,11 +98,11 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
         noted = json.loads(path.read_text(encoding="utf-8"))
         if is_chain:
             chain = chain_from_attributes(noted)
-            return chain_svg(chain) if len(chain) <= MAX_DRAWN_MODULES else ""
+            return chain_svg(chain) if len(chain) <= MAX_DRAWN_CELLS else ""
         cells = np.array(noted, dtype=int).reshape(-1, 3)
     except (PlannerError, *UNREADABLE):
         return ""  # the page is usable without a drawing
-    return isometric_svg(cells) if 0 < len(cells) <= MAX_DRAWN_MODULES else ""
+    return isometric_svg(cells) if 0 < len(cells) <= MAX_DRAWN_CELLS else ""
 
 
 def _facts(request: Request, found: Found) -> FoldFacts:

@@ -11,6 +11,7 @@ from fastapi.responses import JSONResponse, Response
 
 from foldback.server.pages.page import origin_of
 from foldback.server.viewing.fold_lookup import find_fold, viewing_of
+from foldback.web.pictures import SOCIAL_PICTURE_PX
 
 router = APIRouter(include_in_schema=False)
 
@@ -25,10 +26,6 @@ FRAME_HEIGHT_PX: Final = 480
 the *Share* dialog proposes the same."""
 MIN_FRAME_SIDE_PX: Final = 200
 """Minimum width and height of the frame in which other sites embed a fold (oEmbed), in pixels."""
-OEMBED_PICTURE_PX: Final = (1200, 630)
-"""Width and height of a fold's preview picture in oEmbed responses, in pixels: a copy of
-``SOCIAL_PICTURE_PX`` of ``web.pictures.social_picture``, whose import would load large libraries
-into the web process."""
 
 
 @router.get("/oembed")
@@ -59,8 +56,8 @@ async def oembed(
         "provider_url": origin,
         "title": row.title,
         "thumbnail_url": f"{origin}/folds/{row.id}/picture.png",
-        "thumbnail_width": OEMBED_PICTURE_PX[0],
-        "thumbnail_height": OEMBED_PICTURE_PX[1],
+        "thumbnail_width": SOCIAL_PICTURE_PX[0],
+        "thumbnail_height": SOCIAL_PICTURE_PX[1],
     }
     settings = viewing_of(request).settings
     if settings is None or not settings.embed_origins:

@@ -26,9 +26,9 @@ from foldback.planner.storage.file_names import START_PLAN
 from foldback.planner.storage.files import write_sealed_json
 from foldback.server.processes.scratch import READ_CONTENT, request_in
 
-MAX_STORED_CELLS: Final = 4000
-"""Maximum number of cells of an upload that are stored for the first drawing on a fold's page;
-larger shapes have no such drawing. Equals ``MAX_DRAWN_MODULES`` of ``server.pages.fold``."""
+MAX_DRAWN_CELLS: Final = 4000
+"""Maximum number of cells, or modules, of which a fold's page shows an SVG drawing until the 3D
+view is ready; larger ones have none, as it would make the page slow."""
 
 
 def warm_up() -> None:
@@ -175,5 +175,5 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
 
 def _note(directory: Path, cells: NDArray[Any]) -> None:
     """Store cells for a drawing, so that no other process has to read the upload for it."""
-    if len(cells) <= MAX_STORED_CELLS:
+    if len(cells) <= MAX_DRAWN_CELLS:
         (directory / "cells.json").write_text(json.dumps(cells.astype(int).tolist()))

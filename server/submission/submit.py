@@ -22,7 +22,7 @@ from foldback.server.files.uploads import Upload, not_read
 from foldback.server.limits.disk_space import check_space
 from foldback.server.limits.queue_room import Waiting, check_room
 from foldback.server.processes.children import ChildError
-from foldback.server.processes.read_task import MAX_STORED_CELLS
+from foldback.server.processes.read_task import MAX_DRAWN_CELLS
 from foldback.server.settings import Settings
 from foldback.server.store.fold_files import size_of, sync
 from foldback.server.store.folds import cost_of, new_id
@@ -229,7 +229,7 @@ def _write(directory: Path, source: Source) -> None:
 
 def _note(directory: Path, source: Source) -> None:
     """Store the results of a preview: cells for the page's first drawing, and chains."""
-    if source.cells and len(source.cells) <= MAX_STORED_CELLS:
+    if source.cells and len(source.cells) <= MAX_DRAWN_CELLS:
         (directory / "cells.json").write_text(json.dumps(source.cells))
     if source.prepared is not None:
         with contextlib.suppress(FileNotFoundError):  # the preview has just been deleted

@@ -19,9 +19,6 @@ from foldback.server.errors import TooMany
 from foldback.server.limits.concurrency_quota import Holder, Quota
 from foldback.web.timeline.view import TimelineView
 
-FRAME_POLL_S: Final = 0.1
-"""Time between two checks for new frames in the motions that long-polling requests wait for, in
-s."""
 FRAME_RETRY_S: Final = 2
 """Value of the ``Retry-After`` header, in s, if too many requests wait for new frames. No request
 waits longer than this time, so that others have been answered by then."""
@@ -97,7 +94,7 @@ class FrameWaits:
             for wait in self._waits:
                 if wait.served or wait.timeline in unreadable:
                     wait.over.set()
-            await asyncio.sleep(FRAME_POLL_S)
+            await asyncio.sleep(0.1)
 
 
 def _refresh(timelines: Collection[TimelineView]) -> set[TimelineView]:

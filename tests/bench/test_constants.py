@@ -37,6 +37,7 @@ def test_a_varied_parameter_is_the_default() -> None:
         ("A = 3\nB: Final = -2.5 * 1e3\n_C = (1, 2)\n", ["A", "B", "_C"]),
         ("A = 60 * MINUTE\nB = {'x': 1.0}\n", ["A", "B"]),
         ("A = 'text'\nB = True\nlower = 3\nC = ('x', 1)\n", []),
+        ("A = B\nC = (A, B)\nD = b'x'.ljust(80)\nE = np.array([1, 2])\n", ["E"]),
         ("def function():\n    A = 3\n", []),
     ],
 )

@@ -21,20 +21,12 @@ DEFAULT_OPTIONS: Final[dict[str, dict[str, float]]] = {
 }
 """Default width and height in pixels, frames per second and duration in s of a movie, by file
 format."""
-MIN_SIDE_PX: Final = 64
-"""Minimum width and height of a movie, in pixels; a smaller movie is refused."""
 MAX_SIDES_PX: Final[dict[str, tuple[int, int]]] = {"mp4": (1920, 1080), "gif": (960, 720)}
 """Maximum length of a movie's longer and shorter side by file format, in pixels, upright or not."""
 MAX_FPS: Final[dict[str, int]] = {"mp4": 60, "gif": 25}
 """Maximum number of a movie's frames per second by file format."""
-MIN_MOVIE_S: Final = 0.1
-"""Minimum duration of a movie, in s; a shorter movie is refused."""
 MAX_MOVIE_S: Final[dict[str, float]] = {"mp4": 60.0, "gif": 20.0}
 """Maximum duration of a movie by file format, in s."""
-ELEVATION_RANGE_DEG: Final = (-10.0, 85.0)
-"""Smallest and largest permitted elevation of a movie's camera above the horizontal plane, in
-degrees. Below 0 the camera looks from below the ground; at 90 the upward direction of the picture
-is undefined."""
 MAX_TURN_DEG: Final = 720.0
 """Maximum angle by which a movie's camera may orbit around the chain, in degrees in either
 direction."""
@@ -140,7 +132,7 @@ class Movie:
         _one_of("theme", self.theme, MOVIE_THEMES)
         longer, shorter = MAX_SIDES_PX[self.format]
         for name, value in (("width", self.width), ("height", self.height)):
-            _within(name, value, MIN_SIDE_PX, longer, " pixels")
+            _within(name, value, 64, longer, " pixels")
             if value % 2:
                 raise InputError(
                     "bad-movie",
@@ -155,10 +147,10 @@ class Movie:
                 where="height",
             )
         _within("fps", self.fps, 1, MAX_FPS[self.format], " pictures per second")
-        _within("seconds", self.seconds, MIN_MOVIE_S, MAX_MOVIE_S[self.format], " s")
+        _within("seconds", self.seconds, 0.1, MAX_MOVIE_S[self.format], " s")
         if self.azimuth_deg is not None:
             _within("azimuth_deg", self.azimuth_deg, -360, 360, "°")
-        _within("elevation_deg", self.elevation_deg, *ELEVATION_RANGE_DEG, "°")
+        _within("elevation_deg", self.elevation_deg, -10.0, 85.0, "°")
         _within("turn_deg", self.turn_deg, -MAX_TURN_DEG, MAX_TURN_DEG, "°")
 
     def frames(self, total: int, playback: int) -> tuple[int, int]:

@@ -16,6 +16,7 @@ from PIL import Image
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import Poses
 from foldback.web.palette import NO_ERROR_RGB, error_colours, module_errors
+from foldback.web.pictures import SOCIAL_PICTURE_PX
 from foldback.web.pictures.camera import GROUND_GAP_PITCH
 from foldback.web.pictures.caption import Caption, write_caption
 from foldback.web.pictures.drawn_modules import SUPERSAMPLING, Camera, module_triangles
@@ -32,13 +33,6 @@ from foldback.web.pictures.rasteriser import draw_triangles
 
 Array = NDArray[np.float64]
 
-SOCIAL_PICTURE_PX: Final = (1200, 630)
-"""Width and height of a fold's preview picture for social networks, in pixels: the size that is
-recommended for Open Graph images."""
-SOCIAL_FILL: Final = (0.82, 0.8)
-"""Fractions of the width and height of a preview picture without caption that the chain fills."""
-CAPTIONED_FILL: Final = (0.82, 0.6)
-"""Fractions of the width and height of a preview picture with a caption that the chain fills."""
 FOLDED_VIEW: Final = PictureView(frame=0)
 
 
@@ -80,7 +74,7 @@ def social_picture(
         poses.positions,
         radius=module.radius,
         aspect=width / height,
-        margin=SOCIAL_FILL if caption is None else CAPTIONED_FILL,
+        margin=(0.82, 0.8 if caption is None else 0.6),
     )
     camera = Camera(seen, width, height)
     picture = np.array(_ground(poses.positions, camera, theme))

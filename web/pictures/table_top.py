@@ -20,8 +20,6 @@ TABLE_MARGIN_PITCH: Final = 2.5
 pitches."""
 MIN_TABLE_SIDE_PITCH: Final = 10.0
 """Minimum width and length of the displayed table, in pitches."""
-MIN_THICKNESS_PITCH: Final = 0.45
-"""Minimum thickness of the displayed table, in pitches."""
 DISC_SIDES: Final = 48
 """Number of sides of the polygon that approximates the disc under a module that presses on the
 table."""
@@ -68,7 +66,7 @@ class TableTop:
     @property
     def thickness(self) -> float:
         """Thickness of the table in pitches."""
-        return max(MIN_THICKNESS_PITCH, 0.025 * max(self.sides))
+        return max(0.45, 0.025 * max(self.sides))
 
     def outline(self) -> Array:
         """Return the (k, 2) outline with rounded corners, counterclockwise."""

@@ -25,9 +25,6 @@ MAX_STALLED_PULSES: Final = {"simultaneous": 40, "blocks": 40, "peel": 8}
 """Maximum number of pulses (short phases of weak tension and strong repulsion that loosen a jam) in
 a row after which the chain is no straighter, by unfolding strategy; one more ends the run as
 stalled."""
-MIN_UNFOLDING_PROGRESS: Final = 0.005
-"""Minimum increase between two checks of the progress measure, 0 (folded) … 1 (straight), of a
-chain that is not jammed; with less a loosening pulse starts."""
 
 
 class Checkpoint:
@@ -141,7 +138,7 @@ class JamDetector:
         stuck = (bends > 1.0) & (bends > before - 0.05)
         eased = (bends > 0.6).sum() < 0.95 * (before > 0.6).sum()
         self._bends_rad = bends
-        advanced = unfolded > self._unfolded + MIN_UNFOLDING_PROGRESS
+        advanced = unfolded > self._unfolded + 0.005
         if advanced:
             self._unfolded = unfolded
             self._pulses.count = 0

@@ -30,9 +30,6 @@ to restart from."""
 STOP_COMPLIANCE_RAD: Final = 0.01
 """Angle by which a simulated joint stop is placed inside the joint's range, rad, as stops are
 springs and give under load."""
-PULSE_TENSION_SCALE: Final = 0.05
-"""Factor of the force that pulls the chain straight, during the first part of a pulse that loosens
-a jam."""
 PULSE_REPULSION_SCALE: Final = 4.0
 """Factor of the repulsion between near modules, during the first part of a pulse that loosens a
 jam."""

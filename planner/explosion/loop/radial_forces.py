@@ -11,10 +11,9 @@ from foldback.planner.arrays import Array, Ints
 from foldback.planner.explosion.loop.checkpoint import Pulses
 from foldback.planner.explosion.loop.explosion_loop import (
     PULSE_REPULSION_SCALE,
-    PULSE_TENSION_SCALE,
     RADIAL_GAIN_JITTER,
 )
-from foldback.planner.explosion.loop.step_control import StepControl
+from foldback.planner.explosion.loop.step_control import WEAK_TENSION_SCALE, StepControl
 from foldback.planner.kernels.pairs import repulsion
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.simulation.reduced_state import State
@@ -110,7 +109,7 @@ class RadialForces:
         radial -= radial.mean(axis=0)
         summed = float(np.sqrt((np.cumsum(radial, axis=0) ** 2).sum(axis=1).max()))
         gain = self.tension * p.spring * control.tension / summed
-        forces = gain * (PULSE_TENSION_SCALE if weak or creeps else 1.0) * radial
+        forces = gain * (WEAK_TENSION_SCALE if weak or creeps else 1.0) * radial
         if creeps:
             forces += self._creep(world, control.step_s)
         low, high = REPULSION_RAMP

@@ -10,17 +10,12 @@ import numpy as np
 from foldback.planner.parameters.explosion import ExplosionParameters, PeelingParameters
 from foldback.planner.simulation.reduced_state import State
 
-MIN_TENSION_SCALE: Final = 0.05
-"""Minimum factor to which deep contacts reduce the force that pulls the chain straight."""
+WEAK_TENSION_SCALE: Final = 0.05
+"""Factor of the force that pulls the chain straight in the first part of a pulse that loosens a
+jam; deep contacts reduce it to no less."""
 MIN_CONTACT_TIME_CONSTANT_S: Final = 0.03
 """Minimum time constant of the contact springs, s; above it, the time constant is two time steps,
 MuJoCo's limit of stability."""
-MIN_ALLOWED_DEPTH_PITCH: Final = 0.002
-"""Minimum value of the depth up to which contacts are allowed, pitches, even if the size of the
-modules that the plan is verified with leaves less room."""
-BACK_OFF_DEPTH_SHARE: Final = 0.7
-"""Fraction of the allowed contact depth beyond which the force that pulls the chain straight is
-reduced."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -38,8 +33,8 @@ class ContactDepth:
     @classmethod
     def within(cls, room: float, deepest: float) -> ContactDepth:
         """Build the limits for the room that the size to verify leaves, at most ``deepest``."""
-        depth = float(np.clip(room, MIN_ALLOWED_DEPTH_PITCH, deepest))
-        return cls(depth, BACK_OFF_DEPTH_SHARE * depth)
+        depth = float(np.clip(room, 0.002, deepest))
+        return cls(depth, 0.7 * depth)
 
 
 @dataclass(slots=True, kw_only=True)
@@ -121,7 +116,7 @@ class StepControl:
         """Adapt the tension to the depth of contacts, pitches."""
         self.depth = depth
         if depth > self.allowed.back_off:
-            self.tension = max(MIN_TENSION_SCALE, 0.85 * self.tension)
+            self.tension = max(WEAK_TENSION_SCALE, 0.85 * self.tension)
         else:
             self.tension = min(1.0, 1.02 * self.tension)
 
@@ -149,5 +144,5 @@ class StepControl:
     def restart(self) -> None:
         """Go on from a checkpoint with a smaller step and less tension."""
         self.step_s = max(self.step_range_s[0], 0.5 * self.step_s)
-        self.tension = max(MIN_TENSION_SCALE, 0.5 * self.tension)
+        self.tension = max(WEAK_TENSION_SCALE, 0.5 * self.tension)
         self.depth = self.depth_after_restart

@@ -24,9 +24,6 @@ of these frames."""
 STRAIGHTENING_CHUNK_FRAMES: Final = 128
 """Maximum number of frames whose module positions are computed at once while a chain is
 straightened without simulation."""
-COARSE_CHECKS: Final = 24
-"""Number of evenly spaced configurations that are tested for overlap first, before a chain is
-straightened without simulation."""
 
 
 def straightening(
@@ -46,7 +43,7 @@ def straightening(
         The frames after the given state, or None if modules would come too close on the way.
     """
     angles = state.angles
-    for scale in np.linspace(1.0, 0.0, COARSE_CHECKS, endpoint=False):
+    for scale in np.linspace(1.0, 0.0, 24, endpoint=False):
         # What touches soon is found before the way is divided into frames.
         if _clearance(chain, scale * angles, size, STRAIGHTENING_CLEARANCE_PITCH) < 0.0:
             return None

@@ -22,9 +22,6 @@ chain's straight tail is chosen."""
 TABLE_THICKNESS_PITCH: Final = 40.0
 """Thickness of the box that represents the table in contact detection, pitches: so large that
 contacts never push a module out through its bottom, as they might with smaller values."""
-TABLE_LIFT_PITCH: Final = 0.006
-"""Height of the simulated table top above the real one, pitches, which makes up for contacts that
-give under load. With smaller values modules sink into the real table, and frames are refused."""
 HEADING_COUNT: Final = 72
 """Number of directions along the table, evenly over a full turn, among which the direction of the
 chain's straight tail is chosen."""
@@ -134,7 +131,8 @@ class CoreOnTable:
         up = self._projection.up
         # Not where the chain begins on the floor: its first free module would be jammed there.
         raised = float(self._core.cells[last + 1] @ up) > self._lowest + 0.5
-        top = self._lowest - 0.5 + (TABLE_LIFT_PITCH if raised else 0.0)
+        # contacts give: without a lift, modules sink into the real table
+        top = self._lowest - 0.5 + (0.006 if raised else 0.0)
         # longer than any chain reaches
         table = np.where(up != 0.0, 0.5 * TABLE_THICKNESS_PITCH, 1000.0)
         return (

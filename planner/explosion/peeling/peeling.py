@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Final
+from typing import ClassVar
 
 import numpy as np
 
@@ -27,14 +27,17 @@ from foldback.planner.explosion.loop.checkpoint import (
 )
 from foldback.planner.explosion.loop.explosion_loop import (
     PULSE_REPULSION_SCALE,
-    PULSE_TENSION_SCALE,
     STOP_COMPLIANCE_RAD,
     Watch,
     run,
 )
 from foldback.planner.explosion.loop.radial_forces import radial_weights
 from foldback.planner.explosion.loop.recorder import Guard, Mark, Recorder, Refusal
-from foldback.planner.explosion.loop.step_control import ContactDepth, StepControl
+from foldback.planner.explosion.loop.step_control import (
+    WEAK_TENSION_SCALE,
+    ContactDepth,
+    StepControl,
+)
 from foldback.planner.explosion.peeling.core import Core, CoreOnTable
 from foldback.planner.explosion.peeling.recorder import Proof, WindowRule
 from foldback.planner.explosion.peeling.run import SAME_HEADING_COSINE, Peeling, PeelingRules
@@ -53,10 +56,6 @@ from foldback.planner.parameters.explosion import PeelingParameters
 from foldback.planner.progress import Cancelled, Report, never, silent
 from foldback.planner.simulation.contact_finder import ContactFinder
 from foldback.planner.simulation.mujoco_models import Material
-
-MAX_PEELING_DEPTH_PITCH: Final = 0.016
-"""Maximum depth of contacts while a chain is peeled, pitches; the limit is lower if the required
-clearance leaves less room."""
 
 
 def peel(
@@ -147,7 +146,7 @@ def build_peeling(
     proof = Proof(chain, parameters.verify_size)
     rule = WindowRule(peelable, proof, parameters.snapshot_rad, parameters.snapshot_distance)
     room = 0.9 * (parameters.geom_size - parameters.verify_size)
-    allowed = ContactDepth.within(room, MAX_PEELING_DEPTH_PITCH)
+    allowed = ContactDepth.within(room, 0.016)  # pitches
     return Peeling(
         world=window,
         # Contacts at a checkpoint may be deeper than allowed already: what makes them less deep is
@@ -183,7 +182,7 @@ class FloatingForces:
         p, aim = self.parameters, window.heading.aim
         weak = self.pulses.is_weak
         self.pulses.advance()
-        scale = p.spring * control.tension * (PULSE_TENSION_SCALE if weak else 1.0)
+        scale = p.spring * control.tension * (WEAK_TENSION_SCALE if weak else 1.0)
         loads = WindowLoads(
             weights=self.weights[window.first : window.first + window.modules],
             source=window.heading.centre - 2.0 * aim,

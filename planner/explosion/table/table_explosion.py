@@ -41,20 +41,10 @@ from foldback.planner.motion.record import Record, Spent
 from foldback.planner.parameters.explosion import TableParameters
 from foldback.planner.progress import Cancelled, Report, never, silent
 
-MAX_RELEASE_ERROR_RAD: Final = 1.2
-"""Maximum angle between the tail of a chain on a table and its wanted heading, rad, at which the
-next modules are released from the folded core."""
-MAX_FORCED_RELEASE_ERROR_RAD: Final = 2.4
-"""Maximum angle between the tail of a chain on a table and its wanted heading, rad, at which the
-next modules are released because nothing else moves."""
 PERTURBATION_GROWTH: Final = 0.25
 """Fraction by which the random forces that loosen a jammed chain on a table grow with each attempt
 that brings no progress: each time that new forces are drawn, or that modules which did not come
 loose are held again."""
-FORCED_RELEASE_PERIOD: Final = 4
-"""Number of checks that find a chain on a table jammed, of which the last one releases the next
-modules although the tail does not point in its wanted direction; the others draw new random
-forces."""
 
 
 def explode_on_table(
@@ -134,7 +124,7 @@ class TableRules:
             control.is_shallow
             and window.modules < p.window
             and np.abs(np.diff(errors[p.skipped :])).sum() < p.unbent
-            and abs(errors[-1]) < MAX_RELEASE_ERROR_RAD
+            and abs(errors[-1]) < 1.2
             and not self._would_loop(window)
         )
 
@@ -142,8 +132,8 @@ class TableRules:
         """Return True if the next unit may be released after some draws without progress."""
         del control
         return (
-            self.pulses.count % FORCED_RELEASE_PERIOD == 1
-            and abs(self.forces.heading_errors[-1]) < MAX_FORCED_RELEASE_ERROR_RAD
+            self.pulses.count % 4 == 1  # other jams draw new random forces
+            and abs(self.forces.heading_errors[-1]) < 2.4
             and not self._would_loop(window)
         )
 

@@ -11,6 +11,7 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.kinematics import forward_kinematics
 from foldback.planner.chain.module import TETRAHEDRON
 from foldback.planner.chain.path import Path
+from foldback.planner.chain.rotations import QUARTER_RAD
 from foldback.planner.clearance.sweep import sweep
 from foldback.planner.errors import InputError
 from foldback.planner.explosion.blocking import no_quarter_turn
@@ -29,7 +30,6 @@ from foldback.planner.turns.moves import RoomProof, moves_between
 from foldback.planner.turns.shortening import shortened
 from foldback.planner.turns.tetrahedron_turns import tetrahedron_turning
 from foldback.planner.turns.turn_sequence import NoTurns, TurnSequence, find_turns
-from foldback.planner.turns.turning import QUARTER_RAD
 from tests.planner.chains import line, shuffled
 
 SHAPES = FilePath(__file__).parents[3] / "examples" / "shapes"

@@ -10,11 +10,12 @@ from PIL import Image
 from foldback.planner.chain.chain import Chain
 from foldback.planner.readers import read
 from foldback.planner.readers.gallery import Gallery
+from foldback.web.pictures import SOCIAL_PICTURE_PX
 from foldback.web.pictures.camera import View
 from foldback.web.pictures.caption import FAILED_RGB, Caption, write_caption
 from foldback.web.pictures.lighting import THEMES
 from foldback.web.pictures.picture_view import MIN_FOLLOW_DISTANCE_SCALE, PictureView
-from foldback.web.pictures.social_picture import SOCIAL_PICTURE_PX, Moment, social_picture
+from foldback.web.pictures.social_picture import Moment, social_picture
 from tests.planner.chains import chain_of
 
 POINTS = np.array([[0.0, 0, 0], [5, 0, 0], [5, 3, 0], [5, 3, 2]])
