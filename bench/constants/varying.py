@@ -99,10 +99,7 @@ NUMBERS: Final[dict[str, dict[ModuleType | type, tuple[str, ...]]]] = {
         beam_search: ("CONTACT_WEIGHT",),
     },
     "voxels": {
-        voxel_choice: (
-            *("COUNT_TOLERANCE", "COUNT_PENALTY", "SCORE_TOLERANCE", "UPRIGHT_BONUS"),
-            "THOROUGH_FROM_FITS",
-        ),
+        voxel_choice: (*("COUNT_TOLERANCE", "COUNT_PENALTY", "SCORE_TOLERANCE", "UPRIGHT_BONUS"),),
         lattice_fits: ("THRESHOLD_LEVELS", "MAX_FILL_THRESHOLD", "WELD_TOLERANCE_SHARE"),
     },
 }

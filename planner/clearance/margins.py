@@ -40,13 +40,10 @@ touch."""
 FAILURE_PROBABILITY: Final = 0.05
 """Upper bound of the probability, 0 to 1, that modules of a robot touch anywhere in a motion if all
 its hinges have independent random errors up to the margin that the certificate reports."""
-MAX_ANGLE_RAD: Final = 0.5
-"""Largest error of a single hinge, rad, all others being exact, that is tried when the error that a
-motion tolerates is searched; no motion is reported to tolerate more."""
-MAX_SUM_RAD: Final = 0.5
-"""Largest sum of independent errors of all hinges, rad, that is tried when the error that a motion
-tolerates is searched; no motion is reported to tolerate more. The proof (lemma 12 of decision 0012)
-holds below 1."""
+MAX_ERROR_RAD: Final = 0.5
+"""Largest error of a single hinge, and sum of independent errors of all hinges, rad, that is tried
+when the errors that a motion tolerates are searched; no motion is reported to tolerate more. The
+proof for a sum (lemma 12 of decision 0012) holds below 1."""
 MAX_MARGIN_MODULES: Final = 2000
 """Maximum number of modules of a chain for which a certificate reports the largest errors of hinges
 and module sizes that its motion tolerates; for longer chains it reports none. The time grows with
@@ -104,7 +101,7 @@ def margins(
         return None
     kinds = _Kinds.of(chain, motion, size, FAILURE_PROBABILITY)
     (larger,) = search.largest(kinds.larger, (FULL_SIZE - size,))
-    limits = (MAX_ANGLE_RAD, MAX_SUM_RAD / len(chain.folded_rad))
+    limits = (MAX_ERROR_RAD, MAX_ERROR_RAD / len(chain.folded_rad))
     one_hinge, independent = search.largest(kinds.turned, limits)
     result = Margins(
         module_size=replace(larger, value=size + larger.value),
@@ -171,7 +168,7 @@ def limit_at(chain: Chain, motion: Motion, name: str, place: Place, *, size: flo
     search = _Search(chain=chain, motion=motion, closest=place, cancelled=never)
     if name == "module_size":
         return size + search.touching(place, kinds.larger, (FULL_SIZE - size,))[0]
-    limits = (MAX_ANGLE_RAD, MAX_SUM_RAD / len(chain.folded_rad))
+    limits = (MAX_ERROR_RAD, MAX_ERROR_RAD / len(chain.folded_rad))
     return search.touching(place, kinds.turned, limits)[name == "independent_rad"]
 
 

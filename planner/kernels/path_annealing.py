@@ -43,7 +43,6 @@ take six times as long as the moves."""
 _INLINED: Final[dict[str, Any]] = _BARE | {"inline": "always"}
 """Options of a move, which is inlined: calls make an annealing take half as long again."""
 _MULTIPLIER: Final = 0x5DEECE66D
-_INCREMENT: Final = 0xB
 _MASK: Final = (1 << 48) - 1
 
 
@@ -99,7 +98,7 @@ class _Links(NamedTuple):
 @njit(**_BARE)
 def draw(sums: Ints, count: int) -> int:
     """Return a random number below ``count``, which is at most 2¹⁶."""
-    sums[RANDOM] = (int(sums[RANDOM]) * _MULTIPLIER + _INCREMENT) & _MASK
+    sums[RANDOM] = (int(sums[RANDOM]) * _MULTIPLIER + 0xB) & _MASK
     return ((int(sums[RANDOM]) >> 17) * count) >> 31
 
 

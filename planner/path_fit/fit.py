@@ -53,17 +53,11 @@ KINDS: Final = {
     PARALLEL: 4,
 }
 """How often each kind of move is tried, of 256 times (decision 0031)."""
-UPRIGHT_PLACEMENTS: Final = 14
-"""Number of placements of the upright solid in the race."""
 RACE_MOVES: Final = 1_000
 """Moves for each cell in the first annealing of a placement; each round of the race has twice as
 many."""
-FINAL_MOVES: Final = 6_000
-"""Moves for each cell in each of the last annealings."""
 FINALISTS: Final = 3
 """Number of placements in the last annealings."""
-FINAL_RUNS: Final = 2
-"""Number of last annealings of each finalist."""
 PITCH_FACTORS: Final = tuple(0.8 + 0.04 * k for k in range(11))
 """Pitches that are tried, relative to that of N cells with the volume of the solid."""
 GAP_COST: Final = 0.05
@@ -199,8 +193,8 @@ def fit_path(
         number += 1
     finals = list(runs)
     for k, run in enumerate(runs):
-        for attempt in range(FINAL_RUNS):
-            moves = FINAL_MOVES * modules
+        for attempt in range(2):
+            moves = 6_000 * modules
             finals.append(annealed(run.placement, moves, [seed, 100 + k, attempt]))
     yield PathFit(paths=_chosen(ranked(finals, low), low), is_final=True)
 
@@ -212,7 +206,7 @@ def placements_of(
     seed: int,
     *,
     lattice: Lattice = CUBES,
-    upright: int = UPRIGHT_PLACEMENTS,
+    upright: int = 14,
 ) -> Iterator[Placement]:
     """Yield the placements of the race: ``upright`` ones, and turned ones that may pay."""
     clouds = clouds_of(ladder, seeds=(2 * seed, 2 * seed + 1), wall=walls.wall)

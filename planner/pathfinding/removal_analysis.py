@@ -10,10 +10,6 @@ import numpy as np
 
 from foldback.planner.arrays import Array, Ints
 
-UNIT_CELLS: Final = 32
-"""Number of consecutive cells in one group when it is analysed how easily a path comes apart from
-its end on, group by group. It equals the default number of modules that the simulation releases at
-a time (``PeelingParameters.unit``)."""
 DIRECTIONS_26: Final = tuple(way for way in product((-1, 0, 1), repeat=3) if any(way))
 """Vectors from a cube's centre towards its 6 faces, 12 edges and 8 corners, along which the removal
 of cells is analysed."""
@@ -54,7 +50,8 @@ class RemovalAnalysis:
         return float(0.5 * (ease.min(initial=1.0) + ease.mean()))
 
 
-def analyse_removal(cells: Ints, unit: int = UNIT_CELLS) -> RemovalAnalysis:
+# The default is that of ``PeelingParameters.unit``.
+def analyse_removal(cells: Ints, unit: int = 32) -> RemovalAnalysis:
     """Analyse the removal of a path's units from its far end.
 
     Args:

@@ -11,6 +11,10 @@ import numpy as np
 SINGLE_PRECISION_ATOL_RAD: Final = 1e-6
 """Maximum difference, in rad, between a plan's joint errors and those in its timeline, which are in
 single precision: their rounding below 16 rad."""
+RECOMPUTED_RTOL: Final = 1e-3
+"""Maximum relative difference between a bound, a margin or a torque of a certificate and the same
+one computed again: rounding decides which proof of a search fails first, and linear programs are
+solved to such a tolerance (for torques in w·p, too)."""
 FIGURES_RTOL: Final = 1e-7
 """Maximum relative difference between a certificate's figures and the same figures computed again
 by a verification, to allow for rounding on another processor."""

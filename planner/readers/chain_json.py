@@ -18,9 +18,6 @@ CHAIN_KEYS: Final = (
     *("format", "name", "module", "joint_angles_deg", "pitch_m"),
     *("first_position", "first_wxyz"),
 )
-QUARTER_TURNS: Final = frozenset((1.0, 2.0, 3.0))
-"""Magnitudes that look like counts of quarter turns. A file whose angles all have these magnitudes
-or are 0 is refused, because degrees are expected."""
 
 
 def read_chain(document: dict[str, Any], source: Source) -> Chain:
@@ -120,7 +117,7 @@ def _refuse_turns(angles: list[float]) -> None:
         InputError: ``quarter-turns``.
     """
     turned = {abs(angle) for angle in angles} - {0.0}
-    if turned and turned <= QUARTER_TURNS:
+    if turned and turned <= {1.0, 2.0, 3.0}:  # they look like counts of quarter turns
         raise InputError(
             "quarter-turns",
             f"got angles up to {max(turned):g}, expected angles in degrees. The angles look like "

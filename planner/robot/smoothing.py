@@ -59,9 +59,6 @@ spacing."""
 FRAME_SPACING_RANGE_RAD: Final = (0.015, 0.06)
 """Minimum and maximum length of motion between two frames of a smoothed motion, in rad of joint
 motion."""
-SIMPLIFIED_PARTS: Final = (1, 3, 6, 12, 24, 48)
-"""Numbers of parts into which smoothing divides a motion, in this order; each part is replaced by a
-straight line or a mean if that is clear."""
 MIN_PART_FRAMES: Final = 4
 """Minimum mean number of frames of the parts into which smoothing divides a motion; it is divided
 no further."""
@@ -206,7 +203,7 @@ class _Smoothing:
         """Make one pass of straight lines and means over ever smaller parts."""
         costs = self._costs(angles)
         for lines in (True, False):
-            for pieces in SIMPLIFIED_PARTS:
+            for pieces in (1, 3, 6, 12, 24, 48):  # parts that become straight, or a mean
                 if self.looks >= self.most_looks or cancelled():
                     return angles
                 if self.report is not None:

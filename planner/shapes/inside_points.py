@@ -21,10 +21,6 @@ from foldback.planner.shapes.solid_sampling import Sampling, enclosed_volume, gr
 MAX_TURNED_SAMPLES: Final = 6_000_000
 """Maximum number of samples of the grid. Solids that fill little of their bounding box get fewer
 points."""
-TILTS_RAD: Final = (2.0, 0.5, 0.15, 0.05)
-"""Angles by which the grid may be turned from the axes of the file, rad. The first one whose grid
-is small enough is used: a long thin solid fills hardly anything of the box around it if it lies
-askew."""
 TILT_AXIS: Final = (0.4812, 0.3574, 0.8005)
 """Direction about which the grid is turned; it is near no axis, diagonal or plane of symmetry."""
 
@@ -81,7 +77,9 @@ def _grid(solid: Solid, count: int) -> tuple[float, Array]:
     """Return the spacing and (3, 3) rotation of the most askew grid that is small enough."""
     spacing = float(np.cbrt(enclosed_volume(solid) / count))
     grids: list[tuple[float, Array]] = []
-    for tilt_rad in TILTS_RAD:
+    # The first one whose grid is small enough: a long thin solid that lies askew fills hardly
+    # anything of its box.
+    for tilt_rad in (2.0, 0.5, 0.15, 0.05):
         for base in (np.eye(3), main_axes(solid)):
             rotation = _tilt(tilt_rad) @ base
             samples = _grid_samples(np.ptp(solid.vertices @ rotation.T, axis=0), spacing)

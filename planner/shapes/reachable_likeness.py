@@ -29,10 +29,6 @@ SHIFT_STEP: Final = (0.8192, 0.6710, 0.5497)
 """Difference of two shifts of the lattice that are tried one after the other, in cells: an additive
 recurrence that fills the cube evenly (M. Roberts, The unreasonable effectiveness of quasirandom
 sequences, 2018)."""
-SHIFT_COUNTS: Final = (8, 3)
-"""Number of shifts that are tried: of few cells, and of many, for which the shift matters less."""
-MANY_CELLS: Final = 600
-"""Number of cells from which they are many."""
 PATH_LOSS: Final = (0.02, 0.5)
 """Overlap (IoU) by which fitted paths fall short of the best cells, and the further overlap of one
 cell, which is shared by all: short paths miss more of a solid that branches (decision 0033)."""
@@ -78,9 +74,10 @@ def cells_reaching(solid: Solid, uses: Sequence[CellUse]) -> tuple[dict[float, i
         if count > previous_count and len(inside.points) < MAX_POINTS / 2:
             previous_count = 4.0 * count
             inside = inside_points(solid, count=int(min(CELL_POINTS * previous_count, MAX_POINTS)))
-        is_large = count > MANY_CELLS
+        is_large = count > 600
         scaled_points = (inside.points - inside.points.min(axis=0)) / np.cbrt(inside.volume / count)
-        shifts = np.outer(np.arange(SHIFT_COUNTS[is_large]), SHIFT_STEP) % 1.0
+        # the shift matters less for many cells
+        shifts = np.outer(np.arange((8, 3)[is_large]), SHIFT_STEP) % 1.0
         best, iou = max(
             (_best_set(scaled_points + shift, count) for shift in shifts), key=lambda x: x[1]
         )

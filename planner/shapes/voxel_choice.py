@@ -42,10 +42,6 @@ MAX_OFFER_FACTOR: Final = 2.5
 """When a solid is divided into modules, other numbers of modules that also fit it well are offered
 to the user. This is the largest ratio, upwards or downwards, of an offered number to the nearest
 one that could be offered."""
-THOROUGH_FROM_FITS: Final = 30
-"""Minimum number of fits (cell sizes and orientations of a solid) that may be tried within the
-limit of sample points for the choice to be thorough: then up to 10, instead of 4, of the best fits
-are voxelised and compared."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -163,6 +159,9 @@ class Chooser:
         work = self.ladder.work(0, self.ladder.pitch_for(cells))
         return int(np.clip(1.2e8 / max(work, 1.0), 10, 120))
 
+    def _is_thorough(self, cells: int) -> bool:
+        return self._most(cells) >= 30
+
     def _visit(self, turn: int, pitch: float, visited: dict[tuple[int, float], LatticeFit]) -> bool:
         fit = self.ladder.fit(turn, pitch)
         if fit is not None:
@@ -190,7 +189,7 @@ class Chooser:
 
     def _best(self, fits: Iterable[LatticeFit], cells: int) -> FittedCells | None:
         """Return the cells nearest to the count among those with nearly the best score."""
-        is_thorough = self._most(cells) >= THOROUGH_FROM_FITS
+        is_thorough = self._is_thorough(cells)
         entries = _entries(fits, self.ladder.volume)
         off = np.abs(entries.counts - cells)
         inside = np.flatnonzero(_near(entries.counts, cells))
@@ -247,7 +246,7 @@ class Chooser:
             if above
             else min(chosen_count - 1, 2 * cells - chosen_count)
         )
-        max_tries = 8 if self._most(cells) >= THOROUGH_FROM_FITS else 2
+        max_tries = 8 if self._is_thorough(cells) else 2
         for count in islice(self._likely(choice, limit, above=above), max_tries):
             offer = self._held(count, limit, above=above, max_tries=2)
             if offer is not None:

@@ -15,7 +15,6 @@ from foldback.planner.arrays import Array, Ints
 MIN_BALANCE_MARGIN_PITCH: Final = 0.05
 """Minimum horizontal distance, in pitches, from a shape's centre of mass to the edge of the convex
 hull of its cells on the table, so that the shape does not tip over."""
-CELL_CORNERS: Final = np.array(list(product((-0.5, 0.5), repeat=2)))
 SIDE_ROTATIONS: Final = {
     "-z": ((1, 0, 0), (0, 1, 0), (0, 0, 1)),
     "+z": ((1, 0, 0), (0, -1, 0), (0, 0, -1)),
@@ -98,7 +97,7 @@ def images(cells: Ints) -> Iterator[Ints]:
 
 def support(floor: Ints) -> Array:
     """Return the (E, 3) edges of the floor cells' hull: a, b, c; a x + b y + c ≤ 0 inside."""
-    corners = (floor[:, None, :2] + CELL_CORNERS).reshape(-1, 2)
+    corners = (floor[:, None, :2] + np.array(list(product((-0.5, 0.5), repeat=2)))).reshape(-1, 2)
     return np.asarray(ConvexHull(corners).equations, dtype=np.float64)
 
 

@@ -18,15 +18,12 @@ from foldback.planner.plan.plan import Plan
 from foldback.planner.plan.value_differences import (
     FIGURES_ATOL,
     FIGURES_RTOL,
+    RECOMPUTED_RTOL,
     Differences,
     figure_differences,
     value_differences,
 )
 from foldback.planner.playback.playback import Playback
-
-BOUND_RTOL: Final = 1e-3
-"""Maximum amount by which a certificate's clearance bound may exceed the one that verification
-computes again, relative to the latter."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +96,7 @@ class ReportedFigures:
                 if c is not None
             ]
             clearances += [robot["min_clearance"] for robot in certificate.robots or ()]
-            allowed = expected + BOUND_RTOL * abs(expected)
+            allowed = expected + RECOMPUTED_RTOL * abs(expected)
             return stated <= min(clearances, default=0.0) and stated <= allowed
         if name == "robots":
             return _same_robots(stated, expected)
@@ -163,7 +160,7 @@ def _same_robots(stated: tuple[RobotFigures, ...], recomputed: tuple[RobotFigure
         np.shape(stated_values) == np.shape(expected_values)
         and np.allclose(stated_values, expected_values, rtol=FIGURES_RTOL, atol=FIGURES_ATOL)
         and all(
-            robot["clearance_bound"] <= min(robot["min_clearance"], (1.0 + BOUND_RTOL) * bound)
+            robot["clearance_bound"] <= min(robot["min_clearance"], (1.0 + RECOMPUTED_RTOL) * bound)
             for robot, bound in zip(
                 stated, (robot["clearance_bound"] for robot in recomputed), strict=True
             )

@@ -24,6 +24,7 @@ from foldback.planner.plan.moment_search import moments_of
 from foldback.planner.plan.plan import Plan, versions
 from foldback.planner.plan.steps import find_steps
 from foldback.planner.plan.value_differences import (
+    RECOMPUTED_RTOL,
     Differences,
     array_difference,
     figure_differences,
@@ -48,9 +49,6 @@ from foldback.planner.verification.plan_parameters import plan_parameters
 SAME_SIMULATION_RAD: Final = 2e-5
 """Maximum difference between the angles of a simulated robot and those of its repetition, rad. On
 another processor, an encoder may round the other way; the robots' errors are ten times larger."""
-SAME_TORQUES_RTOL: Final = 1e-3
-"""Maximum difference between the largest torques of a fold on a table and those computed again,
-relative and in w·p: linear programs are solved to such a tolerance."""
 RECOMPUTED_CURVES: Final = ("min_clearance", "peak_torque_nm", "max_error_rad", "hinges_moving")
 """Curves of the plots that are computed again. Which of several modules is the nearest depends on
 rounding."""
@@ -131,8 +129,8 @@ def forces_differ(directory: FilePath, recomputed: TableForces) -> Differences:
     if stored.torque.shape != recomputed.torque.shape or not np.allclose(
         stored.torque,
         recomputed.torque,
-        rtol=SAME_TORQUES_RTOL,
-        atol=SAME_TORQUES_RTOL,
+        rtol=RECOMPUTED_RTOL,
+        atol=RECOMPUTED_RTOL,
         equal_nan=True,
     ):
         yield f"{FORCES} torque: these are not the largest torques of the frames"

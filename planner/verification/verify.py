@@ -26,6 +26,7 @@ from foldback.planner.pipeline import manifest
 from foldback.planner.plan.model_differences import model_differences
 from foldback.planner.plan.plan import Plan, read_values
 from foldback.planner.plan.value_differences import (
+    RECOMPUTED_RTOL,
     Differences,
     figure_differences,
     value_differences,
@@ -71,9 +72,6 @@ MAX_DIFFERENCES: Final = 8
 """Maximum number of differences that a verification lists for each thing that it checks (motion,
 model, certificate, …): values or files that are not what a new computation gives. Further ones are
 only counted."""
-SAME_MARGIN_RTOL: Final = 1e-3
-"""Maximum relative difference between a margin of a certificate and the one computed again:
-rounding decides which of several proofs fails first."""
 REPORTED_ONLY: Final = (
     "Reported only, that is neither computed again nor compared with another file: versions, wall "
     "times (seconds), request.json filename where the input itself states a name, pushes and "
@@ -343,7 +341,7 @@ def _margins_differ(plan: Plan, recomputed: Certificate) -> Differences:
         own_margin, recomputed_margin = getattr(stated, name), getattr(recomputed.margins, name)
         place_name = f"plan.npz certificate.margins.{name}"
         yield from value_differences(
-            own_margin.value, recomputed_margin.value, place_name, rtol=SAME_MARGIN_RTOL
+            own_margin.value, recomputed_margin.value, place_name, rtol=RECOMPUTED_RTOL
         )
         if own_margin.limited_by != recomputed_margin.limited_by and not _limits(
             plan, name, own_margin, recomputed_margin
@@ -368,7 +366,7 @@ def _limits(plan: Plan, name: str, stated: Margin, recomputed: Margin) -> bool:
         limit_at(chain, motion, name, margin.limited_by, size=size)
         for margin in (stated, recomputed)
     )
-    return abs(first_limit - second_limit) <= SAME_MARGIN_RTOL * abs(second_limit)
+    return abs(first_limit - second_limit) <= RECOMPUTED_RTOL * abs(second_limit)
 
 
 def _opinion(

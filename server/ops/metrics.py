@@ -11,7 +11,6 @@ from foldback.server.ops.readiness import OK, Places
 from foldback.server.store.stats import ServiceCounts
 
 METRICS_MEDIA_TYPE: Final = "text/plain; version=0.0.4; charset=utf-8"
-BUCKETS_S: Final = (0.005, 0.01, 0.025, 0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0)
 
 
 class Metrics:
@@ -29,7 +28,7 @@ class Metrics:
             "foldback_request_seconds",
             "Time to send a response; for event streams, the time until they are closed.",
             ("method", "route", "status"),
-            buckets=BUCKETS_S,
+            buckets=(0.005, 0.01, 0.025, 0.05, 0.1, 0.15, 0.25, 0.5, 1.0, 2.5, 5.0, 10.0, 60.0),
             registry=self._registry,
         )
         self.in_progress = Gauge(

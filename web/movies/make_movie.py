@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,10 +20,6 @@ from foldback.web.pictures.visible_modules import MAX_FULLY_DRAWN_MODULES, visib
 from foldback.web.timeline.view import Snapshot, TimelineView
 
 Array = NDArray[np.float64]
-
-STILL_S: Final = ((0.4, 0.05), (1.2, 0.15))
-"""Time without motion at the beginning and at the end of a movie: (duration in s, largest fraction
-of the movie's duration)."""
 
 
 def make_movie(
@@ -98,7 +93,10 @@ def schedule(timeline: TimelineView, movie: Movie) -> tuple[Array, list[MovieSto
     stops = [stop for stop in movie.stops if min(first, last) <= stop.frame <= max(first, last)]
     if first > last:
         stops.reverse()
-    begin, end = (min(seconds, share * movie.seconds) for seconds, share in STILL_S)
+    # at most these seconds, and these fractions of the movie
+    begin, end = (
+        min(seconds, share * movie.seconds) for seconds, share in ((0.4, 0.05), (1.2, 0.15))
+    )
     reading = np.array([stop.reading_s for stop in stops])
     if stops:
         reading *= min(1.0, 0.6 * movie.seconds / reading.sum())

@@ -18,12 +18,6 @@ from foldback.web.pictures.occlusion import face_light
 Array = NDArray[np.float64]
 
 UPWARD: Final = np.array([0.0, 0.0, 1.0])
-KEY_LIGHT: Final = (-0.5, 0.6, 1.0)
-"""Direction towards the key light, which casts shadows, in the camera's frame: right, towards the
-camera, up."""
-FILL_LIGHT: Final = (0.9, 0.6, 0.1)
-"""Direction towards the faint fill light, which casts no shadows, in the camera's frame: right,
-towards the camera, up."""
 KEY_LIGHT_RGB: Final = np.array([1.0, 0.985, 0.955])
 """Colour of the key light as factors on linear red, green and blue: slightly warm."""
 SHADOW_SHIFT_PER_HEIGHT: Final = 0.25
@@ -82,12 +76,12 @@ of ``js/viewer/sketch.js``."""
 
 def key_light(view: View) -> Array:
     """Return the (3,) unit vector towards the key light, which moves with the camera."""
-    return _beside(view, KEY_LIGHT)
+    return _beside(view, (-0.5, 0.6, 1.0))  # right, towards the camera, up
 
 
 def fill_light(view: View) -> Array:
     """Return the (3,) unit vector towards the fill light, which moves with the camera."""
-    return _beside(view, FILL_LIGHT)
+    return _beside(view, (0.9, 0.6, 0.1))  # right, towards the camera, up
 
 
 def share_left(

@@ -42,7 +42,6 @@ GHOST_RGB: Final[Rgb] = (110, 120, 134)
 GHOST_OPACITY: Final = 0.13
 """Opacity (0 to 1) of the modules in a 3D preview around the chain's path, which remains visible
 through them."""
-IDENTITY_WXYZ: Final = (1.0, 0.0, 0.0, 0.0)
 
 
 def preview_scene_of(report: Mapping[str, Any]) -> bytes:
@@ -95,7 +94,9 @@ class _PreviewScene:
         self.positions: Array = np.asarray(positions, dtype=np.float64).reshape(-1, 3)
         count = len(self.positions)
         wxyzs = report.get("wxyzs")
-        self._wxyzs = np.tile(IDENTITY_WXYZ, (count, 1)) if wxyzs is None else np.asarray(wxyzs)
+        self._wxyzs = (
+            np.tile((1.0, 0.0, 0.0, 0.0), (count, 1)) if wxyzs is None else np.asarray(wxyzs)
+        )
         mesh = report.get("mesh")
         repair = {} if report["has_path"] else _repair(report)
         added = report.get("added") or repair.get("add", ())
