@@ -117,10 +117,10 @@ def readable(condition, message):
     require(condition, message, Unreadable)
 
 
-def quoted(text, most=60):
+def quoted(text, limit=60):
     """Return a stranger's text in quotes: printable ASCII, everything else escaped, shortened."""
     text = str(text)
-    return json.dumps(text if len(text) <= most else text[: most - 3] + "...")
+    return json.dumps(text if len(text) <= limit else text[: limit - 3] + "...")
 
 
 def fields(value):
@@ -143,10 +143,10 @@ def numbers(value, *shape):
     return np.array([numbers(part, *shape[1:]) for part in value], float)
 
 
-def whole(value, least, most):
+def whole(value, low, high):
     """Return a whole number of a range."""
-    readable(numbers(value) in range(least, most + 1),
-             f"got {quoted(value)}, expected a whole number from {least} to {most}")
+    readable(numbers(value) in range(low, high + 1),
+             f"got {quoted(value)}, expected a whole number from {low} to {high}")
     return int(value)
 
 
@@ -162,14 +162,14 @@ def parsed(text, integers=float):
         readable(len(dict(pairs)) == len(pairs), "a name occurs twice in the text of the plan")
         return dict(pairs)
 
-    told = json.loads(text, object_pairs_hook=once, parse_int=integers, parse_constant=numbers)
-    level, depth = [told], 0
+    root = json.loads(text, object_pairs_hook=once, parse_int=integers, parse_constant=numbers)
+    level, depth = [root], 0
     while level:
         depth += 1
         readable(depth <= MAX_DEPTH, "the text of the plan is nested too deeply")
         level = [part for value in level if type(value) in (dict, list)
                  for part in (value.values() if type(value) is dict else value)]
-    return fields(told)
+    return fields(root)
 
 
 class File:
@@ -180,22 +180,24 @@ class File:
             readable(22 <= file.seek(0, 2) <= MAX_FILE, "this is no zip archive, or a huge one")
             file.seek(0)
             data = memoryview(file.read())
-        mark, *disks, here, count, _, at, note = struct.unpack("<4s4H2IH", data[-22:])
-        readable(mark == b"PK\5\6" and not any(disks) and here == count and not note,
+        mark, *disks, entries, count, _, at, note = struct.unpack("<4s4H2IH", data[-22:])
+        readable(mark == b"PK\5\6" and not any(disks) and entries == count and not note,
                  "this is no zip archive, or something follows it")
         self.members, place, end = {}, 0, at
         for _ in range(count):
-            mark, _, *same, packed, size, letters, extra, note, _, _, _, begin = struct.unpack_from(
+            mark, _, *facts, packed, size, letters, extra, note, _, _, _, head = struct.unpack_from(
                 "<4sH3HI3I5H2I", data, at)
             name, at = bytes(data[at + 46 : at + 46 + letters]), at + 46 + letters + extra + note
-            other, *also, less, more, long, extra = struct.unpack_from("<4s3HI3I2H", data, begin)
-            start = begin + 30 + long
-            _, flags, method, _, crc = same
+            head_mark, *also, head_packed, head_size, long, extra = struct.unpack_from(
+                "<4s3HI3I2H", data, head)
+            start = head + 30 + long
+            _, flags, method, _, crc = facts
             in_extra = data[start : start + 20] == struct.pack("<2H2Q", 1, 16, size, packed)
-            sizes = (less, more) == (packed, size) or (less == more == 2**32 - 1 and in_extra)
-            agree = sizes and same == also and name == data[begin + 30 : start] and begin == place
+            sizes = (head_packed, head_size) == (packed, size) or (
+                head_packed == head_size == 2**32 - 1 and in_extra)
+            agree = sizes and facts == also and name == data[head + 30 : start] and head == place
             usual = NAME.fullmatch(name) and not flags & ~0x806 and method in (0, 8)
-            readable(mark == b"PK\1\2" and other == b"PK\3\4" and agree and usual and
+            readable(mark == b"PK\1\2" and head_mark == b"PK\3\4" and agree and usual and
                      name not in self.members, f"the member {quoted(name.decode('latin-1'))} of "
                      "the archive is not as usual, or its headers differ")
             place = start + extra + packed
@@ -206,13 +208,13 @@ class File:
         """Return True if there is an array of this name."""
         return b"%s.npy" % name.encode() in self.members
 
-    def _unpacked(self, name, most):
+    def _unpacked(self, name, limit):
         """Return a member's first bytes, its size, and whether they are all of it."""
         readable(name in self, f"the array {name} is missing")
         method, crc, size, packed = self.members[b"%s.npy" % name.encode()]
         unpack = zlib.decompressobj(-15)
-        data = unpack.decompress(packed, most) if method else packed[:most]
-        ends = unpack.eof and not unpack.unused_data if method else len(packed) <= most
+        data = unpack.decompress(packed, limit) if method else packed[:limit]
+        ends = unpack.eof and not unpack.unused_data if method else len(packed) <= limit
         return data, size, ends and len(data) == size and zlib.crc32(data) == crc
 
     def header(self, name):
@@ -231,14 +233,14 @@ class File:
 
     def shape(self, name, dimensions):
         """Return the shape of an array."""
-        found = self.header(name)[2]
-        readable(len(found) == dimensions, f"the array {name} has the shape {found}")
-        return found
+        shape = self.header(name)[2]
+        readable(len(shape) == dimensions, f"the array {name} has the shape {shape}")
+        return shape
 
     def read(self, name, *shape):
         """Return an array of this shape; of texts as a list."""
-        kind, order, found, start = self.header(name)
-        readable(found == shape, f"the array {name} has the shape {found}, expected {shape}")
+        kind, order, actual, start = self.header(name)
+        readable(actual == shape, f"the array {name} has the shape {actual}, expected {shape}")
         data, _, intact = self._unpacked(name, self.members[b"%s.npy" % name.encode()][2] + 1)
         readable(intact, f"the array {name} is damaged")
         if KINDS[name] != "U":
@@ -247,41 +249,41 @@ class File:
         return [text[k * width : (k + 1) * width].rstrip("\0") for k in range(math.prod(shape))]
 
 
-def seen(one, other):
+def seen(origin, poses):
     """Return poses (..., 4, 3) of some modules as seen from others."""
-    apart = other.copy()
-    apart[..., 0, :] -= one[..., 0, :]
-    return apart @ one[..., 1:, :].swapaxes(-1, -2)
+    apart = poses.copy()
+    apart[..., 0, :] -= origin[..., 0, :]
+    return apart @ origin[..., 1:, :].swapaxes(-1, -2)
 
 
-def geometry(told):
+def geometry(values):
     """Return a module's description with arrays; lists and texts have a bounded length."""
-    names = told["hinges"]
+    names = values["hinges"]
     readable(type(names) is list and 0 < len(names) <= MAX_HINGES and
              all(type(name) is str and len(name) <= 16 for name in names),
              "names of hinges that cannot be")
-    return {part: numbers(told[part], *shape) for part, shape in {
+    return {part: numbers(values[part], *shape) for part, shape in {
         "corners": (-MAX_PARTS, 3), "faces": (-MAX_PARTS, 3), "edges": (-MAX_PARTS, 3),
         "anchor": (3,), "offset": (3,), "turns": (len(names) + 1, 3, 3), "limit_rad": (),
-    }.items()} | {"hinges": names, "rigid_links": whole(told["rigid_links"], 0, 1),
-                  "apart": whole(told["apart"], 1, 2)}
+    }.items()} | {"hinges": names, "rigid_links": whole(values["rigid_links"], 0, 1),
+                  "apart": whole(values["apart"], 1, 2)}
 
 
-def alike(one, other):
+def alike(first, second):
     """Return True if two descriptions of a module (`geometry`) are equal."""
-    return all(np.array_equal(one[part], other[part]) for part in other)
+    return all(np.array_equal(first[part], second[part]) for part in second)
 
 
 class Module:
     """A convex module at its size: corners, directions of its parts, links from hinge to hinge."""
 
-    def __init__(self, told, size):
-        self.told = told = geometry(told)
+    def __init__(self, description, size):
+        self.description = description = geometry(description)
         corners, anchor, offset, turns, self.faces, self.edges = (
-            np.array(told[part])
+            np.array(description[part])
             for part in ("corners", "anchor", "offset", "turns", "faces", "edges"))
-        self.names, self.limit = [*told["hinges"]], told["limit_rad"]
-        self.rigid, self.apart = int(told["rigid_links"]), int(told["apart"])
+        self.names, self.limit = [*description["hinges"]], description["limit_rad"]
+        self.rigid, self.apart = int(description["rigid_links"]), int(description["apart"])
         self.corners = corners * size
         self.solid = np.insert(self.corners, 0, 1.0, axis=1)  # for products with whole poses
         self.radius = np.linalg.norm(self.corners, axis=1).max() * (1 + 1e-12)
@@ -298,15 +300,15 @@ class Module:
 
     def poses(self, q, pose):
         """Return poses (m+1, M, 4, 3) of a module and m after it, from (m, K, M) and (4, 3, M)."""
-        found, cos, sin = [pose], np.cos(q), np.sin(q)
+        poses, cos, sin = [pose], np.cos(q), np.sin(q)
         for m in range(len(q)):
             for k, link in enumerate(self.links):
                 pose = (link @ pose.reshape(4, -1)).reshape(pose.shape)
                 if k < len(self.names):
                     c, s = cos[m, k], sin[m, k]
                     pose[1], pose[2] = c * pose[1] + s * pose[2], c * pose[2] - s * pose[1]
-            found.append(pose)
-        return np.stack(found).transpose(0, 3, 1, 2)
+            poses.append(pose)
+        return np.stack(poses).transpose(0, 3, 1, 2)
 
     def chain(self, angles):
         """Return poses (n, 4, 3) of a chain with these angles, a slot each."""
@@ -318,10 +320,10 @@ class Module:
 
         Axes are the line of centres and all normals of faces, or cross products of two edges.
         """
-        y, own = pose[:, :1], self.edges if by_edges else self.faces
-        other = own @ pose[:, 1:]
-        axes = (np.cross(own[:, None], other[:, None]).reshape(len(pose), len(own) ** 2, 3)
-                if by_edges else np.hstack([y, np.broadcast_to(own, other.shape), other]))
+        y, normals = pose[:, :1], self.edges if by_edges else self.faces
+        turned = normals @ pose[:, 1:]
+        axes = (np.cross(normals[:, None], turned[:, None]).reshape(len(pose), len(normals) ** 2, 3)
+                if by_edges else np.hstack([y, np.broadcast_to(normals, turned.shape), turned]))
         size = np.linalg.norm(axes, axis=2, keepdims=True)
         axes = np.where(axes @ y.swapaxes(1, 2) < 0.0, -axes, axes) / size.clip(1e-6)
         gaps = (axes @ pose.swapaxes(1, 2) @ self.solid.T).min(2) - (axes @ self.corners.T).max(2)
@@ -340,45 +342,45 @@ class Plan:
 
     def __init__(self, path, size=None, claim=None):
         file = File(path)
-        told = parsed(*file.read("plan"))
-        said = fields(told["certificate"])
-        require(said.get("verified") is True, "the plan says that it is not verified: "
-                f"{quoted(said.get('verdict'), 200)} (foldback_check_refusals.py can check some "
-                "reasons)")
-        self.read(file, told, size, claim)
+        text = parsed(*file.read("plan"))
+        certificate = fields(text["certificate"])
+        require(certificate.get("verified") is True, "the plan says that it is not verified: "
+                f"{quoted(certificate.get('verdict'), 200)} (foldback_check_refusals.py can check "
+                "some reasons)")
+        self.read(file, text, size, claim)
 
-    def read(self, file, told, size, claim, ends=True):
+    def read(self, file, text, size, claim, ends=True):
         """Take up what a plan says; without `ends`, it neither ends folded nor has a digest."""
-        chain, said = fields(told["chain"]), fields(told["certificate"])
-        stated = {"format": FORMAT} if told.get("claim") is None else fields(told["claim"])
-        form, step = stated.get("format"), said.get("max_joint_step_rad")
+        chain, certificate = fields(text["chain"]), fields(text["certificate"])
+        stated = {"format": FORMAT} if text.get("claim") is None else fields(text["claim"])
+        form, step = stated.get("format"), certificate.get("max_joint_step_rad")
         require(form == FORMAT, f"its claim has the format {quoted(form)}, expected {FORMAT}; "
                 "another version of this checker may know it")
         self.kind, self.count = chain["module"], whole(chain["modules"], 2, MAX_MODULES)
         readable(type(self.kind) is str, f"got {quoted(self.kind)}, expected a kind of module")
-        own, told_module = MODULES.get(self.kind), stated.get("module")
-        readable(own or told_module, f"the module {quoted(self.kind)} is not described")
-        self.size = float(numbers(said["module_size"] if size is None else size))
-        bound = said.get("clearance_bound") if claim is None else claim
+        usual, told_module = MODULES.get(self.kind), stated.get("module")
+        readable(usual or told_module, f"the module {quoted(self.kind)} is not described")
+        self.size = float(numbers(certificate["module_size"] if size is None else size))
+        bound = certificate.get("clearance_bound") if claim is None else claim
         self.claim = 0.0 if bound is None else float(numbers(bound))
         self.step = math.inf if step is None else numbers(step) or math.inf
-        self.module = Module(own if told_module is None else fields(told_module), self.size)
-        self.known = own is not None
-        require(not own or alike(self.module.told, own), f"{self.kind}s of another kind")
+        self.module = Module(usual if told_module is None else fields(told_module), self.size)
+        self.is_usual = usual is not None
+        require(not usual or alike(self.module.description, usual), f"{self.kind}s of another kind")
         hinges = (self.count - 1 - self.module.rigid) * len(self.module.names)
         self.pad = self.module.rigid * len(self.module.names)
         self.folded = np.append(np.zeros(self.pad), numbers(chain["folded_rad"], hinges))
-        start = told.get("start")
+        start = text.get("start")
         self.start = np.zeros(hinges) if start is None else numbers(
             fields(start)["folded_rad"], hinges)
-        self._arrays(file, told, hinges)
-        for fact, holds in self._facts(said, ends):
+        self._arrays(file, text, hinges)
+        for fact, holds in self._facts(certificate, ends):
             require(holds, f"the plan contradicts itself or claims nothing: {fact}")
         digest = stated.get("angles_sha256")
         require(digest in (None, self.digest) or not ends,
                 "the plan contradicts itself: the checksum of the angles")
 
-    def _arrays(self, file, told, hinges):
+    def _arrays(self, file, text, hinges):
         """Read names, times and angles of a file, sizes first."""
         module, self.windowed = self.module, "first" in file
         frames, = file.shape("first" if self.windowed else "time_s", 1)
@@ -407,7 +409,7 @@ class Plan:
         require((first <= last).all() and last.max() <= hinges,
                 "the windows do not match the chain")
         if planes:
-            coded = fields(told["angles"])
+            coded = fields(text["angles"])
             readable(coded["encoding"] == "zigzag-planes" and coded["step_rad"] == STEP and
                      coded["differences"] == ("window" if self.windowed else 3) and
                      tuple(numbers(coded["shape"], -2)) == ((count,) if self.windowed else dense),
@@ -432,18 +434,18 @@ class Plan:
                 codes = codes.cumsum(axis=0)
                 readable(np.abs(codes).max(initial=0) < 2**40, "angles in planes are too large")
             return codes * STEP
-        rest, found = np.rint(self.folded[self.pad :] / STEP).astype("i8"), []
-        now = np.zeros(len(rest), "i8")
+        folded, windows = np.rint(self.folded[self.pad :] / STEP).astype("i8"), []
+        now = np.zeros(len(folded), "i8")
         for a, b, changes in zip(first, last, np.split(codes, offsets[1:-1]), strict=True):
             now[a:b] += changes
-            found.append((now[a:b] * STEP).astype("f4"))
-            now[:a], now[b:] = rest[:a], 0  # a hinge enters as folded in front, straight behind
-        return np.concatenate(found)
+            windows.append((now[a:b] * STEP).astype("f4"))
+            now[:a], now[b:] = folded[:a], 0  # a hinge enters as folded in front, straight behind
+        return np.concatenate(windows)
 
-    def _facts(self, said, ends):
+    def _facts(self, certificate, ends):
         """Yield what holds of a plan that does not contradict itself."""
-        apart, times, frames = self.module.apart, self.times, said.get("frames")
-        self.exempt, pairs = (apart - 1) * (self.count - 1), said.get("exempt_pairs")
+        apart, times, frames = self.module.apart, self.times, certificate.get("frames")
+        self.exempt, pairs = (apart - 1) * (self.count - 1), certificate.get("exempt_pairs")
         same_pairs = pairs is None or (
             numbers(fields(pairs).get("apart")) == apart and numbers(pairs.get("count")) ==
             self.exempt and pairs.get("rule") in (None, RULES[apart]))
@@ -463,7 +465,7 @@ class Plan:
     @property
     def module_words(self):
         """What the modules are."""
-        return self.kind if self.known else (
+        return self.kind if self.is_usual else (
             f"{quoted(self.kind)} as the plan describes it, not one of foldback's: its corners are "
             f"up to {100 * self.module.radius:.1f} % of the spacing from its centre")
 
@@ -475,15 +477,15 @@ class Plan:
 
     def shape_words(self, frame, bent):
         """Say how the chain is folded in a frame."""
-        most = math.degrees(np.abs(self.angles(frame, 0, len(self.folded))).max())
+        largest = math.degrees(np.abs(self.angles(frame, 0, len(self.folded))).max())
         return (f"{bent} of {len(self.folded) - self.pad} hinges are bent, by up to "
-                f"{most:.1f} degrees")
+                f"{largest:.1f} degrees")
 
     def angles(self, frame, low, high):
         """Return the angles of slots low to high in a frame."""
         a, b = np.clip((self.first[frame], self.last[frame]), low, high)
-        begin = self.offsets[frame] - self.first[frame]
-        values = self.values[begin + a : begin + b]
+        shift = self.offsets[frame] - self.first[frame]
+        values = self.values[shift + a : shift + b]
         return np.concatenate([self.folded[low:a], values, np.zeros(high - b)])
 
 
@@ -519,11 +521,11 @@ class Batch:
 
     def poses(self, i, b):
         """Return poses (Q, ORDER, 4, 3) of modules i in intervals b."""
-        found, last = self.bodies[self.at[i], b], self.c + self.m
+        poses, last = self.bodies[self.at[i], b], self.c + self.m
         front, behind = np.flatnonzero(i < self.c), np.flatnonzero(i > last)
-        found[front] = self.proof.folded[i[front]][:, None] @ found[front]
-        found[behind] = self.proof.straight[i[behind] - last][:, None] @ found[behind]
-        return found
+        poses[front] = self.proof.folded[i[front]][:, None] @ poses[front]
+        poses[behind] = self.proof.straight[i[behind] - last][:, None] @ poses[behind]
+        return poses
 
     def boxes(self):
         """Return corners (n, B, 3) of boxes in which centres stay (CANDIDATES)."""
@@ -539,7 +541,7 @@ class Batch:
         lost = (REMAINDER * turn**ORDER * links + self.proof.rounding)[..., None]
         return hull.min(1) - lost, hull.max(1) + lost
 
-    def pairs(self, wanted):
+    def pairs(self, b):
         """Return rows (b, i, j) of pairs that may come too near, and intervals with too many."""
         levels, n, crowded = [self.boxes()], len(self.at), np.zeros(len(self.k), bool)
         crowd = CROWD * (np.where(self.k == 0, n, self.m) + 10)
@@ -547,8 +549,7 @@ class Batch:
             two = np.arange(0, len(levels[-1][0]), 2)
             low, high = levels[-1]
             levels.append((np.minimum.reduceat(low, two), np.maximum.reduceat(high, two)))
-        i = j = np.zeros(len(wanted), int)
-        b = wanted
+        i = j = np.zeros(len(b), int)
         for level in reversed(range(len(levels))):
             (low, high), first = levels[level], i << level
             last = np.minimum((j + 1) << level, n) - 1
@@ -594,13 +595,13 @@ class Proof:
                                        for b, item in enumerate(items) if item[3] is not None)])
         self.looks += len(rows)
         parts = np.array_split(rows, len(rows) // PAIRS_AT_ONCE + 1)
-        left = np.concatenate([self._left(batch, part) for part in parts])
-        for b in np.union1d(crowded, left[:, 0]):
+        open_rows = np.concatenate([self._left(batch, part) for part in parts])
+        for b in np.union1d(crowded, open_rows[:, 0]):
             k, t, w, _ = items[b]
-            rest = None if b in crowded else left[left[:, 0] == b, 1:]
-            between = "" if rest is None else f" between {pair(*rest[0])}"
+            pairs = None if b in crowded else open_rows[open_rows[:, 0] == b, 1:]
+            between = "" if pairs is None else f" between {pair(*pairs[0])}"
             require(w > 2.0**-DEPTH, f"no bound{between} at frame {k + t + 1:.5f}")
-            halves += [(k, t + w / 2, w / 2, rest), (k, t, w / 2, rest)]
+            halves += [(k, t + w / 2, w / 2, pairs), (k, t, w / 2, pairs)]
         return halves
 
     def _left(self, batch, rows):
@@ -620,18 +621,18 @@ class Proof:
         if gap.min(initial=math.inf) < self.tightest[0]:
             q = gap.argmin()
             self.tightest = float(gap[q]), float(batch.middle[b[q]]), int(i[q]), int(j[q])
-        least, frame, *modules = self.tightest
-        require(least >= claim,
-                f"{pair(*modules)}: no gap above {least:.9f} at frame {frame + 1:.5f}")
+        smallest, frame, *modules = self.tightest
+        require(smallest >= claim,
+                f"{pair(*modules)}: no gap above {smallest:.9f} at frame {frame + 1:.5f}")
         return rows[~(bound >= claim)]
 
 
 def check_shape(plan, frame, path):
     """Require that in a frame, the chain has the cells or angles of a path's or chain's file."""
     with open(path, encoding="utf-8") as file:
-        told = parsed(file.read(MAX_TEXT))
+        shape = parsed(file.read(MAX_TEXT))
     q, off = plan.angles(frame, 0, len(plan.folded)), math.inf
-    x, cells = plan.module.chain(q)[:, 0], told.get("cells")
+    x, cells = plan.module.chain(q)[:, 0], shape.get("cells")
     if type(cells) is list and len(cells) == len(x):
         cells = numbers(cells, len(x), 3)
         for y in cells, cells[::-1]:  # up to a rigid motion
@@ -639,35 +640,35 @@ def check_shape(plan, frame, path):
             turn = u @ np.diag([1.0, 1.0, np.linalg.det(u @ v)]) @ v
             off = min(off, np.abs((x - x.mean(0)) @ turn - (y - y.mean(0))).max())
     for name, unit in ("joint_angles_deg", math.pi / 180), ("folded_rad", 1.0):
-        angles = told.get(name)
+        angles = shape.get(name)
         if type(angles) is list and len(angles) == len(q) - plan.pad:
             off = np.abs(q[plan.pad :] - unit * numbers(angles, len(angles))).max(initial=0.0)
     require(off <= SLIP, f"in frame {frame + 1}, the chain is not as {quoted(path, 999)} "
             f"says: off by {off:.7f}")
 
 
-def prove(plan, found, start=None, end=None):
+def prove(plan, result, start=None, end=None):
     """Return the proof of what a plan claims; tell what it is about, and what came out."""
     bent, last = plan.bent(), plan.frames - 1
     straight = np.flatnonzero(bent == 0)
-    found |= {"modules": plan.count, "module": plan.module_words, "size": plan.size,
-              "exempt": plan.exempt, "frames": plan.frames, "clearance": plan.claim,
-              "angles_sha256": plan.digest}
-    found["start"] = "straight" if not bent[0] else (
+    result |= {"modules": plan.count, "module": plan.module_words, "size": plan.size,
+               "exempt": plan.exempt, "frames": plan.frames, "clearance": plan.claim,
+               "angles_sha256": plan.digest}
+    result["start"] = "straight" if not bent[0] else (
         f"in another shape: {plan.shape_words(0, bent[0])}; the chain is " +
         (f"straight after {straight[0]} of {last} steps" if straight.size else "never straight"))
-    found["end"] = f"folded: {plan.shape_words(last, bent[-1])}" if bent[-1] else "straight"
+    result["end"] = f"folded: {plan.shape_words(last, bent[-1])}" if bent[-1] else "straight"
     for frame, path in (0, start), (last, end):
         if path:
             check_shape(plan, frame, path)
     proof = Proof(plan)
     gap, frame, *two = proof.tightest
-    holds = proof.step == 0.0 or not bent[-1], not plan.known, not straight.size
-    found["limits"] = [limit for limit, true in zip(LIMITS, holds, strict=True) if true]
-    found["reason"] = " and ".join(found["limits"])
-    found |= {"verdict": "proved" + f", but {found['reason']}" * any(holds),
-              "rounding": proof.rounding, "looks": proof.looks,
-              "tightest": {"gap": gap, "frame": frame, "modules": two} if any(two) else None}
+    holds = proof.step == 0.0 or not bent[-1], not plan.is_usual, not straight.size
+    result["limits"] = [limit for limit, true in zip(LIMITS, holds, strict=True) if true]
+    result["reason"] = " and ".join(result["limits"])
+    result |= {"verdict": "proved" + f", but {result['reason']}" * any(holds),
+               "rounding": proof.rounding, "looks": proof.looks,
+               "tightest": {"gap": gap, "frame": frame, "modules": two} if any(two) else None}
     return proof
 
 
@@ -677,16 +678,16 @@ def answer(path, work):
     Raises:
         ValueError: The file cannot be read.
     """
-    began, found = time.perf_counter(), {}
+    began, result = time.perf_counter(), {}
     try:
-        work(found)
+        work(result)
     except NotProved as error:
-        found |= {"verdict": "not proved", "reason": str(error), "limits": []}
+        result |= {"verdict": "not proved", "reason": str(error), "limits": []}
     except Unreadable as error:
         raise ValueError(f"{quoted(path, 999)}: {error}") from error
     except Exception as error:  # the file holds something else than was expected
         raise ValueError(f"{quoted(path, 999)}: {type(error).__name__}: {quoted(error)}") from error
-    return found | {"seconds": round(time.perf_counter() - began, 3)}
+    return result | {"seconds": round(time.perf_counter() - began, 3)}
 
 
 def check(path, size=None, claim=None, end=None, start=None):
@@ -708,7 +709,7 @@ def check(path, size=None, claim=None, end=None, start=None):
     Raises:
         ValueError: The file cannot be read.
     """
-    return answer(path, lambda found: prove(Plan(path, size, claim), found, start, end))
+    return answer(path, lambda result: prove(Plan(path, size, claim), result, start, end))
 
 
 SAYS = """{verdict}: {modules} modules of size {size:g} ({module}), {frames} frames.
@@ -720,11 +721,11 @@ Rounding {rounding:.1e} pitches, {seconds:.1f} s.
 SHA-256 of the angles: {angles_sha256}"""
 
 
-def show(found, as_json, says=SAYS):
+def show(result, as_json, says=SAYS):
     """Print an answer. A closed pipe is no error; a full disk ends the program with status 2."""
-    says = "{verdict}: {reason}" if found["verdict"].startswith("not ") else says
+    says = "{verdict}: {reason}" if result["verdict"].startswith("not ") else says
     try:
-        print(json.dumps(found) if as_json else says.format(**found), flush=True)
+        print(json.dumps(result) if as_json else says.format(**result), flush=True)
     except OSError as error:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())  # Python tries again
         if not isinstance(error, BrokenPipeError):
@@ -732,10 +733,10 @@ def show(found, as_json, says=SAYS):
             sys.exit(2)
 
 
-def status(found):
+def status(result):
     """Return the exit status of an answer."""
-    limits = [LIMITS[limit] for limit in found["limits"]]
-    return 1 if found["verdict"].startswith("not ") else (limits or [0])[0]
+    limits = [LIMITS[limit] for limit in result["limits"]]
+    return 1 if result["verdict"].startswith("not ") else (limits or [0])[0]
 
 
 def main(arguments=None):
@@ -747,14 +748,14 @@ def main(arguments=None):
     parser.add_argument("--size", type=float, help="module size instead of the plan's")
     parser.add_argument("--claim", type=float, help="clearance instead of the plan's, in pitches")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
-    told = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        found = check(told.plan, told.size, told.claim, told.end, told.start)
-        show(found, told.json)
-        return status(found)
+        result = check(options.plan, options.size, options.claim, options.end, options.start)
+        show(result, options.json)
+        return status(result)
     except ValueError as error:
-        if told.json:
-            show({"verdict": "no plan", "reason": str(error)}, told.json)
+        if options.json:
+            show({"verdict": "no plan", "reason": str(error)}, options.json)
         print(f"no plan: {error}", file=sys.stderr)
         return 2
 

@@ -74,52 +74,53 @@ class Refused(Plan):
     """The motion of a search that failed, and the evidence of its reason."""
 
     def __init__(self, path, record):
-        plan, found = File(path), File(record)
-        told = parsed(*plan.read("plan"), int)
-        said, ran = told["certificate"], told["explosion"]
-        require(said["verified"] is False, "the plan does not fail")
-        tried = [a.get("diagnosis") for a in told["attempts"] if ran and ran.items() <= a.items()]
-        self.evidence = next((each["evidence"] for each in tried if each), None) or {}
+        plan, file = File(path), File(record)
+        text = parsed(*plan.read("plan"), int)
+        certificate, ran = text["certificate"], text["explosion"]
+        require(certificate["verified"] is False, "the plan does not fail")
+        stops = [a.get("diagnosis") for a in text["attempts"] if ran and ran.items() <= a.items()]
+        self.evidence = next((stop["evidence"] for stop in stops if stop), None) or {}
         kind = self.evidence.get("kind")
         if kind == "budget":
             raise NotChecked("this is a limit of foldback's search, not a property of the shape")
         require(kind in REASONS, "the plan gives no reason that can be checked")
-        root, of = (0, "base_") if "first" in found else (told["root_module"], "root_")
-        frames, _ = found.shape(of + "position", 2)
-        place, turn = found.read(of + "position", frames, 3), found.read(of + "wxyz", frames, 4)
+        root, of = (0, "base_") if "first" in file else (text["root_module"], "root_")
+        frames, _ = file.shape(of + "position", 2)
+        place, turn = file.read(of + "position", frames, 3), file.read(of + "wxyz", frames, 4)
         self.root = root, place[-1], turn[-1]
-        found.members[b"joint_names.npy"] = plan.members[b"joint_names.npy"]
-        told["start"] = {"folded_rad": told["chain"]["folded_rad"]}
-        size = self.evidence.get("module_size", said["module_size"])
-        self.read(found, told, size, TOUCH, ends=False)
+        file.members[b"joint_names.npy"] = plan.members[b"joint_names.npy"]
+        text["start"] = {"folded_rad": text["chain"]["folded_rad"]}
+        size = self.evidence.get("module_size", certificate["module_size"])
+        self.read(file, text, size, TOUCH, ends=False)
 
 
-def stopped(module, told, middle, end, poses):
+def stopped(module, evidence, middle, end, poses):
     """Require that two modules overlap as told, one before `middle`, one from there to `end`."""
-    i, j = sorted(told["modules"])
+    i, j = sorted(evidence["modules"])
     require(0 <= i < middle <= j < end and j - i >= module.apart, pair(i, j))
     pose = seen(poses[i], poses[j : j + 1])
     deep = -max(module.gaps(pose, by_edges)[1].max() for by_edges in (False, True))
-    require(deep >= DEEP and abs(deep - told["overlap"]) <= 1e-6,
-            f"{pair(i, j)} overlap by {deep:.9f}, the plan says {told['overlap']:.9f}")
+    require(deep >= DEEP and abs(deep - evidence["overlap"]) <= 1e-6,
+            f"{pair(i, j)} overlap by {deep:.9f}, the plan says {evidence['overlap']:.9f}")
 
 
-def blocks(plan, told, _):
+def blocks(plan, evidence, _):
     """Prove that modules stop each bent hinge, and the group that would move next (BLOCKS)."""
-    module, pad, turns, moves = plan.module, plan.pad, told["turns"], told["moves"]
+    module, pad, turns, moves = plan.module, plan.pad, evidence["turns"], evidence["moves"]
     q = plan.angles(plan.frames - 1, 0, len(plan.folded))
-    bend, first, hinges = told["bent_above_rad"], told["first_hinge"] + pad, len(module.names)
+    bend, first = evidence["bent_above_rad"], evidence["first_hinge"] + pad
+    hinges = len(module.names)
     bent = first + np.flatnonzero(np.abs(q[first:]) > bend)
-    require(plan.known, "modules whose separating axes are not known")
+    require(plan.is_usual, "modules whose separating axes are not known")
     require(turns + moves and 0.0 < bend <= math.pi / 3 and first >= pad and
             np.abs(q - plan.folded)[:first].max(initial=0.0) <= 1e-5 and
             [turn["hinge"] + pad for turn in turns] == bent.tolist(), "other bent hinges")
     for slot, turn in zip(bent, turns, strict=True):
-        tried, by = q.copy(), turn["turned_rad"]
+        angles, by = q.copy(), turn["turned_rad"]
         require(by * q[slot] < 0.0 and abs(by) <= math.radians(5.001), f"a turn by {by:.6f} rad")
-        tried[slot] += by
-        stopped(module, turn, slot // hinges + 1, plan.count, module.chain(tried))
-    low, high = told["unit"] if moves else (0, 0)
+        angles[slot] += by
+        stopped(module, turn, slot // hinges + 1, plan.count, module.chain(angles))
+    low, high = evidence["unit"] if moves else (0, 0)
     six = {(*way,) for way in [*np.eye(3), *-np.eye(3)]}
     require(not moves or 0 < low <= high == first // hinges and
             {(*move["direction"],) for move in moves} == six, "not all six directions")
@@ -135,12 +136,12 @@ def blocks(plan, told, _):
     ][: len(moves)])
 
 
-def quarter_turns(plan, told, _):
+def quarter_turns(plan, evidence, _):
     """Prove that modules stop each quarter turn of one hinge of the folded chain."""
-    module, pad, turns, quarter = plan.module, plan.pad, told["turns"], math.pi / 2
+    module, pad, turns, quarter = plan.module, plan.pad, evidence["turns"], math.pi / 2
     q, hinges = plan.folded, len(module.names)
     off = np.abs(plan.angles(plan.frames - 1, 0, len(q)) - q).max()
-    require(plan.known, "modules whose separating axes are not known")
+    require(plan.is_usual, "modules whose separating axes are not known")
     require(off <= SLIP, f"the search has left the folded state by {off:.6f} rad")
     all_turns = [(slot, sign) for slot in range(pad, len(q)) for sign in (-1, 1)
                  if abs(q[slot] + sign * quarter) <= module.limit]
@@ -148,13 +149,13 @@ def quarter_turns(plan, told, _):
             f"other turns than the {len(all_turns)} that the hinges' limits allow")
     batch, start = max(1, MODULES_AT_ONCE // plan.count), np.eye(4, 3, -1)[:, :, None]
     for at in range(0, len(turns), batch):
-        few, slots = turns[at : at + batch], [slot for slot, _ in all_turns[at : at + batch]]
-        by = np.array([turn["turned_rad"] for turn in few])
+        part, slots = turns[at : at + batch], [slot for slot, _ in all_turns[at : at + batch]]
+        by = np.array([turn["turned_rad"] for turn in part])
         require(np.abs(by).max() <= quarter, "a turn by more than 90 degrees")
-        tried = np.repeat(q[:, None], len(few), axis=1)
-        tried[slots, range(len(few))] += by
-        poses = module.poses(tried.reshape(-1, hinges, len(few)), np.repeat(start, len(few), 2))
-        for k, (slot, turn) in enumerate(zip(slots, few, strict=True)):
+        angles = np.repeat(q[:, None], len(part), axis=1)
+        angles[slots, range(len(part))] += by
+        poses = module.poses(angles.reshape(-1, hinges, len(part)), np.repeat(start, len(part), 2))
+        for k, (slot, turn) in enumerate(zip(slots, part, strict=True)):
             stopped(module, turn, slot // hinges + 1, plan.count, poses[:, k])
     return (f"none of the {len(turns)} quarter turns of its {len(q) - pad} hinges, each by itself, "
             "is free")
@@ -165,7 +166,7 @@ def crossings(p, b):
 
     Places are edges plus fractions. None if anything may change when vertices move by b.
     """
-    e, found = np.roll(p, -1, axis=0) - p, [np.empty((0, 3))]
+    e, rows = np.roll(p, -1, axis=0) - p, [np.empty((0, 3))]
     low, high, size = np.minimum(p, p + e) - b, np.maximum(p, p + e) + b, np.linalg.norm(e, axis=1)
     for i in range(len(p) - 2):
         j = np.arange(i + 2, len(p) - (i == 0))
@@ -173,21 +174,21 @@ def crossings(p, b):
         gap = p[j] - p[i]
         sides = (e[i], gap), (e[i], gap + e[j]), (gap, e[j]), (gap - e[i], e[j])
         area = np.array([u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0] for u, v in sides])
-        most = size[i] + size[j] + np.linalg.norm(gap, axis=1)
-        side = np.where(np.abs(area) > 4 * b * most, np.sign(area), 0.0)
-        ours, theirs = side[0] * side[1], side[2] * side[3]
-        area, most, j = (v[..., (ours < 0.0) & (theirs < 0.0)] for v in (area, most, j))
-        whole = area[2] - area[3]
-        s, t = area[2] / whole, area[0] / (area[0] - area[1])
+        scale = size[i] + size[j] + np.linalg.norm(gap, axis=1)
+        side = np.where(np.abs(area) > 4 * b * scale, np.sign(area), 0.0)
+        side_i, side_j = side[0] * side[1], side[2] * side[3]
+        area, scale, j = (v[..., (side_i < 0.0) & (side_j < 0.0)] for v in (area, scale, j))
+        span = area[2] - area[3]
+        s, t = area[2] / span, area[0] / (area[0] - area[1])
         above = p[i, 2] + s * e[i, 2] - p[j, 2] - t * e[j, 2]
-        if (~((ours > 0.0) | (theirs > 0.0))).sum() > len(j) or not (
-                np.abs(above * whole) > 4 * b * most**2).all():
+        if (~((side_i > 0.0) | (side_j > 0.0))).sum() > len(j) or not (
+                np.abs(above * span) > 4 * b * scale**2).all():
             return None
         two = np.where(above > 0.0, (i + s, j + t), (j + t, i + s))
-        found.append(np.column_stack([*two, 4 * b * most / np.abs(whole)]))
-    found = np.concatenate(found)
-    apart = np.diff(np.sort(found[:, :2], axis=None)).min(initial=1.0)
-    return found if apart > 2 * found[:, 2].max(initial=0.0) else None
+        rows.append(np.column_stack([*two, 4 * b * scale / np.abs(span)]))
+    rows = np.concatenate(rows)
+    apart = np.diff(np.sort(rows[:, :2], axis=None)).min(initial=1.0)
+    return rows if apart > 2 * rows[:, 2].max(initial=0.0) else None
 
 
 def determinant(polygon, b):
@@ -197,15 +198,16 @@ def determinant(polygon, b):
     require(clear, "no view of the line is clear")
     over, under, _ = min(clear, key=len).T
     require(len(over) <= CROSSINGS, f"a view of the line has {len(over)} crossings")
-    ends, one, found = np.sort(under), np.eye(len(over), dtype="i8"), 1  # an arc ends below another
+    ends, product = np.sort(under), 1  # an arc ends below another one
+    identity = np.eye(len(over), dtype="i8")
     arc, at = np.searchsorted(ends, under), np.searchsorted(ends, over) % len(over)
-    rows = (2 * one[at] - one[arc] - one[(arc + 1) % len(over)])[1:, 1:] % PRIME
+    rows = (2 * identity[at] - identity[arc] - identity[(arc + 1) % len(over)])[1:, 1:] % PRIME
     while len(rows):
         top = rows[:, 0].argmax()
         first = int(rows[top, 0])
-        by, found = rows[:, :1] * pow(first, PRIME - 2, PRIME) % PRIME, found * first % PRIME
+        by, product = rows[:, :1] * pow(first, PRIME - 2, PRIME) % PRIME, product * first % PRIME
         rows = np.delete((rows - by * rows[top]) % PRIME, top, 0)[:, 1:]
-    return min(found, PRIME - found)
+    return min(product, PRIME - product)
 
 
 def away(points, a, b):
@@ -214,17 +216,17 @@ def away(points, a, b):
     return np.linalg.norm(points - a - share[:, None] * (b - a), axis=1).min()
 
 
-def knot(plan, told, b):
+def knot(plan, evidence, b):
     """Prove that the line through all centres is knotted, its ends led out and joined (KNOT)."""
-    (root, place, (w, *v)), found = plan.root, set()
+    (root, place, (w, *v)), values = plan.root, set()
     poses = plan.module.chain(plan.angles(plan.frames - 1, 0, len(plan.folded)))
     spin = np.cross(v, np.eye(3))
     turn = np.eye(3) + 2 * (w * spin + spin @ spin) / (w * w + np.dot(v, v))
     x = seen(poses[root], poses)[:, 0] @ turn + place
     middle, ends = x.mean(0), np.linalg.norm(x[-1] - x[0])
     radius = np.linalg.norm(x - middle, axis=1).max()
-    require(0 < len(told["closings"]) <= CLOSINGS, "no ways to join the ends, or too many")
-    for corners in told["closings"]:
+    require(0 < len(evidence["closings"]) <= CLOSINGS, "no ways to join the ends, or too many")
+    for corners in evidence["closings"]:
         c = np.array(corners, float).reshape(-1, 3)
         line = np.concatenate([x, c])
         require(len(c) in (0, 2, 3) and np.abs(line).max() < 1e5, "ends that are joined otherwise")
@@ -235,13 +237,14 @@ def knot(plan, told, b):
         e /= np.linalg.norm(e, axis=1, keepdims=True)
         straight = ((e * np.roll(e, -1, axis=0)).sum(1) > -0.999).all()
         require(free and straight, "an end without a free way out")
-        found.add(determinant(line, b))
-    require(len(found) == 1 and 1 not in found, f"no knot: determinant {found}")
-    value, rest = told["determinant"], found.pop()
-    require(value is None or type(value) is int and rest in (value % PRIME, -value % PRIME),
-            f"determinant {rest}")
+        values.add(determinant(line, b))
+    require(len(values) == 1 and 1 not in values, f"no knot: determinant {values}")
+    value, remainder = evidence["determinant"], values.pop()
+    require(value is None or type(value) is int and remainder in (value % PRIME, -value % PRIME),
+            f"determinant {remainder}")
     small = type(value) is int and abs(value) < PRIME
-    return (f"the line through all centres is knotted (determinant {abs(value) if small else rest}"
+    size = abs(value) if small else remainder
+    return (f"the line through all centres is knotted (determinant {size}"
             f"{'' if small else f' modulo {PRIME}'}), its "
             "ends being led out along free straight lines and joined outside")
 
@@ -252,16 +255,16 @@ REASONS = {"knot": knot, "blocks": blocks, "quarter_turns": quarter_turns}
 def check(path, record):
     """Return what was confirmed of a refusal, or why it was not (`foldback_check.answer`)."""
 
-    def work(found):
+    def work(result):
         try:
             plan = Refused(path, record)
-            proof = prove(plan, found)
+            proof = prove(plan, result)
             because = REASONS[plan.evidence["kind"]](plan, plan.evidence, proof.rounding + 1e-9)
-            limit = OTHER_MODULE * (not plan.known)
-            found |= {"verdict": "refusal confirmed" + f", but {limit}" * bool(limit),
+            limit = OTHER_MODULE * (not plan.is_usual)
+            result |= {"verdict": "refusal confirmed" + f", but {limit}" * bool(limit),
                       "because": because, "reason": limit, "limits": [limit] * bool(limit)}
         except NotChecked as error:
-            found |= {"verdict": "not checked", "reason": str(error)}
+            result |= {"verdict": "not checked", "reason": str(error)}
 
     return answer(path, work)
 
@@ -277,14 +280,14 @@ def main(arguments=None):
     parser.add_argument("plan", help="plan.npz of a fold that failed")
     parser.add_argument("record", help="its record.npz")
     parser.add_argument("--json", action="store_true", help="print the result as JSON")
-    told = parser.parse_args(arguments)
+    options = parser.parse_args(arguments)
     try:
-        found = check(told.plan, told.record)
+        result = check(options.plan, options.record)
     except ValueError as error:
         print(f"no plan: {error}", file=sys.stderr)
         return 2
-    show(found, told.json, SAYS)
-    return 1 if found["verdict"].startswith("not ") else 4 if found["limits"] else 3
+    show(result, options.json, SAYS)
+    return 1 if result["verdict"].startswith("not ") else 4 if result["limits"] else 3
 
 
 if __name__ == "__main__":

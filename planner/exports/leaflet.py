@@ -152,7 +152,7 @@ def _drawn(steps: Steps, small_width: float) -> tuple[LeafletStep, ...]:
     module, drawn, eye = steps.chain.module, list[LeafletStep](), 0
     for step, poses in zip(steps.steps, steps.poses()[:-1], strict=True):
         drawing = draw_step(module, step, poses, eye, small_width=small_width)
-        text = step_text(module, step, most=len(step.turns))
+        text = step_text(module, step, max_listed=len(step.turns))
         if drawing.eye != eye:
             text += " Seen from another side."
         drawn.append(LeafletStep(number=step.number, text=text, drawing=drawing))

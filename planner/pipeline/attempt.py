@@ -81,10 +81,10 @@ class Candidates:
 
     def likeness_of(self, chain: Chain) -> Likeness | None:
         """Return the likeness of one of the chains, from either end; None if it is not known."""
-        wanted = chain_attributes(chain)
+        attributes = chain_attributes(chain)
         for candidate, likeness in zip(self.chains, self.likenesses, strict=False):
             ends = (candidate, candidate.from_other_end()) if self.two_ended else (candidate,)
-            if any(chain_attributes(end) == wanted for end in ends):
+            if any(chain_attributes(end) == attributes for end in ends):
                 return likeness
         return None
 
@@ -101,7 +101,7 @@ class Candidates:
         if isinstance(values, list):  # of a fold that was read before there were other ends
             values = {"chains": values, "two_ended": False}
         chains = tuple(chain_from_attributes(attributes) for attributes in values["chains"])
-        likenesses = tuple(Likeness(**each) for each in values.get("likenesses", ()))
+        likenesses = tuple(Likeness(**likeness) for likeness in values.get("likenesses", ()))
         return cls(chains, values["two_ended"], likenesses)
 
 
@@ -255,15 +255,15 @@ class Attempt:
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Attempt:
         """Return the attempt in ``as_dict``; values that older versions lack get defaults."""
-        found = values.get("diagnosis")
-        known = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
-        known["diagnosis"] = found and Diagnosis.from_dict(found)
+        diagnosis = values.get("diagnosis")
+        fields = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
+        fields["diagnosis"] = diagnosis and Diagnosis.from_dict(diagnosis)
         refusal = values.get("refusal")
-        known["refusal"] = refusal and from_plain(refusal, Reason)
+        fields["refusal"] = refusal and from_plain(refusal, Reason)
         figures = values.get("figures")
-        known["figures"] = figures and PlanFigures(**figures)
+        fields["figures"] = figures and PlanFigures(**figures)
         trial = {name: values[name] for name in Trial.__dataclass_fields__ if name in values}
-        return cls(**known, trial=Trial(**trial), played="verified" in values)
+        return cls(**fields, trial=Trial(**trial), played="verified" in values)
 
 
 def latest_playback(history: Sequence[Attempt], number: int) -> int:

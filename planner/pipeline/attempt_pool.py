@@ -52,7 +52,7 @@ class AttemptPool:
         self._workers = 1 if directory is None else min(workers, MAX_EXPLOSIONS)
         self._beside: dict[Trial, _AttemptProcess] = {}
         self._ahead: Callable[[], list[Trial]] = list
-        self._here: Trial | None = None
+        self._current: Trial | None = None
         self._eager = False
         self._clear()
 
@@ -77,11 +77,11 @@ class AttemptPool:
         """End running attempts; results of finished ones stay."""
         self._keep([])
 
-    def schedule(self, choice: RetryPolicy, tried: Sequence[Attempt], here: Trial) -> None:
+    def schedule(self, choice: RetryPolicy, attempts: Sequence[Attempt], current: Trial) -> None:
         """Set the current attempt. After a failure the next ones are started at once."""
-        before = tuple(tried)
-        self._here, self._eager = here, bool(tried)
-        self._ahead = lambda: choice.lookahead(before, here, self._known())
+        before = tuple(attempts)
+        self._current, self._eager = current, bool(attempts)
+        self._ahead = lambda: choice.lookahead(before, current, self._known())
         self._keep(self._ahead())
         if self._eager:
             self._begin()
@@ -89,12 +89,12 @@ class AttemptPool:
     def with_speculation(self, progress: Report) -> Report:
         """Return a report that also starts the next attempts if the current one stalls."""
 
-        def told(now: Progress) -> None:
+        def report(now: Progress) -> None:
             progress(now)
             if self._eager or now.pushes >= SPECULATION_PULSES:
                 self._begin()
 
-        return told if self._workers > 1 else progress
+        return report if self._workers > 1 else progress
 
     def collect(
         self, timeline: FilePath | None, progress: Report, cancelled: Cancelled
@@ -104,9 +104,9 @@ class AttemptPool:
         Its timeline moves to ``timeline`` unless that is None. None when it was not begun, or its
         process failed: whoever makes it here comes to the same, or sees why it cannot be made.
         """
-        if self._here not in self._beside:
+        if self._current not in self._beside:
             return None
-        beside = self._beside[self._here]
+        beside = self._beside[self._current]
         while beside.running:
             if cancelled():
                 beside.stop()
@@ -115,7 +115,7 @@ class AttemptPool:
                 progress(now)
             self._begin()
             time.sleep(0.05)
-        del self._beside[self._here]
+        del self._beside[self._current]
         record = beside.record()
         if record is not None and timeline is not None:
             rmtree(timeline, ignore_errors=True)
@@ -125,21 +125,21 @@ class AttemptPool:
 
     def _known(self) -> dict[Trial, Attempt]:
         """Return the outcomes of the trials that are finished."""
-        found = {trial: beside.attempt() for trial, beside in self._beside.items()}
-        return {trial: attempt for trial, attempt in found.items() if attempt is not None}
+        attempts = {trial: beside.attempt() for trial, beside in self._beside.items()}
+        return {trial: attempt for trial, attempt in attempts.items() if attempt is not None}
 
-    def _keep(self, wanted: Sequence[Trial]) -> None:
+    def _keep(self, trials: Sequence[Trial]) -> None:
         """End running attempts that are not needed or exceed the limit, least likely first."""
-        room = self._workers - (self._here not in self._beside)
+        room = self._workers - (self._current not in self._beside)
         running = [trial for trial, beside in self._beside.items() if beside.running]
-        kept = [trial for trial in (self._here, *wanted) if trial in running][:room]
+        running_trials = [trial for trial in (self._current, *trials) if trial in running][:room]
         for trial in running:
-            if trial not in kept:
+            if trial not in running_trials:
                 self._beside.pop(trial).end()
 
     def _begin(self) -> None:
         """Start the likely next attempts, as many as there are processors for."""
-        room = self._workers - (self._here not in self._beside)
+        room = self._workers - (self._current not in self._beside)
         room -= sum(beside.running for beside in self._beside.values())
         if room <= 0 or self._exchange is None:
             return

@@ -103,6 +103,6 @@ def _rest(job: Job, search: Search, pool: AttemptPool) -> None:
     """End what explodes beside, when the last explosion of a series makes it of little use."""
     record = search.current.record
     # what comes out at once is rarely refused
-    wanted = len(search.history) > 1 or job.request.prefer != COMPUTING
-    if record is not None and (record.status != "straight" or not wanted):
+    may_try_more = len(search.history) > 1 or job.request.prefer != COMPUTING
+    if record is not None and (record.status != "straight" or not may_try_more):
         pool.end_running()

@@ -170,8 +170,10 @@ def _ours(modules: int, request: FoldRequest, parameters: Parameters) -> Expecte
     strategy = request.strategy
     if strategy in COSTS_INTERLOCKED and not request.smooth:
         expected_s += COSTS_INTERLOCKED[strategy].of(modules)
-        if (least := LOWER_BOUND_FRACTION * COSTS_IN_LAYERS[strategy].of(modules)) > least_s:
-            least_s, stage = least, "explode"
+        if (
+            lower_bound_s := LOWER_BOUND_FRACTION * COSTS_IN_LAYERS[strategy].of(modules)
+        ) > least_s:
+            least_s, stage = lower_bound_s, "explode"
             cause = f"{modules} modules with the strategy '{strategy}'"
             remedy = "Use fewer modules, or the strategy 'auto'."
     return ExpectedCost(

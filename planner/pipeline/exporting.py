@@ -34,7 +34,7 @@ def finish(
     """
     plan = replace(
         result.plan(request),
-        attempts=tuple(each.as_dict() for each in history if each.status != "none"),
+        attempts=tuple(attempt.as_dict() for attempt in history if attempt.status != "none"),
         start=start,
         likeness=candidates.likeness_of(result.chain),
     )

@@ -32,10 +32,10 @@ from foldback.planner.storage.output_directory import foreign_file, listed_files
 def attempt_numbers(directory: FilePath) -> list[int]:
     """Return the numbers of the attempts that have a folder, in order."""
     try:
-        found = [path.name for path in (directory / names.ATTEMPTS_DIR).iterdir()]
+        entries = [path.name for path in (directory / names.ATTEMPTS_DIR).iterdir()]
     except OSError:
         return []
-    return sorted(int(name) for name in found if name.isdecimal())
+    return sorted(int(name) for name in entries if name.isdecimal())
 
 
 def attempt_dir(directory: FilePath, number: int) -> FilePath:
@@ -45,8 +45,8 @@ def attempt_dir(directory: FilePath, number: int) -> FilePath:
 
 def latest_attempt_dir(directory: FilePath) -> FilePath:
     """Return the folder of the latest attempt; the fold's directory when there is none."""
-    known = attempt_numbers(directory)
-    return attempt_dir(directory, known[-1]) if known else directory
+    numbers = attempt_numbers(directory)
+    return attempt_dir(directory, numbers[-1]) if numbers else directory
 
 
 def result_path(directory: FilePath, name: str) -> FilePath:
@@ -119,14 +119,14 @@ def _earlier_files(directory: FilePath) -> Iterator[str]:
     Raises:
         InputError: ``foreign-file``.
     """
-    made = listed_files(directory)
-    yield from made
+    files = listed_files(directory)
+    yield from files
     if holds_fold(directory / names.FIRST_FOLD_DIR):
         for name in names.FOLD_FILES:
             yield f"{names.FIRST_FOLD_DIR}/{name}"
     if not holds_fold(directory):
         for name in names.FOLD_FILES:
-            if name not in made and (directory / name).exists():
+            if name not in files and (directory / name).exists():
                 raise foreign_file(directory / name)
         return
     for name in (names.TOUR, names.OWN_VALUES):

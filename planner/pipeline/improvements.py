@@ -43,41 +43,43 @@ class Improvements:
     modules: int
     most_frames: int
 
-    def next_attempt(self, tried: Sequence[Attempt]) -> Trial | None:
+    def next_attempt(self, attempts: Sequence[Attempt]) -> Trial | None:
         """Return the trial after attempts of which one is verified; None when that is enough.
 
         Args:
-            tried: The attempts so far.
+            attempts: The attempts so far.
         """
-        exploded = [attempt for attempt in tried if attempt.trial.smooths is None]
+        exploded = [attempt for attempt in attempts if attempt.trial.smooths is None]
         best = best_of(exploded, self.prefer)  # smoothings come after all explosions
         if self.prefer == COMPUTING or best is None:
             return None
-        first = next(number for number, attempt in enumerate(tried) if attempt.verified)
-        since = {attempt.trial for attempt in tried[first + 1 :]} - {tried[first].trial}
-        left = MAX_IMPROVING_S - sum(expected_seconds_of(trial, self.modules) for trial in since)
-        done = {attempt.trial for attempt in tried}
-        for trial in self._ways(tried, tried[first].trial, exploded[best].trial):
-            if trial not in done and expected_seconds_of(trial, self.modules) <= left:
+        first = next(number for number, attempt in enumerate(attempts) if attempt.verified)
+        since = {attempt.trial for attempt in attempts[first + 1 :]} - {attempts[first].trial}
+        remaining_s = MAX_IMPROVING_S - sum(
+            expected_seconds_of(trial, self.modules) for trial in since
+        )
+        done = {attempt.trial for attempt in attempts}
+        for trial in self._ways(attempts, attempts[first].trial, exploded[best].trial):
+            if trial not in done and expected_seconds_of(trial, self.modules) <= remaining_s:
                 return trial
         return None
 
-    def _ways(self, tried: Sequence[Attempt], first: Trial, best: Trial) -> Iterator[Trial]:
+    def _ways(self, attempts: Sequence[Attempt], first: Trial, best: Trial) -> Iterator[Trial]:
         """Yield all possible improvements, the most promising first."""
-        explosions = {attempt.trial for attempt in tried if attempt.trial.smooths is None}
+        explosions = {attempt.trial for attempt in attempts if attempt.trial.smooths is None}
         if len(explosions) < MAX_EXPLOSIONS:
             yield from self._explosions(first, best)
-        yield from self._smoothings(tried)
+        yield from self._smoothings(attempts)
 
     def _explosions(self, first: Trial, best: Trial) -> Iterator[Trial]:
         """Other strategies for the path of the first verified plan, then the best on others."""
         for strategy in self.strategies[first.candidate]:
             yield first.with_strategy(strategy)
-        for candidate, known in enumerate(self.strategies):
-            if best.strategy in known:
+        for candidate, tried_strategies in enumerate(self.strategies):
+            if best.strategy in tried_strategies:
                 yield replace(best, candidate=candidate)
 
-    def _smoothings(self, tried: Sequence[Attempt]) -> Iterator[Trial]:
+    def _smoothings(self, attempts: Sequence[Attempt]) -> Iterator[Trial]:
         """Yield smoothings of each strategy's best plan, and weaker ones if those were refused.
 
         How much a plan gains by it depends on its explosion, too: the second best may win. Turns
@@ -85,46 +87,46 @@ class Improvements:
         once.
         """
         plans: dict[str, int] = {}
-        for number, attempt in enumerate(tried):
+        for number, attempt in enumerate(attempts):
             if self.prefer == CALM and attempt.trial.strategy == TURNS:
                 continue
             if attempt.verified and attempt.trial.smooths is None:
-                known = plans.setdefault(attempt.trial.strategy, number)
-                if score_of(attempt, self.prefer) > score_of(tried[known], self.prefer):
+                best_number = plans.setdefault(attempt.trial.strategy, number)
+                if score_of(attempt, self.prefer) > score_of(attempts[best_number], self.prefer):
                     plans[attempt.trial.strategy] = number
-        ranked = sorted(plans.values(), key=lambda number: -score_of(tried[number], self.prefer))
-        smooth = {attempt.trial.smooths for attempt in tried if attempt.verified}
+        ranked = sorted(plans.values(), key=lambda number: -score_of(attempts[number], self.prefer))
+        smooth = {attempt.trial.smooths for attempt in attempts if attempt.verified}
         for best in ranked[:2]:
-            figures, number = tried[best].figures, best
-            while tried[number].repeats:  # its files are with those of the explosion
+            figures, number = attempts[best].figures, best
+            while attempts[number].repeats:  # its files are with those of the explosion
                 number -= 1
             if figures is None or figures.frames > self.most_frames:
                 continue
-            trial = replace(tried[best].trial.with_strategy(SMOOTHED), smooths=number)
+            trial = replace(attempts[best].trial.with_strategy(SMOOTHED), smooths=number)
             yield trial
             if number not in smooth:
                 yield replace(trial, strategy=SOFTENED)
-        smoothings = [attempt for attempt in tried if attempt.trial.smooths is not None]
+        smoothings = [attempt for attempt in attempts if attempt.trial.smooths is not None]
         if (best := best_of(smoothings, self.prefer)) is not None:
             trial = smoothings[best].trial
-            seed = tried[trial.smooths or 0].trial.seed
+            seed = attempts[trial.smooths or 0].trial.seed
             for k in range(1, SEEDS_PER_SMOOTHED_PLAN):
                 yield replace(trial, seed=(seed + k) % (MAX_SEED + 1))
 
 
-def best_of(tried: Sequence[Attempt], prefer: Preference) -> int | None:
+def best_of(attempts: Sequence[Attempt], prefer: Preference) -> int | None:
     """Return the best verified attempt for a preference, the earlier of equal ones, or None.
 
     Args:
-        tried: All attempts of the fold, or some of them.
+        attempts: All attempts of the fold, or some of them.
         prefer: Requested preference; with ``computing`` the first verified one is the best.
     """
     best: int | None = None
-    for number, attempt in enumerate(tried):
+    for number, attempt in enumerate(attempts):
         if not attempt.verified:
             continue
         if best is None or (
-            prefer != COMPUTING and score_of(attempt, prefer) > score_of(tried[best], prefer)
+            prefer != COMPUTING and score_of(attempt, prefer) > score_of(attempts[best], prefer)
         ):
             best = number
     return best

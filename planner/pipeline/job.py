@@ -183,5 +183,5 @@ def share_bent(chain: Chain, last: Motion) -> float:
     """Return the fraction of the folded chain's bends that an explosion has left; 0 after it."""
     if last.phase[-1] != _EXPLOSION:
         return 0.0
-    left = np.abs(last.joint_angles_rad[-1]).sum()
-    return float(left / max(np.abs(chain.folded_rad).sum(), 1e-9))
+    remaining_rad = np.abs(last.joint_angles_rad[-1]).sum()
+    return float(remaining_rad / max(np.abs(chain.folded_rad).sum(), 1e-9))

@@ -74,10 +74,10 @@ def write_manifest(directory: FilePath, earlier: Digests | None = None) -> None:
         directory: Directory of the fold.
         earlier: Digests of files that have not changed since, which need no second look.
     """
-    known = earlier or {}
-    rest = digests_of(directory, [name for name in DESCRIBED if name not in known])
-    found = known | rest
-    in_order = {name: found[name] for name in DESCRIBED if name in found}
+    digests = earlier or {}
+    missing = digests_of(directory, [name for name in DESCRIBED if name not in digests])
+    all_digests = digests | missing
+    in_order = {name: all_digests[name] for name in DESCRIBED if name in all_digests}
     write_json(directory / FILE, {"format": MANIFEST_FORMAT, "sha256": in_order})
 
 
@@ -98,26 +98,26 @@ def changed_fields(
         values: Any = json.loads(path.read_bytes())
         if set(values) != {"format", "sha256"} or values["format"] != MANIFEST_FORMAT:
             return [f"{FILE}: format"]
-        told: Digests = {str(k): dict(v) for k, v in values["sha256"].items()}
+        stated: Digests = {str(k): dict(v) for k, v in values["sha256"].items()}
     except UNREADABLE:
         return [f"{FILE}: {FILE_CONTENT}"]
-    here = digests_of(directory, names, arrays=arrays)
-    found: list[str] = []
-    for name in dict.fromkeys((*(name for name in told if name in names), *here)):
-        if name not in here:
-            found.append(f"{name}: {MISSING}")
+    current = digests_of(directory, names, arrays=arrays)
+    changed: list[str] = []
+    for name in dict.fromkeys((*(name for name in stated if name in names), *current)):
+        if name not in current:
+            changed.append(f"{name}: {MISSING}")
             continue
-        mine, theirs = here[name], told.get(name, {})
+        current_fields, stated_fields = current[name], stated.get(name, {})
         if not arrays:
-            theirs = {field: theirs.get(field, "") for field in mine}
-        found += [
+            stated_fields = {field: stated_fields.get(field, "") for field in current_fields}
+        changed += [
             f"{name}: {field}"
-            for field in dict.fromkeys((*theirs, *mine))
-            if mine.get(field) != theirs.get(field)
+            for field in dict.fromkeys((*stated_fields, *current_fields))
+            if current_fields.get(field) != stated_fields.get(field)
         ]
     # The digests above leave out the attribute that the arrays' own checksums rest on.
-    return found + [
-        f"{name}: attributes.{DIGEST}" for name in here if _seal_broken(directory / name)
+    return changed + [
+        f"{name}: attributes.{DIGEST}" for name in current if _seal_broken(directory / name)
     ]
 
 

@@ -90,10 +90,14 @@ def next_step(history: Sequence[Attempt], policy: RetryPolicy) -> Step | None:
         return _explode(history, policy)
     last = history[-1]
     if last.failed:
-        if (shown := next((each for each in history if each.failed and each.played), None)) is None:
+        if (
+            played_attempt := next(
+                (attempt for attempt in history if attempt.failed and attempt.played), None
+            )
+        ) is None:
             following = None if last.status == "cancelled" else _explode(history, policy)
             return following or PlayBack()
-        return Certify() if shown.verified is None else None
+        return Certify() if played_attempt.verified is None else None
     if not last.played:
         return PlayBack(last.finer, last.patience)
     if last.verified is None:
@@ -142,10 +146,10 @@ def with_begun(history: Sequence[Attempt], step: Step) -> tuple[Attempt, ...]:
 
 def before_explosion(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[Attempt, ...]:
     """Return the attempts that another explosion follows; none when everything begins anew."""
-    kept = list(history)
-    while kept and kept[-1].verified is None:
-        kept.pop()
-    return tuple(kept) if kept and isinstance(next_step(kept, policy), Explode) else ()
+    judged = list(history)
+    while judged and judged[-1].verified is None:
+        judged.pop()
+    return tuple(judged) if judged and isinstance(next_step(judged, policy), Explode) else ()
 
 
 def before_playback(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[Attempt, ...]:
@@ -169,8 +173,8 @@ def with_choice(history: Sequence[Attempt], number: int) -> tuple[Attempt, ...]:
         history: All attempts of the fold.
         number: The explosion or smoothing whose results are the fold's.
     """
-    chosen = latest_playback(history, number)
-    return tuple(replace(attempt, chosen=k == chosen) for k, attempt in enumerate(history))
+    number_shown = latest_playback(history, number)
+    return tuple(replace(attempt, chosen=k == number_shown) for k, attempt in enumerate(history))
 
 
 def count_plans(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[int, int]:
@@ -183,7 +187,9 @@ def count_plans(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[int, i
     number = _plans(history)
     if policy.improvements is None or not history:
         return number, 0
-    figures = next((each.figures for each in reversed(history) if each.figures), ASSUMED_FIGURES)
+    figures = next(
+        (attempt.figures for attempt in reversed(history) if attempt.figures), ASSUMED_FIGURES
+    )
     assumed = replace(history[-1], status="straight", played=True, verified=True, figures=figures)
     ahead = [*history[:-1], assumed]
     while isinstance(step := next_step(ahead, policy), Explode):

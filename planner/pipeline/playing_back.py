@@ -85,11 +85,11 @@ def play_back(
     if record is not None and record.table is not None:
         return _play_on_table(chain, record, parameters.table, watch)
     # A refold's timeline goes from one shape to the other; a smoothed one only folds.
-    whole = unfolding is not None or is_smoothing(record)
+    at_once = unfolding is not None or is_smoothing(record)
     start_s, frames = 0.0, 0
-    if record is not None and not whole:
+    if record is not None and not at_once:
         start_s, frames = float(record.frames.time_s[-1]), len(record.frames)
-    if watch.timeline is not None and whole:
+    if watch.timeline is not None and at_once:
         TimelineWriter.create(watch.timeline, chain)
     with _sink(watch.timeline, partial(TimelineWriter.reopen, frames=frames)) as sink:
         return simulate_playback(
@@ -125,14 +125,14 @@ def _play_on_table(chain: Chain, record: Record, table: TableParameters, watch: 
         on_table=True,
         height=chain.table_height,
     )
-    asked = record.table.bound if standing.torque is None else standing.torque
+    torque = record.table.bound if standing.torque is None else standing.torque
     with _sink(watch.timeline, partial(TimelineWriter.create, chain=chain)) as sink:
         if sink is not None:
             sink(exploded)
         playback = play_on_table(
             chain,
             record.frames,
-            torque_limit_wp=TABLE_MOTOR_RESERVE * max(asked, MIN_SIZING_TORQUE_WP),
+            torque_limit_wp=TABLE_MOTOR_RESERVE * max(torque, MIN_SIZING_TORQUE_WP),
             friction=table.table_friction,
             clamped=table.held,
             start_s=float(exploded.time_s[-1]),

@@ -188,5 +188,5 @@ def judgement(certificate: CertificateFigures | None) -> tuple[bool, float]:
     if certificate is None:
         return False, -inf
     plan, playback = (certificate.get(n) for n in ("min_clearance", "min_clearance_playback"))
-    known = [float(value) for value in (plan, playback) if isinstance(value, (int, float))]
-    return bool(certificate.get("verified")), -inf if plan is None else min(known)
+    clearances = [float(value) for value in (plan, playback) if isinstance(value, (int, float))]
+    return bool(certificate.get("verified")), -inf if plan is None else min(clearances)

@@ -119,18 +119,20 @@ class Preparation:
         if self.chains:
             return self.chains[0]
         problems = [] if self.feasibility is None else list(self.feasibility.problems)
-        why = " ".join([problem.sentence for problem in problems] or self.sentences)
+        causes = " ".join([problem.sentence for problem in problems] or self.sentences)
         remedy = ""
         on_table = self.options.world == "table"
         if on_table:
             remedy = f"{self._nearest_on_table()} {TABLE_REMEDY}"
         elif self.feasibility is not None and self.feasibility.repairs:
             remedy = f" Possible repair: {self._nearest(self.feasibility)}"
-        got = "no path through these cells was found"
+        problem = "no path through these cells was found"
         if on_table:
-            got = "no path along which a chain can fold on a table was found through these cells"
-        got += f". {why}" if why else "."
-        raise InputError("no-path", got + remedy)
+            problem = (
+                "no path along which a chain can fold on a table was found through these cells"
+            )
+        problem += f". {causes}" if causes else "."
+        raise InputError("no-path", problem + remedy)
 
     def _nearest_on_table(self) -> str:
         """Return a sentence on the nearest cells or number with a path for a table, or nothing."""
@@ -339,7 +341,7 @@ def prepare(
 
 
 def prepare_found(
-    found: Found,
+    shape: Found,
     options: PathOptions,
     *,
     seed: int = 0,
@@ -351,7 +353,7 @@ def prepare_found(
     """Find the chains that may fold into what was read from a file.
 
     Args:
-        found: Content of the file.
+        shape: Content of the file.
         options: Options that turn a shape into a path.
         seed: Random seed.
         time_limit_s: Time limit of the search for a path through exact cells, s.
@@ -366,31 +368,31 @@ def prepare_found(
     Raises:
         InputError: When the content cannot be used, or a wish cannot be wished for.
     """
-    if isinstance(found, Chain):
+    if isinstance(shape, Chain):
         if options.world == "table":
-            check_for_table(found)
-        return _prepared_chain(found, options, "chain")
-    if isinstance(found, Path) and options.module == CUBE.name:
-        chain = Chain.from_path(found)
+            check_for_table(shape)
+        return _prepared_chain(shape, options, "chain")
+    if isinstance(shape, Path) and options.module == CUBE.name:
+        chain = Chain.from_path(shape)
         if options.world == "table":
             check_for_table(chain)
         return _prepared_chain(chain, options, "path")
-    if isinstance(found, Path):
+    if isinstance(shape, Path):
         # The cells of a path are a shape to other modules.
-        found = Shape.from_cells(found.cells, name=found.name, pitch_m=found.pitch_m)
+        shape = Shape.from_cells(shape.cells, name=shape.name, pitch_m=shape.pitch_m)
     if options.method == "fitted":
-        _check_for_fitted(found, options)
+        _check_for_fitted(shape, options)
     if not searching:
-        return _cells_alone(found, options, seed)
-    if isinstance(found, Shape):
-        return _from_shape("voxels", found, options, seed, time_limit_s)
+        return _cells_alone(shape, options, seed)
+    if isinstance(shape, Shape):
+        return _from_shape("voxels", shape, options, seed, time_limit_s)
     if quick and _has_first_result(options):
-        return _fitted(found, options, seed, quick=True)
-    made = _from_solid(found, options, seed, time_limit_s)
-    return replace(made, reach=_reach(found, made)) if offering else made
+        return _fitted(shape, options, seed, quick=True)
+    preparation = _from_solid(shape, options, seed, time_limit_s)
+    return replace(preparation, reach=_reach(shape, preparation)) if offering else preparation
 
 
-def _reach(solid: Solid, made: Preparation) -> dict[float, int | None]:
+def _reach(solid: Solid, preparation: Preparation) -> dict[float, int | None]:
     """Return about how many cubes reach each likeness in zero gravity.
 
     It is the smaller number of a fitted path, below ``LONG_CHAIN``, and of blocks. Empty where that
@@ -400,8 +402,8 @@ def _reach(solid: Solid, made: Preparation) -> dict[float, int | None]:
     from foldback.planner.pathfinding.fill_cubes import BLOCK_CELLS
     from foldback.planner.shapes.reachable_likeness import LEVELS, CellUse, cells_reaching
 
-    options, voxels = made.options, made.voxels
-    if options.module != CUBE.name or options.world == "table" or made.filled is None:
+    options, voxels = preparation.options, preparation.voxels
+    if options.module != CUBE.name or options.world == "table" or preparation.filled is None:
         return {}
     if voxels is None or voxels.unused:
         return {}
@@ -452,12 +454,12 @@ def read_in_any_order(
     except InputError as error:
         if error.code != "not-adjacent":
             raise
-        why = (
+        note = (
             f"The cells were read as voxels, not as a path, because {error.where} are not "
             "neighbours."
         )
-    found = read(data, filename=filename, as_voxels=True)
-    return found, replace(options, as_voxels=True), (why,)
+    shape = read(data, filename=filename, as_voxels=True)
+    return shape, replace(options, as_voxels=True), (note,)
 
 
 def prepare_in_any_order(
@@ -470,9 +472,9 @@ def prepare_in_any_order(
     Raises:
         InputError: See both.
     """
-    found, options, notes = read_in_any_order(data, filename, options)
-    made = prepare_found(found, options, seed=seed, offering=True)
-    return replace(made, notes=(*notes, *made.notes))
+    shape, options, notes = read_in_any_order(data, filename, options)
+    preparation = prepare_found(shape, options, seed=seed, offering=True)
+    return replace(preparation, notes=(*notes, *preparation.notes))
 
 
 def check_for_table(chain: Chain) -> None:
@@ -493,12 +495,12 @@ def check_for_table(chain: Chain) -> None:
         )
     faults = rule_violations(np.rint(chain.folded_poses.positions).astype(np.int64))
     if faults:
-        told = " ".join(fault.detail for fault in faults[:MAX_LISTED_VIOLATIONS])
-        if more := len(faults[MAX_LISTED_VIOLATIONS:]):
-            told += f" The path has {more} more problem{'' if more == 1 else 's'}."
+        fault_text = " ".join(fault.detail for fault in faults[:MAX_LISTED_VIOLATIONS])
+        if further := len(faults[MAX_LISTED_VIOLATIONS:]):
+            fault_text += f" The path has {further} more problem{'' if further == 1 else 's'}."
         raise InputError(
             "not-for-a-table",
-            f"got a path along which a chain cannot fold on a table: {told} "
+            f"got a path along which a chain cannot fold on a table: {fault_text} "
             "Expected a path that rises layer by layer; read the cells as voxels to find such a "
             "path.",
         )
@@ -531,28 +533,28 @@ def _prepared_chain(chain: Chain, options: PathOptions, kind: str) -> Preparatio
     )
 
 
-def _cells_alone(found: Shape | Solid, options: PathOptions, seed: int) -> Preparation:
-    if isinstance(found, Shape):
+def _cells_alone(shape: Shape | Solid, options: PathOptions, seed: int) -> Preparation:
+    if isinstance(shape, Shape):
         return Preparation(
             kind="voxels",
-            name=found.name,
+            name=shape.name,
             options=options,
             chains=(),
-            shape=found,
-            notes=found.notes,
+            shape=shape,
+            notes=shape.notes,
         )
     from foldback.planner.pathfinding.shape_overlap import likeness_of
     from foldback.planner.shapes.voxelise import voxelise
 
-    voxels = voxelise(found, cells=filling_of(options).cells_for(options), seed=seed)
-    placed = _in_cells(found, voxels).moved(np.eye(3), 1.0, -0.5)
+    voxels = voxelise(shape, cells=filling_of(options).cells_for(options), seed=seed)
+    placed = _in_cells(shape, voxels).moved(np.eye(3), 1.0, -0.5)
     return Preparation(
         kind="mesh",
-        name=found.name,
+        name=shape.name,
         options=options,
         chains=(),
         shape=voxels.shape,
-        notes=(*found.notes, *voxels.notes, *voxels.remarks),
+        notes=(*shape.notes, *voxels.notes, *voxels.remarks),
         voxels=voxels,
         likenesses=(likeness_of(placed, voxels.shape.cells),),
     )
@@ -572,17 +574,17 @@ def _from_shape(
     return _made(kind, shape.name, options, filled, notes, likenesses=likenesses)
 
 
-def _check_for_fitted(found: Shape | Solid, options: PathOptions) -> None:
+def _check_for_fitted(shape: Shape | Solid, options: PathOptions) -> None:
     """Refuse the method 'fitted' where it chooses nothing."""
-    if isinstance(found, Shape):
-        got, remedy = "cells", "Use the method 'exact' or 'blocks', as the cells are given."
+    if isinstance(shape, Shape):
+        problem, remedy = "cells", "Use the method 'exact' or 'blocks', as the cells are given."
     elif options.world == "table":
-        got, remedy = "a fold on a table", "Use the method 'auto'."
+        problem, remedy = "a fold on a table", "Use the method 'auto'."
     else:
         return
     raise InputError(
         "unsuited-method",
-        f"got the method 'fitted' for {got}, expected a mesh that is folded in zero gravity. "
+        f"got the method 'fitted' for {problem}, expected a mesh that is folded in zero gravity. "
         f"{remedy}",
         where="method",
     )
@@ -617,12 +619,12 @@ def _from_solid(solid: Solid, options: PathOptions, seed: int, time_limit_s: flo
     return _with_first_of(fitted, voxelised)
 
 
-def _with_first_of(chosen: Preparation, other: Preparation) -> Preparation:
+def _with_first_of(preferred: Preparation, alternative: Preparation) -> Preparation:
     """Return a preparation with the first chain of another one as its last."""
     return replace(
-        chosen,
-        chains=(*chosen.chains, *other.chains[:1]),
-        likenesses=(*chosen.likenesses, *other.likenesses[: len(other.chains[:1])]),
+        preferred,
+        chains=(*preferred.chains, *alternative.chains[:1]),
+        likenesses=(*preferred.likenesses, *alternative.likenesses[: len(alternative.chains[:1])]),
     )
 
 
@@ -673,8 +675,8 @@ def _is_better(fitted: Preparation, voxelised: Preparation) -> bool:
     return gain >= (0.0 if _keeps_parts(fitted) > _keeps_parts(voxelised) else MIN_FITTED_GAIN)
 
 
-def _keeps_parts(made: Preparation) -> bool:
-    return made.voxels is not None and made.voxels.retention.parts
+def _keeps_parts(preparation: Preparation) -> bool:
+    return preparation.voxels is not None and preparation.voxels.retention.parts
 
 
 def _fitted(solid: Solid, options: PathOptions, seed: int, *, quick: bool = False) -> Preparation:
@@ -766,7 +768,7 @@ def _made(
     options: PathOptions,
     filled: FilledShape,
     notes: tuple[str, ...],
-    **more: Any,
+    **fields: Any,
 ) -> Preparation:
     return Preparation(
         kind=kind,
@@ -780,7 +782,7 @@ def _made(
         notes=notes,
         not_started=filled.not_started,
         filled=filled,
-        **more,
+        **fields,
     )
 
 

@@ -91,20 +91,20 @@ def read_shape(
     chain, chains, likenesses = prepared.chains[0], prepared.chains, prepared.likenesses
     if start is not None:
         # A fitted path may have fewer modules; the path through blocks may still fit.
-        chain = next((each for each in chains if len(each) == len(start)), chain)
+        chain = next((chain for chain in chains if len(chain) == len(start)), chain)
         check_fits(start, chain.module.name, len(chain))
         # It is the same chain, whatever size the other shape was drawn in.
-        fitting = [k for k, each in enumerate(chains) if len(each) == len(start)]
+        fitting = [k for k, candidate in enumerate(chains) if len(candidate) == len(start)]
         chains = tuple(replace(chains[k], pitch_m=start.pitch_m) for k in fitting)
         likenesses = tuple(likenesses[k] for k in fitting) if likenesses else ()
         chain = chains[0]
     ranked_strategies(chain, request.parameters(), refolds=request.refold)  # or it is refused
     # A chain comes as it is wanted; what only shows cells may as well begin at their other end.
-    given = prepared.kind == "chain" or request.start is not None or request.refold
-    given = given or request.world == "table"  # whose path begins on it
+    is_fixed = prepared.kind == "chain" or request.start is not None or request.refold
+    is_fixed = is_fixed or request.world == "table"  # whose path begins on it
     return Reading(
         candidates=Candidates(
-            chains, two_ended=not given and on_lattice(chain), likenesses=likenesses
+            chains, two_ended=not is_fixed and on_lattice(chain), likenesses=likenesses
         ),
         kind=prepared.kind,
         method=prepared.method,

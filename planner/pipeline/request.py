@@ -210,17 +210,17 @@ class FoldRequest(PathOptions):
             InputError: ``unsuited-world``.
         """
         plain = FoldRequest()
-        for name, what in (
+        for name, noun in (
             ("preset", "preset"),
             ("module", "module"),
             ("strategy", "strategy"),
             ("prefer", "preference"),
             ("ends", "choice of ends"),
         ):
-            if (got := getattr(self, name)) != getattr(plain, name):
+            if (value := getattr(self, name)) != getattr(plain, name):
                 raise InputError(
                     "unsuited-world",
-                    f"got the {what} {got!r} for a fold on a table, expected "
+                    f"got the {noun} {value!r} for a fold on a table, expected "
                     f"{getattr(plain, name)!r}; use the 'floating' world for other values.",
                 )
         if self.method not in ("auto", "blocks"):
@@ -275,21 +275,25 @@ class FoldRequest(PathOptions):
             InputError: An unknown preset, or a seed or module size out of range.
         """
         PathOptions.check(self)
-        found = self._plain()
+        parameters = self._plain()
         if self.settings:
-            found = with_settings(found, read_settings(self.settings))
-        found = replace(found, strategy=self.strategy, at_once=self.at_once)
+            parameters = with_settings(parameters, read_settings(self.settings))
+        parameters = replace(parameters, strategy=self.strategy, at_once=self.at_once)
         if self.prefer == "time":
-            found = replace(found, playback=replace(found.playback, paced_by="speed"))
+            parameters = replace(
+                parameters, playback=replace(parameters.playback, paced_by="speed")
+            )
         if self.smooth or smoothed:
             # Frames are joined by straight lines: a finer curve would go round their corners.
-            found = replace(found, playback=replace(found.playback, spacing_rad=0.06))
+            parameters = replace(
+                parameters, playback=replace(parameters.playback, spacing_rad=0.06)
+            )
         if self.module_size is None:
-            return found
-        return replace(found, module_size=self.module_size)
+            return parameters
+        return replace(parameters, module_size=self.module_size)
 
 
 def _placed(error: InputError) -> InputError:
     """Return the refusal with the parameter that it is about: codes end in its name."""
-    where = error.code.partition("-")[2].replace("-", "_")
-    return InputError(error.code, error.detail, where=where)
+    field = error.code.partition("-")[2].replace("-", "_")
+    return InputError(error.code, error.detail, where=field)

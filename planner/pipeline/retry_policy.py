@@ -82,7 +82,7 @@ class RetryPolicy:
         if request.smooth:
             return cls(strategies=(SMOOTHING_WAYS,), seed=request.seed, seeds=1)
         parameters, chains = request.parameters(), candidates.chains
-        ours = isinstance(parameters.explosion, ExplosionParameters)
+        has_forces = isinstance(parameters.explosion, ExplosionParameters)
         improvements = None
         if request.prefer != COMPUTING:
             hinges = len(chains[0].folded_rad)
@@ -106,48 +106,52 @@ class RetryPolicy:
             ),
             seed=request.seed,
             two_ended=candidates.two_ended,
-            forces=ours,
-            seeds=MAX_SEEDS if ours else 1,  # as published there is nothing that a seed changes
-            calm=ours and parameters.strategy == AUTO and parameters.world != "table",
+            forces=has_forces,
+            seeds=MAX_SEEDS
+            if has_forces
+            else 1,  # as published there is nothing that a seed changes
+            calm=has_forces and parameters.strategy == AUTO and parameters.world != "table",
             turns=request.prefer == COMPUTING
             and takes_turns(chains[0], parameters, refolds=request.refold),
             improvements=improvements,
-            retries_refused=ours and parameters.strategy != BASELINE,
+            retries_refused=has_forces and parameters.strategy != BASELINE,
         )
 
-    def next_attempt(self, tried: Sequence[Attempt]) -> Trial | None:
+    def next_attempt(self, attempts: Sequence[Attempt]) -> Trial | None:
         """Return the trial after so many attempts; None when enough was tried.
 
         Args:
-            tried: The attempts so far.
+            attempts: The attempts so far.
         """
         if self.turns:
-            if not tried:
+            if not attempts:
                 return Trial(0, self.seed, TURNS, roomy=True)
             # After a search in vain, the fold goes on as if there had been none.
-            tried = [attempt for attempt in tried if attempt.verified or not attempt.trial.roomy]
-        if not tried:
+            attempts = [
+                attempt for attempt in attempts if attempt.verified or not attempt.trial.roomy
+            ]
+        if not attempts:
             return Trial(0, self.seed, self.strategies[0][0])
-        if any(attempt.verified for attempt in tried):
-            return None if self.improvements is None else self.improvements.next_attempt(tried)
-        if sum(not attempt.repeats for attempt in tried) >= MAX_EXPLOSIONS:
+        if any(attempt.verified for attempt in attempts):
+            return None if self.improvements is None else self.improvements.next_attempt(attempts)
+        if sum(not attempt.repeats for attempt in attempts) >= MAX_EXPLOSIONS:
             return None
-        done = {attempt.trial for attempt in tried}
-        last = tried[-1]
+        done = {attempt.trial for attempt in attempts}
+        last = attempts[-1]
         plain = any(trial.plain for trial in done)
         for change in FALLBACKS[last.why]:
-            for other in self._changed(change, last.trial):
-                if plain and other.strategy == "simultaneous":
-                    other = replace(other, plain=True)
-                if other not in done:
-                    return other
+            for variant in self._changed(change, last.trial):
+                if plain and variant.strategy == "simultaneous":
+                    variant = replace(variant, plain=True)
+                if variant not in done:
+                    return variant
         return None
 
     def lookahead(
         self,
-        tried: Sequence[Attempt],
-        here: Trial,
-        known: Mapping[Trial, Attempt] | None = None,
+        attempts: Sequence[Attempt],
+        current: Trial,
+        finished: Mapping[Trial, Attempt] | None = None,
     ) -> list[Trial]:
         """Return what may come after a trial that is being computed, the likeliest first.
 
@@ -155,47 +159,51 @@ class RetryPolicy:
         A smoothing is never begun early.
 
         Args:
-            tried: The attempts before it.
-            here: Current attempt.
-            known: Results of finished attempts.
+            attempts: The attempts before it.
+            current: Current attempt.
+            finished: Results of finished attempts.
         """
-        known = known or {}
-        seen: dict[str, Cause] = {attempt.trial.strategy: attempt.why for attempt in tried}
-        found: dict[Trial, None] = {}
+        finished = finished or {}
+        causes: dict[str, Cause] = {attempt.trial.strategy: attempt.why for attempt in attempts}
+        trials: dict[Trial, None] = {}
         for reason in (None, *FALLBACKS):
-            trial: Trial | None = here
-            failed = list(tried)
+            trial: Trial | None = current
+            failed = list(attempts)
             while trial is not None:
-                likely = seen.get(trial.strategy) or DEFAULT_REASON.get(trial.strategy, "joints")
-                failed.append(known.get(trial) or _failed(trial, reason or likely))
+                likely = causes.get(trial.strategy) or DEFAULT_REASON.get(trial.strategy, "joints")
+                failed.append(finished.get(trial) or _failed(trial, reason or likely))
                 trial = self.next_attempt(failed)
                 if trial is not None and trial.smooths is not None:
                     trial = None  # of which plan is known only when all explosions are over
                 if trial is not None:
-                    found[trial] = None
-        return list(found)
+                    trials[trial] = None
+        return list(trials)
 
-    def _changed(self, change: Change, here: Trial) -> Iterator[Trial]:
+    def _changed(self, change: Change, current: Trial) -> Iterator[Trial]:
         """Yield the trials by one change, the nearest first."""
         if change == "plain":
-            if self.calm and here.strategy == "simultaneous":
-                yield replace(here, plain=True)
+            if self.calm and current.strategy == "simultaneous":
+                yield replace(current, plain=True)
         elif change == "path":
-            for candidate, known in enumerate(self.strategies):
-                strategy = here.strategy if here.strategy in known else known[0]
-                yield replace(here.with_strategy(strategy), candidate=candidate)
+            for candidate, tried_strategies in enumerate(self.strategies):
+                strategy = (
+                    current.strategy
+                    if current.strategy in tried_strategies
+                    else tried_strategies[0]
+                )
+                yield replace(current.with_strategy(strategy), candidate=candidate)
         elif change == "strategy":
-            for strategy in self.strategies[here.candidate]:
-                yield here.with_strategy(strategy)
+            for strategy in self.strategies[current.candidate]:
+                yield current.with_strategy(strategy)
         elif change == "end":
-            if self.two_ended and here.strategy in DIRECTIONAL_STRATEGIES:
-                yield replace(here, other_end=not here.other_end)
+            if self.two_ended and current.strategy in DIRECTIONAL_STRATEGIES:
+                yield replace(current, other_end=not current.other_end)
         elif change == "forces":
-            if self.forces and here.strategy not in TURN_STRATEGIES:  # without forces
-                yield replace(here, gentle=True)
+            if self.forces and current.strategy not in TURN_STRATEGIES:  # without forces
+                yield replace(current, gentle=True)
         else:
             for k in range(self.seeds):
-                yield replace(here, seed=(self.seed + k) % (MAX_SEED + 1))
+                yield replace(current, seed=(self.seed + k) % (MAX_SEED + 1))
 
 
 def _failed(trial: Trial, cause: Cause) -> Attempt:

@@ -157,20 +157,20 @@ def read_chains(workspace: Workspace, shape: Path | Chain | None = None) -> Read
     request = workspace.read_request()
     request.check()
     if request.smooth:
-        found = read_plan(workspace.read_recorded())
+        result = read_plan(workspace.read_recorded())
     else:
         workspace.drop_recorded()  # of an earlier fold with a preference
         start = workspace.read_start(request)
         if shape is None:
             data = workspace.read_input()
             prepared = workspace.read_prepared(request, data)
-            found = read_shape(request, data, start=start, prepared=prepared)
+            result = read_shape(request, data, start=start, prepared=prepared)
         else:
-            found = read_shape(request, shape, start=start)
+            result = read_shape(request, shape, start=start)
     workspace.clear()
-    workspace.write_candidates(found.candidates)
+    workspace.write_candidates(result.candidates)
     workspace.drop_prepared()
-    return found
+    return result
 
 
 @dataclass(frozen=True, slots=True)
@@ -264,14 +264,14 @@ def certify_latest(workspace: Workspace, watch: Watch, pool: AttemptPool) -> dic
     search = run_steps(job, search, InDirectory(workspace), watch, pool, only=Certify)
     certificate = search.current.certificate
     assert certificate is not None
-    again = None
+    following_stage = None
     if not watch.cancelled():
         step = next_step(search.history, job.policy)
-        again = step and ("explode" if isinstance(step, Explode) else "play_back")
+        following_stage = step and ("explode" if isinstance(step, Explode) else "play_back")
         if step is None:
             workspace.keep_best(job.request.prefer)
             certificate = workspace.read_certificate() or certificate
-    return {**certificate.as_dict(), "again": again}
+    return {**certificate.as_dict(), "again": following_stage}
 
 
 def export_best(workspace: Workspace) -> dict[str, Any]:

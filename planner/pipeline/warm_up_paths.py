@@ -38,9 +38,9 @@ def warm_up_paths() -> None:
     """Finds a path and a trail through a box and makes voxels of a tetrahedron."""
     warm_up_chains()
     box = Shape.from_cells(np.argwhere(np.ones((3, 3, 3), dtype=bool)))
-    found = exact_path(box)
-    if found.cells is not None:
-        knot_of(found.cells)
+    search = exact_path(box)
+    if search.cells is not None:
+        knot_of(search.cells)
     find_trails(box)
     solid = _tetrahedron()
     voxelise(solid, cells=8)

@@ -173,8 +173,8 @@ class Workspace:
     @property
     def number(self) -> int | None:
         """Number of the latest attempt that has a folder; None when there is none."""
-        known = layout.attempt_numbers(self.directory)
-        return known[-1] if known else None
+        numbers = layout.attempt_numbers(self.directory)
+        return numbers[-1] if numbers else None
 
     @property
     def timeline(self) -> FilePath:
@@ -311,8 +311,8 @@ class Workspace:
             ``stuck``, as of ``Plan.summary``; of a plan that its certificate refuses ``explosion``
             and ``certificate``. Empty when nothing was recorded.
         """
-        asked = (self.directory / names.REQUEST).exists()
-        self.publish(self.read_request().prefer if asked else COMPUTING)
+        has_request = (self.directory / names.REQUEST).exists()
+        self.publish(self.read_request().prefer if has_request else COMPUTING)
         certificate = layout.certificate_values(self.directory / names.CERTIFICATE)
         verified, clearance = judgement(certificate)
         if isfinite(clearance) and not verified:
@@ -333,7 +333,7 @@ class Workspace:
         Folders that an earlier run made from there on are removed.
         """
         place = self.attempt_of(number)
-        self._remove([known for known in layout.attempt_numbers(self.directory) if known >= number])
+        self._remove([n for n in layout.attempt_numbers(self.directory) if n >= number])
         place.directory.mkdir(parents=True)
         place._write_chain(chain)
         return place
@@ -377,11 +377,11 @@ class Workspace:
         if place == self.directory:
             return
         for name in (*names.RESULT_FILES, names.RECORDED_PLAN):
-            there = place / name
-            if there.is_dir():
+            target = place / name
+            if target.is_dir():
                 rmtree(self.directory / name, ignore_errors=True)
-            if there.exists():
-                there.replace(self.directory / name)
+            if target.exists():
+                target.replace(self.directory / name)
         rmtree(self.directory / names.ATTEMPTS_DIR)
 
     def _keep_best(self, among: Sequence[int], prefer: Preference = COMPUTING) -> None:

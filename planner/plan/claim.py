@@ -86,10 +86,10 @@ def angles_digest(motion: Motion) -> str:
         parts = (motion.first, "<i8"), (motion.offsets, "<i8"), (motion.angles_rad, "<f4")
     else:
         parts = ((motion.joint_angles_rad, "<f8"),)
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for values, kind in parts:
-        found.update(np.ascontiguousarray(values, dtype=kind).data)  # usually no copy
-    return found.hexdigest()
+        digest.update(np.ascontiguousarray(values, dtype=kind).data)  # usually no copy
+    return digest.hexdigest()
 
 
 def claimed_part(path: FilePath) -> bytes:
@@ -105,20 +105,20 @@ def claimed_part(path: FilePath) -> bytes:
     """
     with np.load(path, allow_pickle=False) as file:
         arrays: dict[str, Any] = {name: file[name] for name in CLAIMED_ARRAYS if name in file}
-        told = json.loads(str(file["plan"]))
-    told = {name: told[name] for name in CLAIMED_VALUES if name in told}
+        metadata = json.loads(str(file["plan"]))
+    metadata = {name: metadata[name] for name in CLAIMED_VALUES if name in metadata}
     if (windowed := "angles_rad" in arrays) or "joint_angles_rad" in arrays:
         name = "angles_rad" if windowed else "joint_angles_rad"
-        angles, folded = arrays[name], np.array(told["chain"]["folded_rad"])
+        angles, folded = arrays[name], np.array(metadata["chain"]["folded_rad"])
         planes = (
             encode_windows(arrays["first"], arrays["offsets"], angles, folded)
             if windowed
             else encode_frames(angles)
         )
         if planes is not None:
-            told["angles"] = plane_metadata(angles.shape, windowed=windowed)
+            metadata["angles"] = plane_metadata(angles.shape, windowed=windowed)
             arrays = {**arrays, PLANES_NAME: planes}
             del arrays[name]
     written = io.BytesIO()
-    np.savez_compressed(written, plan=np.array(json.dumps(told)), **arrays)
+    np.savez_compressed(written, plan=np.array(json.dumps(metadata)), **arrays)
     return written.getvalue()

@@ -56,41 +56,44 @@ def model_differences(text: str, expected: str) -> Iterator[str]:
     """
     if text == expected:
         return
-    here, there = compiled(text), compiled(expected)
-    if here.names != there.names:
-        yield _renamed(here, there)
-    for part, of, other in (("", here, there), ("option ", here.opt, there.opt)):
-        for name in dir(there if not part else there.opt):
-            mine, theirs = getattr(of, name, None), getattr(other, name, None)
-            if isinstance(theirs, np.ndarray | int | float) and not name.startswith(
+    model, reference = compiled(text), compiled(expected)
+    if model.names != reference.names:
+        yield _renamed(model, reference)
+    for part, of, reference_part in (("", model, reference), ("option ", model.opt, reference.opt)):
+        for name in dir(reference if not part else reference.opt):
+            value, expected_value = getattr(of, name, None), getattr(reference_part, name, None)
+            if isinstance(expected_value, np.ndarray | int | float) and not name.startswith(
                 IGNORED_PREFIXES
             ):
-                yield from _difference(here, part, name, mine, theirs)
+                yield from _difference(model, part, name, value, expected_value)
 
 
-def _difference(model: Any, part: str, name: str, mine: Any, theirs: Any) -> Iterator[str]:
-    got, expected = np.asarray(mine), np.asarray(theirs)
-    if got.shape != expected.shape:
-        yield f"{part}{name}: got the shape {got.shape}, expected {expected.shape}"
+def _difference(model: Any, part: str, name: str, value: Any, expected_value: Any) -> Iterator[str]:
+    actual, expected = np.asarray(value), np.asarray(expected_value)
+    if actual.shape != expected.shape:
+        yield f"{part}{name}: got the shape {actual.shape}, expected {expected.shape}"
         return
-    if got.dtype.kind not in "fiub":
+    if actual.dtype.kind not in "fiub":
         return
     # MJCF files hold six significant digits.
-    off = ~np.isclose(got, expected, rtol=5e-7, atol=2e-7, equal_nan=True)
+    off = ~np.isclose(actual, expected, rtol=5e-7, atol=2e-7, equal_nan=True)
     if not off.any():
         return
     place = tuple(int(k) for k in np.argwhere(off)[0])
-    where = ""
+    element = ""
     kind, count = ELEMENTS_BY_PREFIX.get(name.partition("_")[0], ("", ""))
-    if kind and place and len(got) == getattr(model, count):
+    if kind and place and len(actual) == getattr(model, count):
         called = "" if kind in UNNAMED_ELEMENTS else getattr(model, kind)(place[0]).name
-        where = f" of {kind} {called or place[0]}"
-    yield f"{part}{name}{where}: got {got[place].item():.9g}, expected {expected[place].item():.9g}"
+        element = f" of {kind} {called or place[0]}"
+    values = f"got {actual[place].item():.9g}, expected {expected[place].item():.9g}"
+    yield f"{part}{name}{element}: {values}"
 
 
-def _renamed(here: Any, there: Any) -> str:
-    mine, theirs = (bytes(model.names).split(b"\0") for model in (here, there))
-    for got, expected in zip(mine, theirs, strict=False):
-        if got != expected:
-            return f"names: got {got.decode(errors='replace')}, expected {expected.decode()}"
-    return f"got {len(mine)} names, expected {len(theirs)}"
+def _renamed(model: Any, reference: Any) -> str:
+    actual_names, expected_names = (bytes(model.names).split(b"\0") for model in (model, reference))
+    for actual_name, expected in zip(actual_names, expected_names, strict=False):
+        if actual_name != expected:
+            return (
+                f"names: got {actual_name.decode(errors='replace')}, expected {expected.decode()}"
+            )
+    return f"got {len(actual_names)} names, expected {len(expected_names)}"

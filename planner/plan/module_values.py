@@ -37,16 +37,22 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
     Raises:
         InputError: ``bad-values``: saying what was found, what is expected, and where.
     """
-    told = cast("Mapping[str, Any]", values) if isinstance(values, Mapping) else {}
-    if told.get("format") != VALUES_FORMAT:
-        raise _bad("format", told.get("format"), VALUES_FORMAT)
-    odd = [*sorted(told.keys() - FIELDS), *(f"no {name}" for name in sorted(FIELDS - told.keys()))]
+    metadata = cast("Mapping[str, Any]", values) if isinstance(values, Mapping) else {}
+    if metadata.get("format") != VALUES_FORMAT:
+        raise _bad("format", metadata.get("format"), VALUES_FORMAT)
+    odd = [
+        *sorted(metadata.keys() - FIELDS),
+        *(f"no {name}" for name in sorted(FIELDS - metadata.keys())),
+    ]
     if odd:
         raise _bad("fields", odd[0], ", ".join(sorted(FIELDS)))
-    for name, most in (("name", MAX_VALUES_NAME_CHARACTERS), ("unit", MAX_UNIT_CHARACTERS)):
-        if not isinstance(told[name], str) or len(told[name]) > most:
-            raise _bad(name, told[name], f"text of at most {most} characters")
-    low, high, rows, data = (told[key] for key in ("low", "high", "rows", "data"))
+    for name, max_characters in (
+        ("name", MAX_VALUES_NAME_CHARACTERS),
+        ("unit", MAX_UNIT_CHARACTERS),
+    ):
+        if not isinstance(metadata[name], str) or len(metadata[name]) > max_characters:
+            raise _bad(name, metadata[name], f"text of at most {max_characters} characters")
+    low, high, rows, data = (metadata[key] for key in ("low", "high", "rows", "data"))
     numbers = all(type(x) in (int, float) and abs(x) <= sys.float_info.max for x in (low, high))
     if not numbers or low > high:
         raise _bad("low", f"{low} to {high}", "two finite numbers, where 'low' is at most 'high'")
@@ -58,13 +64,13 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
     except (TypeError, ValueError):
         raise _bad("data", data, "bytes in base64") from None
     if len(levels) != rows * modules:
-        each = "bytes, one for each module in each row"
-        raise _bad("data", f"{len(levels)} bytes", f"{rows * modules} {each}")
+        expectation = "bytes, one for each module in each row"
+        raise _bad("data", f"{len(levels)} bytes", f"{rows * modules} {expectation}")
     return {
-        **told,
-        "name": clean_name(told["name"], max_length=MAX_VALUES_NAME_CHARACTERS)
+        **metadata,
+        "name": clean_name(metadata["name"], max_length=MAX_VALUES_NAME_CHARACTERS)
         or "Numbers from a file",
-        "unit": clean_name(told["unit"], max_length=MAX_UNIT_CHARACTERS),
+        "unit": clean_name(metadata["unit"], max_length=MAX_UNIT_CHARACTERS),
     }
 
 

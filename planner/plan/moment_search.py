@@ -128,8 +128,8 @@ class _Folding:
 
     def contact(self) -> Meeting | None:
         """Return the first contact of modules that are not near each other in the chain."""
-        most = 2_000_000 // len(self.chain)  # module poses
-        for start, poses in self._poses(self.first, min(self.end, self.first + most)):
+        max_frames = 2_000_000 // len(self.chain)  # module poses
+        for start, poses in self._poses(self.first, min(self.end, self.first + max_frames)):
             clearance, _ = self._clearances(poses, CONTACT_LINKS, CONTACT_PITCH)
             # The gap along a separating axis is at most the distance, so these may have met.
             for row in np.flatnonzero((clearance < CONTACT_PITCH).any(axis=1)):
@@ -150,9 +150,9 @@ class _Folding:
         for start in range(0, DIRECT_STEPS, step):
             angles = shares[start : start + step, None] * chain.folded_rad
             poses = chain.poses(angles, np.zeros((len(angles), 3)), _upright(len(angles)))
-            if met := self._closest(poses, chain.module.apart, -OVERLAP_PITCH):
-                share = shares[start + met[0]]
-                meeting = Meeting(frame=self._folded_by(float(share)), modules=met[1])
+            if hit := self._closest(poses, chain.module.apart, -OVERLAP_PITCH):
+                share = shares[start + hit[0]]
+                meeting = Meeting(frame=self._folded_by(float(share)), modules=hit[1])
                 return meeting, round(100 * share)
         return None, None
 
@@ -186,13 +186,13 @@ class _Folding:
     ) -> tuple[int, tuple[int, int]] | None:
         """Return the first of some configurations with a clearance below, and its closest pair."""
         clearance, nearest = self._clearances(poses, links, max(below, 0.0))
-        found = np.flatnonzero((clearance < below).any(axis=1))
-        if not len(found):
+        rows = np.flatnonzero((clearance < below).any(axis=1))
+        if not len(rows):
             return None
-        row = int(found[0])
-        one = int(clearance[row].argmin())
-        other = int(nearest[row, one])
-        return row, (min(one, other), max(one, other))
+        row = int(rows[0])
+        module = int(clearance[row].argmin())
+        nearest_module = int(nearest[row, module])
+        return row, (min(module, nearest_module), max(module, nearest_module))
 
     def _clearances(
         self, poses: Poses, links: int, cutoff: float
@@ -207,12 +207,14 @@ class _Folding:
         )
         return clearance, nearest
 
-    def _distance(self, poses: Poses, row: int, one: int, other: int) -> float:
+    def _distance(self, poses: Poses, row: int, first: int, second: int) -> float:
         """Return the distance of two modules: that of the hull of all differences from zero."""
         from scipy.optimize import nnls  # late: pages start without it
 
         corners = self.chain.module.vertices * self.size
-        a, b = (poses.positions[row, k] + corners @ poses.rotations[row, k].T for k in (one, other))
+        a, b = (
+            poses.positions[row, k] + corners @ poses.rotations[row, k].T for k in (first, second)
+        )
         differences = (a[:, None] - b[None]).reshape(-1, 3)
         # Nonnegative weights of the nearest point; the last equation makes their sum 1.
         equations = np.vstack([differences.T, np.full(len(differences), SUM_WEIGHT)])
@@ -236,8 +238,8 @@ class _Folding:
         """Return the share of all turns by which the chain is folded at some frames."""
         goal = self.chain.folded_rad
         turned = self.timeline.frames(start, end).joint_angles_rad * np.sign(goal)
-        wanted = np.abs(goal)
-        return np.clip(turned, 0.0, wanted).sum(axis=1) / max(wanted.sum(), OVERLAP_PITCH)
+        goal_angles = np.abs(goal)
+        return np.clip(turned, 0.0, goal_angles).sum(axis=1) / max(goal_angles.sum(), OVERLAP_PITCH)
 
 
 def _torque(
@@ -245,8 +247,8 @@ def _torque(
 ) -> Meeting | None:
     """Return the frame with the largest torque, and the modules that its hinge joins."""
     if forces is not None and forces.exists():
-        found = TableForces.load(forces)
-        return _at_hinge(timeline.chain, plan, found.torques)
+        table_forces = TableForces.load(forces)
+        return _at_hinge(timeline.chain, plan, table_forces.torques)
     if figures is None or not figures.exists():
         return None
     try:
@@ -262,10 +264,10 @@ def _torque(
     torques = inverse_dynamics(
         timeline.chain, timeline.windows(around, min(frame + 9, len(timeline)))
     )
-    here = np.flatnonzero(torques.frames == frame - around)
-    if not len(here):
+    rows = np.flatnonzero(torques.frames == frame - around)
+    if not len(rows):
         return None
-    return Meeting(frame=frame, modules=_joined(timeline.chain, int(torques.hinges[here[0]])))
+    return Meeting(frame=frame, modules=_joined(timeline.chain, int(torques.hinges[rows[0]])))
 
 
 def _at_hinge(chain: Chain, start: int, torques: NDArray[np.float32]) -> Meeting | None:

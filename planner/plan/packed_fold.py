@@ -99,15 +99,15 @@ def unpack(data: bytes, directory: FilePath) -> dict[str, Any]:
         raise InputError(
             "not-packed", f"got the format {header['format']!r}, expected {PACKED_FORMAT!r}."
         )
-    found = _unpacked(arrays, header["coded"])
+    files_found = _unpacked(arrays, header["coded"])
     for name, text in header["texts"].items():
         write_whole(directory / name, text.encode())
     for file in ARRAY_FILES:
-        if any(name.startswith(f"{file}/") for name in found):
-            save_npz(directory / file, _of_file(found, file))
-    _write_plan_json(directory / names.PLAN_TEXT, _of_file(found, names.PLAN))
-    _write_timeline(directory, found, header["timeline"])
-    figures = Figures(**_of_file(found, "figures"))
+        if any(name.startswith(f"{file}/") for name in files_found):
+            save_npz(directory / file, _of_file(files_found, file))
+    _write_plan_json(directory / names.PLAN_TEXT, _of_file(files_found, names.PLAN))
+    _write_timeline(directory, files_found, header["timeline"])
+    figures = Figures(**_of_file(files_found, "figures"))
     write([figures], len(figures), str(directory / names.FIGURES))
     return header["about"]
 
@@ -139,9 +139,9 @@ class _Packer:
             return True  # of a record it is NaN, of a playback the distance from the reference
         if file != names.PLAN or name not in ("joint_angles_rad", *ROOT_ARRAYS):
             return False
-        other = "reference_rad" if name == "joint_angles_rad" else name
-        known = _unpacked(dict(self.arrays), self.coded).get(f"playback.npz/{other}")
-        if known is None or not np.array_equal(known, array):
+        column = "reference_rad" if name == "joint_angles_rad" else name
+        recorded = _unpacked(dict(self.arrays), self.coded).get(f"playback.npz/{column}")
+        if recorded is None or not np.array_equal(recorded, array):
             raise InputError(
                 "not-packable", f"{file}: {name} differs from the array in playback.npz."
             )
@@ -166,18 +166,18 @@ class _Packer:
         torque = figures.torque_nm.astype(float)
         first = int(np.isnan(torque).all(axis=1).sum())  # the explosion's frames have none
         step = torque_step(torque)
-        whole = _whole("torque_nm", np.nan_to_num(torque[first:]) / step)
-        self._code("figures/torque_nm", whole, step, 1, np.dtype(np.float32))
+        rounded = _whole("torque_nm", np.nan_to_num(torque[first:]) / step)
+        self._code("figures/torque_nm", rounded, step, 1, np.dtype(np.float32))
         self.coded["figures/torque_nm"]["missing"] = first
 
     def _code(self, key: str, values: Ints, step: float, order: int, dtype: Any) -> None:
         """Store whole numbers as byte planes of their differences, column by column."""
         shape = values.shape
         scale = int(np.gcd.reduce(values, axis=None)) or 1
-        rest = values.astype(np.int64).reshape(-1, *shape[-2:]) // scale
+        remainder = values.astype(np.int64).reshape(-1, *shape[-2:]) // scale
         for _ in range(order):
-            rest = np.diff(rest, axis=1, prepend=np.zeros_like(rest[:, :1]))
-        self.arrays[key] = byte_planes(rest.swapaxes(1, 2))
+            remainder = np.diff(remainder, axis=1, prepend=np.zeros_like(remainder[:, :1]))
+        self.arrays[key] = byte_planes(remainder.swapaxes(1, 2))
         self.coded[key] = {
             "shape": list(shape),
             "step": step,
@@ -202,41 +202,41 @@ def _steps(key: str, angles_rad: Array) -> Ints:
 
 
 def _whole(key: str, values: Array) -> Ints:
-    whole = np.rint(values)
-    if not np.array_equal(whole, values):
+    rounded = np.rint(values)
+    if not np.array_equal(rounded, values):
         raise InputError("not-packable", f"{key}: got values that are not multiples of their step.")
-    return whole.astype(np.int64)
+    return rounded.astype(np.int64)
 
 
-def _decoded(planes: NDArray[np.uint8], told: dict[str, Any]) -> Ints:
-    *_, rows, columns = shape = told["shape"]
+def _decoded(planes: NDArray[np.uint8], coding: dict[str, Any]) -> Ints:
+    *_, rows, columns = shape = coding["shape"]
     values = whole_numbers(planes).reshape(-1, columns, rows)
-    for _ in range(told["order"]):
+    for _ in range(coding["order"]):
         values = values.cumsum(axis=2)
-    return (values.swapaxes(1, 2) * told["scale"]).reshape(shape)
+    return (values.swapaxes(1, 2) * coding["scale"]).reshape(shape)
 
 
 def _unpacked(arrays: Arrays, coded: dict[str, dict[str, Any]]) -> Arrays:
     """Return all arrays by file and name, those that are coded or repeat others as well."""
-    whole = {key: _decoded(arrays[key], told) for key, told in coded.items()}
-    found = dict(arrays)
-    for key, told in coded.items():
-        values = whole[key] + (whole[told["from"]] if "from" in told else 0)
-        array = (values * told["step"]).astype(told["dtype"])
-        if missing := told.get("missing", 0):
+    rounded = {key: _decoded(arrays[key], values) for key, values in coded.items()}
+    decoded = dict(arrays)
+    for key, coding in coded.items():
+        values = rounded[key] + (rounded[coding["from"]] if "from" in coding else 0)
+        array = (values * coding["step"]).astype(coding["dtype"])
+        if missing := coding.get("missing", 0):
             array = np.concatenate([np.full((missing, array.shape[1]), np.nan, array.dtype), array])
-        found[key] = array
-    if (record := found.get("record.npz/joint_angles_rad")) is not None:
-        found["record.npz/joint_error_rad"] = np.full_like(record, np.nan)
+        decoded[key] = array
+    if (record := decoded.get("record.npz/joint_angles_rad")) is not None:
+        decoded["record.npz/joint_error_rad"] = np.full_like(record, np.nan)
     played, reference = (
-        found.get(f"playback.npz/{name}") for name in ("joint_angles_rad", "reference_rad")
+        decoded.get(f"playback.npz/{name}") for name in ("joint_angles_rad", "reference_rad")
     )
     if played is not None and reference is not None:
-        found["playback.npz/joint_error_rad"] = np.abs(played - reference)
-        found["plan.npz/joint_angles_rad"] = reference
+        decoded["playback.npz/joint_error_rad"] = np.abs(played - reference)
+        decoded["plan.npz/joint_angles_rad"] = reference
         for name in ROOT_ARRAYS:
-            found[f"plan.npz/{name}"] = found[f"playback.npz/{name}"]
-    return found
+            decoded[f"plan.npz/{name}"] = decoded[f"playback.npz/{name}"]
+    return decoded
 
 
 def _of_file(arrays: Arrays, file: str) -> dict[str, Any]:

@@ -105,8 +105,8 @@ class Plan:
         if playback is not None:
             motion, errors = playback.reference, playback.frames.largest_errors
             if parameters.world == "table":
-                held = parameters.table.held
-                motion = playback.frames.planned(chain, motion, clamped=held)
+                is_clamped = parameters.table.held
+                motion = playback.frames.planned(chain, motion, clamped=is_clamped)
             motion = replace(motion, time_s=motion.time_s - motion.time_s[0])
         return cls(
             chain=chain,
@@ -430,21 +430,23 @@ _VALUES: Final = (
 def _columns_of(layout: str) -> Columns:
     """Return the columns of a motion that a plan has as they are: all but phase and errors."""
     columns = WINDOW_COLUMNS if layout == "windows" else FRAME_COLUMNS
-    others = ("phase", "joint_error_rad", "errors_rad")
-    return {name: column for name, column in columns.items() if name not in others}
+    excluded = ("phase", "joint_error_rad", "errors_rad")
+    return {name: column for name, column in columns.items() if name not in excluded}
 
 
 def _unpacked(values: dict[str, Any], layout: str, chain: Chain) -> dict[str, Any]:
     """Return a plan's values, with angles that are stored in planes as plain numbers."""
-    told = values.get("angles") or {}
-    if "data" in told:
+    metadata = values.get("angles") or {}
+    if "data" in metadata:
         if PLANES_NAME in values:
             raise ValueError(
                 f"got the angles twice, in {PLANES_NAME} and in angles.data, expected them once"
             )
-        planes = np.frombuffer(zlib.decompress(b64decode(told["data"])), np.uint8).reshape(4, -1)
+        planes = np.frombuffer(zlib.decompress(b64decode(metadata["data"])), np.uint8).reshape(
+            4, -1
+        )
         values = {**values, PLANES_NAME: planes}
-    return with_plain_angles(values, told, chain.folded_rad, windowed=layout == "windows")
+    return with_plain_angles(values, metadata, chain.folded_rad, windowed=layout == "windows")
 
 
 def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
@@ -486,13 +488,13 @@ def versions() -> dict[str, str]:
 
 @cache
 def _versions() -> dict[str, str]:
-    found = {"python": platform.python_version()}
+    installed = {"python": platform.python_version()}
     for package in ("foldback", "mujoco", "numpy", "numba", "scipy"):
         try:
-            found[package] = version(package)
+            installed[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "unknown"
-    return found
+            installed[package] = "unknown"
+    return installed
 
 
 def _json_of(texts: dict[str, str]) -> bytes:

@@ -52,8 +52,8 @@ class PreparedChains:
                 method=values["method"],
                 notes=tuple(values["notes"]),
                 knot=values["knot"],
-                chains=tuple(chain_from_attributes(each) for each in values["chains"]),
-                likenesses=tuple(Likeness(**each) for each in values["likenesses"]),
+                chains=tuple(chain_from_attributes(chain) for chain in values["chains"]),
+                likenesses=tuple(Likeness(**likeness) for likeness in values["likenesses"]),
             )
         except UNREADABLE:
             return None
@@ -67,7 +67,7 @@ class PreparedChains:
             "notes": self.notes,
             "knot": self.knot,
             "chains": [chain_attributes(chain) for chain in self.chains],
-            "likenesses": [each.as_dict() for each in self.likenesses],
+            "likenesses": [likeness.as_dict() for likeness in self.likenesses],
         }
         write_json(directory / PREPARED, values)
 
@@ -78,5 +78,5 @@ def key_of(data: bytes, filename: str | None, options: PathOptions, seed: int) -
         made_by = version("foldback")
     except PackageNotFoundError:
         made_by = ""
-    given = [made_by, sha256(data).hexdigest(), filename, asdict(options), seed]
-    return sha256(json.dumps(given, sort_keys=True).encode()).hexdigest()
+    key_values = [made_by, sha256(data).hexdigest(), filename, asdict(options), seed]
+    return sha256(json.dumps(key_values, sort_keys=True).encode()).hexdigest()

@@ -51,9 +51,9 @@ def write_chain(
     head["first_position"] = chain.folded_position.tolist()
     head["first_wxyz"] = chain.folded_wxyz.tolist()
     angles = np.rad2deg(chain.folded_rad)
-    whole = np.round(angles)
+    rounded = np.round(angles)
     # Right angles are written as 90, not as what is left of them after two roundings.
-    angles = np.where(np.deg2rad(whole) == chain.folded_rad, whole, angles) + 0.0
+    angles = np.where(np.deg2rad(rounded) == chain.folded_rad, rounded, angles) + 0.0
     hinges = chain.module.hinges_per_joint
     rows: list[object] = [
         row if hinges > 1 else row[0] for row in angles.reshape(-1, hinges).tolist()

@@ -40,21 +40,21 @@ def turn_text(module: Module, turn: Turn) -> str:
     return f"{ordinal(turn.module + 1)} {module_word(module)}, {angle_text(turn)}{axis}"
 
 
-def step_text(module: Module, step: Step, *, most: int = 5) -> str:
+def step_text(module: Module, step: Step, *, max_listed: int = 5) -> str:
     """Return what to do in a step: Turn at the 7th cube, +90° (z). Hold cubes 8 to 24.
 
     Args:
         module: Kind of the modules.
         step: The step.
-        most: Maximum number of turns that are listed.
+        max_listed: Maximum number of turns that are listed.
     """
     hold = f"Hold {modules_text(module, step.held)}."
     turns = [turn_text(module, turn) for turn in step.turns]
     # The hinge of a cube is at its centre, that of a tetrahedron is at its edge to the next one.
-    where = "at" if module is CUBE else "after"
+    preposition = "at" if module is CUBE else "after"
     if len(turns) == 1:
-        return f"Turn {where} the {turns[0]}. {hold}"
-    more = len(turns) - most
-    listed = "; ".join(turns[:most] if more > 1 else turns)
-    rest = f"; and {more} more" if more > 1 else ""
-    return f"Make {len(turns)} turns together, {where} the {listed}{rest}. {hold}"
+        return f"Turn {preposition} the {turns[0]}. {hold}"
+    unlisted = len(turns) - max_listed
+    listed = "; ".join(turns[:max_listed] if unlisted > 1 else turns)
+    suffix = f"; and {unlisted} more" if unlisted > 1 else ""
+    return f"Make {len(turns)} turns together, {preposition} the {listed}{suffix}. {hold}"

@@ -91,18 +91,18 @@ def _step(number: int, module: Module, hinges: Sequence[int], before: Array, aft
     fronts = [module.module_before(hinge) for hinge in hinges]
     ends = [*sorted(set(fronts)), count - 1]
     parts = tuple(zip([0, *(end + 1 for end in ends[:-1])], ends, strict=True))
-    held = max(parts, key=lambda part: part[1] - part[0])
+    held_part = max(parts, key=lambda part: part[1] - part[0])
     turns = tuple(
         Turn(
             hinge=hinge,
             module=front,
             from_rad=float(before[hinge]),
             to_rad=float(after[hinge]),
-            moves=(front + 1, count - 1) if front >= held[1] else (0, front),
+            moves=(front + 1, count - 1) if front >= held_part[1] else (0, front),
         )
         for hinge, front in zip(hinges, fronts, strict=True)
     )
-    return Step(number=number, turns=turns, parts=parts, held=held)
+    return Step(number=number, turns=turns, parts=parts, held=held_part)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -194,13 +194,13 @@ def steps_of(plan: Plan) -> Steps:
         )
     rests = np.concatenate([plan.part(frame, frame + 1).joint_angles_rad for frame in frames])
     moved = np.abs(np.diff(rests, axis=0)).max(axis=1) > MIN_TURN_RAD
-    kept = [0, *(np.flatnonzero(moved) + 1).tolist()]
+    rest_numbers = [0, *(np.flatnonzero(moved) + 1).tolist()]
     return Steps(
         chain=plan.chain,
-        rests_rad=rests[kept],
+        rests_rad=rests[rest_numbers],
         steps=steps_between(plan.chain.module, rests),
-        frames=tuple(frames[k] for k in kept),
-        times_s=tuple(float(plan.time_s[frames[k]]) for k in kept),
+        frames=tuple(frames[k] for k in rest_numbers),
+        times_s=tuple(float(plan.time_s[frames[k]]) for k in rest_numbers),
     )
 
 

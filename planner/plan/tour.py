@@ -114,15 +114,17 @@ class Tour:
         Raises:
             InputError: ``bad-tour``: saying what was found, what is expected, and where.
         """
-        told = _mapping(values, {"format", "title", "stops"}, "tour")
-        if told.get("format") != TOUR_FORMAT:
-            raise _bad("format", told.get("format"), repr(TOUR_FORMAT))
-        stops = told.get("stops")
+        tour = _mapping(values, {"format", "title", "stops"}, "tour")
+        if tour.get("format") != TOUR_FORMAT:
+            raise _bad("format", tour.get("format"), repr(TOUR_FORMAT))
+        stops = tour.get("stops")
         if not isinstance(stops, list) or not 1 <= len(cast("list[object]", stops)) <= MAX_STOPS:
-            got = f"{len(cast('list[object]', stops))} stops" if isinstance(stops, list) else stops
-            raise _bad("stops", got, f"a list of 1 to {MAX_STOPS} stops")
+            actual = (
+                f"{len(cast('list[object]', stops))} stops" if isinstance(stops, list) else stops
+            )
+            raise _bad("stops", actual, f"a list of 1 to {MAX_STOPS} stops")
         return cls(
-            title=_text("title", told.get("title"), MAX_TITLE),
+            title=_text("title", tour.get("title"), MAX_TITLE),
             stops=tuple(
                 _stop(stop, f"stop {k}", frames, modules)
                 for k, stop in enumerate(cast("list[object]", stops), 1)
@@ -131,31 +133,33 @@ class Tour:
 
 
 def _stop(values: object, place: str, frames: int, modules: int) -> Stop:
-    told = _mapping(values, set(_NAMES), place)
-    given = {_NAMES[key]: value for key, value in told.items() if value is not None}
+    stop = _mapping(values, set(_NAMES), place)
+    fields = {_NAMES[key]: value for key, value in stop.items() if value is not None}
     checked: dict[str, Any] = {
-        "caption": _text(f"{place}, caption", given.get("caption"), MAX_CAPTION),
-        "frame": _number(f"{place}, frame", given.get("frame"), frames),
+        "caption": _text(f"{place}, caption", fields.get("caption"), MAX_CAPTION),
+        "frame": _number(f"{place}, frame", fields.get("frame"), frames),
     }
-    if ("first" in given) != ("last" in given):
-        raise _bad(f"{place}, from", told.get("from"), "both 'from' and 'to', or neither")
-    if "first" in given:
-        checked["last"] = _number(f"{place}, to", given["last"], frames)
-        checked["first"] = _number(f"{place}, from", given["first"], frames)
+    if ("first" in fields) != ("last" in fields):
+        raise _bad(f"{place}, from", stop.get("from"), "both 'from' and 'to', or neither")
+    if "first" in fields:
+        checked["last"] = _number(f"{place}, to", fields["last"], frames)
+        checked["first"] = _number(f"{place}, from", fields["first"], frames)
         if checked["first"] >= checked["last"]:
-            raise _bad(f"{place}, from", given["first"], f"a frame before {given['last']}")
-    if "modules" in given:
-        checked["modules"] = _modules(f"{place}, modules", given["modules"], modules)
+            raise _bad(f"{place}, from", fields["first"], f"a frame before {fields['last']}")
+    if "modules" in fields:
+        checked["modules"] = _modules(f"{place}, modules", fields["modules"], modules)
     for name, pattern, like in _TEXTS:
-        if name in given:
-            if not isinstance(given[name], str) or not re.fullmatch(pattern, given[name], re.ASCII):
-                raise _bad(f"{place}, {name}", given[name], like)
-            checked[name] = given[name]
+        if name in fields:
+            if not isinstance(fields[name], str) or not re.fullmatch(
+                pattern, fields[name], re.ASCII
+            ):
+                raise _bad(f"{place}, {name}", fields[name], like)
+            checked[name] = fields[name]
     for name in ("follow", "path"):
-        if name in given:
-            if not isinstance(given[name], bool):
-                raise _bad(f"{place}, {name}", given[name], "true or false")
-            checked[name] = given[name]
+        if name in fields:
+            if not isinstance(fields[name], bool):
+                raise _bad(f"{place}, {name}", fields[name], "true or false")
+            checked[name] = fields[name]
     return Stop(**checked)
 
 
@@ -169,31 +173,31 @@ _TEXTS: Final = (
 )
 
 
-def _mapping(values: object, keys: set[str], where: str) -> Mapping[str, Any]:
+def _mapping(values: object, keys: set[str], place: str) -> Mapping[str, Any]:
     if not isinstance(values, Mapping):
-        raise _bad(where, values, "an object")
-    told = cast("Mapping[str, Any]", values)
-    if unknown := sorted(str(key) for key in told if key not in keys):
-        raise _bad(where, unknown[0], f"the fields {', '.join(sorted(keys))}")
-    return told
+        raise _bad(place, values, "an object")
+    mapping = cast("Mapping[str, Any]", values)
+    if unknown := sorted(str(key) for key in mapping if key not in keys):
+        raise _bad(place, unknown[0], f"the fields {', '.join(sorted(keys))}")
+    return mapping
 
 
-def _text(where: str, value: object, most: int) -> str:
-    text = clean_name(value, max_length=most + 1) if isinstance(value, str) else ""
-    if not 1 <= len(text) <= most or (isinstance(value, str) and len(value) > 2 * most):
-        got = f"{len(value)} characters" if isinstance(value, str) else value
-        raise _bad(where, got, f"text of 1 to {most} visible characters")
+def _text(place: str, value: object, max_length: int) -> str:
+    text = clean_name(value, max_length=max_length + 1) if isinstance(value, str) else ""
+    if not 1 <= len(text) <= max_length or (isinstance(value, str) and len(value) > 2 * max_length):
+        actual = f"{len(value)} characters" if isinstance(value, str) else value
+        raise _bad(place, actual, f"text of 1 to {max_length} visible characters")
     return text
 
 
-def _number(where: str, value: object, most: int) -> int:
-    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= most:
-        raise _bad(where, value, f"a whole number from 1 to {most}")
+def _number(place: str, value: object, max_value: int) -> int:
+    if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= max_value:
+        raise _bad(place, value, f"a whole number from 1 to {max_value}")
     return value
 
 
-def _modules(where: str, values: object, most: int) -> tuple[int, ...]:
+def _modules(place: str, values: object, max_value: int) -> tuple[int, ...]:
     several = cast("list[object]", values) if isinstance(values, list) else []
     if not 1 <= len(several) <= MAX_STOP_MODULES:
-        raise _bad(where, values, f"a list of 1 to {MAX_STOP_MODULES} module numbers")
-    return tuple(_number(where, value, most) for value in several)
+        raise _bad(place, values, f"a list of 1 to {MAX_STOP_MODULES} module numbers")
+    return tuple(_number(place, value, max_value) for value in several)

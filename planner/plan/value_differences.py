@@ -36,76 +36,83 @@ def versus_plan(name: str, field: str) -> str:
 
 
 def value_differences(
-    got: Any, expected: Any, name: str, *, rtol: float = 0.0, atol: float = 0.0
+    actual: Any, expected: Any, name: str, *, rtol: float = 0.0, atol: float = 0.0
 ) -> Differences:
     """Yield ``name.key[3]: got …, expected …`` for each leaf of plain JSON values that differs.
 
     Args:
-        got, expected: The values.
+        actual, expected: The values.
         name: Name of the values in messages.
         rtol, atol: Relative and absolute tolerance between numbers that are not integers.
     """
-    if isinstance(got, Mapping) and isinstance(expected, Mapping):
-        mine, theirs = cast("dict[str, Any]", got), cast("dict[str, Any]", expected)
-        for key in dict.fromkeys((*theirs, *mine)):
+    if isinstance(actual, Mapping) and isinstance(expected, Mapping):
+        actual_items, expected_items = (
+            cast("dict[str, Any]", actual),
+            cast("dict[str, Any]", expected),
+        )
+        for key in dict.fromkeys((*expected_items, *actual_items)):
             yield from value_differences(
-                mine.get(key, MISSING),
-                theirs.get(key, MISSING),
+                actual_items.get(key, MISSING),
+                expected_items.get(key, MISSING),
                 f"{name}.{key}",
                 rtol=rtol,
                 atol=atol,
             )
-    elif isinstance(got, list | tuple) and isinstance(expected, list | tuple):
-        some, others = cast("list[Any]", got), cast("list[Any]", expected)
-        if len(some) != len(others):
-            yield f"{name}: got {len(some)} entries, expected {len(others)}"
+    elif isinstance(actual, list | tuple) and isinstance(expected, list | tuple):
+        actual_list, expected_list = cast("list[Any]", actual), cast("list[Any]", expected)
+        if len(actual_list) != len(expected_list):
+            yield f"{name}: got {len(actual_list)} entries, expected {len(expected_list)}"
             return
-        for k, (one, other) in enumerate(zip(some, others, strict=True)):
-            yield from value_differences(one, other, f"{name}[{k}]", rtol=rtol, atol=atol)
-    elif not _same(got, expected, rtol, atol):
-        yield f"{name}: got {_shown(got)}, expected {_shown(expected)}"
+        for k, (actual_item, expected_item) in enumerate(
+            zip(actual_list, expected_list, strict=True)
+        ):
+            yield from value_differences(
+                actual_item, expected_item, f"{name}[{k}]", rtol=rtol, atol=atol
+            )
+    elif not _same(actual, expected, rtol, atol):
+        yield f"{name}: got {_shown(actual)}, expected {_shown(expected)}"
 
 
-def figure_differences(got: Any, expected: Any, name: str) -> Differences:
+def figure_differences(actual: Any, expected: Any, name: str) -> Differences:
     """Yield the differences of figures from those that were computed again."""
-    return value_differences(got, expected, name, rtol=FIGURES_RTOL, atol=FIGURES_ATOL)
+    return value_differences(actual, expected, name, rtol=FIGURES_RTOL, atol=FIGURES_ATOL)
 
 
-def array_difference(got: Any, expected: Any, name: str, *, atol: float = 0.0) -> Differences:
+def array_difference(actual: Any, expected: Any, name: str, *, atol: float = 0.0) -> Differences:
     """Yield the first difference between two arrays; NaN equals NaN.
 
     Args:
-        got, expected: The arrays.
+        actual, expected: The arrays.
         name: Name of the arrays in the message.
         atol: Absolute tolerance between floating-point numbers.
     """
-    got, expected = np.asarray(got), np.asarray(expected)
-    if got.shape != expected.shape:
-        yield f"{name}: got the shape {got.shape}, expected {expected.shape}"
+    actual, expected = np.asarray(actual), np.asarray(expected)
+    if actual.shape != expected.shape:
+        yield f"{name}: got the shape {actual.shape}, expected {expected.shape}"
         return
-    if got.dtype.kind != "f" or expected.dtype.kind != "f":
-        off = got != expected
+    if actual.dtype.kind != "f" or expected.dtype.kind != "f":
+        off = actual != expected
     else:
         with np.errstate(invalid="ignore"):
-            near = np.abs(got.astype(np.float64) - expected) <= atol
-            off = ~(near | (got == expected) | (np.isnan(got) & np.isnan(expected)))
+            near = np.abs(actual.astype(np.float64) - expected) <= atol
+            off = ~(near | (actual == expected) | (np.isnan(actual) & np.isnan(expected)))
     if np.any(off):
         place = tuple(int(k) for k in np.argwhere(off)[0])
-        where = f"[{', '.join(map(str, place))}]" if place else ""
-        one, other = _shown(got[place].item()), _shown(expected[place].item())
-        yield f"{name}{where}: got {one}, expected {other}"
+        element = f"[{', '.join(map(str, place))}]" if place else ""
+        actual_text, expected_text = _shown(actual[place].item()), _shown(expected[place].item())
+        yield f"{name}{element}: got {actual_text}, expected {expected_text}"
 
 
-def _same(got: Any, expected: Any, rtol: float, atol: float) -> bool:
-    if isinstance(got, bool) or isinstance(expected, bool):
-        return got is expected
-    if isinstance(got, int | float) and isinstance(expected, int | float):
-        if got != got or expected != expected:
-            return got != got and expected != expected
-        if isinstance(got, int) and isinstance(expected, int):
-            return got == expected
-        return got == expected or abs(got - expected) <= atol + rtol * abs(expected)
-    return type(got) is type(expected) and got == expected
+def _same(actual: Any, expected: Any, rtol: float, atol: float) -> bool:
+    if isinstance(actual, bool) or isinstance(expected, bool):
+        return actual is expected
+    if isinstance(actual, int | float) and isinstance(expected, int | float):
+        if actual != actual or expected != expected:
+            return actual != actual and expected != expected
+        if isinstance(actual, int) and isinstance(expected, int):
+            return actual == expected
+        return actual == expected or abs(actual - expected) <= atol + rtol * abs(expected)
+    return type(actual) is type(expected) and actual == expected
 
 
 def _shown(value: Any) -> str:

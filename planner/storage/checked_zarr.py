@@ -187,8 +187,8 @@ def _chunk_files(directory: FilePath, array: zarr.Array[Any]) -> Iterator[FilePa
 
 
 def _expected(checksums: Checksums, name: str, number: int) -> int | None:
-    known = checksums.get(name, [])
-    return known[number] if number < len(known) else None
+    digests = checksums.get(name, [])
+    return digests[number] if number < len(digests) else None
 
 
 def _compare(file: FilePath, data: Any, expected: int | None) -> None:
@@ -235,15 +235,15 @@ def _checked_store(path: FilePath) -> Any:
         def get_sync(self, key: str, **kwargs: Any) -> Any:
             return self._checked(key, super().get_sync(key, **kwargs))
 
-        def _checked(self, key: str, found: Any) -> Any:
+        def _checked(self, key: str, content: Any) -> Any:
             parts: Sequence[str] = key.split("/")
             if not self.strict or len(parts) < 3 or parts[1] != "c":
-                return found
+                return content
             file = path / key
-            if found is None:
+            if content is None:
                 raise DamagedError(file, "the file is missing")
             expected = _expected(self.checksums, parts[0], int(parts[2]))
-            _compare(file, found.as_buffer_like(), expected)
-            return found
+            _compare(file, content.as_buffer_like(), expected)
+            return content
 
     return CheckedStore(path, read_only=True)

@@ -77,19 +77,19 @@ def written_aside(path: FilePath) -> Generator[FilePath]:
 
     The file is thus either whole or not there.
     """
-    aside = temporary_path(path)
+    temporary = temporary_path(path)
     try:
-        yield aside
-        aside.replace(path)
+        yield temporary
+        temporary.replace(path)
     finally:
         with suppress(OSError):  # an error of the write itself must not be replaced
-            aside.unlink(missing_ok=True)
+            temporary.unlink(missing_ok=True)
 
 
 def write_whole(path: FilePath, data: bytes) -> None:
     """Write a file that is either whole or not there."""
-    with written_aside(path) as aside:
-        aside.write_bytes(data)
+    with written_aside(path) as temporary:
+        temporary.write_bytes(data)
 
 
 def write_json(path: FilePath, values: object) -> None:
@@ -100,10 +100,10 @@ def write_json(path: FilePath, values: object) -> None:
 def json_of(path: FilePath) -> dict[str, Any]:
     """Return the JSON object in a file; an empty one if it is missing or unreadable."""
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        value = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return value if isinstance(value, dict) else {}
 
 
 def write_sealed_json(path: FilePath, values: object) -> None:
@@ -117,10 +117,10 @@ def sealed_json_of(path: FilePath) -> dict[str, Any]:
     try:
         data = path.read_bytes()
         seal, text = data[:SEAL_BYTES], data[SEAL_BYTES:]
-        found = json.loads(text) if seal == _seal_of(text) else {}
+        value = json.loads(text) if seal == _seal_of(text) else {}
     except (OSError, ValueError, RecursionError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return value if isinstance(value, dict) else {}
 
 
 def _seal_of(text: bytes) -> bytes:

@@ -90,17 +90,19 @@ def replacing_listed(directory: FilePath, source: str | None) -> Generator[FileP
         InputError: Same as ``replacing``.
     """
     before = listed_files(directory)
-    same = source is not None and json_of(directory / FILE_LIST).get("source") == source
+    has_same_source = source is not None and json_of(directory / FILE_LIST).get("source") == source
     names: set[str] = set()
 
     def earlier(_: FilePath) -> list[str]:
-        return [name for name in before if not same or name in names or name == FILE_LIST]
+        return [
+            name for name in before if not has_same_source or name in names or name == FILE_LIST
+        ]
 
     with replacing(directory, earlier) as growing:
         yield growing
         names.update(path.relative_to(growing).as_posix() for path in _files_in(growing))
-        kept = {*before} - {FILE_LIST} if same else set[str]()
-        values = {"format": LIST_FORMAT, "source": source, "files": sorted(names | kept)}
+        retained = {*before} - {FILE_LIST} if has_same_source else set[str]()
+        values = {"format": LIST_FORMAT, "source": source, "files": sorted(names | retained)}
         write_json(growing / FILE_LIST, values)
 
 
@@ -199,8 +201,8 @@ def _check_name(path: FilePath, target: FilePath, name: str, replaced: set[str])
     if name in replaced or not os.path.lexists(target):
         return
     if path.is_dir() and target.is_dir() and not target.is_symlink():
-        for each in sorted(path.iterdir()):
-            _check_name(each, target / each.name, f"{name}/{each.name}", replaced)
+        for entry in sorted(path.iterdir()):
+            _check_name(entry, target / entry.name, f"{name}/{entry.name}", replaced)
         return
     raise foreign_file(target)
 
