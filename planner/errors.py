@@ -29,14 +29,14 @@ class InputError(PlannerError):
         self.detail = detail
 
 
-def unexpected(code: str, where: str, got: object, expected: str) -> InputError:
+def unexpected(code: str, place: str, value: object, expected: str) -> InputError:
     """The error for a value that is not what is expected; a long one is shortened."""
     try:
-        shown = "nothing" if got is None else got if isinstance(got, str) else repr(got)
+        text = "nothing" if value is None else value if isinstance(value, str) else repr(value)
     except RecursionError:
-        shown = "deeply nested values"
-    short = shown if len(shown) <= 40 else f"{shown[:39]}…"
-    return InputError(code, f"got {short}, expected {expected}.", where=where)
+        text = "deeply nested values"
+    short = text if len(text) <= 40 else f"{text[:39]}…"
+    return InputError(code, f"got {short}, expected {expected}.", where=place)
 
 
 def named(error: InputError, name: str) -> InputError:

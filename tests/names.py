@@ -4,7 +4,8 @@ Counted are local names, parameters and attributes, each once in its function or
 ``self``, ``cls`` and ``_``.
 """
 
-import ast
+import re
+import symtable
 import sys
 from collections import Counter
 from collections.abc import Iterator
@@ -25,12 +26,20 @@ VAGUE_WORDS: Final = """
 """
 """Pronouns, adverbs and participles that do not say what a value is."""
 VAGUE: Final = frozenset(VAGUE_WORDS.split())
-CONVENTIONAL: Final = frozenset({"self", "cls", "_"})
+CONVENTIONAL: Final = frozenset({"self", "cls", "_", ".0"})
+"""Names that are not counted; ``.0`` is the argument of a comprehension."""
+OF_SELF: Final = re.compile(r"^ +self\.(\w+)(?:: [^=]+)? = ", re.MULTILINE)
 
 
 @dataclass(frozen=True, slots=True, order=True)
 class Binding:
-    """A name in the scope that binds it, at its first line."""
+    """A name in the scope that binds it.
+
+    Attributes:
+        path: File, relative to the root of the checkout.
+        line: First line of the function, comprehension or class; 1 for attributes that methods set.
+        name: The name.
+    """
 
     path: Path
     line: int
@@ -42,74 +51,21 @@ class Binding:
         return self.name.strip("_") in VAGUE
 
 
-class _Scopes(ast.NodeVisitor):
-    """Collects the bindings of one file."""
-
-    def __init__(self, path: Path) -> None:
-        self.bindings: list[Binding] = []
-        self._path = path
-        self._locals: dict[str, int] | None = None
-        self._attributes: dict[str, int] | None = None
-
-    def _visit_scope(self, node: ast.AST) -> None:
-        enclosing, self._locals = self._locals, {}
-        self.generic_visit(node)
-        self._collect(self._locals)
-        self._locals = enclosing
-
-    def _collect(self, lines: dict[str, int]) -> None:
-        self.bindings += [
-            Binding(self._path, line, name)
-            for name, line in lines.items()
-            if name not in CONVENTIONAL
-        ]
-
-    visit_FunctionDef = visit_AsyncFunctionDef = visit_Lambda = _visit_scope
-    visit_ListComp = visit_SetComp = visit_DictComp = visit_GeneratorExp = _visit_scope
-
-    def visit_ClassDef(self, node: ast.ClassDef) -> None:
-        """Collect the attributes of a class."""
-        enclosing, self._attributes = self._attributes, {}
-        for statement in node.body:
-            if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
-                self._attributes.setdefault(statement.target.id, statement.lineno)
-        outside, self._locals = self._locals, None
-        self.generic_visit(node)
-        self._collect(self._attributes)
-        self._attributes, self._locals = enclosing, outside
-
-    def visit_arg(self, node: ast.arg) -> None:
-        """Collect a parameter."""
-        self._bind(node.arg, node.lineno)
-
-    def visit_Name(self, node: ast.Name) -> None:
-        """Collect a local name where it gets a value."""
-        if isinstance(node.ctx, ast.Store):
-            self._bind(node.id, node.lineno)
-
-    def visit_ExceptHandler(self, node: ast.ExceptHandler) -> None:
-        """Collect the name of a caught exception."""
-        if node.name is not None:
-            self._bind(node.name, node.lineno)
-        self.generic_visit(node)
-
-    def visit_Attribute(self, node: ast.Attribute) -> None:
-        """Collect an attribute that a method sets."""
-        of_self = isinstance(node.value, ast.Name) and node.value.id == "self"
-        if of_self and isinstance(node.ctx, ast.Store) and self._attributes is not None:
-            self._attributes.setdefault(node.attr, node.lineno)
-        self.generic_visit(node)
-
-    def _bind(self, name: str, line: int) -> None:
-        if self._locals is not None:
-            self._locals.setdefault(name, line)
+def _names(table: symtable.SymbolTable) -> Iterator[tuple[int, str]]:
+    """Yield the names that functions and classes bind, each with the first line of its scope."""
+    for scope in table.get_children():
+        for symbol in scope.get_symbols():
+            bound = symbol.is_parameter() or symbol.is_assigned() or symbol.is_annotated()
+            if bound and symbol.is_local() and not symbol.is_namespace():
+                yield scope.get_lineno(), symbol.get_name()
+        yield from _names(scope)
 
 
 def bindings_of(source: str, path: Path) -> list[Binding]:
     """Return the local names, parameters and attributes of a file's source."""
-    scopes = _Scopes(path)
-    scopes.visit(ast.parse(source))
-    return scopes.bindings
+    names = [*_names(symtable.symtable(source, str(path), "exec"))]
+    names += dict.fromkeys((1, match[1]) for match in OF_SELF.finditer(source))
+    return [Binding(path, line, name) for line, name in names if name not in CONVENTIONAL]
 
 
 def bindings(folders: tuple[str, ...] = FOLDERS) -> Iterator[Binding]:
@@ -126,7 +82,7 @@ def vague_share(folders: tuple[str, ...] = FOLDERS) -> float:
 
 
 def main(folders: tuple[str, ...]) -> None:
-    """Print the vague names with their places, and the share of each folder."""
+    """Print the vague names with the lines of their scopes, and the share of each folder."""
     for binding in sorted(bindings(folders)):
         if binding.is_vague:
             print(f"{binding.path}:{binding.line}: {binding.name}")

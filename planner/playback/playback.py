@@ -218,7 +218,7 @@ def play_back(
     streamed = not windowed and trajectory.robots == 1
     runs = simulate_robots(trajectory, seed, sink if streamed else None, progress, cancelled)
     failed = next((robot_run for robot_run in runs if robot_run.status != "folded"), None)
-    run = failed or max(runs, key=lambda one: one.largest_error)
+    run = failed or max(runs, key=lambda robot_run: robot_run.largest_error)
     other_angles = [
         robot_run.frames.stored_angles_rad for robot_run in runs if robot_run is not run
     ]

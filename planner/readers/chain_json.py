@@ -60,10 +60,10 @@ def _vector(document: dict[str, Any], key: str, length: int) -> Array | None:
 def _angles(document: dict[str, Any], module: Module, source: Source) -> list[float]:
     joints = document.get("joint_angles_deg")
     if not isinstance(joints, list) or not joints:
-        got = "nothing" if "joint_angles_deg" not in document else described(joints)
+        text = "nothing" if "joint_angles_deg" not in document else described(joints)
         raise InputError(
             "wrong-type",
-            f"got {got}, expected a list of {_joint_words(module)}, one for each joint.",
+            f"got {text}, expected a list of {_joint_words(module)}, one for each joint.",
             where="joint_angles_deg",
         )
     rows = cast("list[Any]", joints)

@@ -26,8 +26,8 @@ def read_path(document: dict[str, Any], source: Source) -> Path | Shape:
     refuse_unread_keys(document, PATH_KEYS)
     rows = document.get("cells")
     if not isinstance(rows, list):
-        got = "nothing" if "cells" not in document else described(rows)
-        raise InputError("wrong-type", f"got {got}, expected a list of [x, y, z].", where="cells")
+        value = "nothing" if "cells" not in document else described(rows)
+        raise InputError("wrong-type", f"got {value}, expected a list of [x, y, z].", where="cells")
     return path_from_rows(
         cast("list[Any]", rows),
         source,

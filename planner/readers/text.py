@@ -157,16 +157,16 @@ def coordinate(field: str, axis: str, line: int) -> float:
     Raises:
         InputError: The field is no whole number up to ``MAX_COORDINATE``; names the line.
     """
-    where = f"line {line}"
+    place = f"line {line}"
     word = field.strip()
     if NOT_FINITE.match(word):
         raise InputError(
-            "not-finite", f"got {quote(word)} for {axis}, expected a whole number.", where=where
+            "not-finite", f"got {quote(word)} for {axis}, expected a whole number.", where=place
         )
     if not NUMBER_PATTERN.match(word):
         problem = f"got {quote(word)!r}" if word else "got nothing"
         raise InputError(
-            "not-a-number", f"{problem} for {axis}, expected a whole number.", where=where
+            "not-a-number", f"{problem} for {axis}, expected a whole number.", where=place
         )
     value = float(word)
     if abs(value) > MAX_COORDINATE:
@@ -174,14 +174,14 @@ def coordinate(field: str, axis: str, line: int) -> float:
             "too-far",
             f"got {quote(word)} for {axis}, expected −{MAX_COORDINATE} to {MAX_COORDINATE}; "
             "move the shape to the origin.",
-            where=where,
+            where=place,
         )
     if value != round(value):
         raise InputError(
             "not-whole",
             f"got {quote(word)} for {axis}, expected a whole number; scale and shift the shape, "
             "because cells lie on a grid of whole numbers.",
-            where=where,
+            where=place,
         )
     return value
 

@@ -17,10 +17,10 @@ def candidates(solid: Solid, rng: np.random.Generator) -> tuple[Array, ...]:
     Rotations that differ by a symmetry of the lattice count as the same.
     """
     rotations: list[Array] = [np.eye(3)]
-    wanted = [main_axes(solid)]
-    wanted += [about_axis(axis, np.pi / 4) for axis in (2, 0, 1)]
-    wanted += [_random(rng) for _ in range(3)]
-    for rotation in wanted:
+    turns = [main_axes(solid)]
+    turns += [about_axis(axis, np.pi / 4) for axis in (2, 0, 1)]
+    turns += [_random(rng) for _ in range(3)]
+    for rotation in turns:
         nearest = _nearest_to_upright(rotation)
         if all(_apart(nearest, earlier) > 0.05 for earlier in rotations):  # rad
             rotations.append(nearest)

@@ -202,18 +202,20 @@ class Chooser:
                 *entries.first(by_score, 6 if is_thorough else 2, max_per_row=1),
                 *entries.first(by_count, 4 if is_thorough else 2, max_per_row=2),
             ]
-            found = self._made_of(entries, first_entries, cells)
-            if not found:  # joining changed the counts of all of those
+            candidates = self._made_of(entries, first_entries, cells)
+            if not candidates:  # joining changed the counts of all of those
                 more_entries = entries.first(by_score, 24 if is_thorough else 6, max_per_row=4)
-                found = self._made_of(entries, more_entries, cells)
-            if found:
-                best_worth = max(_worth(fit, cells) for fit in found)
-                good_ones = [m for m in found if _worth(m, cells) >= best_worth - SCORE_TOLERANCE]
+                candidates = self._made_of(entries, more_entries, cells)
+            if candidates:
+                best_worth = max(_worth(fit, cells) for fit in candidates)
+                good_ones = [
+                    m for m in candidates if _worth(m, cells) >= best_worth - SCORE_TOLERANCE
+                ]
                 if cells >= 75:  # 600 modules: such long chains are easier to unfold
                     more_entries = entries.first(by_score, 24 if is_thorough else 6, max_per_row=4)
                     layered = [
                         fit
-                        for fit in (*found, *self._made_of(entries, more_entries, cells))
+                        for fit in (*candidates, *self._made_of(entries, more_entries, cells))
                         # layered voxels unfold more easily
                         if _worth(fit, cells) >= best_worth - 0.02
                         and has_whole_layers(fit.joined.cells)
@@ -222,11 +224,11 @@ class Chooser:
                 return min(good_ones, key=lambda fit: self._rank(fit, cells))
         by_off = np.lexsort((entries.misfits, -entries.scores, off))
         nearest = by_off[np.sort(np.unique(entries.counts[by_off], return_index=True)[1])]
-        found = [
+        candidates = [
             self.ladder.made(*entries.at(entry))
             for entry in nearest[: 12 if is_thorough else 4].tolist()
         ]
-        return min(found, key=lambda fit: self._rank(fit, cells), default=None)
+        return min(candidates, key=lambda fit: self._rank(fit, cells), default=None)
 
     def _rank(self, fit: FittedCells, cells: int) -> tuple[int, float, float]:
         misfit = abs(fit.count * fit.pitch**3 / self.ladder.volume - 1.0)

@@ -69,8 +69,8 @@ def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differen
         return
     for difference in differences:
         yield f"{INPUT} was read again: {difference}"
-    others = [chain_attributes(candidate) for candidate in _with_other_ends(candidates)]
-    if all(any(_chain_differences(chain, other, INPUT)) for other in others):
+    ends = [chain_attributes(candidate) for candidate in _with_other_ends(candidates)]
+    if all(any(_chain_differences(chain, end, INPUT)) for end in ends):
         yield (
             f"{INPUT}: got a plan for {plan.chain.name} ({len(plan.chain)} modules), expected one "
             f"for {candidates.chains[0].name} ({len(candidates.chains[0])} modules), the shape in "
@@ -80,9 +80,9 @@ def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differen
     yield from _likeness_differs(plan, candidates.likeness_of(plan.chain), notes)
 
 
-def _chain_differences(got: Any, expected: Any, name: str) -> Differences:
+def _chain_differences(actual: Any, expected: Any, name: str) -> Differences:
     # Files hold angles in degrees, which are rounded when they are read.
-    return value_differences(got, expected, name, atol=1e-12)
+    return value_differences(actual, expected, name, atol=1e-12)
 
 
 def _chains_of(candidates: Candidates) -> dict[str, Any]:
