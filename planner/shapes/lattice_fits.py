@@ -35,7 +35,7 @@ OFFSETS_PER_AXIS: Final = 4
 fit cells to a solid."""
 THRESHOLD_LEVELS: Final = 64
 """Maximum number of levels to which the filled fractions of cells are rounded when the threshold is
-chosen above which a cell becomes a module."""
+chosen above which a cell becomes a module. Measured from 45 to 90: equally good (decision 0051)."""
 MAX_FILL_THRESHOLD: Final = 0.65
 """Largest filled fraction of a cell that is tried as the threshold above which a cell becomes a
 module. Measured on three meshes: with 0.455 the worst loses 0.02 of its overlap, with 0.91 none

@@ -24,13 +24,14 @@ COUNT_TOLERANCE: Final = 0.1
 of a solid to count as near."""
 COUNT_PENALTY: Final = 0.3
 """Amount that is subtracted from the score of a voxelisation (its overlap with the solid, IoU from
-0 to 1) if its number of modules deviates by 100 % from the requested one; less in proportion."""
+0 to 1) if its number of modules deviates by 100 % from the requested one; less in proportion.
+Measured from 0.21 to 0.42: equally good (decision 0051)."""
 SCORE_TOLERANCE: Final = 0.01
 """Difference of scores (overlap with the solid, IoU from 0 to 1) within which two voxelisations
 count as equally good."""
 UPRIGHT_BONUS: Final = 0.02
 """Score (as overlap with the solid, IoU from 0 to 1) that a voxelisation in the file's own
-orientation gets in addition."""
+orientation gets in addition. Measured from 0.014 to 0.028: equally good (decision 0051)."""
 OTHER_PITCHES: Final = {False: (1.08, 1.25), True: (0.93, 0.8)}
 """Factors on the chosen pitch (a cell's size) at which voxelisations with more modules (True) or
 fewer (False) are searched, to offer other numbers. Factors farther from 1 offer more distant

@@ -14,7 +14,8 @@ from foldback.planner.turns.turning import Keys, Turning, Turns
 
 CONTACT_WEIGHT: Final = 0.5
 """Weight of a pair of touching modules in the score of a state; a bent hinge counts 1. With 0.5 all
-14 gallery shapes of a first trial were unfolded."""
+14 gallery shapes of a first trial were unfolded. Measured from 0.35 to 0.7: equally good (decision
+0051)."""
 
 Outcome = Literal["straight", "blocked", "stuck", "cancelled"]
 

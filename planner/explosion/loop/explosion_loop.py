@@ -26,7 +26,8 @@ from foldback.planner.simulation.reduced_state import Acceleration, State
 
 COMMIT_EVERY_STEPS: Final = 25
 """Number of simulation steps after which the state is saved, if contacts are shallow, as the point
-to restart from."""
+to restart from. Measured from 18 to 35 on a thick trefoil: other motions, equally good (decision
+0051)."""
 STOP_COMPLIANCE_RAD: Final = 0.01
 """Angle by which a simulated joint stop is placed inside the joint's range, rad, as stops are
 springs and give under load."""

@@ -12,10 +12,11 @@ from foldback.planner.simulation.reduced_state import State
 
 WEAK_TENSION_SCALE: Final = 0.05
 """Factor of the force that pulls the chain straight in the first part of a pulse that loosens a
-jam; deep contacts reduce it to no less."""
+jam; deep contacts reduce it to no less. Measured from 0.035 to 0.07 in pulses of a thick trefoil:
+other motions, equally good (decision 0051)."""
 MIN_CONTACT_TIME_CONSTANT_S: Final = 0.03
 """Minimum time constant of the contact springs, s; above it, the time constant is two time steps,
-MuJoCo's limit of stability."""
+MuJoCo's limit of stability. Measured from 0.021 to 0.042: equally good (decision 0051)."""
 
 
 @dataclass(frozen=True, slots=True)
