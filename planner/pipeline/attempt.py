@@ -28,8 +28,8 @@ Cause = Kind | Literal["refused"]
 
 
 @dataclass(frozen=True, slots=True)
-class Trial:
-    """Specification of one explosion.
+class AttemptSpec:
+    """Specification of an attempt: the explosion, or the plan that is smoothed.
 
     Attributes:
         candidate: Index of the path.
@@ -53,8 +53,8 @@ class Trial:
     roomy: bool = False
     smooths: int | None = None
 
-    def with_strategy(self, strategy: str) -> Trial:
-        """Return the trial with another strategy; only explosions of all modules can be plain."""
+    def with_strategy(self, strategy: str) -> AttemptSpec:
+        """Return it with another strategy; only explosions of all modules can be plain."""
         plain = self.plain and strategy == "simultaneous"
         return replace(self, strategy=strategy, plain=plain, roomy=False)
 
@@ -74,10 +74,10 @@ class Candidates:
     two_ended: bool
     likenesses: tuple[Likeness, ...] = ()
 
-    def chain_of(self, trial: Trial) -> Chain:
+    def chain_of(self, spec: AttemptSpec) -> Chain:
         """Return the chain of a try."""
-        chain = self.chains[trial.candidate]
-        return chain.from_other_end() if trial.other_end else chain
+        chain = self.chains[spec.candidate]
+        return chain.from_other_end() if spec.other_end else chain
 
     def likeness_of(self, chain: Chain) -> Likeness | None:
         """Return the likeness of one of the chains, from either end; None if it is not known."""
@@ -107,10 +107,10 @@ class Candidates:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attempt:
-    """Outcome of one trial and of its playback.
+    """An attempt: one explosion, search for turns or smoothing, and its playback.
 
     Attributes:
-        trial: Specification of its explosion.
+        spec: Its specification.
         status: Status of its record; ``begun`` while there is none.
         reason: Reason why its record does not end straight.
         steps, frames, seconds: Figures of its record.
@@ -130,7 +130,7 @@ class Attempt:
             stored.
     """
 
-    trial: Trial
+    spec: AttemptSpec
     status: RecordStatus | Literal["begun", "none"]
     reason: str = ""
     steps: int = 0
@@ -150,13 +150,13 @@ class Attempt:
 
     @classmethod
     def of_record(
-        cls, trial: Trial, chain: Chain, record: Record | None, parameters: Parameters
+        cls, spec: AttemptSpec, chain: Chain, record: Record | None, parameters: Parameters
     ) -> Attempt:
         """Return the attempt of an explosion that is over; ``none`` when there is nothing of it."""
         if record is None:
-            return cls(trial=trial, status="none")
+            return cls(spec=spec, status="none")
         return cls(
-            trial=trial,
+            spec=spec,
             status=record.status,
             reason=record.reason,
             steps=record.steps,
@@ -227,8 +227,8 @@ class Attempt:
 
     def as_dict(self) -> dict[str, Any]:
         """Plain JSON values, as ``attempts.json`` and plans have them."""
-        values: dict[str, Any] = {**asdict(self.trial), "status": self.status}
-        if self.trial.smooths is None:
+        values: dict[str, Any] = {**asdict(self.spec), "status": self.status}
+        if self.spec.smooths is None:
             del values["smooths"]
         for name in ("plain", "roomy"):
             if not values[name]:
@@ -262,8 +262,8 @@ class Attempt:
         fields["refusal"] = refusal and from_plain(refusal, Reason)
         figures = values.get("figures")
         fields["figures"] = figures and PlanFigures(**figures)
-        trial = {name: values[name] for name in Trial.__dataclass_fields__ if name in values}
-        return cls(**fields, trial=Trial(**trial), played="verified" in values)
+        spec = {name: values[name] for name in AttemptSpec.__dataclass_fields__ if name in values}
+        return cls(**fields, spec=AttemptSpec(**spec), played="verified" in values)
 
 
 def latest_playback(history: Sequence[Attempt], number: int) -> int:

@@ -20,7 +20,7 @@ from shutil import rmtree
 from typing import Any, Final
 
 from foldback.planner.motion.record import Record
-from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, AttemptSpec
 from foldback.planner.pipeline.retry_policy import RetryPolicy
 from foldback.planner.progress import Cancelled, Progress, Report
 from foldback.planner.storage.file_names import RECORD, TIMELINE, TRIALS_DIR
@@ -50,9 +50,9 @@ class AttemptPool:
     def __init__(self, directory: FilePath | None, workers: int = 1) -> None:
         self._exchange = None if directory is None else directory.resolve() / TRIALS_DIR
         self._workers = 1 if directory is None else min(workers, MAX_EXPLOSIONS)
-        self._beside: dict[Trial, _AttemptProcess] = {}
-        self._ahead: Callable[[], list[Trial]] = list
-        self._current: Trial | None = None
+        self._beside: dict[AttemptSpec, _AttemptProcess] = {}
+        self._ahead: Callable[[], list[AttemptSpec]] = list
+        self._current: AttemptSpec | None = None
         self._eager = False
         self._clear()
 
@@ -77,7 +77,9 @@ class AttemptPool:
         """End running attempts; results of finished ones stay."""
         self._keep([])
 
-    def schedule(self, choice: RetryPolicy, attempts: Sequence[Attempt], current: Trial) -> None:
+    def schedule(
+        self, choice: RetryPolicy, attempts: Sequence[Attempt], current: AttemptSpec
+    ) -> None:
         """Set the current attempt. After a failure the next ones are started at once."""
         before = tuple(attempts)
         self._current, self._eager = current, bool(attempts)
@@ -99,7 +101,7 @@ class AttemptPool:
     def collect(
         self, timeline: FilePath | None, progress: Report, cancelled: Cancelled
     ) -> Record | None:
-        """Return the record of the current trial if it was begun beside; wait for it.
+        """Return the record of the current attempt if it was begun beside; wait for it.
 
         Its timeline moves to ``timeline`` unless that is None. None when it was not begun, or its
         process failed: whoever makes it here comes to the same, or sees why it cannot be made.
@@ -123,19 +125,19 @@ class AttemptPool:
         beside.end()
         return record
 
-    def _known(self) -> dict[Trial, Attempt]:
-        """Return the outcomes of the trials that are finished."""
-        attempts = {trial: beside.attempt() for trial, beside in self._beside.items()}
-        return {trial: attempt for trial, attempt in attempts.items() if attempt is not None}
+    def _known(self) -> dict[AttemptSpec, Attempt]:
+        """Return the attempts that are finished, by their specifications."""
+        attempts = {spec: beside.attempt() for spec, beside in self._beside.items()}
+        return {spec: attempt for spec, attempt in attempts.items() if attempt is not None}
 
-    def _keep(self, trials: Sequence[Trial]) -> None:
+    def _keep(self, specs: Sequence[AttemptSpec]) -> None:
         """End running attempts that are not needed or exceed the limit, least likely first."""
         room = self._workers - (self._current not in self._beside)
-        running = [trial for trial, beside in self._beside.items() if beside.running]
-        running_trials = [trial for trial in (self._current, *trials) if trial in running][:room]
-        for trial in running:
-            if trial not in running_trials:
-                self._beside.pop(trial).end()
+        running = [spec for spec, beside in self._beside.items() if beside.running]
+        running_specs = [spec for spec in (self._current, *specs) if spec in running][:room]
+        for spec in running:
+            if spec not in running_specs:
+                self._beside.pop(spec).end()
 
     def _begin(self) -> None:
         """Start the likely next attempts, as many as there are processors for."""
@@ -143,10 +145,10 @@ class AttemptPool:
         room -= sum(beside.running for beside in self._beside.values())
         if room <= 0 or self._exchange is None:
             return
-        fresh = [trial for trial in self._ahead() if trial not in self._beside]
-        for trial in fresh[:room]:
+        fresh = [spec for spec in self._ahead() if spec not in self._beside]
+        for spec in fresh[:room]:
             try:
-                self._beside[trial] = _AttemptProcess(self._exchange, trial)
+                self._beside[spec] = _AttemptProcess(self._exchange, spec)
             except OSError:  # no process or no room to be had: what is made here goes on alone
                 self._workers = 1
                 return
@@ -155,8 +157,8 @@ class AttemptPool:
 class _AttemptProcess:
     """One try in a process of its own, which runs ``attempt_process``."""
 
-    def __init__(self, exchange: FilePath, trial: Trial) -> None:
-        self.place = exchange / "-".join(map(str, astuple(trial)))
+    def __init__(self, exchange: FilePath, spec: AttemptSpec) -> None:
+        self.place = exchange / "-".join(map(str, astuple(spec)))
         rmtree(self.place, ignore_errors=True)
         self.place.mkdir(parents=True)
         modules = [str(FilePath(__file__).parents[3]), *filter(None, [os.getenv("PYTHONPATH")])]
@@ -166,7 +168,7 @@ class _AttemptProcess:
                 "-P",
                 "-m",
                 "foldback.planner.pipeline.attempt_process",
-                json.dumps(asdict(trial)),
+                json.dumps(asdict(spec)),
             ],
             cwd=self.place,
             env={**os.environ, "PYTHONPATH": os.pathsep.join(modules)},

@@ -10,7 +10,7 @@ import time
 from dataclasses import asdict
 from pathlib import Path as FilePath
 
-from foldback.planner.pipeline.attempt import Attempt, Trial
+from foldback.planner.pipeline.attempt import Attempt, AttemptSpec
 from foldback.planner.pipeline.attempt_pool import (
     ATTEMPT_STOP_GRACE_S,
     OUTCOME_FILE,
@@ -33,16 +33,16 @@ def compute_attempt() -> None:
     threading.Thread(target=_wait_for_end, args=(unwanted,), daemon=True).start()
     place = FilePath.cwd()
     fold = Workspace(place.parent.parent)
-    trial = Trial(**json.loads(sys.argv[1]))
-    parameters, chain = fold.read_request().parameters(), fold.read_candidates().chain_of(trial)
+    spec = AttemptSpec(**json.loads(sys.argv[1]))
+    parameters, chain = fold.read_request().parameters(), fold.read_candidates().chain_of(spec)
     watch = Watch(
         progress=lambda progress: write_json(place / PROGRESS_FILE, asdict(progress)),
         cancelled=unwanted.is_set,
         timeline=place / TIMELINE,
     )
-    record = explode(chain, trial, parameters, watch)
+    record = explode(chain, spec, parameters, watch)
     record.save(place / RECORD)
-    write_json(place / OUTCOME_FILE, Attempt.of_record(trial, chain, record, parameters).as_dict())
+    write_json(place / OUTCOME_FILE, Attempt.of_record(spec, chain, record, parameters).as_dict())
 
 
 def _wait_for_end(unwanted: threading.Event) -> None:

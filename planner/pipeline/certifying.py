@@ -27,5 +27,5 @@ def with_certificate(job: Job, search: Search, watch: Watch) -> Search:
         forces=partial(curves.__setitem__, "forces"),
     )
     result = replace(result, certificate=certificate, **curves)
-    outcome = search.history[search.latest].judged(result.chain, certificate, playback)
-    return search.with_current(result, outcome)
+    attempt = search.history[search.latest].judged(result.chain, certificate, playback)
+    return search.with_current(result, attempt)

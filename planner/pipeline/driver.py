@@ -92,7 +92,7 @@ def run_steps(
 def advance(job: Job, search: Search, step: Step, watch: Watch, pool: AttemptPool) -> Search:
     """Return the search after one more step; earlier results stay as they are."""
     if isinstance(step, Explode):
-        return with_explosion(job, search, step.trial, watch, pool)
+        return with_explosion(job, search, step.spec, watch, pool)
     search = replace(search, history=with_begun(search.history, step))
     if isinstance(step, PlayBack):
         return with_playback(job, search, watch, finer=step.finer, patience=step.patience)

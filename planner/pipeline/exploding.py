@@ -9,7 +9,7 @@ from foldback.planner.explosion.strategies import records_windows, run_strategy
 from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import TimelineWriter
 from foldback.planner.parameters.parameters import AUTO, Parameters
-from foldback.planner.pipeline.attempt import Attempt, Trial
+from foldback.planner.pipeline.attempt import Attempt, AttemptSpec
 from foldback.planner.pipeline.attempt_pool import AttemptPool
 from foldback.planner.pipeline.job import Job, Result, Search, Watch
 from foldback.planner.pipeline.preference import CALM
@@ -19,48 +19,48 @@ from foldback.planner.robot.smoothed_plan import smoothed_record
 
 
 def with_explosion(
-    job: Job, search: Search, trial: Trial, watch: Watch, pool: AttemptPool
+    job: Job, search: Search, spec: AttemptSpec, watch: Watch, pool: AttemptPool
 ) -> Search:
     """Return the search after one more explosion or smoothing."""
-    number, chain = len(search.history), job.candidates.chain_of(trial)
+    number, chain = len(search.history), job.candidates.chain_of(spec)
     parameters = job.parameters()
     record, recorded = None, None
-    smooths = trial.smooths is not None or job.request.smooth
+    smooths = spec.smooths is not None or job.request.smooth
     if watch.timeline is not None and (smooths or parameters.explosion is None):
         TimelineWriter.create(watch.timeline, chain)  # an explosion begins its own
     if smooths:
-        if trial.smooths is not None:
-            recorded = search.results[trial.smooths].plan(job.request)
+        if spec.smooths is not None:
+            recorded = search.results[spec.smooths].plan(job.request)
         source = recorded or job.recorded
         assert source is not None
         calm = job.request.prefer == CALM
-        record = smooth(source, trial, parameters, watch, calm=calm)
+        record = smooth(source, spec, parameters, watch, calm=calm)
     elif parameters.explosion is not None:
-        pool.schedule(job.policy, search.history, trial)
+        pool.schedule(job.policy, search.history, spec)
         record = pool.collect(watch.timeline, watch.progress, watch.cancelled)
         if record is None:
             watch = replace(watch, progress=pool.with_speculation(watch.progress))
-            record = explode(chain, trial, parameters, watch)
-    outcome = Attempt.of_record(trial, chain, record, parameters)
+            record = explode(chain, spec, parameters, watch)
+    attempt = Attempt.of_record(spec, chain, record, parameters)
     result = Result(chain=chain, record=record, recorded=recorded)
-    return Search(history=(*search.history, outcome), results={**search.results, number: result})
+    return Search(history=(*search.history, attempt), results={**search.results, number: result})
 
 
-def explode(chain: Chain, trial: Trial, parameters: Parameters, watch: Watch) -> Record:
+def explode(chain: Chain, spec: AttemptSpec, parameters: Parameters, watch: Watch) -> Record:
     """Return the record of one explosion, straight or not."""
     writer = None
     if watch.timeline is not None:
         writer = TimelineWriter.create(
-            watch.timeline, chain, windowed=records_windows(trial.strategy)
+            watch.timeline, chain, windowed=records_windows(spec.strategy)
         )
     record = run_strategy(
         chain,
-        trial.strategy,
+        spec.strategy,
         parameters,
-        seed=trial.seed,
-        gentle=trial.gentle,
-        roomy=trial.roomy,
-        calm=parameters.strategy == AUTO and not trial.plain,
+        seed=spec.seed,
+        gentle=spec.gentle,
+        roomy=spec.roomy,
+        calm=parameters.strategy == AUTO and not spec.plain,
         sink=None if writer is None else writer.append,
         progress=watch.progress,
         cancelled=watch.cancelled,
@@ -73,7 +73,7 @@ def explode(chain: Chain, trial: Trial, parameters: Parameters, watch: Watch) ->
 
 
 def smooth(
-    recorded: Plan, trial: Trial, parameters: Parameters, watch: Watch, *, calm: bool
+    recorded: Plan, spec: AttemptSpec, parameters: Parameters, watch: Watch, *, calm: bool
 ) -> Record:
     """Return the record of a smoothed plan; no frame of it is shown before it is played back."""
 
@@ -83,9 +83,9 @@ def smooth(
     report(0.0)
     return smoothed_record(
         recorded,
-        trial.strategy,
+        spec.strategy,
         size=parameters.module_size,
-        seed=trial.seed,
+        seed=spec.seed,
         calm=calm,
         report=report,
         cancelled=watch.cancelled,

@@ -17,7 +17,7 @@ from typing import Final
 
 from foldback.planner.parameters.parameters import TURNS
 from foldback.planner.pathfinding.expected_duration import MAX_IMPROVING_S
-from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, AttemptSpec
 from foldback.planner.pipeline.preference import CALM, COMPUTING, Preference
 from foldback.planner.pipeline.request import MAX_SEED
 from foldback.planner.robot import SMOOTHED, SMOOTHING_WAYS, SOFTENED
@@ -43,35 +43,37 @@ class Improvements:
     modules: int
     most_frames: int
 
-    def next_attempt(self, attempts: Sequence[Attempt]) -> Trial | None:
-        """Return the trial after attempts of which one is verified; None when that is enough.
+    def next_attempt(self, attempts: Sequence[Attempt]) -> AttemptSpec | None:
+        """Return the next attempt after one is verified; None when that is enough.
 
         Args:
             attempts: The attempts so far.
         """
-        exploded = [attempt for attempt in attempts if attempt.trial.smooths is None]
+        exploded = [attempt for attempt in attempts if attempt.spec.smooths is None]
         best = best_of(exploded, self.prefer)  # smoothings come after all explosions
         if self.prefer == COMPUTING or best is None:
             return None
         first = next(number for number, attempt in enumerate(attempts) if attempt.verified)
-        since = {attempt.trial for attempt in attempts[first + 1 :]} - {attempts[first].trial}
+        since = {attempt.spec for attempt in attempts[first + 1 :]} - {attempts[first].spec}
         remaining_s = MAX_IMPROVING_S - sum(
-            expected_seconds_of(trial, self.modules) for trial in since
+            expected_seconds_of(spec, self.modules) for spec in since
         )
-        done = {attempt.trial for attempt in attempts}
-        for trial in self._ways(attempts, attempts[first].trial, exploded[best].trial):
-            if trial not in done and expected_seconds_of(trial, self.modules) <= remaining_s:
-                return trial
+        done = {attempt.spec for attempt in attempts}
+        for spec in self._ways(attempts, attempts[first].spec, exploded[best].spec):
+            if spec not in done and expected_seconds_of(spec, self.modules) <= remaining_s:
+                return spec
         return None
 
-    def _ways(self, attempts: Sequence[Attempt], first: Trial, best: Trial) -> Iterator[Trial]:
+    def _ways(
+        self, attempts: Sequence[Attempt], first: AttemptSpec, best: AttemptSpec
+    ) -> Iterator[AttemptSpec]:
         """Yield all possible improvements, the most promising first."""
-        explosions = {attempt.trial for attempt in attempts if attempt.trial.smooths is None}
+        explosions = {attempt.spec for attempt in attempts if attempt.spec.smooths is None}
         if len(explosions) < MAX_EXPLOSIONS:
             yield from self._explosions(first, best)
         yield from self._smoothings(attempts)
 
-    def _explosions(self, first: Trial, best: Trial) -> Iterator[Trial]:
+    def _explosions(self, first: AttemptSpec, best: AttemptSpec) -> Iterator[AttemptSpec]:
         """Other strategies for the path of the first verified plan, then the best on others."""
         for strategy in self.strategies[first.candidate]:
             yield first.with_strategy(strategy)
@@ -79,7 +81,7 @@ class Improvements:
             if best.strategy in tried_strategies:
                 yield replace(best, candidate=candidate)
 
-    def _smoothings(self, attempts: Sequence[Attempt]) -> Iterator[Trial]:
+    def _smoothings(self, attempts: Sequence[Attempt]) -> Iterator[AttemptSpec]:
         """Yield smoothings of each strategy's best plan, and weaker ones if those were refused.
 
         How much a plan gains by it depends on its explosion, too: the second best may win. Turns
@@ -88,30 +90,30 @@ class Improvements:
         """
         plans: dict[str, int] = {}
         for number, attempt in enumerate(attempts):
-            if self.prefer == CALM and attempt.trial.strategy == TURNS:
+            if self.prefer == CALM and attempt.spec.strategy == TURNS:
                 continue
-            if attempt.verified and attempt.trial.smooths is None:
-                best_number = plans.setdefault(attempt.trial.strategy, number)
+            if attempt.verified and attempt.spec.smooths is None:
+                best_number = plans.setdefault(attempt.spec.strategy, number)
                 if score_of(attempt, self.prefer) > score_of(attempts[best_number], self.prefer):
-                    plans[attempt.trial.strategy] = number
+                    plans[attempt.spec.strategy] = number
         ranked = sorted(plans.values(), key=lambda number: -score_of(attempts[number], self.prefer))
-        smooth = {attempt.trial.smooths for attempt in attempts if attempt.verified}
+        smooth = {attempt.spec.smooths for attempt in attempts if attempt.verified}
         for best in ranked[:2]:
             figures, number = attempts[best].figures, best
             while attempts[number].repeats:  # its files are with those of the explosion
                 number -= 1
             if figures is None or figures.frames > self.most_frames:
                 continue
-            trial = replace(attempts[best].trial.with_strategy(SMOOTHED), smooths=number)
-            yield trial
+            spec = replace(attempts[best].spec.with_strategy(SMOOTHED), smooths=number)
+            yield spec
             if number not in smooth:
-                yield replace(trial, strategy=SOFTENED)
-        smoothings = [attempt for attempt in attempts if attempt.trial.smooths is not None]
+                yield replace(spec, strategy=SOFTENED)
+        smoothings = [attempt for attempt in attempts if attempt.spec.smooths is not None]
         if (best := best_of(smoothings, self.prefer)) is not None:
-            trial = smoothings[best].trial
-            seed = attempts[trial.smooths or 0].trial.seed
+            spec = smoothings[best].spec
+            seed = attempts[spec.smooths or 0].spec.seed
             for k in range(1, SEEDS_PER_SMOOTHED_PLAN):
-                yield replace(trial, seed=(seed + k) % (MAX_SEED + 1))
+                yield replace(spec, seed=(seed + k) % (MAX_SEED + 1))
 
 
 def best_of(attempts: Sequence[Attempt], prefer: Preference) -> int | None:
@@ -137,16 +139,16 @@ def score_of(attempt: Attempt, prefer: Preference) -> float:
     return float("-inf") if attempt.figures is None else attempt.figures.score(prefer)
 
 
-def expected_seconds_of(trial: Trial, modules: int) -> float:
+def expected_seconds_of(spec: AttemptSpec, modules: int) -> float:
     """Return the expected seconds of an attempt, its playback and certificate; measured.
 
     Args:
-        trial: The try.
+        spec: The try.
         modules: Number of modules of the chain.
     """
-    if trial.strategy == "peel":
+    if spec.strategy == "peel":
         return 2.0 + 0.012 * modules
     together = 1.0 + 0.006 * modules + 1.4 * (modules / 160.0) ** 2.1
-    if trial.strategy == "blocks":  # two dozen at most: their cost grows with the chain alone
+    if spec.strategy == "blocks":  # two dozen at most: their cost grows with the chain alone
         return min(together, 2.0 + 0.06 * modules)
-    return together + 2.0 + 0.03 * modules if trial.strategy in SMOOTHING_WAYS else together
+    return together + 2.0 + 0.03 * modules if spec.strategy in SMOOTHING_WAYS else together

@@ -128,7 +128,7 @@ class Search:
 
     @property
     def latest(self) -> int:
-        """Index of the outcome that is played back and certified now."""
+        """Index of the attempt that is played back and certified now."""
         return latest_playback(self.history, self.number)
 
     @property
@@ -136,9 +136,9 @@ class Search:
         """Result that is played back and certified now."""
         return self.results[self.number]
 
-    def with_current(self, result: Result, outcome: Attempt) -> Search:
-        """Return the search with another current result and its outcome."""
-        history = (*self.history[: self.latest], outcome, *self.history[self.latest + 1 :])
+    def with_current(self, result: Result, attempt: Attempt) -> Search:
+        """Return the search with another current result and its attempt."""
+        history = (*self.history[: self.latest], attempt, *self.history[self.latest + 1 :])
         return Search(history=history, results={**self.results, self.number: result})
 
     def pruned(self) -> Search:

@@ -1,4 +1,4 @@
-"""Next step: the next computation of a fold, as a function of the outcomes so far and nothing else.
+"""Next step: the next computation of a fold, as a function of the attempts so far and nothing else.
 
 A seed always leads to the same plan: no clock, no file and no number of workers is asked. So a
 service may stop after any step, and a stage that is run again comes to the same.
@@ -16,7 +16,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
-from foldback.planner.pipeline.attempt import Attempt, Trial, latest_playback
+from foldback.planner.pipeline.attempt import Attempt, AttemptSpec, latest_playback
 from foldback.planner.pipeline.preference import PlanFigures
 from foldback.planner.pipeline.retry_policy import RetryPolicy
 from foldback.planner.progress import Report
@@ -48,10 +48,10 @@ class Explode:
     """Explode a chain, or smooth a plan.
 
     Attributes:
-        trial: The try.
+        spec: The try.
     """
 
-    trial: Trial
+    spec: AttemptSpec
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,8 +128,8 @@ def _after_verdict(history: Sequence[Attempt], policy: RetryPolicy) -> Step | No
 
 
 def _explode(history: Sequence[Attempt], policy: RetryPolicy) -> Explode | None:
-    trial = policy.next_attempt(history)
-    return None if trial is None else Explode(trial)
+    spec = policy.next_attempt(history)
+    return None if spec is None else Explode(spec)
 
 
 def with_begun(history: Sequence[Attempt], step: Step) -> tuple[Attempt, ...]:
@@ -138,7 +138,7 @@ def with_begun(history: Sequence[Attempt], step: Step) -> tuple[Attempt, ...]:
     It is added by an explosion, and by a playback that is repeated with other settings.
     """
     if isinstance(step, Explode):
-        return (*history, Attempt(trial=step.trial, status="begun"))
+        return (*history, Attempt(spec=step.spec, status="begun"))
     if isinstance(step, PlayBack) and history[-1].verified is not None:
         return (*history, history[-1].unjudged(finer=step.finer, patience=step.patience))
     return tuple(history)
@@ -193,7 +193,7 @@ def count_plans(history: Sequence[Attempt], policy: RetryPolicy) -> tuple[int, i
     assumed = replace(history[-1], status="straight", played=True, verified=True, figures=figures)
     ahead = [*history[:-1], assumed]
     while isinstance(step := next_step(ahead, policy), Explode):
-        ahead.append(replace(assumed, trial=step.trial, finer=1, patience=0, between=False))
+        ahead.append(replace(assumed, spec=step.spec, finer=1, patience=0, between=False))
     return number, _plans(ahead)
 
 

@@ -18,7 +18,13 @@ from foldback.planner.explosion.strategies import (
 )
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.parameters.parameters import AUTO, BASELINE, TURN_STRATEGIES, TURNS
-from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Cause, Trial
+from foldback.planner.pipeline.attempt import (
+    MAX_EXPLOSIONS,
+    Attempt,
+    AttemptSpec,
+    Candidates,
+    Cause,
+)
 from foldback.planner.pipeline.improvements import Improvements
 from foldback.planner.pipeline.preference import CALM, COMPUTING
 from foldback.planner.pipeline.request import MAX_SEED, FoldRequest
@@ -117,30 +123,30 @@ class RetryPolicy:
             retries_refused=has_forces and parameters.strategy != BASELINE,
         )
 
-    def next_attempt(self, attempts: Sequence[Attempt]) -> Trial | None:
-        """Return the trial after so many attempts; None when enough was tried.
+    def next_attempt(self, attempts: Sequence[Attempt]) -> AttemptSpec | None:
+        """Return the next attempt; None when enough was tried.
 
         Args:
             attempts: The attempts so far.
         """
         if self.turns:
             if not attempts:
-                return Trial(0, self.seed, TURNS, roomy=True)
+                return AttemptSpec(0, self.seed, TURNS, roomy=True)
             # After a search in vain, the fold goes on as if there had been none.
             attempts = [
-                attempt for attempt in attempts if attempt.verified or not attempt.trial.roomy
+                attempt for attempt in attempts if attempt.verified or not attempt.spec.roomy
             ]
         if not attempts:
-            return Trial(0, self.seed, self.strategies[0][0])
+            return AttemptSpec(0, self.seed, self.strategies[0][0])
         if any(attempt.verified for attempt in attempts):
             return None if self.improvements is None else self.improvements.next_attempt(attempts)
         if sum(not attempt.repeats for attempt in attempts) >= MAX_EXPLOSIONS:
             return None
-        done = {attempt.trial for attempt in attempts}
+        done = {attempt.spec for attempt in attempts}
         last = attempts[-1]
-        plain = any(trial.plain for trial in done)
+        plain = any(spec.plain for spec in done)
         for change in FALLBACKS[last.why]:
-            for variant in self._changed(change, last.trial):
+            for variant in self._changed(change, last.spec):
                 if plain and variant.strategy == "simultaneous":
                     variant = replace(variant, plain=True)
                 if variant not in done:
@@ -150,10 +156,10 @@ class RetryPolicy:
     def lookahead(
         self,
         attempts: Sequence[Attempt],
-        current: Trial,
-        finished: Mapping[Trial, Attempt] | None = None,
-    ) -> list[Trial]:
-        """Return what may come after a trial that is being computed, the likeliest first.
+        current: AttemptSpec,
+        finished: Mapping[AttemptSpec, Attempt] | None = None,
+    ) -> list[AttemptSpec]:
+        """Return what may come after an attempt that is being computed, the likeliest first.
 
         A strategy likely fails as it did before. What is known to come straight may be refused.
         A smoothing is never begun early.
@@ -164,23 +170,23 @@ class RetryPolicy:
             finished: Results of finished attempts.
         """
         finished = finished or {}
-        causes: dict[str, Cause] = {attempt.trial.strategy: attempt.why for attempt in attempts}
-        trials: dict[Trial, None] = {}
+        causes: dict[str, Cause] = {attempt.spec.strategy: attempt.why for attempt in attempts}
+        specs: dict[AttemptSpec, None] = {}
         for reason in (None, *FALLBACKS):
-            trial: Trial | None = current
+            spec: AttemptSpec | None = current
             failed = list(attempts)
-            while trial is not None:
-                likely = causes.get(trial.strategy) or DEFAULT_REASON.get(trial.strategy, "joints")
-                failed.append(finished.get(trial) or _failed(trial, reason or likely))
-                trial = self.next_attempt(failed)
-                if trial is not None and trial.smooths is not None:
-                    trial = None  # of which plan is known only when all explosions are over
-                if trial is not None:
-                    trials[trial] = None
-        return list(trials)
+            while spec is not None:
+                likely = causes.get(spec.strategy) or DEFAULT_REASON.get(spec.strategy, "joints")
+                failed.append(finished.get(spec) or _failed(spec, reason or likely))
+                spec = self.next_attempt(failed)
+                if spec is not None and spec.smooths is not None:
+                    spec = None  # of which plan is known only when all explosions are over
+                if spec is not None:
+                    specs[spec] = None
+        return list(specs)
 
-    def _changed(self, change: Change, current: Trial) -> Iterator[Trial]:
-        """Yield the trials by one change, the nearest first."""
+    def _changed(self, change: Change, current: AttemptSpec) -> Iterator[AttemptSpec]:
+        """Yield the specifications by one change, the nearest first."""
         if change == "plain":
             if self.calm and current.strategy == "simultaneous":
                 yield replace(current, plain=True)
@@ -206,8 +212,8 @@ class RetryPolicy:
                 yield replace(current, seed=(self.seed + k) % (MAX_SEED + 1))
 
 
-def _failed(trial: Trial, cause: Cause) -> Attempt:
+def _failed(spec: AttemptSpec, cause: Cause) -> Attempt:
     """Return an attempt that fails for a reason."""
     if cause == "refused":
-        return Attempt(trial=trial, status="straight")
-    return Attempt(trial=trial, status="stalled", diagnosis=Diagnosis(kind=cause, modules=()))
+        return Attempt(spec=spec, status="straight")
+    return Attempt(spec=spec, status="stalled", diagnosis=Diagnosis(kind=cause, modules=()))

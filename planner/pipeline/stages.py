@@ -189,9 +189,9 @@ class InDirectory(Store):
         """Remove the files that the step writes; load the plan that it smooths."""
         workspace = self.workspace
         if isinstance(step, Explode):
-            place = workspace.begin(len(search.history), job.candidates.chain_of(step.trial))
+            place = workspace.begin(len(search.history), job.candidates.chain_of(step.spec))
             workspace.write_history(history)
-            if (smooths := step.trial.smooths) is not None:
+            if (smooths := step.spec.smooths) is not None:
                 smoothed = workspace.attempt_of(smooths).read_result()
                 search = replace(search, results={**search.results, smooths: smoothed})
             return search, place.timeline

@@ -245,7 +245,7 @@ class Workspace:
         if not history:  # nothing explodes
             first = job.policy.next_attempt(())
             assert first is not None
-            history = (Attempt(trial=first, status="none"),)
+            history = (Attempt(spec=first, status="none"),)
         last = max((k for k, attempt in enumerate(history) if not attempt.repeats), default=0)
         number = last if self.number is None else self.number
         return Search(history=history, results={number: self.read_result()})

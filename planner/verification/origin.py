@@ -173,15 +173,15 @@ def _sequence_differs(history: Sequence[Attempt], policy: RetryPolicy) -> Differ
         step = next_step(before, policy)
         finer, patience = 1, 0
         if isinstance(step, Explode):
-            trial = step.trial
+            spec = step.spec
         elif isinstance(step, PlayBack) and before and not before[-1].failed:
-            trial = before[-1].trial
+            spec = before[-1].spec
             finer, patience = step.finer, step.patience
         else:
             yield f"plan.npz attempts[{number}]: got another attempt, expected no more attempts"
             return
-        actual = {**asdict(attempt.trial), "finer": attempt.finer, "patience": attempt.patience}
-        expected = {**asdict(trial), "finer": finer, "patience": patience}
+        actual = {**asdict(attempt.spec), "finer": attempt.finer, "patience": attempt.patience}
+        expected = {**asdict(spec), "finer": finer, "patience": patience}
         if (
             differing := next((name for name in actual if actual[name] != expected[name]), None)
         ) is not None:
@@ -205,12 +205,12 @@ def _own_attempt_differs(
         yield "plan.npz attempts: none of them has the figures of the plan's explosion and verdict"
         return
     attempt, certificate = history[number], plan.certificate
-    if attempt.trial.strategy != plan.explosion["strategy"]:
+    if attempt.spec.strategy != plan.explosion["strategy"]:
         yield (
-            f"plan.npz attempts[{number}].strategy: got {attempt.trial.strategy!r}, expected "
+            f"plan.npz attempts[{number}].strategy: got {attempt.spec.strategy!r}, expected "
             f"{plan.explosion['strategy']!r}"
         )
-    if chain_attributes(candidates.chain_of(attempt.trial)) != chain_attributes(plan.chain):
+    if chain_attributes(candidates.chain_of(attempt.spec)) != chain_attributes(plan.chain):
         yield f"plan.npz attempts[{number}]: its chain is not that of the plan"
     if attempt.figures is not None:
         figures = PlanFigures.of(certificate.as_dict())

@@ -17,7 +17,7 @@ from foldback.planner.simulation.reduced_state import Acceleration, State
 from foldback.planner.simulation.rigid_blocks import Blocks
 from foldback.planner.simulation.segments import Segments
 
-Engine = Segments | Blocks
+ChainEngine = Segments | Blocks
 
 
 class WholeChain:
@@ -36,7 +36,7 @@ class WholeChain:
         chain: Chain,
         parameters: ExplosionParameters,
         material: Material,
-        engine: Engine,
+        engine: ChainEngine,
         forces: RadialForces,
     ) -> None:
         self.chain = chain

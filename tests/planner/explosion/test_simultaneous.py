@@ -14,7 +14,7 @@ from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.pipeline import exploding
-from foldback.planner.pipeline.attempt import Trial
+from foldback.planner.pipeline.attempt import AttemptSpec
 from foldback.planner.pipeline.job import Watch
 from foldback.planner.simulation.reduced_state import Acceleration
 from tests.planner.chains import Array, coil, knotted, line
@@ -132,13 +132,13 @@ def test_auto_releases_all_modules_calmly_and_simultaneous_as_before(folded: Any
     assert calm.status == "straight"
     assert travel(calm).sum() < travel(usual).sum()
     assert travel(calm)[straight].sum() < 0.5 * travel(usual)[straight].sum()
-    first = Trial(0, 0, "simultaneous")
-    for strategy, trial, expected in (
+    first = AttemptSpec(0, 0, "simultaneous")
+    for strategy, spec, expected in (
         ("auto", first, calm),
         ("auto", replace(first, plain=True), usual),
         ("simultaneous", first, usual),
     ):
-        record = exploding.explode(chain, trial, Parameters(strategy=strategy), Watch())
+        record = exploding.explode(chain, spec, Parameters(strategy=strategy), Watch())
         np.testing.assert_array_equal(
             record.frames.joint_angles_rad, expected.frames.joint_angles_rad
         )

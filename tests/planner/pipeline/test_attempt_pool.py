@@ -12,7 +12,7 @@ import psutil
 import pytest
 
 from foldback.planner.explosion.diagnosis import Diagnosis, Kind
-from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Trial
+from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, AttemptSpec
 from foldback.planner.pipeline.attempt_pool import SPECULATION_PULSES, AttemptPool
 from foldback.planner.pipeline.retry_policy import RetryPolicy
 from foldback.planner.pipeline.stages import run_stage
@@ -25,12 +25,12 @@ from tests.planner.folds import write_request
 pytestmark = pytest.mark.slow
 
 
-def stuck(trial: Trial, kind: Kind) -> Attempt:
-    return Attempt(trial=trial, status="stalled", diagnosis=Diagnosis(kind=kind, modules=()))
+def stuck(spec: AttemptSpec, kind: Kind) -> Attempt:
+    return Attempt(spec=spec, status="stalled", diagnosis=Diagnosis(kind=kind, modules=()))
 
 
 CHOICE = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
-FIRST = Trial(0, 3, "simultaneous")
+FIRST = AttemptSpec(0, 3, "simultaneous")
 STUCK = stuck(FIRST, "joints")
 STALLING = Progress(stage="explode", fraction=0.5, pushes=SPECULATION_PULSES)
 
@@ -60,19 +60,19 @@ def _command(process: psutil.Process) -> list[str]:
 
 def test_lookahead_lists_the_likely_next_attempts() -> None:
     choice = RetryPolicy(strategies=(("simultaneous", "peel"),) * 2, seed=0)
-    current = Trial(0, 0, "simultaneous")
+    current = AttemptSpec(0, 0, "simultaneous")
     ahead = choice.lookahead([], current)
-    assert ahead[0] == Trial(1, 0, "simultaneous")  # the next attempt if joints stall
+    assert ahead[0] == AttemptSpec(1, 0, "simultaneous")  # the next attempt if joints stall
     assert len(set(ahead)) == len(ahead) and current not in ahead
     buried = stuck(current, "buried")
     following = choice.next_attempt([buried])
-    assert following == Trial(0, 0, "peel")
+    assert following == AttemptSpec(0, 0, "peel")
     ahead = choice.lookahead([buried], following)
     reasons: tuple[Kind, ...] = ("buried", "limit", "knot")
     for reason in reasons:
         assert choice.next_attempt([buried, stuck(following, reason)]) in ahead
     # Known results replace predicted ones; a plan from them may still be refused.
-    straight = Attempt(trial=ahead[0], status="straight")
+    straight = Attempt(spec=ahead[0], status="straight")
     first, second, *_ = choice.lookahead([buried], following, {ahead[0]: straight})
     assert first == ahead[0]
     assert second == choice.next_attempt([buried, stuck(following, "buried"), straight])
@@ -87,14 +87,14 @@ def test_number_of_parallel_attempts_is_that_of_the_workers(tmp_path: FilePath) 
         return len(seen) > 8
 
     with AttemptPool(fold, 1) as pool:
-        pool.schedule(CHOICE, [STUCK], Trial(0, 3, "peel"))
+        pool.schedule(CHOICE, [STUCK], AttemptSpec(0, 3, "peel"))
         assert not attempt_processes()
     with AttemptPool(fold, 3) as pool:
         pool.schedule(CHOICE, [], FIRST)
         assert not attempt_processes()  # a fold that ends quickly uses one core
         pool.with_speculation(silent)(STALLING)
         assert len(attempt_processes()) == 2
-        pool.schedule(CHOICE, [STUCK], Trial(0, 3, "peel"))
+        pool.schedule(CHOICE, [STUCK], AttemptSpec(0, 3, "peel"))
         made = pool.collect(fold / TIMELINE, silent, stop_after_eight_polls)
         assert made is None or made.status == "cancelled"
         assert max(seen) == 3
@@ -111,7 +111,7 @@ def test_attempt_whose_process_fails_or_does_not_start_is_not_collected(
         pool.with_speculation(silent)(STALLING)
         (child,) = attempt_processes()
         child.kill()
-        pool.schedule(CHOICE, [STUCK], Trial(0, 3, "peel"))
+        pool.schedule(CHOICE, [STUCK], AttemptSpec(0, 3, "peel"))
         assert pool.collect(fold / TIMELINE, silent, never) is None
     refuse_process = Mock(side_effect=BlockingIOError("no more processes"))
     monkeypatch.setattr("foldback.planner.pipeline.attempt_pool.subprocess.Popen", refuse_process)
@@ -132,7 +132,7 @@ def test_number_of_attempts_of_a_fold_is_limited(
     monkeypatch.setattr("foldback.planner.pipeline.attempt_pool._AttemptProcess", begin)
     many = RetryPolicy(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
     with AttemptPool(fold, 64) as pool:
-        pool.schedule(many, [], Trial(0, 3, "peel"))
+        pool.schedule(many, [], AttemptSpec(0, 3, "peel"))
         pool.with_speculation(silent)(STALLING)
     assert begin.call_count == MAX_EXPLOSIONS - 1
 
@@ -140,13 +140,13 @@ def test_number_of_attempts_of_a_fold_is_limited(
 SCRIPT = """
 import sys, time
 from pathlib import Path
-from foldback.planner.pipeline.attempt import Attempt, Trial
+from foldback.planner.pipeline.attempt import Attempt, AttemptSpec
 from foldback.planner.pipeline.retry_policy import RetryPolicy
 from foldback.planner.pipeline.attempt_pool import AttemptPool
 with AttemptPool(Path(sys.argv[1]), 3) as pool:
     choice = RetryPolicy(strategies=(("simultaneous", "peel"),), seed=3)
-    pool.schedule(choice, [Attempt(trial=Trial(0, 3, "peel"), status="stalled")],
-                  Trial(0, 3, "simultaneous"))
+    pool.schedule(choice, [Attempt(spec=AttemptSpec(0, 3, "peel"), status="stalled")],
+                  AttemptSpec(0, 3, "simultaneous"))
     time.sleep(600.0)
 """
 

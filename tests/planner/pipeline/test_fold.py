@@ -13,7 +13,7 @@ from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import CUBE
 from foldback.planner.errors import InputError
 from foldback.planner.motion.record import Record
-from foldback.planner.pipeline.attempt import Attempt, Trial
+from foldback.planner.pipeline.attempt import Attempt, AttemptSpec
 from foldback.planner.pipeline.fold import fold, refold, smooth_plan
 from foldback.planner.pipeline.job import Result, Search
 from foldback.planner.plan.plan import Plan
@@ -127,7 +127,7 @@ def test_calm_preference_smooths_without_detours(monkeypatch: pytest.MonkeyPatch
 
 def test_best_of_unjudged_explosions_is_kept() -> None:
     chain = coil(8)
-    history = tuple(Attempt(trial=Trial(0, k, "peel"), status="stalled") for k in range(3))
+    history = tuple(Attempt(spec=AttemptSpec(0, k, "peel"), status="stalled") for k in range(3))
 
     def stuck_at(share: float) -> Result:
         frames = anchored("explosion", share * chain.folded_rad[None])

@@ -6,7 +6,7 @@ from dataclasses import replace
 import pytest
 
 from foldback.planner.errors import InputError
-from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, Candidates, Trial
+from foldback.planner.pipeline.attempt import MAX_EXPLOSIONS, Attempt, AttemptSpec, Candidates
 from foldback.planner.pipeline.improvements import Improvements, best_of, expected_seconds_of
 from foldback.planner.pipeline.next_step import (
     REPEATED_PLAYBACK_REFINEMENT,
@@ -29,9 +29,9 @@ FIGURES = PlanFigures(
 )
 
 
-def verified(trial: Trial, **figures: float | None) -> Attempt:
+def verified(spec: AttemptSpec, **figures: float | None) -> Attempt:
     return Attempt(
-        trial=trial,
+        spec=spec,
         status="straight",
         played=True,
         verified=True,
@@ -39,9 +39,9 @@ def verified(trial: Trial, **figures: float | None) -> Attempt:
     )
 
 
-def refused(trial: Trial) -> Attempt:
+def refused(spec: AttemptSpec) -> Attempt:
     return Attempt(
-        trial=trial,
+        spec=spec,
         status="straight",
         played=True,
         verified=False,
@@ -60,43 +60,43 @@ def choice(prefer: Preference, paths: int = 1, **more: int) -> RetryPolicy:
 
 
 def attempts(
-    portfolio: RetryPolicy, outcome_of: Callable[[Trial], Attempt] = verified
+    portfolio: RetryPolicy, outcome_of: Callable[[AttemptSpec], Attempt] = verified
 ) -> Sequence[Attempt]:
-    """Return all attempts if each trial ends as ``outcome_of`` says."""
+    """Return all attempts if each ends as ``outcome_of`` says."""
     tried: list[Attempt] = []
     while isinstance(step := next_step(tried, portfolio), Explode):
-        tried.append(outcome_of(step.trial))
+        tried.append(outcome_of(step.spec))
     return tried
 
 
 def test_first_verified_plan_ends_a_search_for_least_computing() -> None:
     for portfolio in (choice("computing"), RetryPolicy(strategies=(ALL,), seed=5)):
-        assert [each.trial for each in attempts(portfolio)] == [Trial(0, 5, "simultaneous")]
+        assert [each.spec for each in attempts(portfolio)] == [AttemptSpec(0, 5, "simultaneous")]
 
 
 def test_other_strategies_and_paths_come_first_then_smoothings() -> None:
     quick = {"simultaneous": 5.0, "blocks": 3.0, "peel": 9.0, "smoothed": 2.0}
 
-    def outcome_of(trial: Trial) -> Attempt:
-        return verified(trial, fold_time_s=quick[trial.strategy] - 0.1 * trial.candidate)
+    def outcome_of(spec: AttemptSpec) -> Attempt:
+        return verified(spec, fold_time_s=quick[spec.strategy] - 0.1 * spec.candidate)
 
-    assert [each.trial for each in attempts(choice("time", paths=2), outcome_of)] == [
-        *(Trial(0, 5, name) for name in ALL),
-        Trial(1, 5, "blocks"),
-        Trial(1, 5, "smoothed", smooths=3),
-        Trial(0, 5, "smoothed", smooths=0),
-        Trial(1, 6, "smoothed", smooths=3),
-        Trial(1, 7, "smoothed", smooths=3),
+    assert [each.spec for each in attempts(choice("time", paths=2), outcome_of)] == [
+        *(AttemptSpec(0, 5, name) for name in ALL),
+        AttemptSpec(1, 5, "blocks"),
+        AttemptSpec(1, 5, "smoothed", smooths=3),
+        AttemptSpec(0, 5, "smoothed", smooths=0),
+        AttemptSpec(1, 6, "smoothed", smooths=3),
+        AttemptSpec(1, 7, "smoothed", smooths=3),
     ]
 
 
 def test_refused_smoothings_are_softened_up_to_a_limit() -> None:
-    def outcome_of(trial: Trial) -> Attempt:
-        return refused(trial) if trial.smooths is not None else verified(trial)
+    def outcome_of(spec: AttemptSpec) -> Attempt:
+        return refused(spec) if spec.smooths is not None else verified(spec)
 
-    tried = [each.trial for each in attempts(choice("torque", paths=4), outcome_of)]
-    assert len([trial for trial in tried if trial.smooths is None]) == MAX_EXPLOSIONS
-    assert [(trial.strategy, trial.smooths) for trial in tried[MAX_EXPLOSIONS:]] == [
+    tried = [each.spec for each in attempts(choice("torque", paths=4), outcome_of)]
+    assert len([spec for spec in tried if spec.smooths is None]) == MAX_EXPLOSIONS
+    assert [(spec.strategy, spec.smooths) for spec in tried[MAX_EXPLOSIONS:]] == [
         *(("smoothed", 0), ("softened", 0)),
         *(("smoothed", 1), ("softened", 1)),
     ]
@@ -104,50 +104,50 @@ def test_refused_smoothings_are_softened_up_to_a_limit() -> None:
 
 
 def test_long_motions_are_not_smoothed_and_expensive_attempts_not_made() -> None:
-    assert not [a for a in attempts(choice("time", most_frames=99)) if a.trial.smooths is not None]
+    assert not [a for a in attempts(choice("time", most_frames=99)) if a.spec.smooths is not None]
     # There are at most two dozen blocks, regardless of the chain's length.
     for modules, others in ((4000, ["blocks", "peel"]), (9600, ["peel"])):
-        tried = [each.trial for each in attempts(choice("time", modules=modules))]
-        assert [trial.strategy for trial in tried] == ["simultaneous", *others]
-        expected_s = [expected_seconds_of(trial, modules) for trial in tried]
+        tried = [each.spec for each in attempts(choice("time", modules=modules))]
+        assert [spec.strategy for spec in tried] == ["simultaneous", *others]
+        expected_s = [expected_seconds_of(spec, modules) for spec in tried]
         assert expected_s[0] > 300.0 > sum(expected_s[1:])
 
 
 def test_preference_changes_nothing_before_a_verified_plan() -> None:
     tried = attempts(choice("clearance", paths=2), refused)
     plain = attempts(replace(choice("clearance", paths=2), improvements=None), refused)
-    assert [each.trial for each in tried] == [each.trial for each in plain]
+    assert [each.spec for each in tried] == [each.spec for each in plain]
 
 
 def test_smoothings_are_not_in_the_lookahead() -> None:
     portfolio = choice("time")
-    tried = [verified(Trial(0, 5, name)) for name in ALL]
-    ahead = portfolio.lookahead(tried[:1], Trial(0, 5, "blocks"))
-    assert ahead == [Trial(0, 5, "peel")]
-    assert portfolio.lookahead(tried[:2], Trial(0, 5, "peel")) == []
+    tried = [verified(AttemptSpec(0, 5, name)) for name in ALL]
+    ahead = portfolio.lookahead(tried[:1], AttemptSpec(0, 5, "blocks"))
+    assert ahead == [AttemptSpec(0, 5, "peel")]
+    assert portfolio.lookahead(tried[:2], AttemptSpec(0, 5, "peel")) == []
 
 
 def test_best_plan_by_each_preference() -> None:
     """A slow plan needs little torque; a plan as fast as the others may need the most."""
-    trial = Trial(0, 5, "peel")
+    spec = AttemptSpec(0, 5, "peel")
     tried = [
-        verified(trial),
-        verified(trial, fold_time_s=2.0, peak_torque_nm=50.0),
-        verified(trial, fold_time_s=20.0, peak_torque_nm=0.01, clearance_bound=0.01),
-        verified(trial, fold_time_s=100.0, peak_torque_nm=0.009, clearance_bound=0.05),
-        verified(trial, fold_time_s=None, peak_torque_nm=None, clearance_bound=None),
-        refused(trial),
+        verified(spec),
+        verified(spec, fold_time_s=2.0, peak_torque_nm=50.0),
+        verified(spec, fold_time_s=20.0, peak_torque_nm=0.01, clearance_bound=0.01),
+        verified(spec, fold_time_s=100.0, peak_torque_nm=0.009, clearance_bound=0.05),
+        verified(spec, fold_time_s=None, peak_torque_nm=None, clearance_bound=None),
+        refused(spec),
     ]
     best: dict[Preference, int] = {"computing": 0, "time": 1, "torque": 2, "clearance": 3}
     for prefer, number in best.items():
         assert best_of(tried, prefer) == number
         assert best_of([*tried, *tried], prefer) == number, "of equal ones the earlier"
-        assert best_of([refused(trial)], prefer) is None
+        assert best_of([refused(spec)], prefer) is None
 
 
 def test_calmest_plan_and_where_turns_are_tried() -> None:
     """Half the hinges at once are worth a quarter more travel, but not twice the reversals."""
-    trial = Trial(0, 5, "simultaneous")
+    spec = AttemptSpec(0, 5, "simultaneous")
     motions = (
         (1.2, 80.0, 0.0),
         (1.5, 40.0, 0.1),
@@ -158,7 +158,7 @@ def test_calmest_plan_and_where_turns_are_tried() -> None:
         (1.0, 1.0, None),
     )
     tried = [
-        verified(trial, travel_ratio=travel, hinges_moving_mean=moving, reversals_mean=reversals)
+        verified(spec, travel_ratio=travel, hinges_moving_mean=moving, reversals_mean=reversals)
         for travel, moving, reversals in motions
     ]
     assert best_of(tried, "calm") == 1
@@ -182,9 +182,9 @@ def test_turns_are_not_smoothed_for_the_calmest_motion() -> None:
         policy = choice(prefer)
         assert policy.improvements is not None
         more = replace(policy.improvements, strategies=(("turns", "peel"),))
-        tried = [attempt.trial for attempt in attempts(replace(policy, improvements=more))]
-        originals = [tried[trial.smooths] for trial in tried if trial.smooths is not None]
-        assert {trial.strategy for trial in originals} == smoothed
+        tried = [attempt.spec for attempt in attempts(replace(policy, improvements=more))]
+        originals = [tried[spec.smooths] for spec in tried if spec.smooths is not None]
+        assert {spec.strategy for spec in originals} == smoothed
 
 
 def test_preference_is_refused_if_there_is_one_plan() -> None:
@@ -210,23 +210,23 @@ def test_count_with_a_preference_is_the_number_of_plans_in_the_end(
     tried = attempts(portfolio)
     assert len(tried) > 3
     for number in range(1, len(tried) + 1):
-        started = Attempt(trial=tried[number - 1].trial, status="begun")
+        started = Attempt(spec=tried[number - 1].spec, status="begun")
         assert count_plans([*tried[: number - 1], started], portfolio) == (number, len(tried))
 
 
 def test_count_of_plans_ignores_a_finer_playback() -> None:
     portfolio = choice("time")
     tried = attempts(portfolio)[:2]
-    finer = Attempt(trial=tried[-1].trial, status="straight", finer=REPEATED_PLAYBACK_REFINEMENT)
+    finer = Attempt(spec=tried[-1].spec, status="straight", finer=REPEATED_PLAYBACK_REFINEMENT)
     assert count_plans([*tried, finer], portfolio)[0] == 2
 
 
 def test_report_without_a_preference_counts_nothing() -> None:
     seen: list[Progress] = []
     plain = RetryPolicy(strategies=(("peel",),), seed=5)
-    trial = plain.next_attempt([])
-    assert trial is not None
-    with_count(seen.append, [verified(trial)], plain)(Progress(stage="certify", fraction=0.5))
+    spec = plain.next_attempt([])
+    assert spec is not None
+    with_count(seen.append, [verified(spec)], plain)(Progress(stage="certify", fraction=0.5))
     portfolio = choice("time")
-    with_count(seen.append, [verified(trial)], portfolio)(Progress(stage="certify", fraction=0.5))
+    with_count(seen.append, [verified(spec)], portfolio)(Progress(stage="certify", fraction=0.5))
     assert [(each.plan, each.plans > 1) for each in seen] == [(0, False), (1, True)]

@@ -9,9 +9,9 @@ from foldback.planner.explosion.diagnosis import Diagnosis
 from foldback.planner.pipeline.attempt import (
     MAX_EXPLOSIONS,
     Attempt,
+    AttemptSpec,
     Candidates,
     Cause,
-    Trial,
     latest_playback,
 )
 from foldback.planner.pipeline.improvements import Improvements
@@ -38,21 +38,21 @@ from tests.planner.pipeline.test_improvements import FIGURES, REFUSAL
 BOTH = ("simultaneous", "peel")
 
 
-def trials(choice: RetryPolicy, kind: Cause) -> list[Trial]:
+def specs(choice: RetryPolicy, kind: Cause) -> list[AttemptSpec]:
     """Return all attempts if every one fails for the same reason."""
     tried: list[Attempt] = []
-    while (trial := choice.next_attempt(tried)) is not None:
+    while (spec := choice.next_attempt(tried)) is not None:
         if kind == "refused":
-            tried.append(Attempt(trial=trial, status="straight", verified=False, refusal=REFUSAL))
+            tried.append(Attempt(spec=spec, status="straight", verified=False, refusal=REFUSAL))
         else:
             found = Diagnosis(kind=kind, modules=())
-            tried.append(Attempt(trial=trial, status="stalled", diagnosis=found))
-    return [attempt.trial for attempt in tried]
+            tried.append(Attempt(spec=spec, status="stalled", diagnosis=found))
+    return [attempt.spec for attempt in tried]
 
 
 def test_attempt_survives_json() -> None:
-    started = Attempt(trial=Trial(1, 2, "peel", other_end=True, gentle=True), status="begun")
-    plain = Attempt(trial=Trial(0, 0, "simultaneous", plain=True), status="begun")
+    started = Attempt(spec=AttemptSpec(1, 2, "peel", other_end=True, gentle=True), status="begun")
+    plain = Attempt(spec=AttemptSpec(0, 0, "simultaneous", plain=True), status="begun")
     refused = replace(started, status="straight", steps=5, finer=4, played=True, between=True)
     found = Diagnosis(kind="knot", modules=(3, 4))
     for attempt in (
@@ -66,23 +66,23 @@ def test_attempt_survives_json() -> None:
 
 def test_reason_of_a_failure_decides_the_next_attempt() -> None:
     choice = RetryPolicy(strategies=(BOTH, BOTH), seed=5)
-    assert trials(choice, "joints") == [
-        Trial(0, 5, "simultaneous"),
-        Trial(1, 5, "simultaneous"),
-        Trial(1, 5, "peel"),
-        Trial(0, 5, "peel"),
-        Trial(0, 6, "peel"),
-        Trial(1, 6, "peel"),
+    assert specs(choice, "joints") == [
+        AttemptSpec(0, 5, "simultaneous"),
+        AttemptSpec(1, 5, "simultaneous"),
+        AttemptSpec(1, 5, "peel"),
+        AttemptSpec(0, 5, "peel"),
+        AttemptSpec(0, 6, "peel"),
+        AttemptSpec(1, 6, "peel"),
     ]
-    assert trials(choice, "contacts")[:3] == [
-        Trial(0, 5, "simultaneous"),
-        Trial(0, 5, "peel"),
-        Trial(1, 5, "peel"),
+    assert specs(choice, "contacts")[:3] == [
+        AttemptSpec(0, 5, "simultaneous"),
+        AttemptSpec(0, 5, "peel"),
+        AttemptSpec(1, 5, "peel"),
     ]
     # Another seed cannot untie a knot.
-    assert {found.seed for found in trials(choice, "knot")} == {5}
-    assert trials(RetryPolicy(strategies=(("simultaneous",),), seed=2**32 - 1), "refused") == [
-        Trial(0, seed, "simultaneous") for seed in (2**32 - 1, 0, 1)
+    assert {found.seed for found in specs(choice, "knot")} == {5}
+    assert specs(RetryPolicy(strategies=(("simultaneous",),), seed=2**32 - 1), "refused") == [
+        AttemptSpec(0, seed, "simultaneous") for seed in (2**32 - 1, 0, 1)
     ]
 
 
@@ -90,7 +90,7 @@ def test_attempts_end_and_none_is_made_twice() -> None:
     choice = RetryPolicy(strategies=(BOTH, ("peel",), BOTH), seed=0)
     kinds: tuple[Cause, ...] = ("knot", "buried", "contacts", "joints", "limit", "refused")
     for kind in kinds:
-        tried = trials(choice, kind)
+        tried = specs(choice, kind)
         assert 1 < len(tried) <= MAX_EXPLOSIONS, kind
         assert len(set(tried)) == len(tried), kind
         assert all(found.strategy in choice.strategies[found.candidate] for found in tried), kind
@@ -103,12 +103,12 @@ def test_plain_explosions_follow_a_calm_one() -> None:
     )
     kinds: tuple[Cause, ...] = ("knot", "buried", "contacts", "joints", "limit", "refused")
     for kind in kinds:
-        first, *others = trials(calm, kind)
-        usual = trials(plain, kind)
-        assert first == Trial(0, 5, "simultaneous")
+        first, *others = specs(calm, kind)
+        usual = specs(plain, kind)
+        assert first == AttemptSpec(0, 5, "simultaneous")
         expected = [replace(each, plain=each.strategy == "simultaneous") for each in usual]
         assert others == expected[: MAX_EXPLOSIONS - 1], kind
-    assert "plain" not in Attempt(trial=first, status="begun").as_dict()
+    assert "plain" not in Attempt(spec=first, status="begun").as_dict()
     request, chains = FoldRequest(), Candidates((coil(12),), two_ended=False)
     assert RetryPolicy.of(request, chains).calm
     assert not RetryPolicy.of(replace(request, strategy="simultaneous"), chains).calm
@@ -119,17 +119,17 @@ def test_turns_with_the_most_room_come_before_all_explosions() -> None:
     """A search in vain takes no attempt from the explosions."""
     request, short = FoldRequest(seed=3), Candidates((snake((4, 4, 4)),), two_ended=False)
     policy = RetryPolicy.of(request, short)
-    roomy = Trial(0, 3, "turns", roomy=True)
+    roomy = AttemptSpec(0, 3, "turns", roomy=True)
     kinds: tuple[Cause, ...] = ("blocked", "limit", "joints", "refused")
     for kind in kinds:
-        first, *others = trials(policy, kind)
+        first, *others = specs(policy, kind)
         assert first == roomy
         assert "turns" not in policy.strategies[0]
-        usual = trials(replace(policy, turns=False), kind)
+        usual = specs(replace(policy, turns=False), kind)
         assert others == (usual if kind != "blocked" else usual[:1])
-    straight = Attempt(trial=roomy, status="straight", verified=True)
+    straight = Attempt(spec=roomy, status="straight", verified=True)
     assert policy.next_attempt([straight]) is None
-    assert Attempt.from_dict(json.loads(json.dumps(straight.as_dict()))).trial == roomy
+    assert Attempt.from_dict(json.loads(json.dumps(straight.as_dict()))).spec == roomy
 
 
 def test_only_auto_without_a_preference_takes_turns_for_short_chains_of_usual_size() -> None:
@@ -150,31 +150,34 @@ def test_only_auto_without_a_preference_takes_turns_for_short_chains_of_usual_si
 
 def test_attempts_from_the_other_end_and_gentle_ones_depend_on_the_strategy() -> None:
     buried = RetryPolicy(strategies=(("peel", "blocks"),), seed=0, two_ended=True)
-    assert trials(buried, "buried")[:3] == [
-        Trial(0, 0, "peel"),
-        Trial(0, 0, "peel", other_end=True),
-        Trial(0, 0, "blocks", other_end=True),
+    assert specs(buried, "buried")[:3] == [
+        AttemptSpec(0, 0, "peel"),
+        AttemptSpec(0, 0, "peel", other_end=True),
+        AttemptSpec(0, 0, "blocks", other_end=True),
     ]
     # Blocks and simultaneous explosions have no first end.
     both = RetryPolicy(strategies=(("blocks", "simultaneous"),), seed=0, two_ended=True)
-    assert not any(found.other_end for found in trials(both, "buried"))
+    assert not any(found.other_end for found in specs(both, "buried"))
     forces = RetryPolicy(strategies=(BOTH,), seed=0, forces=True)
-    assert trials(forces, "contacts")[1] == Trial(0, 0, "simultaneous", gentle=True)
-    assert trials(forces, "refused")[3] == Trial(0, 2, "peel")
+    assert specs(forces, "contacts")[1] == AttemptSpec(0, 0, "simultaneous", gentle=True)
+    assert specs(forces, "refused")[3] == AttemptSpec(0, 2, "peel")
     alone = RetryPolicy(strategies=(("simultaneous",),), seed=0, forces=True)
-    assert trials(alone, "refused")[3] == Trial(0, 2, "simultaneous", gentle=True)
+    assert specs(alone, "refused")[3] == AttemptSpec(0, 2, "simultaneous", gentle=True)
     # A search for turns has neither forces nor a first end.
     for strategy in ("turns", "one-by-one"):
         search = RetryPolicy(strategies=((strategy,),), seed=0, two_ended=True, forces=True)
         for kind in ("contacts", "joints"):
-            assert trials(search, kind) == [Trial(0, seed, strategy) for seed in range(3)]
+            assert specs(search, kind) == [AttemptSpec(0, seed, strategy) for seed in range(3)]
 
 
 def test_a_search_for_turns_that_is_blocked_is_repeated_only_for_other_paths() -> None:
     alone = RetryPolicy(strategies=(("one-by-one",),), seed=0, two_ended=True, forces=True)
-    assert trials(alone, "blocked") == [Trial(0, 0, "one-by-one")]
+    assert specs(alone, "blocked") == [AttemptSpec(0, 0, "one-by-one")]
     two = replace(alone, strategies=(("one-by-one",), ("one-by-one",)))
-    assert trials(two, "blocked") == [Trial(0, 0, "one-by-one"), Trial(1, 0, "one-by-one")]
+    assert specs(two, "blocked") == [
+        AttemptSpec(0, 0, "one-by-one"),
+        AttemptSpec(1, 0, "one-by-one"),
+    ]
 
 
 def test_chain_from_its_other_end_fills_the_same_cells() -> None:
@@ -195,11 +198,11 @@ MORE = replace(
         prefer="time", strategies=(("simultaneous", "peel"),), modules=64, most_frames=1000
     ),
 )
-FIRST = Trial(0, 0, "simultaneous")
-SECOND = Trial(0, 1, "simultaneous")
-PEELED = Trial(0, 0, "peel")
+FIRST = AttemptSpec(0, 0, "simultaneous")
+SECOND = AttemptSpec(0, 1, "simultaneous")
+PEELED = AttemptSpec(0, 0, "peel")
 
-STRAIGHT = Attempt(trial=FIRST, status="straight")
+STRAIGHT = Attempt(spec=FIRST, status="straight")
 PLAYED = replace(STRAIGHT, played=True)
 REFUSED = replace(PLAYED, verified=False, refusal=REFUSAL)
 BETWEEN = replace(REFUSED, between=True)
@@ -207,10 +210,10 @@ SWINGING = replace(REFUSED, off_straight=True)
 AGAIN = replace(BETWEEN, finer=REPEATED_PLAYBACK_REFINEMENT)
 VERIFIED = replace(PLAYED, verified=True, figures=FIGURES)
 FINER = PlayBack(REPEATED_PLAYBACK_REFINEMENT)
-STALLED = Attempt(trial=FIRST, status="stalled")
+STALLED = Attempt(spec=FIRST, status="stalled")
 SHOWN = replace(STALLED, played=True)
 JUDGED = replace(SHOWN, verified=False, refusal=REFUSAL)
-NOTHING = Attempt(trial=FIRST, status="none")
+NOTHING = Attempt(spec=FIRST, status="none")
 
 
 def test_next_step_of_a_history() -> None:
@@ -221,7 +224,7 @@ def test_next_step_of_a_history() -> None:
         (ONE, [STALLED], PlayBack()),
         (ONE, [SHOWN], Certify()),
         (ONE, [JUDGED], None),
-        (ONE, [JUDGED, replace(STALLED, trial=SECOND)], None),
+        (ONE, [JUDGED, replace(STALLED, spec=SECOND)], None),
         (ONE, [REFUSED, STALLED], PlayBack()),
         (ONE, [REFUSED, SHOWN], Certify()),
         (POLICY, [STALLED, STRAIGHT], PlayBack()),
@@ -289,7 +292,7 @@ def test_playback_run_again_has_no_verdict() -> None:
 
 
 def test_choice_is_marked_at_the_latest_playback() -> None:
-    history = (BETWEEN, AGAIN, replace(VERIFIED, trial=PEELED))
+    history = (BETWEEN, AGAIN, replace(VERIFIED, spec=PEELED))
     assert [latest_playback(history, number) for number in (0, 2)] == [1, 2]
     assert [each.chosen for each in with_choice(history, 0)] == [False, True, False]
     assert [each.chosen for each in with_choice(history, 2)] == [False, False, True]

@@ -19,7 +19,7 @@ from foldback.planner.motion.record import Record
 from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.pipeline import certifying, workspace
-from foldback.planner.pipeline.attempt import Attempt, Trial
+from foldback.planner.pipeline.attempt import Attempt, AttemptSpec
 from foldback.planner.pipeline.fold_layout import attempt_numbers, latest_attempt_dir, result_path
 from foldback.planner.pipeline.stages import next_stage, run_stage
 from foldback.planner.pipeline.workspace import Workspace
@@ -112,7 +112,9 @@ def write_attempts(
 ) -> None:
     """Write straight attempts; those with a clearance have a certificate."""
     workspace = Workspace(directory)
-    tried = [Attempt(trial=Trial(0, k, "peel"), status="straight") for k in range(len(clearances))]
+    tried = [
+        Attempt(spec=AttemptSpec(0, k, "peel"), status="straight") for k in range(len(clearances))
+    ]
     directory.mkdir(exist_ok=True)
     workspace.write_history(tried)
     for number, clearance in enumerate(clearances):
@@ -233,7 +235,7 @@ def add_stopped_attempt(directory: FilePath, chain: Chain, share: float) -> None
     """Add an attempt that stopped with this fraction of its bends remaining."""
     workspace = Workspace(directory)
     known = workspace.read_history()
-    started = Attempt(trial=Trial(len(known), 0, "peel"), status="begun")
+    started = Attempt(spec=AttemptSpec(len(known), 0, "peel"), status="begun")
     workspace.write_history([*known, started])
     write_record(workspace.begin(len(known), chain).timeline, chain, share)
 
@@ -308,7 +310,7 @@ def test_history_names_the_attempt_under_way(tmp_path: FilePath) -> None:
         return False
 
     run_stage("explode", tmp_path, cancelled=note_attempts)
-    started = Attempt(trial=Trial(0, 0, "turns", roomy=True), status="begun")
+    started = Attempt(spec=AttemptSpec(0, 0, "turns", roomy=True), status="begun")
     assert seen[0] == [started.as_dict()]
     (after,) = Workspace(tmp_path).read_history()
     assert after.status == "straight"
