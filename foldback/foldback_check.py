@@ -352,19 +352,18 @@ class Plan:
     def read(self, file, text, size, claim, ends=True):
         """Take up what a plan says; without `ends`, it neither ends folded nor has a digest."""
         chain, certificate = fields(text["chain"]), fields(text["certificate"])
-        stated = {"format": FORMAT} if text.get("claim") is None else fields(text["claim"])
+        stated = fields(text["claim"])
         form, step = stated.get("format"), certificate.get("max_joint_step_rad")
         require(form == FORMAT, f"its claim has the format {quoted(form)}, expected {FORMAT}; "
                 "another version of this checker may know it")
         self.kind, self.count = chain["module"], whole(chain["modules"], 2, MAX_MODULES)
         readable(type(self.kind) is str, f"got {quoted(self.kind)}, expected a kind of module")
-        usual, told_module = MODULES.get(self.kind), stated.get("module")
-        readable(usual or told_module, f"the module {quoted(self.kind)} is not described")
+        usual = MODULES.get(self.kind)
         self.size = float(numbers(certificate["module_size"] if size is None else size))
         bound = certificate.get("clearance_bound") if claim is None else claim
         self.claim = 0.0 if bound is None else float(numbers(bound))
         self.step = math.inf if step is None else numbers(step) or math.inf
-        self.module = Module(usual if told_module is None else fields(told_module), self.size)
+        self.module = Module(fields(stated.get("module")), self.size)
         self.is_usual = usual is not None
         require(not usual or alike(self.module.description, usual), f"{self.kind}s of another kind")
         hinges = (self.count - 1 - self.module.rigid) * len(self.module.names)

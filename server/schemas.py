@@ -263,7 +263,7 @@ class Fold(Body):
             created_at=moment(row.created_at),
             expires_at=None if until is None else moment(until),
             progress=Progress.model_validate(progress_of(row, remaining)),
-            summary=row.summary or {},
+            summary=row.summary,
             error=Fault.model_validate(row.error) if row.error else None,
             links=Links.of(row.id),
         )

@@ -35,7 +35,6 @@ CERTIFICATE_DIGITS: Final = 2
 """Number of significant digits to which pages round a certificate's figures, such as joint
 errors."""
 NOT_SIMULATED: Final = "not simulated"
-NOT_KNOWN: Final = "unknown, because an earlier version of foldback computed this fold"
 MAX_NAMED_SERVOS: Final = 8
 """Maximum number of servos with sufficient torque that a fold's page lists, lightest first."""
 NEAR_PITCH_FACTOR: Final = 1.1
@@ -158,12 +157,8 @@ def _motion_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
 def _row(certificate: CertificateFigures, figure: Figure) -> tuple[str, str | None]:
     """Return a figure's label and value, or why a simulated figure is missing."""
     value = certificate.get(figure.key)
-    if figure.of_simulation:
-        simulated = certificate.get("simulated")
-        if simulated is False:
-            return figure.label, NOT_SIMULATED
-        if value is None and simulated is None and certificate.get("min_clearance") is not None:
-            return figure.label, NOT_KNOWN
+    if figure.of_simulation and certificate.get("simulated") is False:
+        return figure.label, NOT_SIMULATED
     return figure.label, quantity(value, figure.unit, figure.digits)
 
 

@@ -52,8 +52,8 @@ class Certificate:
         reason: First condition that the plan fails; None if it is verified.
         simulated: True if the playback was simulated; None if there is none.
         module_size: Size of the modules as a fraction of the pitch.
-        exempt_pairs: Pairs of modules that are not checked, and their overlap; None if the
-            certificate of an earlier version does not state it.
+        exempt_pairs: Pairs of modules that are not checked, and their overlap; None if it was not
+            computed.
         min_clearance: Least clearance found in the plan, at its frames and in-betweens.
         min_clearance_at: Frame and modules of ``min_clearance``.
         clearance_bound: Proved lower bound of the clearance everywhere in the plan, and in the
@@ -81,8 +81,7 @@ class Certificate:
         fold_time_s: Duration of the fold under that limit.
         hinges_moving_mean, hinges_moving_most: Number of hinges that move at the same time.
         travel_ratio, reversals_mean, detours, largest_detour_rad: See
-            ``planner.certificate.motion_figures.MotionFigures``; None of very long plans, and in
-            certificates of earlier versions.
+            ``planner.certificate.motion_figures.MotionFigures``; None of very long plans.
         peak_torque_nm, rms_torque_nm: Largest and RMS torque in that time, floating, without
             gravity, at the frames of ``torque_source``: other frames may need more.
         torque_source: ``simulation, every step`` or ``inverse dynamics at N of F frames,
@@ -93,7 +92,7 @@ class Certificate:
         seconds: Wall time of the verification, s.
         table: Certificate of the motion on a table; None for a plan that floats.
         margins: Errors of modules and hinges that the plan stands; None of a plan that is not
-            verified, of very long chains, and in certificates of earlier versions.
+            verified, and of very long chains.
     """
 
     reason: Reason | None
@@ -170,11 +169,15 @@ class Certificate:
             KeyError: The reason lacks a value.
             InputError: ``wrong-format``, of a table's certificate.
         """
-        if unknown := values.keys() - cls.__dataclass_fields__.keys() - {"verified", "verdict"}:
+        figures = {*cls.__dataclass_fields__, "verified", "verdict"}
+        if unknown := values.keys() - figures:
             names = ", ".join(sorted(unknown))
             raise TypeError(
                 f"got unknown figures ({names}), expected only figures of a certificate"
             )
+        if missing := figures - {"table"} - values.keys():
+            names = ", ".join(sorted(missing))
+            raise TypeError(f"got a certificate without {names}, expected all of its figures")
         table = values.get("table")
         checked = None if table is None else TableCertificate.from_dict(table)
         certificate = replace(from_plain(values, cls), table=checked)

@@ -1,11 +1,11 @@
 """Figures of plans as plain JSON values, as files, rows and answers have them.
 
-Values that an earlier version did not write are missing. Units are those of the dataclasses named.
+Units are those of the dataclasses named.
 """
 
 from __future__ import annotations
 
-from typing import Any, Final, NotRequired, Required, TypedDict
+from typing import Any, Final, Required, TypedDict
 
 from foldback.planner.motion.failure_schemas import StuckFigures
 from foldback.planner.reasons import ReasonFigures
@@ -154,10 +154,10 @@ class ComparedFigures(TypedDict):
     clearance_bound: float | None
     frames: int
     seconds: float
-    one_hinge_rad: NotRequired[float | None]
-    travel_ratio: NotRequired[float | None]
-    hinges_moving_mean: NotRequired[float | None]
-    reversals_mean: NotRequired[float | None]
+    one_hinge_rad: float | None
+    travel_ratio: float | None
+    hinges_moving_mean: float | None
+    reversals_mean: float | None
 
 
 class AttemptFigures(TypedDict, total=False):

@@ -63,7 +63,7 @@ class Diagnosis:
             ``blocked`` if no hinge of the folded chain can turn by itself, whatever the seed.
         modules: Modules whose joint is still bent, some of them at least.
         evidence: The reason, as another program can test it; None if the run was ended from
-            outside, or an earlier version wrote the file.
+            outside.
     """
 
     kind: Kind
@@ -86,11 +86,11 @@ class Diagnosis:
 
     @classmethod
     def from_dict(cls, values: StuckFigures) -> Diagnosis:
-        """Build a diagnosis from ``as_dict``; values that earlier versions lack stay empty."""
+        """Build a diagnosis from ``as_dict``."""
         return cls(
             kind=cast("Kind", values["kind"]),
-            modules=tuple(values.get("modules", ())),
-            evidence=evidence_from(values.get("evidence")),
+            modules=tuple(values["modules"]),
+            evidence=evidence_from(values["evidence"]),
         )
 
 

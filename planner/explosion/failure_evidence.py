@@ -250,7 +250,7 @@ Evidence = KnotEvidence | BlockEvidence | QuarterTurnEvidence | BudgetEvidence
 
 
 def evidence_from(values: EvidenceFigures | None) -> Evidence | None:
-    """Build evidence from ``as_dict``; None if an earlier version wrote none.
+    """Build evidence from ``as_dict``; None without evidence.
 
     Raises:
         TypeError: When a value has another type.

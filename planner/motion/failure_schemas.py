@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Literal, NotRequired, TypedDict
+from typing import Literal, TypedDict
 
 
 class CrossingFigures(TypedDict):
@@ -85,9 +85,9 @@ EvidenceFigures = KnotFigures | BlockFigures | QuarterTurnFigures | BudgetFigure
 
 
 class StuckFigures(TypedDict):
-    """``planner.explosion.diagnosis.Diagnosis``; earlier versions wrote no evidence."""
+    """``planner.explosion.diagnosis.Diagnosis``."""
 
     kind: str
     modules: list[int]
     words: str
-    evidence: NotRequired[EvidenceFigures | None]
+    evidence: EvidenceFigures | None

@@ -44,7 +44,7 @@ class Spent:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, Any]) -> Spent | None:
-        """Return the inverse of ``arrays``; None if there is none, as in earlier versions."""
+        """Return the inverse of ``arrays``; None if there is none."""
         if "spent_kind" not in arrays:
             return None
         return cls(**{f.name: arrays[f"spent_{f.name}"].item() for f in fields(cls)})
@@ -106,8 +106,7 @@ class Record:
         table: Refusals and bound of an explosion on a table; None for one that floats.
         rest_frames: Frames at which the chain rests between two turns, and the first and last one;
             between them hinges turn evenly. None if it does not rest.
-        spent: Limit that ended the explosion; None if it ended straight or was cancelled, and in
-            records of earlier versions.
+        spent: Limit that ended the explosion; None if it ended straight or was cancelled.
     """
 
     status: RecordStatus
@@ -164,12 +163,12 @@ class Record:
                 table=TableRecord.of(arrays),
                 spent=Spent.from_arrays(arrays),
                 rest_frames=arrays.get("rest_frames"),
-                **{name: arrays[name].item() for name in _SCALARS if name in arrays},
+                **{name: arrays[name].item() for name in _SCALARS},
             )
 
 
 _SCALARS: Final = ("status", "reason", "steps", "seconds", "strategy", "pushes", "retries")
-"""Figures of a record that its file holds by name; earlier versions lack the last three."""
+"""Figures of a record that its file holds by name."""
 
 
 def save_npz(path: FilePath, arrays: dict[str, Any], *, level: int = 1) -> None:

@@ -31,7 +31,6 @@ from foldback.planner.storage.checked_zarr import (
     checksums_of,
     create_array,
     create_group,
-    is_sealed,
     open_for_writing,
     read_group,
     sealed,
@@ -96,7 +95,6 @@ class TimelineWriter:
         self._group = group
         self._arrays = arrays
         self._attributes = attributes
-        self._sealed = is_sealed(attributes)
         self._frames = int(attributes["frames"])
         self._windowed = attributes["format"] == WINDOWS_FORMAT
         self._hinges = (
@@ -263,9 +261,7 @@ class TimelineWriter:
         count = begins + len(motion.angles_rad)
         self._arrays["angles_rad"].resize((count,))
         self._arrays["angles_rad"][begins:] = motion.angles_rad
-        errors = self._arrays.get("errors_rad")
-        if errors is None:  # earlier timelines have none
-            return
+        errors = self._arrays["errors_rad"]
         errors.resize((count,))
         first = self._attributes.get(ERRORS_FROM)
         if first is not None and first >= begins:  # those were dropped when it was reopened
@@ -275,8 +271,7 @@ class TimelineWriter:
             first = begins if first is None else first
         elif first is not None:
             errors[begins:] = np.nan
-        if self._sealed:
-            self._attributes[ERRORS_FROM] = first
+        self._attributes[ERRORS_FROM] = first
 
     def close(self, status: Status = "complete") -> None:
         """Write waiting frames and close the timeline for good."""
@@ -286,11 +281,10 @@ class TimelineWriter:
     def _mark(self, status: Status) -> None:
         self._status = status
         self._attributes |= {"frames": self._frames, "status": status}
-        if self._sealed:
-            over = status != "growing"
-            self._attributes = sealed(
-                self._attributes, checksums_of(self._path, self._arrays) if over else None
-            )
+        over = status != "growing"
+        self._attributes = sealed(
+            self._attributes, checksums_of(self._path, self._arrays) if over else None
+        )
         self._group.attrs.put(self._attributes)
 
 
@@ -402,20 +396,17 @@ class Timeline:
 
     def _errors(self, first: int, last: int) -> NDArray[np.float32]:
         """Return errors of a range of angles, NaN before the first recorded one."""
-        array = cast("Any", self._arrays.get("errors_rad"))
-        if array is None or (self._sealed and self._errors_from is None):
+        if self._errors_from is None:
             return np.full(last - first, np.nan, np.float32)
-        error_start = min(max(first, self._errors_from or 0), last)
+        error_start = min(max(first, self._errors_from), last)
         before = np.full(error_start - first, np.nan, np.float32)
-        return np.concatenate([before, array[error_start:last]])
+        errors = cast("Any", self._arrays["errors_rad"])[error_start:last]
+        return np.concatenate([before, errors])
 
     @property
     def tells_errors(self) -> bool:
         """True if joint errors of any frame may be recorded; those of windows are not read."""
-        if not self.windowed or self._sealed:
-            return not self.windowed or self._errors_from is not None
-        array = cast("Any", self._arrays.get("errors_rad"))
-        return array is not None and array.nchunks_initialized > 0
+        return not self.windowed or self._errors_from is not None
 
     def largest_errors(self, start: int = 0, stop: int | None = None) -> Array:
         """Return the (f,) largest joint error of each frame, NaN if none is recorded.
@@ -457,11 +448,7 @@ class Timeline:
         if frames != self._frames or status != self._status or not self._arrays:
             group = read_group(self.path)
             columns = _columns(self.windowed, len(self.chain.folded_rad))
-            self._arrays = {
-                n: array_of(group, self.path, n)
-                for n in columns
-                if n != "errors_rad" or n in group  # earlier timelines have none
-            }
+            self._arrays = {n: array_of(group, self.path, n) for n in columns}
             for name, array in self._arrays.items():
                 tail, dtype, _ = columns[name]
                 if array.shape[1:] != tail or array.dtype != dtype:
@@ -475,7 +462,6 @@ class Timeline:
                 raise DamagedError(
                     self.path, f"the timeline declares {frames} frames but has {min(rows)}"
                 )
-        self._sealed = is_sealed(attributes)
         self._errors_from = attributes.get(ERRORS_FROM)
         self._frames = frames
         self._status = status
@@ -529,6 +515,6 @@ def _attributes(path: str) -> dict[str, Any]:
             f"got the format {attributes.get('format')!r} at {path}, expected {FORMAT!r} or "
             f"{WINDOWS_FORMAT!r}."
         )
-    if missing := {"chain", "frames", "status"} - attributes.keys():
+    if missing := {"id", "chain", "frames", "status"} - attributes.keys():
         raise DamagedError(path, f"the timeline's attributes lack {', '.join(sorted(missing))}")
-    return {"id": "", **attributes}
+    return attributes

@@ -66,8 +66,7 @@ class Candidates:
     Attributes:
         chains: The likeliest first.
         two_ended: True if they may start at their other end as well.
-        likenesses: Likeness of each chain to the input; empty for paths and chains, and of folds
-            by earlier versions.
+        likenesses: Likeness of each chain to the input; empty for paths and chains.
     """
 
     chains: tuple[Chain, ...]
@@ -98,8 +97,6 @@ class Candidates:
     @classmethod
     def from_values(cls, values: Any) -> Candidates:
         """Return the candidates that a file holds."""
-        if isinstance(values, list):  # of a fold that was read before there were other ends
-            values = {"chains": values, "two_ended": False}
         chains = tuple(chain_from_attributes(attributes) for attributes in values["chains"])
         likenesses = tuple(Likeness(**likeness) for likeness in values.get("likenesses", ()))
         return cls(chains, values["two_ended"], likenesses)
@@ -254,7 +251,7 @@ class Attempt:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Attempt:
-        """Return the attempt in ``as_dict``; values that older versions lack get defaults."""
+        """Return the attempt in ``as_dict``; values that are not stored get defaults."""
         diagnosis = values.get("diagnosis")
         fields = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
         fields["diagnosis"] = diagnosis and Diagnosis.from_dict(diagnosis)

@@ -71,7 +71,7 @@ class Plan:
         smoothing: Changes by smoothing, see ``planner.robot.smoothed_plan``; None of a recorded
             plan.
         likeness: Likeness of the folded modules to the input; None if the input was a path or a
-            chain, or the plan is of an earlier version.
+            chain.
     """
 
     chain: Chain
@@ -384,10 +384,9 @@ class Plan:
                 motion=motion,
                 max_error_rad=errors,
                 certificate=Certificate.from_dict(values["certificate"]),
-                attempts=tuple(values.get("attempts", ())),
-                start=chain_from_attributes(start) if (start := values.get("start")) else None,
-                smoothing=values.get("smoothing"),
-                likeness=Likeness.from_dict(values.get("likeness")),
+                attempts=tuple(values["attempts"]),
+                start=chain_from_attributes(start) if (start := values["start"]) else None,
+                likeness=Likeness.from_dict(values["likeness"]),
                 **{k: values[k] for k in _VALUES},
             )
         except InputError as error:
@@ -424,6 +423,7 @@ _VALUES: Final = (
     "versions",
     "explosion",
     "playback",
+    "smoothing",
 )
 
 

@@ -51,8 +51,7 @@ class Playback:
         kind: ``dynamic`` when it was simulated; ``kinematic`` when the reference itself was taken,
             for chains too long for the single tree. Joint errors are then NaN, torques those of
             inverse dynamics at frames spread over the motion.
-        torque_frames: Number of those frames; None if torques are those of every step, or an
-            earlier version did not store it.
+        torque_frames: Number of those frames; None if torques are those of every step.
         robots: Number of robots with model errors that folded it, of which this is the one with
             the largest error; None for an ideal one, and if nothing was simulated.
         rest_frames: Frames at which the chain rests: before, between and after its turns. From each
@@ -132,7 +131,7 @@ class Playback:
                 rest_frames=tuple(rests.tolist())
                 if (rests := arrays.get("rest_frames")) is not None
                 else None,
-                **{name: _loaded(arrays[name].item()) for name in _SCALARS if name in arrays},
+                **{name: _loaded(arrays[name].item()) for name in _SCALARS},
             )
 
 

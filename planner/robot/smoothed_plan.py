@@ -54,8 +54,8 @@ def check_smoothable(plan: Plan) -> None:
     if plan.certificate.peak_torque_nm is None:
         raise InputError(
             "smooth-no-torques",
-            f"got a plan of {name} without torques, written by an earlier version; fold the shape "
-            "again.",
+            f"got a plan of {name} that states no torques, expected the largest torque; fold the "
+            "shape again.",
         )
     hinges, frames = len(plan.chain.folded_rad), len(plan.motion)
     if frames * hinges <= MAX_SMOOTHED_ANGLES:

@@ -5,8 +5,6 @@ created here carry a CRC-32C in each chunk (zarr's own ``crc32c`` codec, which o
 and chunks that hold only fill values are written as well, so that a missing one is an error. A
 group that is complete lists the checksum of each chunk file among its attributes, which shows a
 valid chunk in the wrong place. The attributes themselves carry a SHA-256.
-
-Groups of earlier versions have none of this; ``is_sealed`` tells them apart.
 """
 
 from __future__ import annotations
@@ -88,13 +86,12 @@ def read_group(path: str | FilePath) -> zarr.Group:
     try:
         group = zarr.open_group(store=store, mode="r")
         attributes = group.attrs.asdict()
-        if is_sealed(attributes):
-            if attributes[DIGEST] != _digest(attributes):
-                raise DamagedError(root, "the file's attributes do not match their digest")
-            store.strict = True
-            store.checksums = attributes.get(CHECKSUMS, {})
-        elif attributes and any(_has_checksums(array) for _, array in group.arrays()):
+        # A group that is just being created has no attributes yet.
+        if attributes and DIGEST not in attributes:
             raise DamagedError(root, "the digest of the file's attributes is missing")
+        if attributes and attributes[DIGEST] != _digest(attributes):
+            raise DamagedError(root, "the file's attributes do not match their digest")
+        store.checksums = attributes.get(CHECKSUMS, {})
     except (DamagedError, FileNotFoundError):
         raise
     except Exception as error:  # zarr, its codecs and JSON each have errors of their own
@@ -114,11 +111,6 @@ def array_of(group: zarr.Group, path: str | FilePath, name: str) -> zarr.Array[A
         raise
     except Exception as error:  # zarr raises a TypeError, too, for a value of the wrong type
         raise DamagedError(FilePath(path) / name, f"{type(error).__name__}: {error}") from error
-
-
-def is_sealed(attributes: Mapping[str, Any]) -> bool:
-    """Return True for attributes of a group whose chunks carry checksums."""
-    return DIGEST in attributes
 
 
 def sealed(attributes: Mapping[str, Any], checksums: Checksums | None = None) -> dict[str, Any]:
@@ -170,13 +162,6 @@ def check_chunks(path: str | FilePath) -> None:
             _compare(file, data, _expected(checksums, name, number))
 
 
-def _has_checksums(array: zarr.Array[Any]) -> bool:
-    """Return True for an array that ``create_array`` made: its group is sealed."""
-    from zarr.codecs import Crc32cCodec
-
-    return any(isinstance(codec, Crc32cCodec) for codec in array.compressors)
-
-
 def _chunk_files(directory: FilePath, array: zarr.Array[Any]) -> Iterator[FilePath]:
     """Yield the files of the chunks along the first axis; each holds whole rows."""
     if 0 in array.shape:
@@ -226,7 +211,6 @@ def _checked_store(path: FilePath) -> Any:
     from zarr.storage import LocalStore
 
     class CheckedStore(LocalStore):
-        strict = False
         checksums: Checksums = {}
 
         async def get(self, key: str, *args: Any, **kwargs: Any) -> Any:
@@ -237,7 +221,7 @@ def _checked_store(path: FilePath) -> Any:
 
         def _checked(self, key: str, content: Any) -> Any:
             parts: Sequence[str] = key.split("/")
-            if not self.strict or len(parts) < 3 or parts[1] != "c":
+            if len(parts) < 3 or parts[1] != "c":
                 return content
             file = path / key
             if content is None:

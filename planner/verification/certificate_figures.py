@@ -9,7 +9,6 @@ import numpy as np
 
 from foldback.planner.certificate.certificate import Certificate
 from foldback.planner.certificate.figures import RobotFigures
-from foldback.planner.certificate.motion_figures import MotionFigures
 from foldback.planner.clearance.exempt_pairs import Place
 from foldback.planner.clearance.sweep import clearance_at
 from foldback.planner.motion.motion import Motion
@@ -32,12 +31,10 @@ class ReportedFigures:
 
     Attributes:
         plan: The plan.
-        certificate: Plain values of its certificate, as they were written.
         record, playback: Motions that were certified.
     """
 
     plan: Plan
-    certificate: dict[str, Any]
     record: Record | None
     playback: Playback | None
 
@@ -64,8 +61,6 @@ class ReportedFigures:
                 "Only the figures of the robot with the largest joint error were compared, because "
                 "the playbacks of the other simulated robots are missing."
             )
-        # Certificates of earlier versions lack the figures of the hinges' motion.
-        unchecked |= {f.name for f in fields(MotionFigures)} - set(self.certificate)
         names = [f.name for f in fields(Certificate) if f.name not in unchecked]
         yield from figure_differences(
             {name: stated.get(name) for name in names},

@@ -87,9 +87,9 @@ def check_reason(
         parameters: Parameters of the fold, as plain JSON values, as in a plan.
 
     Returns:
-        Result of the check; None if the diagnosis has no evidence, as in earlier versions.
+        Result of the check; None if the diagnosis has no evidence.
     """
-    stated = stuck.get("evidence")
+    stated = stuck["evidence"]
     if stated is None:
         return None
     try:
@@ -133,14 +133,10 @@ def _differences(
 
 
 def _limits_of(record: Record) -> str:
-    """Return the name of the parameters with the limits of an explosion.
-
-    Earlier versions, whose records lack ``spent``, explained a fold on a table by the limits of one
-    that floats.
-    """
+    """Return the name of the parameters with the limits of an explosion."""
     if record.strategy != "peel":
         return "explosion"
-    return "peeling" if record.table is None or record.spent is None else "table"
+    return "peeling" if record.table is None else "table"
 
 
 def _spent_differs(
@@ -150,19 +146,21 @@ def _spent_differs(
     spent, allowed, used = stated["spent"], stated["allowed"], stated["used"]
     if record.status not in STATUSES_BY_LIMIT[spent]:
         yield f"spent: got {spent}, which does not fit the status {record.status}"
-    if record.spent is not None:
-        recorded = (record.spent.kind, record.spent.allowed, record.spent.used)
-        if (spent, allowed, used) != recorded:
-            yield (
-                f"spent: got {spent} (allowed {allowed}, used {used}), expected {recorded[0]} "
-                f"(allowed {recorded[1]}, used {recorded[2]}), as in the record"
-            )
+    if record.spent is None:
+        yield f"spent: got {spent}, but the record states no limit that was used up"
+        return
+    recorded = (record.spent.kind, record.spent.allowed, record.spent.used)
+    if (spent, allowed, used) != recorded:
+        yield (
+            f"spent: got {spent} (allowed {allowed}, used {used}), expected {recorded[0]} "
+            f"(allowed {recorded[1]}, used {recorded[2]}), as in the record"
+        )
     counted = _counted(record, spent)
     if used != counted:
         yield f"used: got {used} {spent}, expected {counted}, as in the record"
     # An error ends a run when the last push is used up, a stall when one more is needed.
     one_more = spent in ("snapshots", "refusals", "turn_steps") or (
-        spent == "pushes" and (record.spent is None or record.status == "stalled")
+        spent == "pushes" and record.status == "stalled"
     )
     if spent != "motion" and used < allowed + one_more:
         yield f"used: got {used} of {allowed} {spent}, expected at least the limit"

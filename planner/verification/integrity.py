@@ -1,8 +1,8 @@
 """Integrity: comparison of a finished fold's files with the files as they were written.
 
 Each file is compared when it is first used, and again when it has changed on disk. Timelines and
-figures carry checksums of their own (``planner.checked_zarr``), which need no unpacking; all other
-files, and those groups as earlier versions wrote them, are compared with the manifest.
+figures carry checksums of their own (``planner.storage.checked_zarr``), which need no unpacking;
+all other files are compared with the manifest.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from foldback.planner.pipeline.manifest import (
     digests_of,
     digests_of_texts,
 )
-from foldback.planner.storage.checked_zarr import check_chunks, is_sealed, read_group
+from foldback.planner.storage.checked_zarr import check_chunks, read_group
 
 _RESULTS: Final[dict[FilePath, tuple[object, str | None]]] = {}
 _LOCK: Final = threading.Lock()
@@ -74,8 +74,8 @@ def _reason(directory: FilePath, name: str) -> str | None:
             return None
         if not path.exists():
             return None if digests is None else "the file is missing"
-        if path.suffix == ".zarr" and is_sealed(read_group(path).attrs.asdict()):
-            return _reason_of_sealed(path, digests)
+        if path.suffix == ".zarr":
+            return _reason_of_group(path, digests)
         if digests is not None:
             return _reason_by_digest(directory, name, digests[name])
         return _reason_by_itself(path)
@@ -85,7 +85,7 @@ def _reason(directory: FilePath, name: str) -> str | None:
         return f"{type(error).__name__}: {error}"
 
 
-def _reason_of_sealed(path: FilePath, digests: Digests | None) -> str | None:
+def _reason_of_group(path: FilePath, digests: Digests | None) -> str | None:
     check_chunks(path)
     identity = None if digests is None else digests[path.name].get("attributes.id")
     if identity is None:

@@ -27,12 +27,11 @@ from foldback.planner.plan.value_differences import Differences, value_differenc
 from foldback.planner.shapes.likeness import Likeness
 from foldback.planner.storage.file_names import CANDIDATES, INPUT, REQUEST, START_CHAIN
 
-COMPARED: Final = frozenset(
-    {"fold_time_s", "peak_torque_nm", "clearance_bound", "frames", "one_hinge_rad"}
+COMPARED: Final = (
+    *("fold_time_s", "peak_torque_nm", "clearance_bound", "frames", "one_hinge_rad"),
+    *("travel_ratio", "hinges_moving_mean", "reversals_mean"),
 )
 """Figures of an attempt that must be those of its certificate."""
-COMPARED_IF_STATED: Final = frozenset({"travel_ratio", "hinges_moving_mean", "reversals_mean"})
-"""Such figures that earlier versions did not store with an attempt."""
 
 
 def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differences:
@@ -65,7 +64,7 @@ def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differen
             f"The search found other paths through the same cells of the {INPUT}, because it is "
             "limited in time. Only the cells were compared."
         )
-        yield from _likeness_differs(plan, next(iter(candidates.likenesses), None), notes)
+        yield from _likeness_differs(plan, next(iter(candidates.likenesses), None))
         return
     for difference in differences:
         yield f"{INPUT} was read again: {difference}"
@@ -77,7 +76,7 @@ def input_differs(directory: FilePath, plan: Plan, notes: list[str]) -> Differen
             "this file"
         )
         return
-    yield from _likeness_differs(plan, candidates.likeness_of(plan.chain), notes)
+    yield from _likeness_differs(plan, candidates.likeness_of(plan.chain))
 
 
 def _chain_differences(actual: Any, expected: Any, name: str) -> Differences:
@@ -90,14 +89,8 @@ def _chains_of(candidates: Candidates) -> dict[str, Any]:
     return replace(candidates, likenesses=()).as_dict()
 
 
-def _likeness_differs(plan: Plan, recomputed: Likeness | None, notes: list[str]) -> Differences:
+def _likeness_differs(plan: Plan, recomputed: Likeness | None) -> Differences:
     """Yield the differences of the plan's likeness to its input from one measured again."""
-    if plan.likeness is None and recomputed is not None:
-        notes.append(
-            "The plan does not state how much it looks like its input; measured again, the "
-            f"overlap is {recomputed.iou:.3f}."
-        )
-        return
     yield from value_differences(
         None if plan.likeness is None else plan.likeness.as_dict(),
         None if recomputed is None else recomputed.as_dict(),
@@ -214,8 +207,7 @@ def _own_attempt_differs(
         yield f"plan.npz attempts[{number}]: its chain is not that of the plan"
     if attempt.figures is not None:
         figures = PlanFigures.of(certificate.as_dict())
-        stated = COMPARED_IF_STATED & plan.attempts[number]["figures"].keys()
-        for name in sorted(COMPARED | stated):
+        for name in COMPARED:
             yield from value_differences(
                 getattr(attempt.figures, name),
                 getattr(figures, name),

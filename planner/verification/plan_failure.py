@@ -30,7 +30,7 @@ def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck 
     if stuck is None or check is None:
         notes.append(
             "The reason for the failure was not checked. The check needs record.npz, and evidence "
-            "in the attempts of plan.npz. Earlier versions did not write this evidence."
+            "in the attempts of plan.npz."
         )
         return None
     words = Diagnosis.from_dict(stuck).words

@@ -227,7 +227,7 @@ def _verified(
         forces=forces.append,
     )
     if module_size is None:
-        stated = ReportedFigures(plan, npz["certificate"], record, playback)
+        stated = ReportedFigures(plan, record, playback)
         _check_figures(directory, stated, certificate, findings, repeated=repeated)
         if forces and (directory / FORCES).exists():
             findings.look(
@@ -297,7 +297,7 @@ def _check_figures(
         f"{alone if repeated is False else ''}",
         stated.differences(certificate, findings.notes),
     )
-    if certificate.verified and stated.certificate.get("clearance_bound"):
+    if certificate.verified and stated.plan.certificate.clearance_bound:
         findings.look(
             "an independent checker proves the clearance from plan.npz alone",
             _unproved(directory),

@@ -18,7 +18,7 @@ from fastapi.responses import RedirectResponse
 
 from foldback.cli.exit_statuses import INVALID_INPUT
 from foldback.cli.tour import stored_tour
-from foldback.planner.certificate.figures import CertificateFigures, FoldSummary
+from foldback.planner.certificate.figures import FoldSummary
 from foldback.planner.chain.display_names import escaped
 from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.explosion.diagnosis import stuck_of
@@ -79,10 +79,7 @@ def row_of(directory: Path) -> ShownFold:
     chain = Timeline.open(result_path(directory, TIMELINE)).chain
     request = json_of(directory / REQUEST)
     plan = json_of(directory / PLAN_TEXT)
-    certificate = cast(
-        CertificateFigures,
-        plan.get("certificate") or json_of(result_path(directory, CERTIFICATE)),
-    )
+    certificate = plan.get("certificate") or json_of(result_path(directory, CERTIFICATE))
     verified, reason = certificate.get("verified"), certificate.get("reason")
     no_plan = None if verified else "the fold has no plan"
     told: dict[str, Any] = {
@@ -176,7 +173,7 @@ def play(
         raise typer.Exit(INVALID_INPUT) from error
 
     if not (directory / FIGURES).exists():
-        # Cancelled folds and folds of earlier versions have none.
+        # Cancelled folds have none.
         with contextlib.suppress(OSError, ValueError, KeyError, TypeError, TimelineError):
             Workspace(directory).write_figures()
 

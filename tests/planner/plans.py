@@ -12,12 +12,6 @@ from foldback.planner.motion.motion import FRAME_COLUMNS, Motion
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.plan.plan import Plan
 
-LATER_FIGURES = (
-    *("simulated", "exempt_pairs", "min_clearance_record_at", "frames", "plan_end_error_rad"),
-    *("max_angle_rad", "max_angle_record_rad", "torque_source", "torque_frames"),
-)
-"""Fields that certificates of earlier versions did not have."""
-
 
 def with_values(plan: Plan, **values: Any) -> Plan:
     """Return the plan with other values, which may include columns of its frames."""

@@ -5,7 +5,6 @@ from typing import Any
 
 from foldback.planner.certificate.table_certificate import table_certificate
 from foldback.planner.parameters.explosion import Base
-from foldback.words import certificate as certificate_words
 from foldback.words.certificate import clearance, headline, linked, on_table, record, rows, torque
 from tests.planner.certificate.test_table_certificate import LIFTED, line, swing
 
@@ -79,11 +78,9 @@ def test_margins_are_rounded_down_and_name_their_limit() -> None:
 
 def test_kinematic_certificate_has_no_figures_of_a_simulation() -> None:
     simulated, followed = dict(rows(SIMULATED)), dict(rows(FOLLOWED))
-    unknown = dict(rows(SIMULATED | {"simulated": None, "rms_position_error": None}))
     for label in ("Smallest clearance of the simulated robots", FINAL_ERROR, "Largest joint error"):
         assert simulated[label] and simulated[label] != "not simulated"
         assert followed[label] == "not simulated"
-    assert unknown[FINAL_ERROR] == certificate_words.NOT_KNOWN
 
 
 def test_torque_is_called_peak_only_if_every_step_was_simulated() -> None:

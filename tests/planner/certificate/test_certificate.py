@@ -109,6 +109,16 @@ def test_stored_certificate_states_its_verdict_as_values() -> None:
             Certificate.from_dict(wrong)
 
 
+def test_certificate_is_read_with_all_of_its_figures_or_not() -> None:
+    chain, plan = closing()
+    values = certify(chain, None, playback_of(plan), PARAMETERS).as_dict()
+    assert Certificate.from_dict(values).as_dict() == values
+    for name in values:
+        rest = {key: value for key, value in values.items() if key != name}
+        with pytest.raises(TypeError, match=f"without {name}"):
+            Certificate.from_dict(rest)
+
+
 # The tests below attack the verdict: none of these plans may pass.
 
 

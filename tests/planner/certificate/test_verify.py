@@ -2,7 +2,6 @@ import json
 import re
 import shutil
 from collections.abc import Callable
-from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path as FilePath
 from typing import Any
@@ -24,7 +23,6 @@ from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan, read_values
 from foldback.planner.plan.shape_writers import write_chain
 from foldback.planner.storage.files import write_json
-from foldback.planner.verification.plan_consistency import lacking
 from foldback.planner.verification.replay import replay
 from foldback.planner.verification.verify import verify
 from tests.golden.cases import HOOK
@@ -138,29 +136,27 @@ def test_copies_that_differ_are_found(directory: FilePath) -> None:
 
 
 def test_fields_missing_in_all_files_are_named(directory: FilePath) -> None:
-    gone = {"certificate": ("detours", "torque_frames"), "playback": ("kind",)}
-    gone["explosion"] = ("strategy",)
+    gone = {"playback": ("kind",), "explosion": ("strategy",)}
 
     def remove(values: dict[str, Any]) -> None:
         for part, names in gone.items():
             for name in names:
                 del values[part][name]
-        del values["attempts"], values["angles"]
+        del values["angles"]
 
     edit_plan(directory, remove)
     found = findings(directory)
-    for part, names in (*gone.items(), ("", ("attempts", "angles"))):
+    for part, names in (*gone.items(), ("", ("angles",))):
         for name in names:
             assert f"plan.npz.{part}.{name}".replace("..", ".") in found
 
 
-def test_each_figure_missing_in_a_certificate_is_named(folded: Any) -> None:
+@pytest.mark.parametrize("name", ["attempts", "likeness", "smoothing", "start", "certificate"])
+def test_plan_without_a_field_is_refused(name: str, folded: Any) -> None:
     values = read_values(folded.directory / "plan.npz")
-    for name in values["certificate"].keys() - {"margins"}:
-        rest = {key: value for key, value in values["certificate"].items() if key != name}
-        with suppress(InputError):
-            plan = Plan.of_values(forged := {**values, "certificate": rest}, "plan.npz")
-            assert name in str([*lacking(plan, forged, folded.record, folded.playback)])
+    del values[name]
+    with pytest.raises(InputError, match=f"no readable plan .*{name}"):
+        Plan.of_values(values, "plan.npz")
 
 
 def test_straight_line_without_torques_is_verified(tmp_path: FilePath) -> None:

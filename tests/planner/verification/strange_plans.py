@@ -392,6 +392,8 @@ STRANGE: Final[dict[str, tuple[Way, str]]] = {
     "smaller cubes": (module("cube", corners=scaled(0.5)), NOT_PROVED),
     "a corner more": (module("cube", corners=[*scaled(1.0), [0.0, 0.0, 0.0]]), NOT_PROVED),
     "true as links": (module("cube", rigid_links=True), NO_PLAN),
+    "no claim": (value("claim", None), NO_PLAN),
+    "no module in the claim": (value("claim.module", None), NO_PLAN),
     "no description": (value("claim.module", None, lambda: (dense()[0], named("brick"))), NO_PLAN),
     "many corners": (module("brick", corners=scaled(1.0) * 9), NO_PLAN),
     "many edges": (module("brick", edges=[[1.0, 0.0, 0.0]] * 20_000), NO_PLAN),
@@ -593,8 +595,6 @@ TRUE: Final[dict[str, Way]] = {
     "whole numbers as fractions": value("chain.modules", 8.0),
     "long numbers": text(lambda t: f'{t[:-1]}, "x": {"9" * 5000}}}'),
     "no certificate of pairs": value("certificate.exempt_pairs", None),
-    "no claim": value("claim", None),
-    "no module in the claim": value("claim.module", None),
 }
 """Ways to write plans that are true, by name."""
 

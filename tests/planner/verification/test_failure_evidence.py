@@ -249,16 +249,6 @@ def test_budget_of_table_fold_that_was_not_used_up_is_refuted() -> None:
     assert any("torque limit 8" in each for each in differences((chain, weak, parameters, data)))
 
 
-def test_record_of_earlier_version_is_checked_by_its_limits() -> None:
-    chain, record, parameters, data = stuck(coil(12), strategy="peel", pushes=9)
-    assert data["evidence"]["kind"] == "budget"
-    earlier = replace(record, spent=None)
-    old = {**data, "evidence": {**data["evidence"], "allowed": 8, "used": 9}}
-    assert differences((chain, earlier, parameters, old)) == ()
-    found = diagnose(chain, earlier, parameters)
-    assert found is not None and found.evidence is None
-
-
 def test_failed_fold_is_verified_with_its_reason(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -10,17 +10,11 @@ from itertools import cycle
 from pathlib import Path
 from unittest.mock import patch
 
-import numpy as np
 import pytest
 from fastapi.routing import APIRoute
 from websockets.exceptions import InvalidStatus
 from websockets.sync.client import connect
 
-from foldback.planner.errors import DamagedError
-from foldback.planner.plan.packed_fold import unpack
-from foldback.planner.storage.checked_zarr import CHECKSUMS, DIGEST, create_group
-from foldback.planner.storage.files import zarr_group
-from foldback.planner.verification.integrity import check
 from foldback.server.app import ROUTERS
 from foldback.server.submission.shipped_folds import SHIPPED_FOLDS_DIR
 from tests.server.service_process import SNAKE, FinishedFold, Service, check_problem
@@ -208,24 +202,6 @@ def test_route_that_makes_something_of_damaged_source_refuses(shipped: ServiceTh
                 connect(address)
             assert "damaged-data" in str(refused.value.response.body)
         (place / source).write_bytes(whole)
-
-
-def test_timeline_of_earlier_version_is_compared_with_the_manifest(tmp_path: Path) -> None:
-    """Chunks and attributes of such a timeline have no checksums."""
-    unpack(SMALL.read_bytes(), tmp_path)
-    path = tmp_path / "timeline.zarr"
-    sealed = zarr_group(path)
-    arrays = {name: array[:] for name, array in sealed.arrays()}
-    attributes = {k: v for k, v in sealed.attrs.asdict().items() if k not in (CHECKSUMS, DIGEST)}
-    group = create_group(path)
-    group.attrs.put(attributes)
-    for name, values in arrays.items():
-        group.create_array(name, data=np.asarray(values))
-    check(tmp_path, path.name)
-    chunk = next(file for file in (path / "joint_angles_rad" / "c").rglob("*") if file.is_file())
-    chunk.unlink()
-    with pytest.raises(DamagedError, match="joint_angles_rad"):
-        check(tmp_path, path.name)
 
 
 @pytest.mark.long

@@ -193,7 +193,7 @@ export class Plan {
     const said = (this.said = fields(told.certificate));
     require(said.verified === true, `the plan says that it is not verified: ${quoted(said.verdict)}`);
     const chain = fields(told.chain),
-      claim = (this.stated = told.claim == null ? { format: FORMAT } : fields(told.claim));
+      claim = (this.stated = fields(told.claim));
     require(claim.format ===
       FORMAT, `its claim has the format ${quoted(claim.format)}, expected ${FORMAT}; another version of this checker may know it`);
     this.coded = told.angles;
@@ -201,12 +201,7 @@ export class Plan {
     this.n = whole(chain.modules, 2, MAX_MODULES);
     readable(typeof this.kind === "string", `got ${quoted(this.kind)}, expected a kind of module`);
     this.known = Object.hasOwn(KNOWN, this.kind) ? geometry(KNOWN[this.kind]) : null;
-    readable(
-      this.known || claim.module != null,
-      `the module ${quoted(this.kind)} is not described`,
-    );
-    const described =
-      this.known && claim.module == null ? this.known : geometry(fields(claim.module));
+    const described = geometry(fields(claim.module));
     this.size = numbers(said.module_size);
     this.claim = numbers(said.clearance_bound ?? 0);
     this.step = (numbers(said.max_joint_step_rad ?? 0) || Infinity) + 1e-9;
