@@ -14,8 +14,13 @@ PAGES = {
 HAND_OVER = PAGES[ROOT / "docs" / "hand-over.md"]
 MAKEFILE = (ROOT / "Makefile").read_text(encoding="utf-8")
 LINK = re.compile(r"\]\((?!https?:)([^)#\s]*)(?:#([^)\s]*))?\)")
-ROOTS = "|".join(path.name for path in ROOT.iterdir() if path.is_dir() and path.name[0] != ".")
+FOLDERS = (
+    *("planner", "web", "words", "cli", "server", "client", "foldback"),
+    *("tests", "bench", "docs", "examples", "deploy"),
+)
+ROOTS = "|".join(FOLDERS)
 NAMED_FILE = re.compile(rf"`((?:{ROOTS})/[\w./-]+)`")
+SCRIPT = re.compile(r"`([\w-]+\.(?:py|js))`")
 PROGRAM = re.compile(rf"python -m ((?:{ROOTS})\.[\w.]+)")
 TARGET = re.compile(r"`make ([a-z-]+)")
 NOT_THERE = {"planner/x.py", "foldback/planner/x.py", "deploy/.env"}
@@ -47,9 +52,11 @@ def test_links_lead_to_pages_and_headings() -> None:
 
 
 def test_files_programs_and_targets_exist() -> None:
+    scripts = {p.name for f in FOLDERS for p in (ROOT / f).rglob("*.*")}
     for page, text in PAGES.items():
         files, programs = NAMED_FILE.findall(text), PROGRAM.findall(text)
         wrong = [name for name in files if not exists(name)]
+        wrong += [name for name in SCRIPT.findall(text) if name not in scripts]
         wrong += [name for name in programs if not exists(name.replace(".", "/"))]
         wrong += [name for name in TARGET.findall(text) if f"\n{name}:" not in MAKEFILE]
         with case(page.name):
