@@ -90,8 +90,8 @@ def _run(name: str) -> dict[str, Any]:
         "ms/module": 1e3 * cpu / len(chain),
         "frames": len(record.frames),
         "steps": record.steps,
-        "clear 0.95": sweep(chain, record.frames, size=0.95).clearance,
-        "clear 0.98": sweep(chain, record.frames, size=0.98).clearance,
+        "clear 0.95": sweep(chain, record.frames, module_size=0.95).clearance,
+        "clear 0.98": sweep(chain, record.frames, module_size=0.98).clearance,
     }
 
 

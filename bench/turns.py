@@ -52,7 +52,7 @@ def turns(reference_seconds: float) -> Section:
     chains = _gallery_chains(CUBE.name)
     count = sum(len(chain) <= SHORT_MODULES for chain in chains)
     chains = [*chains[:count], *chains[count::LONG_STRIDE]]
-    find_turns(chains[0], size=0.95, at_once=None, seed=0)  # compile first
+    find_turns(chains[0], module_size=0.95, at_once=None, seed=0)  # compile first
     rows = [_row(chain, 0.95, reference_seconds) for chain in chains]
     _add_share(section, f"gallery to {SHORT_MODULES} cubes", rows[:count], 0.95)
     _add_share(section, f"longer shapes, one of {LONG_STRIDE}", rows[count:], 0.85)
@@ -79,7 +79,7 @@ def turns_long(reference_seconds: float) -> Section:
     """Fold all gallery shapes of cubes that are longer in turns: up to an hour."""
     section = Section(name="turns-long")
     chains = _gallery_chains(CUBE.name)
-    find_turns(chains[0], size=0.95, at_once=None, seed=0)  # compile first
+    find_turns(chains[0], module_size=0.95, at_once=None, seed=0)  # compile first
     long_chains = [chain for chain in chains if len(chain) > SHORT_MODULES]
     section.rows = [_row(chain, 0.95, reference_seconds) for chain in long_chains]
     _add_share(section, f"gallery beyond {SHORT_MODULES} cubes", section.rows, 0.85)
@@ -101,7 +101,7 @@ def _gallery_chains(module: str) -> list[Chain]:
 def _tetrahedra(section: Section, reference_seconds: float) -> list[dict[str, Any]]:
     """Fold all gallery shapes of tetrahedra, and prove the clearance of their turns."""
     chains = _gallery_chains(TETRAHEDRON.name)
-    find_turns(chains[0], size=0.95, at_once=None, seed=0)
+    find_turns(chains[0], module_size=0.95, at_once=None, seed=0)
     rows = [_row(chain, 0.95, reference_seconds) for chain in chains]
     _add_share(section, "tetrahedra of the gallery", rows, 0.6)
     folded = [row for row in rows if row["steps"]]
@@ -145,7 +145,7 @@ def _random_path(box: tuple[int, int, int], seed: int) -> Path:
 
 def _row(chain: Chain, size: float, reference_seconds: float) -> dict[str, Any]:
     begun = time.process_time()
-    sequence = find_turns(chain, size=size, at_once=None, seed=0)
+    sequence = find_turns(chain, module_size=size, at_once=None, seed=0)
     seconds = time.process_time() - begun
     bent = int(np.count_nonzero(chain.folded_rad))
     row: dict[str, Any] = {
@@ -166,7 +166,7 @@ def _row(chain: Chain, size: float, reference_seconds: float) -> dict[str, Any]:
         "turns_per_bent_hinge": round(sequence.turns / bent, 3),
         "travel_per_least": round(travel / float(np.abs(chain.folded_rad).sum()), 3),
         "room": round(sequence.room, 4),
-        "bound": round(sweep(chain, _frames(rests), size=size).bound, 4),
+        "bound": round(sweep(chain, _frames(rests), module_size=size).bound, 4),
     }
 
 

@@ -169,10 +169,10 @@ class _Retimed:
 def _retimed(plan: Plan, trajectory: Trajectory, rate: float | None, *, check: bool) -> _Retimed:
     """Check the clearance of a trajectory, and find a sufficient rate if it is not clear."""
     size = plan.certificate.module_size
-    clear = clearance(trajectory, plan.chain, size=size, rate_hz=rate) if check else None
+    clear = clearance(trajectory, plan.chain, module_size=size, rate_hz=rate) if check else None
     enough = None
     if clear is not None and clear.bound <= 0.0 and rate is not None and plan.verified:
-        enough = sufficient_rate(trajectory, plan.chain, size=size, rate_hz=rate)
+        enough = sufficient_rate(trajectory, plan.chain, module_size=size, rate_hz=rate)
     return _Retimed(
         plan=plan, trajectory=trajectory, rate_hz=rate, clear=clear, sufficient_hz=enough
     )

@@ -109,7 +109,7 @@ def _row(name: str, count: int) -> dict[str, Any]:
 
 def _touches(chain: Chain, angles: Array, size: float) -> bool:
     """Return True if a motion is not proved to be free of collisions."""
-    return sweep(chain, angles, size=size, share=0.0).bound <= 0.0
+    return sweep(chain, angles, module_size=size, share=0.0).bound <= 0.0
 
 
 def main() -> None:

@@ -60,7 +60,7 @@ def certainly_false(path: FilePath) -> bool:
     except InputError:  # such as windows beyond the chain
         return True
     claim, size = plan.certificate.clearance_bound, plan.certificate.module_size
-    found = sweep(plan.chain, plan.motion, size=size, share=0.0)
+    found = sweep(plan.chain, plan.motion, module_size=size, share=0.0)
     if claim is None or found.modules is None or found.clearance >= claim - MIN_VIOLATION_PITCH:
         return False
     if found.clearance < -MIN_VIOLATION_PITCH:

@@ -108,5 +108,5 @@ def _row(
 
 def _timed(chain: Chain, motion: NDArray[Any] | Motion, size: float) -> tuple[Sweep, float]:
     begun = time.perf_counter()
-    found = sweep(chain, motion, size=size)
+    found = sweep(chain, motion, module_size=size)
     return found, time.perf_counter() - begun

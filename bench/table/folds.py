@@ -185,7 +185,7 @@ def explored(name: str, cells: Cells, seed: int, conditions: Conditions) -> Resu
             on_table=True,
             height=chain.table_height,
         )
-        clearance = sweep(chain, record.frames, size=conditions.size).clearance
+        clearance = sweep(chain, record.frames, module_size=conditions.size).clearance
         if certificate.rests and clearance > 0.0:
             return Result(
                 torque=certificate.torque,

@@ -145,7 +145,7 @@ def _tried(
     torque = None
     if trial.straight:
         found = table_certificate(chain, trial.frames[::-1], base="free", on_table=True)
-        clear = sweep(chain, trial.frames.joint_angles_rad, size=VERIFY_SIZE).clearance > 0.0
+        clear = sweep(chain, trial.frames.joint_angles_rad, module_size=VERIFY_SIZE).clearance > 0.0
         torque = found.torque if found.rests and clear else None
     section.rows.append(
         {
@@ -328,7 +328,7 @@ class _Run:
         positions, rotations = self.tree.poses()
         if floor_clearances(module, positions, rotations) < -MAX_TRIAL_PENETRATION_PITCH:
             return "sunk"
-        if closest(module, positions, rotations, size=VERIFY_SIZE).clearance < 0.0:
+        if closest(module, positions, rotations, module_size=VERIFY_SIZE).clearance < 0.0:
             return "touching"
         within = self.balance.within(self.bound, positions, rotations, self.tree.angles)
         return "" if within else "torque"

@@ -229,7 +229,7 @@ def certify(
     sweeper = Sweeper(chain=chain, size=size, progress=progress, cancelled=cancelled)
     with ThreadPoolExecutor(1) as beside:
         motions = () if playback is None else followed(playback)
-        exempt = beside.submit(exempt_pairs, chain, motions, size=size)
+        exempt = beside.submit(exempt_pairs, chain, motions, module_size=size)
         sweeps = sweeper.sweep_all(record, playback, sink)
         figures = plan_figures(chain, playback, parameters)
         robots = robot_figures(chain, playback, sweeps)
@@ -251,7 +251,7 @@ def certify(
         assert playback is not None
         progress(Progress(stage="certify", fraction=0.95, message="computing the margins"))
         margins_found = margins(
-            chain, playback.reference, sweeps.plan, size=size, cancelled=cancelled
+            chain, playback.reference, sweeps.plan, module_size=size, cancelled=cancelled
         )
     return Certificate(
         reason=reason,

@@ -78,13 +78,15 @@ def write_figures(
     write(_parts(read, parameters, certificate), len(read), str(path))
 
 
-def clearances_of(chain: Chain, angles_rad: Array, *, size: float) -> tuple[Floats, Integers]:
+def clearances_of(
+    chain: Chain, angles_rad: Array, *, module_size: float
+) -> tuple[Floats, Integers]:
     """Return each module's clearance and the module it is nearest to, see ``Figures``.
 
     Args:
         chain: The chain.
         angles_rad: (F, J) configurations.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
 
     Returns:
         (F, N) clearances and (F, N) modules.
@@ -96,7 +98,7 @@ def clearances_of(chain: Chain, angles_rad: Array, *, size: float) -> tuple[Floa
     module_clearances(
         poses.positions,
         poses.rotations,
-        Solid(module.hull, float(size), module.inner_radius),
+        Solid(module.hull, float(module_size), module.inner_radius),
         module.apart,
         CLEARANCE_REACH_PITCH,
         clearance,
@@ -157,7 +159,7 @@ def _curves(
             # A kinematic playback passes through what was recorded.
             clearance[numbers] = mirrored[1][::-1]
         else:
-            clearance[numbers] = sweep(chain, part, size=parameters.module_size).per_frame
+            clearance[numbers] = sweep(chain, part, module_size=parameters.module_size).per_frame
         mirrored = part, clearance[numbers]
         steps = part.steps(chain, fraction=MOVING_SPEED_SHARE)[1]
         moving[numbers] = np.concatenate([steps[:1], steps]) if len(steps) else 0
@@ -182,13 +184,13 @@ def _read_chunks(timeline: Timeline) -> Iterator[Motion]:
 
 
 def _of_frames(
-    chain: Chain, around: Motion, frames_here: slice, torque: Array, size: float
+    chain: Chain, around: Motion, frames_here: slice, torque: Array, module_size: float
 ) -> Figures:
     frames = around[frames_here]
     broken = np.flatnonzero(~np.isfinite(frames.joint_angles_rad).all(axis=1))
     angles = frames.joint_angles_rad.copy()
     angles[broken] = 0.0
-    clearance, nearest = clearances_of(chain, angles, size=size)
+    clearance, nearest = clearances_of(chain, angles, module_size=module_size)
     clearance[broken] = np.nan
     nearest[broken] = -1
     return Figures(

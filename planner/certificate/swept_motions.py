@@ -94,7 +94,7 @@ class Sweeper:
     ) -> Sweep:
         message = f"checking the {name}"
         self.progress(Progress(stage="certify", fraction=fraction, message=message))
-        swept = sweep(self.chain, motion, size=self.size, share=share, cancelled=self._stops)
+        swept = sweep(self.chain, motion, module_size=self.size, share=share, cancelled=self._stops)
         rounding = clearance_rounding(self.chain, self.size) if swept.bound > 0.0 else 0.0
         return replace(swept, bound=swept.bound - rounding)
 

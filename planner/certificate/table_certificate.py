@@ -163,7 +163,7 @@ class _BalanceTask:
         stop = min(start + BALANCE_CHUNK_FRAMES, len(self.frames))
         around = self.frames.dense(self.chain, max(start - 1, 0), min(stop + 1, len(self.frames)))
         poses = _placed(self.chain, around, self.height)
-        balance = Balance(self.chain, size=self.size)
+        balance = Balance(self.chain, module_size=self.size)
         first = min(start, 1)
         return [
             self._frame(balance, poses, around.joint_angles_rad[k], k)
@@ -261,7 +261,9 @@ def _forces(frames: list[_Balanced]) -> TableForces:
     )
 
 
-def _clearances_above_table(chain: Chain, frames: Motion, height: float, size: float) -> Array:
+def _clearances_above_table(
+    chain: Chain, frames: Motion, height: float, module_size: float
+) -> Array:
     """Return the (F,) height of the lowest corner of each frame, pitches.
 
     Raises:
@@ -272,7 +274,9 @@ def _clearances_above_table(chain: Chain, frames: Motion, height: float, size: f
         part = frames.dense(chain, start, min(start + BALANCE_CHUNK_FRAMES, len(frames)))
         poses = _placed(chain, part, height)
         clearances.append(
-            floor_clearances(chain.module, poses.positions, poses.rotations, size=size)
+            floor_clearances(
+                chain.module, poses.positions, poses.rotations, module_size=module_size
+            )
         )
     all_clearances = np.concatenate(clearances)
     if not np.isfinite(all_clearances).all():
@@ -350,7 +354,9 @@ def _reason(certificate: TableCertificate) -> Reason | None:
     return None
 
 
-def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tuple[str, ...]:
+def _assumptions(
+    friction: float, base: Base, on_table: bool, module_size: float
+) -> tuple[str, ...]:
     """Return the assumptions of the figures."""
     assumptions = [
         "The torque of a frame is the largest joint torque, minimised over all distributions of "
@@ -360,8 +366,8 @@ def _assumptions(friction: float, base: Base, on_table: bool, size: float) -> tu
         f"Corners up to {FLOOR_GAP:g} pitch above the table count as standing on it. Full-size "
         f"modules up to {MODULE_GAP:g} pitch apart count as touching and push each other without "
         "friction. Linked cubes do not touch: the parts that would touch are cut away.",
-        f"Modules are rigid, have the same weight and are {size:g} pitch wide at contacts. Joints "
-        "bear any force, and any moment across their hinges.",
+        f"Modules are rigid, have the same weight and are {module_size:g} pitch wide at contacts. "
+        "Joints bear any force, and any moment across their hinges.",
         f"Torques up to {MIN_TORQUE_WP:g} w·p count as zero.",
         "Every frame is checked, but not the motion between frames.",
     ]

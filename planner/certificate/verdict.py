@@ -33,7 +33,7 @@ def find_reason(
     playback: Playback | None,
     sweeps: Sweeps,
     figures: dict[str, Any],
-    size: float,
+    module_size: float,
 ) -> Reason | None:
     """Return the first condition that a fold fails; None if it is verified.
 
@@ -41,7 +41,7 @@ def find_reason(
         chain, start, record, playback: As in ``certify``.
         sweeps: Sweeps of the motions.
         figures: Figures of the plan and the simulated playback.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
     """
     if record is not None and record.status != "straight":
         return Reason.of(Code.EXPLOSION_FAILED, status=record.status, detail=record.reason)
@@ -53,7 +53,7 @@ def find_reason(
         swept.append(({"motion": "simulated playback", **robot}, of_playback))
     for motion, sweep in swept:
         if sweep is not None and sweep.clearance < 0.0:
-            return _overlap(motion, sweep, size)
+            return _overlap(motion, sweep, module_size)
     if playback.status != "folded":
         return Reason.of(Code.PLAYBACK_FAILED, status=playback.status, detail=playback.reason)
     if wrong_beginning := _wrong_beginning(chain, start, playback):
@@ -75,14 +75,14 @@ def find_reason(
     return None
 
 
-def _overlap(motion: ReasonValues, sweep: Sweep, size: float) -> Reason:
+def _overlap(motion: ReasonValues, sweep: Sweep, module_size: float) -> Reason:
     """Return the deepest overlap of a motion."""
     return Reason.of(
         Code.OVERLAP,
         motion,
         modules=_modules(sweep),
         depth=-float(sweep.clearance),
-        module_size=size,
+        module_size=module_size,
         progress=float(sweep.frame) / max(1, len(sweep.per_frame) - 1),
         frame=float(sweep.frame),
     )

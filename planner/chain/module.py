@@ -147,33 +147,33 @@ class Module:
             (j - k, j) for j in range(modules) for k in range(min(self.apart - 1, j), 0, -1)
         )
 
-    def near_face(self, size: float) -> float:
+    def near_face(self, module_size: float) -> float:
         """Return the distance of the next module's near face from the joint, in pitches.
 
         Args:
-            size: Module size as a fraction of the pitch.
+            module_size: Module size as a fraction of the pitch.
         """
         distance = float(np.linalg.norm(self.offset))
-        return distance + size * float((self.vertices @ self.offset).min()) / distance
+        return distance + module_size * float((self.vertices @ self.offset).min()) / distance
 
-    def relief_radius(self, size: float) -> float | None:
+    def relief_radius(self, module_size: float) -> float | None:
         """Return the largest ``reach`` of the points of a real module, in pitches.
 
         Points that reach farther would lie in the next module at some angles of the joint. None
         if linked modules are checked like all others, so that no volume has to be cut away.
 
         Args:
-            size: Module size as a fraction of the pitch.
+            module_size: Module size as a fraction of the pitch.
         """
-        return self.near_face(size) if self.apart > 1 else None
+        return self.near_face(module_size) if self.apart > 1 else None
 
-    def relief_share(self, size: float) -> float:
+    def relief_share(self, module_size: float) -> float:
         """Return the fraction of its volume that a real module lacks by ``relief_radius``.
 
         Args:
-            size: Module size as a fraction of the pitch.
+            module_size: Module size as a fraction of the pitch.
         """
-        return _relief_share(self, float(size))
+        return _relief_share(self, float(module_size))
 
     def reach(self, points: Array) -> Array:
         """Return the reach of points from the joint over all directions of the next module.
@@ -211,11 +211,11 @@ class Module:
 
 
 @lru_cache(maxsize=64)
-def _relief_share(module: Module, size: float) -> float:
-    radius = module.relief_radius(size)
+def _relief_share(module: Module, module_size: float) -> float:
+    radius = module.relief_radius(module_size)
     if radius is None:
         return 0.0
-    hull = module.vertices * size
+    hull = module.vertices * module_size
     sides = [
         low + (np.arange(RELIEF_SAMPLES) + 0.5) * (high - low) / RELIEF_SAMPLES
         for low, high in zip(hull.min(axis=0), hull.max(axis=0), strict=True)

@@ -25,7 +25,7 @@ class Closest:
 
 
 def closest(
-    module: Module, positions: Array, rotations: Array, *, size: float, enough: float = 0.5
+    module: Module, positions: Array, rotations: Array, *, module_size: float, enough: float = 0.5
 ) -> Closest:
     """Find the closest place of one configuration.
 
@@ -33,16 +33,16 @@ def closest(
         module: The kind of module.
         positions: (n, 3) centres in pitches.
         rotations: (n, 3, 3) orientations.
-        size: Module size as a fraction of the pitch; 1 fills the lattice.
+        module_size: Module size as a fraction of the pitch; 1 fills the lattice.
         enough: Cutoff in pitches: distances of this and more are not told apart.
     """
-    pairs = near_pairs(positions, 2.0 * module.radius * size + enough, module.apart)
+    pairs = near_pairs(positions, 2.0 * module.radius * module_size + enough, module.apart)
     value, first, second = least_separation(
         positions,
         rotations,
         pairs,
         module.hull,
-        size,
+        module_size,
         enough,
     )
     return Closest(clearance=float(value), modules=None if first < 0 else (int(first), int(second)))

@@ -61,13 +61,15 @@ class ExemptPairs:
     relief_share: float
 
 
-def exempt_pairs(chain: Chain, motions: Sequence[Motion | Array], *, size: float) -> ExemptPairs:
+def exempt_pairs(
+    chain: Chain, motions: Sequence[Motion | Array], *, module_size: float
+) -> ExemptPairs:
     """Return the pairs of a chain that are not checked, and how deep they overlap in motions.
 
     Args:
         chain: The chain.
         motions: Motions, or the (F, J) hinge angles of each, rad; may be empty.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
     """
     module, count = chain.module, len(chain)
     pairs = len(module.exempt_pairs(count))
@@ -75,7 +77,7 @@ def exempt_pairs(chain: Chain, motions: Sequence[Motion | Array], *, size: float
     for motion in motions if pairs and len(chain.folded_rad) else ():
         motion = as_motion(motion)
         overlap = deepest_overlap(
-            _link(module, size),
+            _link(module, module_size),
             chain.folded_rad.copy(),
             motion.first.astype(np.int64),
             motion.offsets.astype(np.int64),
@@ -94,16 +96,16 @@ def exempt_pairs(chain: Chain, motions: Sequence[Motion | Array], *, size: float
         worst_overlap=depth if motions else None,
         worst_overlap_at=place,
         worst_overlap_bound=bound if motions else None,
-        relief_radius=module.relief_radius(size),
-        relief_share=module.relief_share(size),
+        relief_radius=module.relief_radius(module_size),
+        relief_share=module.relief_share(module_size),
     )
 
 
-def _link(module: Module, size: float) -> Link:
+def _link(module: Module, module_size: float) -> Link:
     return Link(
         joint=module.joint,
         hull=module.hull,
-        size=float(size),
+        size=float(module_size),
         face=module.offset / np.linalg.norm(module.offset),
-        distance=module.near_face(size),
+        distance=module.near_face(module_size),
     )

@@ -85,7 +85,12 @@ class Margins:
 
 
 def margins(
-    chain: Chain, motion: Motion, closest: Sweep, *, size: float, cancelled: Cancelled = never
+    chain: Chain,
+    motion: Motion,
+    closest: Sweep,
+    *,
+    module_size: float,
+    cancelled: Cancelled = never,
 ) -> Margins | None:
     """Find how large errors may be; None if no modules come near each other, or if cancelled.
 
@@ -93,18 +98,18 @@ def margins(
         chain: The chain.
         motion: A motion that is proved clear.
         closest: Its sweep.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
         cancelled: Polled between tasks.
     """
     search = _Search.of(chain, motion, closest, cancelled)
     if search is None or len(chain) > MAX_MARGIN_MODULES:
         return None
-    kinds = _Kinds.of(chain, motion, size, FAILURE_PROBABILITY)
-    (larger,) = search.largest(kinds.larger, (FULL_SIZE - size,))
+    kinds = _Kinds.of(chain, motion, module_size, FAILURE_PROBABILITY)
+    (larger,) = search.largest(kinds.larger, (FULL_SIZE - module_size,))
     limits = (MAX_ERROR_RAD, MAX_ERROR_RAD / len(chain.folded_rad))
     one_hinge, independent = search.largest(kinds.turned, limits)
     result = Margins(
-        module_size=replace(larger, value=size + larger.value),
+        module_size=replace(larger, value=module_size + larger.value),
         one_hinge_rad=one_hinge,
         independent_rad=independent,
     )
@@ -121,7 +126,7 @@ def largest_size(chain: Chain, motions: Sequence[Motion | Array], *, clear_at: f
     """
     size = FULL_SIZE
     for motion in map(as_motion, motions):
-        search = _Search.of(chain, motion, sweep(chain, motion, size=clear_at))
+        search = _Search.of(chain, motion, sweep(chain, motion, module_size=clear_at))
         if search is not None:
             kinds = _Kinds.of(chain, motion, clear_at, FAILURE_PROBABILITY)
             (larger,) = search.largest(kinds.larger, (FULL_SIZE - clear_at,))
@@ -129,18 +134,20 @@ def largest_size(chain: Chain, motions: Sequence[Motion | Array], *, clear_at: f
     return size
 
 
-def unproved_margins(chain: Chain, motion: Motion, stated: Margins, *, size: float) -> list[str]:
+def unproved_margins(
+    chain: Chain, motion: Motion, stated: Margins, *, module_size: float
+) -> list[str]:
     """Return the names of those margins at which a motion is not proved clear.
 
     Args:
         chain: The chain.
         motion: The motion.
         stated: The margins.
-        size: Module size as a fraction of the pitch, for the margins of hinges.
+        module_size: Module size as a fraction of the pitch, for the margins of hinges.
     """
-    kinds = _Kinds.of(chain, motion, size, stated.failure_probability)
+    kinds = _Kinds.of(chain, motion, module_size, stated.failure_probability)
     errors_by_name = {
-        "module_size": kinds.larger(stated.module_size.value - size),
+        "module_size": kinds.larger(stated.module_size.value - module_size),
         "one_hinge_rad": kinds.turned(stated.one_hinge_rad.value, 0.0),
         "independent_rad": kinds.turned(0.0, stated.independent_rad.value),
     }
@@ -148,13 +155,13 @@ def unproved_margins(chain: Chain, motion: Motion, stated: Margins, *, size: flo
         name
         for name, errors in errors_by_name.items()
         if not all(
-            disturbed_sweep(chain, motion_part, errors.hinges, size=errors.size).bound > 0.0
+            disturbed_sweep(chain, motion_part, errors.hinges, module_size=errors.size).bound > 0.0
             for motion_part, _ in _proof_motions(chain, motion)
         )
     ]
 
 
-def limit_at(chain: Chain, motion: Motion, name: str, place: Place, *, size: float) -> float:
+def limit_at(chain: Chain, motion: Motion, name: str, place: Place, *, module_size: float) -> float:
     """Return the value of a margin at which the two modules of a place may touch there.
 
     Args:
@@ -162,12 +169,12 @@ def limit_at(chain: Chain, motion: Motion, name: str, place: Place, *, size: flo
         motion: The motion.
         name: Name of the margin, a field of ``Margins``.
         place: A moment of the motion and two modules.
-        size: Module size as a fraction of the pitch, for the margins of hinges.
+        module_size: Module size as a fraction of the pitch, for the margins of hinges.
     """
-    kinds = _Kinds.of(chain, motion, size, FAILURE_PROBABILITY)
+    kinds = _Kinds.of(chain, motion, module_size, FAILURE_PROBABILITY)
     search = _Search(chain=chain, motion=motion, closest=place, cancelled=never)
     if name == "module_size":
-        return size + search.touching(place, kinds.larger, (FULL_SIZE - size,))[0]
+        return module_size + search.touching(place, kinds.larger, (FULL_SIZE - module_size,))[0]
     limits = (MAX_ERROR_RAD, MAX_ERROR_RAD / len(chain.folded_rad))
     return search.touching(place, kinds.turned, limits)[name == "independent_rad"]
 
@@ -239,11 +246,11 @@ class _Kinds:
     deviations: float
 
     @classmethod
-    def of(cls, chain: Chain, motion: Motion, size: float, probability: float) -> _Kinds:
+    def of(cls, chain: Chain, motion: Motion, module_size: float, probability: float) -> _Kinds:
         """Return the kinds of errors of a motion, with the failure probability of random ones."""
         rounding = clearance_rounding(chain, FULL_SIZE)
         deviations = _deviations(chain, motion, probability)
-        return cls(size=size, rounding=rounding, deviations=deviations)
+        return cls(size=module_size, rounding=rounding, deviations=deviations)
 
     def larger(self, increase: float) -> Errors:
         """Return modules that are larger by ``increase`` pitches."""
@@ -305,7 +312,7 @@ class _Search:
                 self.chain,
                 motion,
                 errors_at_margins.hinges,
-                size=errors_at_margins.size,
+                module_size=errors_at_margins.size,
                 cancelled=self.cancelled,
             )
             if swept.bound > 0.0:
@@ -355,7 +362,7 @@ class _Search:
         assert place.modules is not None
         i, j = place.modules
         poses = forward_kinematics(module, between_frames(chain, self.motion, place.frame))
-        clearance = pair_clearance(module, poses, place.modules, size=errors.size)
+        clearance = pair_clearance(module, poses, place.modules, module_size=errors.size)
         x = poses.positions
         arm = module.radius * errors.size + float(np.linalg.norm(module.anchor))
         from_a, from_b = (np.linalg.norm(x[i:j] - x[k], axis=1) + arm for k in (i, j))

@@ -22,12 +22,12 @@ coefficients. Proved clearances are reduced by as much, so that a certificate st
 the checker can prove. Computed."""
 
 
-def clearance_rounding(chain: Chain, size: float) -> float:
+def clearance_rounding(chain: Chain, module_size: float) -> float:
     """Return the bound for any two modules of a chain, in pitches.
 
     Args:
         chain: The chain.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
     """
     module, count, u = chain.module, len(chain), UNIT_ROUNDOFF
     hinges = module.hinges_per_joint
@@ -36,5 +36,5 @@ def clearance_rounding(chain: Chain, size: float) -> float:
     exact = bool(np.isin(parts, (-1.0, 0.0, 1.0)).all())
     link = hinges * math.sqrt(2.0) * (2.0 * angle + 3.0 * u) + (not exact) * (hinges + 1) * 40.0 * u
     length = float(np.linalg.norm(module.anchor) + np.linalg.norm(module.offset))
-    reach = length * count + 2.0 * module.radius * size
+    reach = length * count + 2.0 * module.radius * module_size
     return BERNSTEIN_NORM * reach * (count * (2.0 * link + 48.0 * u) + 256.0 * u)

@@ -93,7 +93,7 @@ def sweep(
     chain: Chain,
     motion: Motion | Array,
     *,
-    size: float,
+    module_size: float,
     share: float = BOUND_RATIO,
     cancelled: Cancelled = never,
 ) -> Sweep:
@@ -102,7 +102,7 @@ def sweep(
     Args:
         chain: The chain.
         motion: The motion, or the (F, J) hinge angles of one, rad.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
         share: Fraction (0…1) of the least clearance seen that the bound should reach. With 0 any
             bound above 0 does, which saves bisections.
         cancelled: Polled between tasks; a cancelled sweep covers the tasks that were done.
@@ -111,7 +111,7 @@ def sweep(
         InputError: ``bad-windows`` for a windowed motion that is not of this chain.
     """
     motion = as_motion(motion)
-    exact = _Query(size=size, share=share, enough=CLEARANCE_CAP, tolerance=EXACT)
+    exact = _Query(size=module_size, share=share, enough=CLEARANCE_CAP, tolerance=EXACT)
     swept = _swept(chain, motion, exact, cancelled)
     if swept.modules is None and not cancelled():
         # A short chain may never come that near itself: then its clearance is above the cap.
@@ -120,7 +120,12 @@ def sweep(
 
 
 def disturbed_sweep(
-    chain: Chain, motion: Motion, tolerance: Tolerance, *, size: float, cancelled: Cancelled = never
+    chain: Chain,
+    motion: Motion,
+    tolerance: Tolerance,
+    *,
+    module_size: float,
+    cancelled: Cancelled = never,
 ) -> Sweep:
     """Compute what errors of hinges leave of the clearance, up to ``ALLOWANCE_CAP``.
 
@@ -131,11 +136,11 @@ def disturbed_sweep(
         chain: The chain.
         motion: The motion.
         tolerance: The errors.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
         cancelled: Polled between tasks; a cancelled sweep covers the tasks that were done.
     """
     query = _Query(
-        size=size,
+        size=module_size,
         share=0.0,
         enough=ALLOWANCE_CAP,
         tolerance=tolerance,
@@ -227,11 +232,11 @@ class Between:
 
     Args:
         chain: The chain.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
     """
 
-    def __init__(self, chain: Chain, size: float) -> None:
-        self._shape = _shape(chain, size, None, EXACT)
+    def __init__(self, chain: Chain, module_size: float) -> None:
+        self._shape = _shape(chain, module_size, None, EXACT)
 
     def clearance(self, start: Array, end: Array, enough: float) -> float:
         """Return the least clearance from ``start`` (J,) on, before ``end``, in pitches.
@@ -259,7 +264,7 @@ def between_frames(chain: Chain, motion: Motion, frame: float) -> Array:
 
 
 def clearance_at(
-    chain: Chain, motion: Motion, frame: float, modules: tuple[int, int], *, size: float
+    chain: Chain, motion: Motion, frame: float, modules: tuple[int, int], *, module_size: float
 ) -> float:
     """Return the clearance of two modules at one moment of a motion, in pitches.
 
@@ -268,20 +273,22 @@ def clearance_at(
         motion: The motion.
         frame: Frame number; a fraction means between two frames.
         modules: The two, the earlier one first.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
     """
     poses = forward_kinematics(chain.module, between_frames(chain, motion, frame))
-    return pair_clearance(chain.module, poses, modules, size=size)
+    return pair_clearance(chain.module, poses, modules, module_size=module_size)
 
 
-def pair_clearance(module: Module, poses: Poses, modules: tuple[int, int], *, size: float) -> float:
+def pair_clearance(
+    module: Module, poses: Poses, modules: tuple[int, int], *, module_size: float
+) -> float:
     """Return the clearance of two modules of a configuration, in pitches."""
     separation, _, _ = least_separation(
         np.ascontiguousarray(poses.positions),
         np.ascontiguousarray(poses.rotations),
         np.array([modules], dtype=np.int64),
         module.hull,
-        size,
+        module_size,
         EXTENDED_CLEARANCE_CAP,
     )
     return float(separation)
@@ -316,13 +323,15 @@ class _AtRest:
     straight: tuple[Array, Ints]
 
     @classmethod
-    def of(cls, chain: Chain, size: float, enough: float) -> _AtRest:
+    def of(cls, chain: Chain, module_size: float, enough: float) -> _AtRest:
         module = chain.module
 
         def clearances(poses: Poses) -> tuple[Array, Ints]:
-            pairs = near_pairs(poses.positions, 2.0 * module.radius * size + enough, module.apart)
+            pairs = near_pairs(
+                poses.positions, 2.0 * module.radius * module_size + enough, module.apart
+            )
             return rigid_clearances(
-                poses.positions, poses.rotations, pairs, module.hull, size, enough
+                poses.positions, poses.rotations, pairs, module.hull, module_size, enough
             )
 
         return cls(folded=clearances(chain.folded_poses), straight=clearances(_straight(chain)))
@@ -340,9 +349,9 @@ class _AtRest:
         return np.minimum(below, above), pairs
 
 
-def windows_shape(chain: Chain, size: float) -> Shape:
+def windows_shape(chain: Chain, module_size: float) -> Shape:
     """Return the shape of a chain whose motion is windows, for ``planner.kernels.sweep``."""
-    return _shape(chain, size, (chain.folded_poses, _straight(chain)), EXACT)
+    return _shape(chain, module_size, (chain.folded_poses, _straight(chain)), EXACT)
 
 
 def _straight(chain: Chain) -> Poses:
@@ -350,7 +359,7 @@ def _straight(chain: Chain) -> Poses:
 
 
 def _shape(
-    chain: Chain, size: float, at_rest: tuple[Poses, Poses] | None, tolerance: Tolerance
+    chain: Chain, module_size: float, at_rest: tuple[Poses, Poses] | None, tolerance: Tolerance
 ) -> Shape:
     """Return a shape; with a core and a tail if the folded and the straight chain are given."""
     module, n = chain.module, len(chain)
@@ -371,7 +380,7 @@ def _shape(
     return Shape(
         joint=module.joint,
         hull=module.hull,
-        size=float(size),
+        size=float(module_size),
         min_checked_gap=module.apart,
         root=chain.root if at_rest is None else -1,
         folded_rad=chain.folded_rad.copy(),

@@ -44,7 +44,7 @@ def blocked(
     chain: Chain,
     angles_rad: Array,
     *,
-    size: float,
+    module_size: float,
     first_hinge: int = 0,
     unit: tuple[int, int] | None = None,
 ) -> BlockEvidence | None:
@@ -53,7 +53,7 @@ def blocked(
     Args:
         chain: The chain.
         angles_rad: (J,) hinge angles where the chain stalled, rad.
-        size: Module size at which they are to be clear, as a fraction of the pitch.
+        module_size: Module size at which they are to be clear, as a fraction of the pitch.
         first_hinge: First hinge that is released; those before it belong to a peeling's core.
         unit: First and last module of the unit that a peeling releases next, if there is one.
     """
@@ -62,19 +62,19 @@ def blocked(
     if len(bent) > 400:
         return None
     # What overlaps before a turn does not lie in its way.
-    before = _overlapping(chain, angles_rad, size) if len(bent) else set[tuple[int, int]]()
+    before = _overlapping(chain, angles_rad, module_size) if len(bent) else set[tuple[int, int]]()
     turns: list[Turn] = []
     for hinge in bent.tolist():
         changes = -np.sign(angles_rad[hinge]) * np.array(TRIAL_TURNS_RAD)
-        turn = _turn(chain, angles_rad, hinge, changes, size, before)
+        turn = _turn(chain, angles_rad, hinge, changes, module_size, before)
         if turn is None:
             return None
         turns.append(turn)
-    moves = () if unit is None else _moves(chain, unit, size)
+    moves = () if unit is None else _moves(chain, unit, module_size)
     if not turns and not moves:
         return None
     return BlockEvidence(
-        module_size=size,
+        module_size=module_size,
         bent_above_rad=STUCK_JOINT_BEND_RAD,
         first_hinge=first_hinge,
         turns=tuple(turns),
@@ -83,24 +83,26 @@ def blocked(
     )
 
 
-def no_quarter_turn(chain: Chain, *, size: float) -> QuarterTurnEvidence | None:
+def no_quarter_turn(chain: Chain, *, module_size: float) -> QuarterTurnEvidence | None:
     """Find the modules that block each quarter turn of a folded chain; None if one may be free.
 
     Args:
         chain: The chain.
-        size: Module size at which they overlap, as a fraction of the pitch.
+        module_size: Module size at which they overlap, as a fraction of the pitch.
     """
     angles, turns = chain.folded_rad, list[Turn]()
-    before = _overlapping(chain, angles, size)
+    before = _overlapping(chain, angles, module_size)
     for hinge in range(len(angles)):
         for change in (-QUARTER_RAD, QUARTER_RAD):
             if abs(angles[hinge] + change) > chain.module.angle_limit_rad:
                 continue
-            turn = _turn(chain, angles, hinge, change * np.array(QUARTER_TRIALS), size, before)
+            turn = _turn(
+                chain, angles, hinge, change * np.array(QUARTER_TRIALS), module_size, before
+            )
             if turn is None:
                 return None
             turns.append(turn)
-    return QuarterTurnEvidence(module_size=size, turns=tuple(turns)) if turns else None
+    return QuarterTurnEvidence(module_size=module_size, turns=tuple(turns)) if turns else None
 
 
 def _turn(
@@ -108,7 +110,7 @@ def _turn(
     angles: Array,
     hinge: int,
     changes: Array,
-    size: float,
+    module_size: float,
     before: set[tuple[int, int]],
 ) -> Turn | None:
     """Find the first overlap when one hinge is turned by some angles; None if it is free."""
@@ -117,10 +119,12 @@ def _turn(
         now = angles.copy()
         now[hinge] += change
         poses = forward_kinematics(chain.module, now)
-        pairs = near_pairs(poses.positions, 2.0 * chain.module.radius * size, chain.module.apart)
+        pairs = near_pairs(
+            poses.positions, 2.0 * chain.module.radius * module_size, chain.module.apart
+        )
         across = (pairs.min(axis=1) <= module) & (pairs.max(axis=1) > module)
         new = [pair for pair in pairs[across].tolist() if tuple(pair) not in before]
-        depth, pair = _deepest(chain, poses, new, size)
+        depth, pair = _deepest(chain, poses, new, module_size)
         if pair is not None:
             return Turn(
                 hinge=hinge,
@@ -132,24 +136,24 @@ def _turn(
     return None
 
 
-def _overlapping(chain: Chain, angles: Array, size: float) -> set[tuple[int, int]]:
+def _overlapping(chain: Chain, angles: Array, module_size: float) -> set[tuple[int, int]]:
     """Return all pairs that overlap in a configuration."""
     poses = forward_kinematics(chain.module, angles)
-    pairs = near_pairs(poses.positions, 2.0 * chain.module.radius * size, chain.module.apart)
-    return {(i, j) for i, j in pairs.tolist() if _deepest(chain, poses, [[i, j]], size)[1]}
+    pairs = near_pairs(poses.positions, 2.0 * chain.module.radius * module_size, chain.module.apart)
+    return {(i, j) for i, j in pairs.tolist() if _deepest(chain, poses, [[i, j]], module_size)[1]}
 
 
-def _moves(chain: Chain, unit: tuple[int, int], size: float) -> tuple[Move, ...]:
+def _moves(chain: Chain, unit: tuple[int, int], module_size: float) -> tuple[Move, ...]:
     """Find the overlap of a unit in each direction; empty if it is free in one of them."""
     poses = forward_kinematics(chain.module, chain.folded_rad[: _hinges_to(chain, unit[1])])
     moves: list[Move] = []
     for direction in STEPS:
         positions = poses.positions.copy()
         positions[unit[0] :] += TRIAL_MOVE_PITCH * np.array(direction)
-        pairs = near_pairs(positions, 2.0 * chain.module.radius * size, chain.module.apart)
+        pairs = near_pairs(positions, 2.0 * chain.module.radius * module_size, chain.module.apart)
         across = pairs[(pairs.min(axis=1) < unit[0]) & (pairs.max(axis=1) >= unit[0])]
         moved_poses = Poses(positions=positions, rotations=poses.rotations)
-        depth, pair = _deepest(chain, moved_poses, across.tolist(), size)
+        depth, pair = _deepest(chain, moved_poses, across.tolist(), module_size)
         if pair is None:
             return ()
         core, moved = sorted(pair)
@@ -165,7 +169,7 @@ def _hinges_to(chain: Chain, module: int) -> int:
 
 
 def _deepest(
-    chain: Chain, poses: Poses, pairs: list[list[int]], size: float
+    chain: Chain, poses: Poses, pairs: list[list[int]], module_size: float
 ) -> tuple[float, tuple[int, int] | None]:
     """Return the deepest overlap among pairs, in pitches, and its pair; None if there is none."""
     separation, i, j = least_separation(
@@ -173,7 +177,7 @@ def _deepest(
         poses.rotations,
         np.array(pairs, dtype=np.int64).reshape(-1, 2),
         chain.module.hull,
-        size,
+        module_size,
         -1e-3,  # pitches
     )
     return (0.0, None) if i < 0 else (-float(separation), (int(i), int(j)))

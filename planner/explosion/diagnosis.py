@@ -106,7 +106,9 @@ def diagnose(chain: Chain, record: Record, parameters: Parameters) -> Diagnosis 
         return None
     last = record.frames[-1:].dense(chain)
     kind, modules = _where(chain, record, last)
-    turns = no_quarter_turn(chain, size=parameters.module_size) if kind == "blocked" else None
+    turns = (
+        no_quarter_turn(chain, module_size=parameters.module_size) if kind == "blocked" else None
+    )
     knot = None if turns else _knot(chain, last)
     return Diagnosis(
         kind=kind if knot is None else "knot",
@@ -179,7 +181,7 @@ def _blocks(
         parameters.explosion, ExplosionParameters
     ):
         size = max(size, parameters.explosion.verify_size)
-    return blocked(chain, last.joint_angles_rad[0], size=size, first_hinge=first, unit=unit)
+    return blocked(chain, last.joint_angles_rad[0], module_size=size, first_hinge=first, unit=unit)
 
 
 def _budget(record: Record, last: Motion) -> BudgetEvidence | None:

@@ -143,7 +143,7 @@ class KinematicFinish:
             start_s=world.time_s,
             snapshot_rad=self.spacing * p.snapshot_rad,
             snapshot_distance=self.spacing * p.snapshot_distance,
-            size=p.verify_size,
+            module_size=p.verify_size,
         )
         if frames is None:
             factor, max_wait_steps = 1.5, 800.0

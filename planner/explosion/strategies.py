@@ -226,7 +226,7 @@ def run_strategy(
         return unfold_in_turns(
             chain,
             strategy,
-            size=parameters.module_size,
+            module_size=parameters.module_size,
             at_once=1 if strategy == BASELINE else parameters.at_once,
             seed=seed,
             roomy=roomy,

@@ -30,7 +30,7 @@ def unfold_in_turns(
     chain: Chain,
     strategy: str,
     *,
-    size: float,
+    module_size: float,
     at_once: int | None,
     seed: int,
     roomy: bool = False,
@@ -42,7 +42,7 @@ def unfold_in_turns(
     Args:
         chain: The chain: cubes on the lattice, or tetrahedra in the honeycomb.
         strategy: Name of the strategy in the record.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
         at_once: Maximum number of hinges that turn in one step; None for no limit.
         seed: Seed of the search.
         roomy: True for turns with the most room alone, in few steps.
@@ -51,12 +51,12 @@ def unfold_in_turns(
     """
     start_s = time.perf_counter()
     turns = find_turns(
-        chain, size=size, at_once=at_once, seed=seed, roomy=roomy, cancelled=cancelled
+        chain, module_size=module_size, at_once=at_once, seed=seed, roomy=roomy, cancelled=cancelled
     )
     status: RecordStatus = "straight"
     reason, rests, spent, expanded = "", None, None, 0
     if isinstance(turns, NoTurns):
-        status, reason, spent = _failure(chain, turns, size)
+        status, reason, spent = _failure(chain, turns, module_size)
         frames, expanded = turns.last_rad, turns.expanded
     elif roomy and len(turns.hinges) > (max_turns := -(-len(chain) // MODULES_PER_STEP)):
         status, frames = "stalled", turns.rest_angles_rad[-1:]
@@ -89,12 +89,16 @@ def unfold_in_turns(
     )
 
 
-def _failure(chain: Chain, search: NoTurns, size: float) -> tuple[RecordStatus, str, Spent | None]:
+def _failure(
+    chain: Chain, search: NoTurns, module_size: float
+) -> tuple[RecordStatus, str, Spent | None]:
     """Return the status, reason and used-up limit of a search without a result."""
     if search.outcome == "cancelled":
         return "cancelled", "the search for turns was cancelled", None
     # Modules that only come too near in a turn do not block it: the search has ended all the same.
-    blocked = no_quarter_turn(chain, size=size) if search.outcome == "blocked" else None
+    blocked = (
+        no_quarter_turn(chain, module_size=module_size) if search.outcome == "blocked" else None
+    )
     if blocked is not None:
         return (
             "stalled",

@@ -89,7 +89,7 @@ def clearance(
     trajectory: Trajectory,
     chain: Chain,
     *,
-    size: float,
+    module_size: float,
     rate_hz: float | None = None,
     cancelled: Cancelled = never,
 ) -> Sweep:
@@ -101,7 +101,7 @@ def clearance(
     Args:
         trajectory: Trajectory of this chain.
         chain: The chain.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
         rate_hz: Same as for ``export``.
         cancelled: Polled now and then; a long chain's sweep takes a while.
 
@@ -109,7 +109,7 @@ def clearance(
         InputError: ``bad-rate``.
     """
     rows = _short(trajectory.at(times(trajectory, rate_hz))[0])
-    result = sweep(chain, rows, size=size, cancelled=cancelled)
+    result = sweep(chain, rows, module_size=module_size, cancelled=cancelled)
     return replace(result, bound=min(result.bound, 0.0)) if cancelled() else result
 
 
@@ -117,7 +117,7 @@ def sufficient_rate(
     trajectory: Trajectory,
     chain: Chain,
     *,
-    size: float,
+    module_size: float,
     rate_hz: float,
     cancelled: Cancelled = never,
 ) -> float | None:
@@ -130,7 +130,7 @@ def sufficient_rate(
         if cancelled() or rate_hz > MAX_RATE_HZ:
             return None
         trajectory_clearance = clearance(
-            trajectory, chain, size=size, rate_hz=rate_hz, cancelled=cancelled
+            trajectory, chain, module_size=module_size, rate_hz=rate_hz, cancelled=cancelled
         )
         if trajectory_clearance.bound > 0.0:
             return rate_hz

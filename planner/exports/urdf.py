@@ -170,7 +170,7 @@ def _add_filter_groups(robot: ElementTree.Element, chain: Chain) -> None:
 
 
 def _add_module(
-    robot: ElementTree.Element, chain: Chain, index: int, mass: float, size: float
+    robot: ElementTree.Element, chain: Chain, index: int, mass: float, module_size: float
 ) -> None:
     link = ElementTree.SubElement(robot, "link", name=f"module_{index}")
     centre = centre_of(chain, index)
@@ -180,7 +180,7 @@ def _add_module(
         _add_origin(element, centre)
         geometry = ElementTree.SubElement(element, "geometry")
         if chain.module.geom == "box":
-            edges = np.ptp(chain.module.vertices, axis=0) * (size * chain.pitch_m)
+            edges = np.ptp(chain.module.vertices, axis=0) * (module_size * chain.pitch_m)
             ElementTree.SubElement(geometry, "box", size=_numbers(edges))
         else:
             ElementTree.SubElement(geometry, "mesh", filename=MESH_FILE)

@@ -84,7 +84,7 @@ def smooth(
     return smoothed_record(
         recorded,
         spec.strategy,
-        size=parameters.module_size,
+        module_size=parameters.module_size,
         seed=spec.seed,
         calm=calm,
         report=report,

@@ -132,9 +132,9 @@ def warm_up_folding(
 def warm_up_clearance(chain: Chain) -> None:
     """Look at a motion between two frames, which shares few kernels with what makes motions."""
     still = np.tile(chain.folded_rad, (2, 1))
-    sweep(chain, still, size=DEFAULT_MODULE_SIZE)
-    exempt_pairs(chain, (still,), size=DEFAULT_MODULE_SIZE)
-    clearances_of(chain, still, size=DEFAULT_MODULE_SIZE)
+    sweep(chain, still, module_size=DEFAULT_MODULE_SIZE)
+    exempt_pairs(chain, (still,), module_size=DEFAULT_MODULE_SIZE)
+    clearances_of(chain, still, module_size=DEFAULT_MODULE_SIZE)
 
 
 def warm_up_torques(chain: Chain) -> None:

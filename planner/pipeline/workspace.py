@@ -286,7 +286,7 @@ class Workspace:
             return None
         return moments_of(
             Timeline.open(timeline),
-            size=certificate.module_size,
+            module_size=certificate.module_size,
             figures=self.directory / names.FIGURES,
             forces=self._result(names.FORCES),
             direct=self._result(names.RECORD).exists(),

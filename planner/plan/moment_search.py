@@ -52,7 +52,7 @@ CHUNK_POSES: Final = 2**15
 def moments_of(
     timeline: Timeline,
     *,
-    size: float,
+    module_size: float,
     figures: FilePath | None = None,
     forces: FilePath | None = None,
     direct: bool = True,
@@ -62,7 +62,7 @@ def moments_of(
 
     Args:
         timeline: Its timeline.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
         figures: Path of the timeline's figures; without them, the largest torque is unknown.
         forces: Path of the forces of a fold on a table, whose torques count in place of those.
         direct: True if the collision of direct servoing is searched.
@@ -73,7 +73,7 @@ def moments_of(
     folding = np.flatnonzero(phases == PHASES.index("playback"))
     if not len(folding):
         return None
-    motion = _Folding(timeline, size, int(folding[0]), len(timeline))
+    motion = _Folding(timeline, module_size, int(folding[0]), len(timeline))
     knot, determinant = motion.knot()
     collision, percent = motion.direct() if direct else (None, None)
     return Moments(

@@ -57,7 +57,7 @@ def kinematic_frames(
             recorded.joint_angles_rad[::-1],
             spacing_rad=parameters.spacing_rad,
             distance_weight=parameters.distance_weight,
-            size=module_size,
+            module_size=module_size,
         )
         places = reference.places(frame_rad)
         steps_rad = reference.steps_rad(places)

@@ -167,7 +167,7 @@ def frames_around(lengths: Array, at: Array) -> tuple[Ints, Array]:
 
 
 def clear_reference(
-    chain: Chain, angles: Array, *, spacing_rad: float, distance_weight: float, size: float
+    chain: Chain, angles: Array, *, spacing_rad: float, distance_weight: float, module_size: float
 ) -> Reference:
     """Return the reference of a record, with control points dense enough to keep clear.
 
@@ -179,16 +179,16 @@ def clear_reference(
         angles: (F, J) configurations in the order of the playback.
         spacing_rad: Distance of the control points along the record at first, rad.
         distance_weight: Arc length of one pitch of displacement, rad/pitch.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
     """
     # Some room is left for the playback's joint errors: a quarter of the gap between two cells.
-    room = min(REFERENCE_CLEARANCE_PITCH, 0.25 * (1.0 - size))
+    room = min(REFERENCE_CLEARANCE_PITCH, 0.25 * (1.0 - module_size))
     lengths = record_lengths(chain, angles, distance_weight)
     breaks = _even(float(lengths[-1]), spacing_rad)
     for _ in range(MAX_PIECE_HALVINGS):
         reference = Reference.of_pieces(chain, angles, lengths, breaks)
         places = reference.places(0.04)
-        close = _too_close(chain, reference.spline(places), size, room)
+        close = _too_close(chain, reference.spline(places), module_size, room)
         if not close.any():
             return reference
         breaks = _halved(breaks, places[close])
@@ -201,9 +201,9 @@ def _even(total_rad: float, spacing_rad: float) -> Array:
     return np.linspace(0.0, 1.0, count - SPLINE_DEGREE + 1)
 
 
-def _too_close(chain: Chain, samples: Array, size: float, room: float) -> Flags:
+def _too_close(chain: Chain, samples: Array, module_size: float, room: float) -> Flags:
     """Return (S,) True if modules are nearer than ``room`` at a sample, or beside it."""
-    swept = sweep(chain, samples, size=size, share=0.0)
+    swept = sweep(chain, samples, module_size=module_size, share=0.0)
     close = swept.per_frame <= room
     if swept.clearance <= room:
         close[[int(np.floor(swept.frame)), int(np.ceil(swept.frame))]] = True

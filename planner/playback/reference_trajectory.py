@@ -170,7 +170,7 @@ class ReferenceTrajectory:
             snapshots,
             spacing_rad=p.spacing_rad,
             distance_weight=p.distance_weight,
-            size=self.module_size,
+            module_size=self.module_size,
         )
 
     def _clear_scalings(self, references: list[Reference]) -> list[TimeScaling]:
@@ -182,7 +182,7 @@ class ReferenceTrajectory:
             scalings = [self._scaling(reference) for reference in references]
             if self.finer >= 4 or all(
                 sweep(
-                    self.chain, reference.spline(scaling.u), size=self.module_size, share=0.0
+                    self.chain, reference.spline(scaling.u), module_size=self.module_size, share=0.0
                 ).clearance
                 > 0.0
                 for reference, scaling in zip(references, scalings, strict=True)

@@ -196,7 +196,7 @@ class WindowTrajectory:
         room = min(REFERENCE_CLEARANCE_PITCH, 0.25 * (1.0 - module_size))
         while True:
             self._draw(finer)
-            swept = sweep(chain, self.reference, size=module_size, share=0.0)
+            swept = sweep(chain, self.reference, module_size=module_size, share=0.0)
             if swept.clearance > room or finer >= 8:
                 break
             finer *= 2

@@ -74,7 +74,7 @@ def smoothed_record(
     plan: Plan,
     way: str,
     *,
-    size: float,
+    module_size: float,
     seed: int,
     calm: bool = False,
     report: Callable[[float], None] | None = None,
@@ -85,7 +85,7 @@ def smoothed_record(
     Args:
         plan: A plan that may be smoothed.
         way: One of ``WAYS``.
-        size: Module size that it is to be verified at, as a fraction of the pitch.
+        module_size: Module size that it is to be verified at, as a fraction of the pitch.
         seed: Seed of all random numbers.
         calm: True if hinges are to make few detours, see ``smooth``.
         report: Receives the fraction that is done, after each part.
@@ -99,7 +99,7 @@ def smoothed_record(
         angles = smooth(
             plan.chain,
             angles,
-            size=size,
+            module_size=module_size,
             seed=seed,
             looks=looks,
             calm=calm,
@@ -140,7 +140,7 @@ def before_and_after(recorded: Plan, smoothed: Plan) -> dict[str, Any]:
     size = smoothed.certificate.module_size
     before = Quality.of(recorded, seconds)
     if recorded.certificate.module_size != size:
-        clearance = sweep(recorded.chain, recorded.motion, size=size).clearance
+        clearance = sweep(recorded.chain, recorded.motion, module_size=size).clearance
         before = replace(before, clearance=clearance)
     return {
         "way": (smoothed.explosion or {}).get("strategy"),

@@ -99,7 +99,7 @@ def smooth(
     chain: Chain,
     angles: Array,
     *,
-    size: float,
+    module_size: float,
     seed: int = 0,
     looks: int = MAX_EVALUATIONS,
     calm: bool = False,
@@ -111,7 +111,7 @@ def smooth(
     Args:
         chain: The chain.
         angles: (F, J) configurations in either order of time, hinges running evenly between them.
-        size: Module size that the motion is to be verified at, as a fraction of the pitch. At the
+        module_size: Module size at which the motion is verified, as a fraction of the pitch. At the
             larger of it and ``TIGHT_SIZE`` the smoothed motion is as clear as the given one at the
             checked configurations, and clear in between.
         seed: Seed of the starts of straight lines.
@@ -132,7 +132,7 @@ def smooth(
             "each frame.",
         )
     angles = np.ascontiguousarray(angles, dtype=np.float64)
-    run = _Smoothing(chain, angles, size, looks, np.random.default_rng(seed), report)
+    run = _Smoothing(chain, angles, module_size, looks, np.random.default_rng(seed), report)
     return Smoothed(angles=run.smoothed(cancelled, calm=calm), looks=run.looks)
 
 
@@ -146,7 +146,7 @@ class _Smoothing:
         self,
         chain: Chain,
         angles: Array,
-        size: float,
+        module_size: float,
         looks: int,
         rng: np.random.Generator,
         report: Callable[[float], None] | None,
@@ -154,8 +154,8 @@ class _Smoothing:
         self.chain = chain
         self.all_looks = looks
         self.report = report
-        self.size = size
-        self.tight = max(size, TIGHT_SIZE)
+        self.size = module_size
+        self.tight = max(module_size, TIGHT_SIZE)
         self.most_looks = looks
         self.looks = 0
         self.rng = rng
@@ -396,7 +396,7 @@ class _Smoothing:
         A proof of more than no contact would take most of the evaluations: with the mallet of 64
         none would remain to shorten its motion.
         """
-        swept = sweep(self.chain, angles, size=self.tight, share=0.0)
+        swept = sweep(self.chain, angles, module_size=self.tight, share=0.0)
         self.looks += len(angles) + swept.in_betweens
         return swept
 

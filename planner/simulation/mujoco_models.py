@@ -94,12 +94,12 @@ def _ignore(warning: str) -> None:
     del warning
 
 
-def add_module_mesh(spec: Any, module: Module, size: float) -> None:
+def add_module_mesh(spec: Any, module: Module, module_size: float) -> None:
     """Add the hull of a module that is not a box, at the given size, as the mesh ``module``."""
     if module.geom == "mesh":
         mesh = spec.add_mesh()
         mesh.name = "module"
-        mesh.uservert = (module.vertices * size).ravel().tolist()
+        mesh.uservert = (module.vertices * module_size).ravel().tolist()
 
 
 def add_module_geom(body: Any, module: Module, index: int, material: Material) -> Any:

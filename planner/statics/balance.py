@@ -83,7 +83,7 @@ class Balance:
 
     Args:
         chain: The chain.
-        size: Module size as a fraction of the pitch, which places the corners.
+        module_size: Module size as a fraction of the pitch, which places the corners.
         floor_gap, module_gap: Contact distances, pitches; see ``contacts``.
     """
 
@@ -91,12 +91,12 @@ class Balance:
         self,
         chain: Chain,
         *,
-        size: float = 1.0,
+        module_size: float = 1.0,
         floor_gap: float = FLOOR_GAP,
         module_gap: float = MODULE_GAP,
     ) -> None:
         self.chain = chain
-        self.size = size
+        self.size = module_size
         self.floor_gap = floor_gap
         self.module_gap = module_gap
         self._program = Program()
@@ -131,7 +131,7 @@ class Balance:
             self.chain.module,
             positions,
             rotations,
-            size=self.size,
+            module_size=self.size,
             floor_gap=self.floor_gap,
             module_gap=self.module_gap,
         )

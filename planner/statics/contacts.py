@@ -67,7 +67,7 @@ def contacts(
     positions: Array,
     rotations: Array,
     *,
-    size: float = 1.0,
+    module_size: float = 1.0,
     floor_gap: float = FLOOR_GAP,
     module_gap: float = MODULE_GAP,
 ) -> Contacts:
@@ -80,16 +80,16 @@ def contacts(
         module: The kind of module.
         positions: (n, 3) centres in pitches.
         rotations: (n, 3, 3) orientations.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
         floor_gap: Height up to which corners of full-size modules touch the floor, pitches.
         module_gap: Distance up to which full-size modules touch, pitches.
     """
-    less = (1.0 - size) * module.inner_radius
+    less = (1.0 - module_size) * module.inner_radius
     points = contact_points(
         # Copies: a read-only array would be another type, for which all is compiled anew.
         np.array(positions, dtype=np.float64),
         np.array(rotations, dtype=np.float64),
-        solid_of(module, float(size)),
+        solid_of(module, float(module_size)),
         module.apart,
         floor_gap + less,
         module_gap + 2.0 * less,
@@ -98,7 +98,7 @@ def contacts(
 
 
 @lru_cache(maxsize=16)
-def solid_of(module: Module, size: float) -> FacetedHull:
+def solid_of(module: Module, module_size: float) -> FacetedHull:
     """Return a module's hull with its faces and edges for kernels."""
     reach = module.vertices @ module.face_normals.T
     normals: list[Array] = []
@@ -117,12 +117,12 @@ def solid_of(module: Module, size: float) -> FacetedHull:
     }
     max_corners = max(len(loop) for loop in loops)
     return FacetedHull(
-        vertices=np.ascontiguousarray(module.vertices * size),
+        vertices=np.ascontiguousarray(module.vertices * module_size),
         normals=np.array(normals),
         loops=np.array([loop + [-1] * (max_corners - len(loop)) for loop in loops], dtype=np.int64),
         edges=np.array(sorted(edges), dtype=np.int64),
         directions=np.array(module.edge_directions),
-        radius=module.radius * size,
+        radius=module.radius * module_size,
     )
 
 
@@ -136,7 +136,7 @@ def _around(points: Array, normal: Array, corners: Ints) -> list[int]:
 
 
 def floor_clearances(
-    module: Module, positions: Array, rotations: Array, *, size: float = 1.0
+    module: Module, positions: Array, rotations: Array, *, module_size: float = 1.0
 ) -> Array:
     """Return the (F,) height of the lowest corner, pitches; 0 for a module flat on the floor.
 
@@ -144,14 +144,16 @@ def floor_clearances(
         module: The kind of module.
         positions: (F, n, 3) centres in pitches.
         rotations: (F, n, 3, 3) orientations.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
     """
-    lowest = lowest_corners(module, positions, rotations, size=size).min(axis=-1)
-    return lowest - (1.0 - size) * module.inner_radius
+    lowest = lowest_corners(module, positions, rotations, module_size=module_size).min(axis=-1)
+    return lowest - (1.0 - module_size) * module.inner_radius
 
 
 def lowest_corners(
-    module: Module, positions: Array, rotations: Array, *, size: float = 1.0
+    module: Module, positions: Array, rotations: Array, *, module_size: float = 1.0
 ) -> Array:
     """Return the (F, n) height of the lowest corner of each module, pitches."""
-    return (rotations[..., 2, :] @ (module.vertices * size).T).min(axis=-1) + positions[..., 2]
+    return (rotations[..., 2, :] @ (module.vertices * module_size).T).min(axis=-1) + positions[
+        ..., 2
+    ]

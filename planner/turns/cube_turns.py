@@ -39,7 +39,7 @@ KERNELS: Final = TurnKernels(
 """Kernels of chains of cubes."""
 
 
-def cube_turning(chain: Chain, size: float) -> Turning:
+def cube_turning(chain: Chain, module_size: float) -> Turning:
     """Return the quarter turns of a chain of cubes on the lattice.
 
     A turn is clear if no two modules that are not exempt come nearer than ``room`` to each other on
@@ -54,8 +54,8 @@ def cube_turning(chain: Chain, size: float) -> Turning:
         cells=np.empty((MIN_TABLE_ENTRIES, 2), np.int16),
         gaps=np.empty(MIN_TABLE_ENTRIES, np.float32),
         used=np.zeros(1, np.int64),
-        half=0.5 * size,
-        reach=1.0 - size,
+        half=0.5 * module_size,
+        reach=1.0 - module_size,
     )
     scratch = Scratch(
         cells=np.zeros((modules, 3), np.int64),
@@ -66,4 +66,4 @@ def cube_turning(chain: Chain, size: float) -> Turning:
         nearest=np.zeros(modules + 2 * BORDER),
         farthest=np.zeros(modules + 2 * BORDER),
     )
-    return Turning(chain, size, width=4, kernels=KERNELS, table=table, scratch=scratch)
+    return Turning(chain, module_size, width=4, kernels=KERNELS, table=table, scratch=scratch)

@@ -41,7 +41,7 @@ KERNELS: Final = TurnKernels(
 """Kernels of chains of tetrahedra."""
 
 
-def tetrahedron_turning(chain: Chain, size: float) -> Turning:
+def tetrahedron_turning(chain: Chain, module_size: float) -> Turning:
     """Return the quarter turns of a chain of tetrahedra in the honeycomb.
 
     A turn is clear if no two modules that are not linked come nearer than ``room`` to each other on
@@ -53,8 +53,8 @@ def tetrahedron_turning(chain: Chain, size: float) -> Turning:
         gaps=np.zeros(MIN_TABLE_ENTRIES, np.float32),
         used=np.zeros(1, np.int64),
         hull=chain.module.hull,
-        size=float(size),
-        reach=gap_between_cells(chain, size),
+        size=float(module_size),
+        reach=gap_between_cells(chain, module_size),
     )
     slots = 4 << modules.bit_length()
     scratch = Scratch(
@@ -65,4 +65,4 @@ def tetrahedron_turning(chain: Chain, size: float) -> Turning:
         modules=np.zeros(slots, np.int32),
         contacts=np.zeros(modules, np.int64),
     )
-    return Turning(chain, size, width=1, kernels=KERNELS, table=table, scratch=scratch)
+    return Turning(chain, module_size, width=1, kernels=KERNELS, table=table, scratch=scratch)

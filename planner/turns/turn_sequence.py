@@ -56,7 +56,7 @@ class NoTurns:
 def find_turns(
     chain: Chain,
     *,
-    size: float,
+    module_size: float,
     at_once: int | None,
     seed: int,
     roomy: bool = False,
@@ -68,13 +68,13 @@ def find_turns(
 
     Args:
         chain: The chain: cubes on the lattice, or tetrahedra in the honeycomb.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
         at_once: Maximum number of hinges that turn in one step; None for no limit.
         seed: Seed of the search.
         roomy: True to search with the most room alone.
         cancelled: Polled before each turn.
     """
-    turning = (cube_turning if chain.module.fills_cell else tetrahedron_turning)(chain, size)
+    turning = (cube_turning if chain.module.fills_cell else tetrahedron_turning)(chain, module_size)
     search = RoomSearch(
         chain, turning, pairs=at_once != 1, roomy=roomy, seed=seed, cancelled=cancelled
     )

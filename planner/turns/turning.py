@@ -70,7 +70,7 @@ class Turning:
 
     Args:
         chain: The chain.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
         width: Number of states that a search for turns keeps at first.
         kernels: Kernels for the kind of module.
         table: Table of distances that the kernels fill.
@@ -79,14 +79,14 @@ class Turning:
     Attributes:
         width: Number of states that a search for turns keeps at first.
         folded: (J,) levels of the folded chain.
-        size: Module size as a fraction of the pitch.
+        module_size: Module size as a fraction of the pitch.
         cell_gap: Gap between modules in neighbouring cells, pitches.
     """
 
     def __init__(
         self,
         chain: Chain,
-        size: float,
+        module_size: float,
         *,
         width: int,
         kernels: TurnKernels,
@@ -94,8 +94,8 @@ class Turning:
         scratch: KernelArrays,
     ) -> None:
         self.width = width
-        self.size = size
-        self.cell_gap = gap_between_cells(chain, size)
+        self.size = module_size
+        self.cell_gap = gap_between_cells(chain, module_size)
         self.folded: Levels = np.rint(chain.folded_rad / QUARTER_RAD).astype(np.int8)
         self._module = chain.module
         self._kernels = kernels
@@ -216,6 +216,6 @@ class Turning:
             self._table = self._kernels.double_table(self._table)
 
 
-def gap_between_cells(chain: Chain, size: float) -> float:
+def gap_between_cells(chain: Chain, module_size: float) -> float:
     """Return the gap between modules in neighbouring cells, pitches."""
-    return 2.0 * chain.module.inner_radius * (1.0 - size)
+    return 2.0 * chain.module.inner_radius * (1.0 - module_size)

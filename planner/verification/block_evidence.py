@@ -36,7 +36,7 @@ separating axis."""
 
 
 def blocks_differ(
-    chain: Chain, angles_rad: Array, stated: BlockFigures, size: float
+    chain: Chain, angles_rad: Array, stated: BlockFigures, module_size: float
 ) -> Differences:
     """Yield the differences between reported and computed blocks.
 
@@ -44,11 +44,11 @@ def blocks_differ(
         chain: The chain.
         angles_rad: (J,) hinge angles where the explosion stopped, rad.
         stated: The evidence.
-        size: Module size at which the explosion keeps clear.
+        module_size: Module size at which the explosion keeps clear.
     """
     first = stated["first_hinge"]
-    if stated["module_size"] != size:
-        yield f"module_size: got {stated['module_size']:g}, expected {size:g}"
+    if stated["module_size"] != module_size:
+        yield f"module_size: got {stated['module_size']:g}, expected {module_size:g}"
     if stated["bent_above_rad"] > MAX_UNREPORTED_BEND_RAD:
         yield (
             f"bent_above_rad: got {stated['bent_above_rad']:.3g}, expected at most "
@@ -77,12 +77,12 @@ def blocks_differ(
                 f"hinge {hinge}: got a turn of {turned:.3g} rad, expected a turn of at most "
                 f"{max_turn:.3g} rad towards the straight position"
             )
-        yield from _turn_differs(chain, angles_rad, before, turn, size)
-    yield from _moves_differ(chain, stated, size)
+        yield from _turn_differs(chain, angles_rad, before, turn, module_size)
+    yield from _moves_differ(chain, stated, module_size)
 
 
 def quarter_turns_differ(
-    chain: Chain, angles_rad: Array, stated: QuarterTurnFigures, size: float
+    chain: Chain, angles_rad: Array, stated: QuarterTurnFigures, module_size: float
 ) -> Differences:
     """Yield the differences between reported and computed overlaps in quarter turns.
 
@@ -90,10 +90,10 @@ def quarter_turns_differ(
         chain: The chain.
         angles_rad: (J,) hinge angles where the search for turns stopped, rad.
         stated: The evidence.
-        size: Module size of the fold.
+        module_size: Module size of the fold.
     """
-    if stated["module_size"] != size:
-        yield f"module_size: got {stated['module_size']:g}, expected {size:g}"
+    if stated["module_size"] != module_size:
+        yield f"module_size: got {stated['module_size']:g}, expected {module_size:g}"
     off = float(np.abs(angles_rad - chain.folded_rad).max(initial=0.0))
     if off > SINGLE_PRECISION_ANGLE_RAD:
         yield f"the search has left the folded state: a hinge is off by {off:.3g} rad"
@@ -117,11 +117,11 @@ def quarter_turns_differ(
                 f"hinge {turn['hinge']}: got a turn of {turn['turned_rad']:.3g} rad, expected one "
                 f"of at most {QUARTER_RAD:.3g} rad"
             )
-        yield from _turn_differs(chain, chain.folded_rad, before, turn, size)
+        yield from _turn_differs(chain, chain.folded_rad, before, turn, module_size)
 
 
 def _turn_differs(
-    chain: Chain, angles_rad: Array, before: Poses, turn: TurnFigures, size: float
+    chain: Chain, angles_rad: Array, before: Poses, turn: TurnFigures, module_size: float
 ) -> Differences:
     """Yield the reasons why the modules of a turn are no obstacle to it as reported."""
     hinge, (i, j) = turn["hinge"], sorted(turn["modules"])
@@ -132,10 +132,10 @@ def _turn_differs(
     now = angles_rad.copy()
     now[hinge] += turn["turned_rad"]
     poses = forward_kinematics(chain.module, now)
-    yield from _overlap_differs(chain, poses, before, (i, j), size, turn["overlap"], name)
+    yield from _overlap_differs(chain, poses, before, (i, j), module_size, turn["overlap"], name)
 
 
-def _moves_differ(chain: Chain, stated: BlockFigures, size: float) -> Differences:
+def _moves_differ(chain: Chain, stated: BlockFigures, module_size: float) -> Differences:
     """Yield the differences of the moves of a unit, which must be blocked in all directions."""
     if not stated["moves"]:
         return
@@ -163,7 +163,9 @@ def _moves_differ(chain: Chain, stated: BlockFigures, size: float) -> Difference
         positions = folded.positions.copy()
         positions[low:] += moved * np.array(move["direction"])
         poses = Poses(positions=positions, rotations=folded.rotations)
-        yield from _overlap_differs(chain, poses, folded, (b, a), size, move["overlap"], name)
+        yield from _overlap_differs(
+            chain, poses, folded, (b, a), module_size, move["overlap"], name
+        )
 
 
 def _overlap_differs(
@@ -171,7 +173,7 @@ def _overlap_differs(
     poses: Poses,
     before: Poses,
     pair: tuple[int, int],
-    size: float,
+    module_size: float,
     stated: float,
     name: str,
 ) -> Differences:
@@ -180,21 +182,21 @@ def _overlap_differs(
     if not 0 <= i < j < len(chain) or j - i < chain.module.apart:
         yield f"{name}: got modules {i} and {j}, expected two modules that are not linked"
         return
-    depth = overlap(chain, poses, i, j, size)
+    depth = overlap(chain, poses, i, j, module_size)
     if not (depth > 0.0 and abs(depth - stated) <= 1e-6):  # pitches: rounding
         yield (
             f"{name}: modules {i} and {j} overlap by {depth:.3g} pitch, expected {stated:.3g} pitch"
         )
-    if overlap(chain, before, i, j, size) > AXIS_ROUNDING:
+    if overlap(chain, before, i, j, module_size) > AXIS_ROUNDING:
         yield f"{name}: modules {i} and {j} already overlap before the motion"
 
 
-def overlap(chain: Chain, poses: Poses, i: int, j: int, size: float) -> float:
+def overlap(chain: Chain, poses: Poses, i: int, j: int, module_size: float) -> float:
     """Return the depth of the overlap of two modules, pitches; negative if they are apart."""
     module = chain.module
     turns = poses.rotations[i], poses.rotations[j]
     corners_i, two = (
-        size * module.vertices @ turn.T + poses.positions[k]
+        module_size * module.vertices @ turn.T + poses.positions[k]
         for turn, k in zip(turns, (i, j), strict=True)
     )
     edges = [module.edge_directions @ turn.T for turn in turns]

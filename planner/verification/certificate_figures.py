@@ -110,7 +110,7 @@ class ReportedFigures:
         if j - i < chain.module.apart:
             return False
         size = self.plan.certificate.module_size
-        clearance = clearance_at(chain, motion, place.frame, (i, j), size=size)
+        clearance = clearance_at(chain, motion, place.frame, (i, j), module_size=size)
         return abs(clearance - stated) <= 1e-7  # rounding; another place may be equally close
 
     def _motion(self, name: str) -> Motion | None:

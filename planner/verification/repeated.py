@@ -215,7 +215,7 @@ def _moments_differ(
     """Yield the differences of the moments."""
     recomputed = moments_of(
         timeline,
-        size=plan.certificate.module_size,
+        module_size=plan.certificate.module_size,
         figures=figures,
         forces=directory / FORCES,
         direct=(directory / RECORD).exists(),

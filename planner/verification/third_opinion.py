@@ -295,14 +295,14 @@ def ask_ipctk(plan: foldback_check.Plan) -> Opinion:
     )
 
 
-def opinion_of(path: Path, size: float, claim: float) -> Opinion:
+def opinion_of(path: Path, module_size: float, claim: float) -> Opinion:
     """Let ipctk look at a plan's file, with a module size and the clearance that is claimed for it.
 
     Raises:
         InputError: ``not-a-plan`` if it contradicts itself; ``no-ipctk`` if ipctk is missing.
     """
     try:
-        plan = foldback_check.Plan(path, size, claim)
+        plan = foldback_check.Plan(path, module_size, claim)
     except (foldback_check.NotProved, *UNREADABLE) as error:
         raise InputError("not-a-plan", f"{path.name}: {error}") from error
     return ask_ipctk(plan)

@@ -326,7 +326,7 @@ def _margins_differ(plan: Plan, recomputed: Certificate) -> Differences:
     """
     stated, size = plan.certificate.margins, plan.certificate.module_size
     assert stated is not None
-    for name in unproved_margins(plan.chain, plan.motion, stated, size=size):
+    for name in unproved_margins(plan.chain, plan.motion, stated, module_size=size):
         value = getattr(stated, name).value
         yield f"plan.npz certificate.margins.{name}: got {value:g}, which cannot be proved"
     if recomputed.margins is None:
@@ -363,7 +363,7 @@ def _limits(plan: Plan, name: str, stated: Margin, recomputed: Margin) -> bool:
     if not (i >= 0 and i + chain.module.apart <= j < len(chain)):
         return False
     first_limit, second_limit = (
-        limit_at(chain, motion, name, margin.limited_by, size=size)
+        limit_at(chain, motion, name, margin.limited_by, module_size=size)
         for margin in (stated, recomputed)
     )
     return abs(first_limit - second_limit) <= RECOMPUTED_RTOL * abs(second_limit)

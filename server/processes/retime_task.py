@@ -30,7 +30,7 @@ def warm_up() -> None:
     chain = warm_up_chains()
     frames = np.linspace(0.0, 1.0, 3)[:, None] * chain.folded_rad
     trajectory = retimed(frames, chain.joint_names, 1.0, 1.0)
-    clearance_of_rows(trajectory, chain, size=DEFAULT_MODULE_SIZE)
+    clearance_of_rows(trajectory, chain, module_size=DEFAULT_MODULE_SIZE)
     for held in (True, False):
         gravity_m_s2 = 9.81 if held else 0.0
         build = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=gravity_m_s2, held=held)
@@ -64,10 +64,14 @@ def clearance(directory: Path) -> dict[str, Any]:
     def late() -> bool:
         return time.process_time() > end
 
-    found = clearance_of_rows(trajectory, plan.chain, size=size, rate_hz=rate_hz, cancelled=late)
+    found = clearance_of_rows(
+        trajectory, plan.chain, module_size=size, rate_hz=rate_hz, cancelled=late
+    )
     enough = None
     if found.clearance < -MAX_TOUCH_DEPTH_PITCH and rate_hz is not None:
-        enough = sufficient_rate(trajectory, plan.chain, size=size, rate_hz=rate_hz, cancelled=late)
+        enough = sufficient_rate(
+            trajectory, plan.chain, module_size=size, rate_hz=rate_hz, cancelled=late
+        )
     return {
         "min_clearance": found.clearance,
         "clearance_bound": found.bound,

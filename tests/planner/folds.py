@@ -78,7 +78,7 @@ def write_resting_fold(directory: FilePath, plan: Plan) -> FilePath:
     plan.save_json(directory / PLAN_TEXT)
     write_json(directory / CERTIFICATE, plan.certificate.as_dict())
     moments = moments_of(
-        Timeline.open(directory / TIMELINE), size=0.95, direct=False, steps=find_steps(plan)
+        Timeline.open(directory / TIMELINE), module_size=0.95, direct=False, steps=find_steps(plan)
     )
     assert moments is not None
     write_json(directory / MOMENTS, moments.as_dict())

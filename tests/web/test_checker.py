@@ -73,7 +73,7 @@ def test_modules_are_made_larger_until_two_touch(plans: list[Path]) -> None:
         at = found["touch"]
         assert at["size"] == pytest.approx(found["size"], abs=2e-4)
         chain, angles = sample(plan, [at["frame"]])
-        clearance, _ = clearances_of(chain, angles, size=min(at["size"] + 1e-4, 1.0))
+        clearance, _ = clearances_of(chain, angles, module_size=min(at["size"] + 1e-4, 1.0))
         assert clearance[0, at["modules"]].max() <= 1e-4
 
 
@@ -90,7 +90,7 @@ def sample(plan: foldback_check.Plan, frames: Iterable[float]) -> tuple[Chain, n
 def proved_clearance(plan: foldback_check.Plan) -> float:
     """Return the smallest clearance that the planner finds at and between frames."""
     frames = (np.arange(plan.frames - 1)[:, None] + BETWEEN).ravel()
-    return float(clearances_of(*sample(plan, frames), size=plan.size)[0].min())
+    return float(clearances_of(*sample(plan, frames), module_size=plan.size)[0].min())
 
 
 def test_no_forged_plan_is_proved(

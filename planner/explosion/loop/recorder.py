@@ -303,6 +303,6 @@ class FrameRule:
             self.chain.module,
             poses.positions,
             poses.rotations,
-            size=self.size,
+            module_size=self.size,
             enough=CLEAR_ENOUGH_PITCH,
         ).clearance

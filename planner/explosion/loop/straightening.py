@@ -33,7 +33,7 @@ def straightening(
     start_s: float,
     snapshot_rad: float,
     snapshot_distance: float,
-    size: float,
+    module_size: float,
 ) -> Motion | None:
     """Return frames from a nearly straight state to the straight one, q·s with s from 1 to 0.
 
@@ -45,7 +45,7 @@ def straightening(
     angles = state.angles
     for scale in np.linspace(1.0, 0.0, 24, endpoint=False):
         # What touches soon is found before the way is divided into frames.
-        if _clearance(chain, scale * angles, size, STRAIGHTENING_CLEARANCE_PITCH) < 0.0:
+        if _clearance(chain, scale * angles, module_size, STRAIGHTENING_CLEARANCE_PITCH) < 0.0:
             return None
     turned = np.abs(angles).max() / snapshot_rad
     count = int(np.ceil(max(turned, 1.0)))
@@ -63,12 +63,12 @@ def straightening(
     way = scales[:, None] * angles
     min_clearance = min(
         STRAIGHTENING_CLEARANCE_PITCH,
-        0.5 * _clearance(chain, way[-1], size, 2.0 * STRAIGHTENING_CLEARANCE_PITCH),
+        0.5 * _clearance(chain, way[-1], module_size, 2.0 * STRAIGHTENING_CLEARANCE_PITCH),
     )
     for row in way[::4]:  # before all is proved
-        if _clearance(chain, row, size, min_clearance) < min_clearance:
+        if _clearance(chain, row, module_size, min_clearance) < min_clearance:
             return None
-    swept = sweep(chain, np.concatenate([angles[None], way]), size=size)
+    swept = sweep(chain, np.concatenate([angles[None], way]), module_size=module_size)
     if swept.clearance < min_clearance or swept.bound <= 0.0:
         return None
     centre = _centres(chain, state, angles[None])[0].mean(axis=0)
@@ -87,11 +87,11 @@ def straightening(
     )
 
 
-def _clearance(chain: Chain, angles: Array, size: float, enough: float) -> float:
+def _clearance(chain: Chain, angles: Array, module_size: float, enough: float) -> float:
     """Return the clearance of one configuration, pitches; values above ``enough`` are not exact."""
     poses = forward_kinematics(chain.module, angles, root=chain.root)
     return closest(
-        chain.module, poses.positions, poses.rotations, size=size, enough=enough
+        chain.module, poses.positions, poses.rotations, module_size=module_size, enough=enough
     ).clearance
 
 

@@ -24,13 +24,13 @@ class Proof:
     Folded modules are not checked against each other, nor are straight ones: they do not change.
     """
 
-    def __init__(self, chain: Chain, size: float) -> None:
+    def __init__(self, chain: Chain, module_size: float) -> None:
         # Folded neighbours are no farther apart than the module size leaves.
         # Half the gap between neighbours in the folded shape, but for rounding.
-        self.min_clearance = min(0.002, 0.5 * (1.0 - size) - 1e-9)
+        self.min_clearance = min(0.002, 0.5 * (1.0 - module_size) - 1e-9)
         """Minimum clearance of snapshots, pitches."""
         self._hinges = chain.module.hinges_per_joint
-        self._shape = windows_shape(chain, size)
+        self._shape = windows_shape(chain, module_size)
 
     def is_clear(self, configurations: Sequence[WindowConfiguration]) -> bool:
         """Return True if configurations, and the motion between them, keep that clearance."""

@@ -132,16 +132,18 @@ def test_moments_that_cannot_be_bounded_are_refused_by_their_frame() -> None:
     far = line(100)
     jump = np.zeros((2, len(far.folded_rad)))
     jump[1] = np.linspace(-60.0, 60.0, len(far.folded_rad))
-    swept = sweep(far, jump, size=0.001)
+    swept = sweep(far, jump, module_size=0.001)
     assert swept.bound <= 0.0 and swept.unbounded is not None
 
 
 def test_contact_is_no_overlap() -> None:
     # The poses of this coil put modules 0 and 7 nearer than a pitch, by the rounding error.
     chain = coil(8)
-    touching = sweep(chain, chain.folded_rad[None], size=1.0)
+    touching = sweep(chain, chain.folded_rad[None], module_size=1.0)
     assert (touching.clearance, touching.bound, touching.per_frame.tolist()) == (0.0, 0.0, [0.0])
-    assert sweep(chain, chain.folded_rad[None], size=1.001).clearance == pytest.approx(-0.001)
+    assert sweep(chain, chain.folded_rad[None], module_size=1.001).clearance == pytest.approx(
+        -0.001
+    )
     turns = turn_by_turn(chain, 1)
     plan = np.concatenate([np.linspace(*pair, 8, endpoint=False) for pair in pairwise(turns)])
     full = replace(PARAMETERS, module_size=1.0)

@@ -52,7 +52,7 @@ def by_brute_force(chain: Chain, angles: Array, size: float) -> tuple[Array, NDA
     found = np.full((n, n), np.inf)
     for i in range(n):
         for j in range(i + module.apart, n):
-            found[i, j] = found[j, i] = pair_clearance(module, poses, (i, j), size=size)
+            found[i, j] = found[j, i] = pair_clearance(module, poses, (i, j), module_size=size)
     return found.min(axis=1), found.argmin(axis=1)
 
 
@@ -61,7 +61,7 @@ def by_brute_force(chain: Chain, angles: Array, size: float) -> tuple[Array, NDA
 def test_clearances_are_those_of_all_pairs(chain: Chain, size: float) -> None:
     rng = np.random.default_rng(11)
     angles = np.stack([random_angles(chain, rng, most) for most in (0.0, 0.4, 0.8, 1.2, 1.5, 1.6)])
-    clearance, nearest = clearances_of(chain, angles, size=size)
+    clearance, nearest = clearances_of(chain, angles, module_size=size)
     assert clearance.min() < 0.0 or size < 1.0
     for k in range(len(angles)):
         least, who = by_brute_force(chain, angles[k], size)
@@ -84,7 +84,7 @@ def test_figures_agree_with_the_certificate(folded: Any, tmp_path: FilePath) -> 
     exploded, played = (frames.phase == phase for phase in (0, 1))
     for part in (exploded, played):
         angles = frames.joint_angles_rad[part]
-        found = sweep(folded.chain, angles, size=PARAMETERS.module_size).per_frame
+        found = sweep(folded.chain, angles, module_size=PARAMETERS.module_size).per_frame
         capped = np.minimum(figures.min_clearance[part], 0.2)
         np.testing.assert_allclose(capped, np.minimum(found, 0.2), atol=1e-6)
     certificate: Certificate = folded.plan.certificate
@@ -130,7 +130,7 @@ def test_figures_of_several_chunks_are_computed_and_read_in_any_range(tmp_path: 
     np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
     assert (figures.hinges_moving == np.count_nonzero(chain.folded_rad)).all()
     assert (figures.max_error_rad == np.float32(0.1)).all()
-    least = sweep(chain, angles, size=PARAMETERS.module_size).per_frame.min()
+    least = sweep(chain, angles, module_size=PARAMETERS.module_size).per_frame.min()
     assert figures.min_clearance.min() == pytest.approx(least, abs=1e-6) and least < 0.0
     path = tmp_path / "figures"
     write_figures(tmp_path / "t", path, PARAMETERS)  # replaces the stored figures

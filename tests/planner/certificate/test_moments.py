@@ -76,7 +76,7 @@ def test_stored_moments_of_a_fold_have_the_right_frames(folded: Folded) -> None:
 
 def test_direct_servoing_collides_at_the_stored_moment(tmp_path: FilePath) -> None:
     chain = coil(24)
-    moments = moments_of(straight_to_folded(tmp_path, chain, 201), size=0.95)
+    moments = moments_of(straight_to_folded(tmp_path, chain, 201), module_size=0.95)
     assert moments is not None and moments.direct is not None and moments.direct_percent
     for percent in range(1, moments.direct_percent + 1):
         poses = chain.poses(percent / 100 * chain.folded_rad, np.zeros(3), np.eye(4)[0])
@@ -89,7 +89,7 @@ def test_direct_servoing_collides_at_the_stored_moment(tmp_path: FilePath) -> No
 def test_chain_becomes_a_knot_at_the_stored_moment(tmp_path: FilePath) -> None:
     chain = knotted(1)
     timeline = straight_to_folded(tmp_path, chain, 41)
-    moments = moments_of(timeline, size=0.95, direct=False)
+    moments = moments_of(timeline, module_size=0.95, direct=False)
     assert moments is not None and moments.knot is not None
     before, after = timeline.frames(moments.knot - 1, moments.knot + 1).poses(chain).positions
     assert (knot_of(before).verdict, knot_of(after).verdict) == ("unknot", "knotted")

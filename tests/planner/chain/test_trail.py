@@ -100,5 +100,5 @@ def test_folded_chain_fills_the_tetrahedra_of_its_trail() -> None:
             turned = np.einsum("nij,vj->nvi", poses.rotations, chain.module.vertices)
             modules = np.rint(poses.positions[:, None, :] + turned) + 0.0
             assert {tuple(sorted(map(tuple, module))) for module in modules.tolist()} == wanted
-            full = closest(chain.module, poses.positions, poses.rotations, size=1.0)
+            full = closest(chain.module, poses.positions, poses.rotations, module_size=1.0)
             assert full.clearance == pytest.approx(0.0, abs=1e-9)  # face to face, without overlap

@@ -26,12 +26,12 @@ def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range() -> None:
 def test_overlap_of_a_quarter_turn() -> None:
     chain = line(3)
     plan = np.stack([np.linspace(0.0, np.pi / 2, 91), np.zeros(91)], axis=1)
-    found = exempt_pairs(chain, [plan], size=0.95)
+    found = exempt_pairs(chain, [plan], module_size=0.95)
     assert found.worst_overlap == pytest.approx(0.95 / np.sqrt(2.0) - 0.525, abs=1e-4)
     assert found.worst_overlap_bound == pytest.approx(found.worst_overlap, abs=1e-3)
     assert found.worst_overlap_at.frame == pytest.approx(45.0, abs=1.0)
     # Between two frames the overlap is deeper than at both, but within the bound.
-    coarse = exempt_pairs(chain, [np.deg2rad([[5.0, 0.0], [85.0, 0.0]])], size=0.95)
+    coarse = exempt_pairs(chain, [np.deg2rad([[5.0, 0.0], [85.0, 0.0]])], module_size=0.95)
     assert found.worst_overlap <= coarse.worst_overlap_bound + 1e-9
 
 
@@ -40,18 +40,18 @@ def test_worst_overlap_of_windows_and_frames_is_the_same() -> None:
     share = np.linspace(0.0, 1.0, 30)[:, None]
     angles = np.float32(chain.folded_rad) * np.clip(5.0 * share - np.arange(28) / 7.0, 0.0, 1.0)
     angles = np.concatenate([angles, chain.folded_rad[None]])[::-1].astype(np.float64)
-    windows = exempt_pairs(chain, [anchored("explosion", angles).windowed(chain)], size=0.95)
-    whole = exempt_pairs(chain, [angles], size=0.95)
+    windows = exempt_pairs(chain, [anchored("explosion", angles).windowed(chain)], module_size=0.95)
+    whole = exempt_pairs(chain, [angles], module_size=0.95)
     assert windows.worst_overlap == pytest.approx(whole.worst_overlap, abs=1e-6) != 0.0
     assert windows.worst_overlap_at == whole.worst_overlap_at
 
 
 def test_tetrahedra_have_no_exempt_pairs() -> None:
     chain = Chain.from_angles(TETRAHEDRON, np.zeros(4))
-    found = exempt_pairs(chain, [np.zeros((2, 4))], size=0.95)
+    found = exempt_pairs(chain, [np.zeros((2, 4))], module_size=0.95)
     assert (found.rule, found.count, found.worst_overlap_bound) == ("none", 0, 0.0)
     assert (found.relief_radius, found.relief_share) == (None, 0.0)
-    found = exempt_pairs(line(4), (), size=0.95)  # at an instant between frames
+    found = exempt_pairs(line(4), (), module_size=0.95)  # at an instant between frames
     assert found.count and found.relief_radius is not None
     assert (found.worst_overlap, found.worst_overlap_bound, found.worst_overlap_at) == (None,) * 3
 
@@ -65,4 +65,4 @@ def test_exported_model_excludes_exactly_the_exempt_pairs(module: Module, count:
         for key in model.exclude_signature.tolist()
     }
     assert excluded == set(module.exempt_pairs(count))
-    assert len(excluded) == model.nexclude == exempt_pairs(row, (), size=0.95).count
+    assert len(excluded) == model.nexclude == exempt_pairs(row, (), module_size=0.95).count

@@ -30,13 +30,13 @@ Folding = tuple[Chain, Motion, Margins]
 def folding() -> Folding:
     chain = coil(24)
     motion = peel(chain, width=4, step=0.5)
-    found = margins(chain, motion, sweep(chain, motion, size=SIZE), size=SIZE)
+    found = margins(chain, motion, sweep(chain, motion, module_size=SIZE), module_size=SIZE)
     assert found is not None
     return chain, motion, found
 
 
 def _is_clear(chain: Chain, angles: Array, size: float = SIZE) -> bool:
-    return sweep(chain, angles, size=size, share=0.0).bound > 0.0
+    return sweep(chain, angles, module_size=size, share=0.0).bound > 0.0
 
 
 def test_motion_with_one_hinge_off_by_the_margin_is_clear(folding: Folding) -> None:
@@ -62,13 +62,13 @@ def test_motion_with_random_errors_within_the_margin_is_clear(folding: Folding) 
 
 def test_margins_that_are_too_large_are_not_proved(folding: Folding) -> None:
     chain, motion, found = folding
-    assert unproved_margins(chain, motion, found, size=SIZE) == []
+    assert unproved_margins(chain, motion, found, module_size=SIZE) == []
     for name in ("module_size", "one_hinge_rad", "independent_rad"):
         margin: Margin = getattr(found, name)
         forged = replace(found, **{name: replace(margin, value=1.3 * margin.value)})
-        assert unproved_margins(chain, motion, forged, size=SIZE) == [name]
+        assert unproved_margins(chain, motion, forged, module_size=SIZE) == [name]
     sure = replace(found, failure_probability=FAILURE_PROBABILITY / 1e6)
-    assert unproved_margins(chain, motion, sure, size=SIZE) == ["independent_rad"]
+    assert unproved_margins(chain, motion, sure, module_size=SIZE) == ["independent_rad"]
 
 
 def _allowance(module: Module, x: Array, pair: tuple[int, int], errors: Tolerance) -> float:
@@ -91,10 +91,10 @@ def test_one_frame_leaves_the_clearance_less_the_allowance(module: Module) -> No
         angles = chain.folded_rad
         poses = forward_kinematics(module, angles)
         least = min(
-            pair_clearance(module, poses, (i, j), size=SIZE)
+            pair_clearance(module, poses, (i, j), module_size=SIZE)
             - _allowance(module, poses.positions, (i, j), errors)
             for i in range(24)
             for j in range(i + module.apart, 24)
         )
-        found = disturbed_sweep(chain, as_motion(angles[None]), errors, size=SIZE)
+        found = disturbed_sweep(chain, as_motion(angles[None]), errors, module_size=SIZE)
         assert found.clearance == pytest.approx(min(least, 1e-3), abs=1e-9)

@@ -73,7 +73,7 @@ def moving_modules(chain: Chain, windows: Motion, k: int) -> tuple[int, int]:
 
 def assert_same(chain: Chain, motion: Array | Motion, size: float, *, within: float = 0.0) -> bool:
     """Check that both prove the motion, with bounds in this ratio, or refuse it; True if proved."""
-    found = sweep(chain, motion, size=size)
+    found = sweep(chain, motion, module_size=size)
     cutoff = (
         EXTENDED_CLEARANCE_CAP
         if found.modules is None or found.clearance >= CLEARANCE_CAP
@@ -140,7 +140,7 @@ def test_real_tetrahedra_have_nearly_the_bound_of_the_reference() -> None:
 def test_sliding_modules_are_refused_by_both() -> None:
     chain = coil(8)
     motion = np.stack([chain.folded_rad, 0.99 * chain.folded_rad])
-    assert sweep(chain, motion, size=0.95).bound > 0.0
+    assert sweep(chain, motion, module_size=0.95).bound > 0.0
     assert not assert_same(chain, motion, 1.0)
 
 
@@ -148,5 +148,5 @@ def test_motion_too_large_to_bound_is_refused_by_both() -> None:
     chain = line(80)
     rng = np.random.default_rng(0)
     turns = rng.uniform(-4e4, 4e4, len(chain.folded_rad))
-    assert sweep(chain, np.stack([0.0 * turns, turns]), size=0.3).unbounded is not None
+    assert sweep(chain, np.stack([0.0 * turns, turns]), module_size=0.3).unbounded is not None
     assert not assert_same(chain, np.stack([0.0 * turns, turns]), 0.3)

@@ -12,7 +12,11 @@ from tests.planner.chains import Array, coil, line
 def clearance_of(chain: Chain, angles: Array, size: float) -> float:
     poses = forward_kinematics(chain.module, angles, root=chain.root)
     place = closest(
-        chain.module, poses.positions, poses.rotations, size=size, enough=EXTENDED_CLEARANCE_CAP
+        chain.module,
+        poses.positions,
+        poses.rotations,
+        module_size=size,
+        enough=EXTENDED_CLEARANCE_CAP,
     )
     return place.clearance
 
@@ -31,7 +35,7 @@ def test_collision_between_two_clear_frames_is_found() -> None:
     size = 0.95
     assert clearance_of(chain, frames[0], size) > 0.0
     assert clearance_of(chain, frames[1], size) > 0.0
-    found = sweep(chain, frames, size=size)
+    found = sweep(chain, frames, module_size=size)
     assert found.clearance < 0.0
     assert found.frame not in (0.0, 1.0)
     assert found.modules is not None
@@ -65,7 +69,7 @@ def test_bound_holds_for_chains_whose_ends_swing_far() -> None:
         assert np.linalg.norm(poses[1] - poses[0], axis=1).max() > 2.0
         if clearance_of(chain, frames[0], 0.95) < 0.0 or clearance_of(chain, frames[1], 0.95) < 0.0:
             continue
-        found = sweep(chain, frames, size=0.95)
+        found = sweep(chain, frames, module_size=0.95)
         dense = sampled_clearance(chain, frames, 0.95, 81)
         assert found.unbounded is None or found.clearance <= 0.0
         if dense < -1e-3:
@@ -80,6 +84,6 @@ def test_cancelled_sweep_covers_nothing_more() -> None:
     chain = coil(12)
     motion = as_motion(chain.folded_rad[None])
     for frames in (motion, motion.windowed(chain)):
-        found = sweep(chain, frames, size=1.5, cancelled=lambda: True)
+        found = sweep(chain, frames, module_size=1.5, cancelled=lambda: True)
         assert found.in_betweens == 0
         assert found.clearance == CLEARANCE_CAP

@@ -18,8 +18,8 @@ from tests.planner.peels import peel, snake, windows_of
 def test_sweep_of_peeled_windows_agrees_with_frames(size: float) -> None:
     chain = snake((4, 4, 5))
     windows = peel(chain, width=21, step=1.7)
-    found = sweep(chain, windows, size=size)
-    dense = sweep(chain, windows.angles(chain), size=size)
+    found = sweep(chain, windows, module_size=size)
+    dense = sweep(chain, windows.angles(chain), module_size=size)
     np.testing.assert_allclose(found.per_frame, dense.per_frame, atol=1e-9)
     assert found.clearance == pytest.approx(dense.clearance, abs=1e-6)
     assert found.bound > 0.0 and dense.bound > 0.0
@@ -43,11 +43,11 @@ def swinging_rod(rod: int, *, post: bool) -> tuple[Chain, Motion, int]:
 
 def test_rod_through_a_post_between_two_frames_is_found() -> None:
     chain, windows, _ = swinging_rod(3000, post=True)
-    assert sweep(chain, windows, size=0.95).clearance < 0.0
+    assert sweep(chain, windows, module_size=0.95).clearance < 0.0
     chain, windows, about = swinging_rod(40, post=True)
     angles = windows.angles(chain)
     assert np.ptp(angles[:, about]) > 2.4
-    found = sweep(chain, windows, size=0.95)
+    found = sweep(chain, windows, module_size=0.95)
     assert min(found.per_frame) > 0.04
     assert found.clearance < 0.0
     assert found.bound <= 0.0
@@ -55,14 +55,14 @@ def test_rod_through_a_post_between_two_frames_is_found() -> None:
     poses = forward_kinematics(
         chain.module, (1.0 - found.frame) * angles[0] + found.frame * angles[1]
     )
-    clearance = pair_clearance(chain.module, poses, found.modules, size=0.95)
+    clearance = pair_clearance(chain.module, poses, found.modules, module_size=0.95)
     assert clearance == pytest.approx(found.clearance, abs=1e-9)
 
 
 @pytest.mark.parametrize("rod", [40, 3000])
 def test_rod_that_swings_clear_is_proved_clear(rod: int) -> None:
     chain, windows, _ = swinging_rod(rod, post=False)
-    found = sweep(chain, windows, size=0.95)
+    found = sweep(chain, windows, module_size=0.95)
     assert found.clearance == pytest.approx(0.05, abs=1e-6)
     assert 0.0 < found.bound <= found.clearance
     # Regardless of the rod's length, its distant modules are far from others: no bisections.
@@ -82,4 +82,4 @@ def test_windows_of_another_chain_are_refused() -> None:
         replace(windows, angles_rad=lost),
     ):
         with pytest.raises(InputError, match="windows|finite"):
-            sweep(chain, wrong, size=0.9)
+            sweep(chain, wrong, module_size=0.9)

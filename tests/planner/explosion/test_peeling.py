@@ -131,7 +131,7 @@ def test_recorder_proves_the_same_clearance_as_the_certificate() -> None:
         for k in range(100, 160)
     ]
     least, each = proof.keeps(bends, 0.015)
-    found = sweep(chain, frames[100:160], size=0.98)
+    found = sweep(chain, frames[100:160], module_size=0.98)
     assert least == pytest.approx(min(found.clearance, 0.015), abs=1e-12)
     np.testing.assert_allclose(each, np.minimum(found.per_frame, 0.015), atol=1e-12)
 

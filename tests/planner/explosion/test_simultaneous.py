@@ -103,7 +103,7 @@ def test_knot_opens_by_creeping() -> None:
     record = explode(chain, DEFAULT)
     assert record.status == "straight"
     # No module passed through another one on the way.
-    assert sweep(chain, record.frames.joint_angles_rad, size=0.9).clearance > 0.0
+    assert sweep(chain, record.frames.joint_angles_rad, module_size=0.9).clearance > 0.0
 
 
 def test_chain_that_does_not_move_stalls(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -35,8 +35,8 @@ def test_largest_size_without_a_collision() -> None:
     motion = np.linspace(0.0, 1.0, 40)[:, None] * chain.folded_rad[None]
     partly = motion[:24]
     size = largest_size(chain, (partly,), clear_at=0.5)
-    assert sweep(chain, partly, size=size).clearance >= 0.0
-    assert size == 1.0 or sweep(chain, partly, size=min(1.0, size + 0.03)).bound <= 0.0
+    assert sweep(chain, partly, module_size=size).clearance >= 0.0
+    assert size == 1.0 or sweep(chain, partly, module_size=min(1.0, size + 0.03)).bound <= 0.0
 
 
 U = [[0, 0, 0], [1, 0, 0], [2, 0, 0], [2, 1, 0], [2, 2, 0], [1, 2, 0], [0, 2, 0]]

@@ -29,7 +29,7 @@ def test_reference_follows_the_record_smoothly_and_clear(folded: Any) -> None:
     curve = reference.spline(np.linspace(0.0, 1.0, 400))
     gaps = np.abs(curve[:, None] - record[None]).max(axis=2).min(axis=1)
     assert gaps.max() < 0.05
-    assert sweep(folded.chain, curve, size=0.95).clearance > 0.0
+    assert sweep(folded.chain, curve, module_size=0.95).clearance > 0.0
 
 
 def test_lengths_count_the_largest_hinge_motion_and_displacements() -> None:

@@ -62,7 +62,7 @@ def test_retimed_fold_stays_near_the_plan_and_as_clear(folded: Any) -> None:
     # A corner with legs of half a step is an eighth of the bend deep if all steps are the same.
     assert trajectory.deviation_rad <= np.abs(np.diff(frames, 2, axis=0)).max() / 8.0 + 2e-6
     certificate = folded.plan.certificate
-    found = clearance(trajectory, folded.chain, size=certificate.module_size)
+    found = clearance(trajectory, folded.chain, module_size=certificate.module_size)
     assert found.clearance == pytest.approx(certificate.min_clearance, abs=0.005)
     assert 0.0 < found.bound <= found.clearance
 

@@ -46,7 +46,9 @@ def test_smoothed_plan_is_verified_and_better(folded: Folded, tmp_path: FilePath
         assert after[name] <= most * before[name], name
     # Clearances are compared at one module size.
     frames = folded.plan.joint_angles_rad
-    assert before["clearance"] == pytest.approx(sweep(folded.chain, frames, size=SIZE).clearance)
+    assert before["clearance"] == pytest.approx(
+        sweep(folded.chain, frames, module_size=SIZE).clearance
+    )
     assert 0.005 < before["clearance"] < folded.plan.certificate.min_clearance
     assert after["clearance"] > 0.005
     assert after["frames"] == len(plan.time_s)

@@ -27,12 +27,12 @@ def travel(angles: Array) -> float:
 def test_smoothed_motion_is_shorter_and_as_clear_in_even_steps(folded: Folded) -> None:
     chain = folded.chain
     before = np.ascontiguousarray(folded.record.frames.joint_angles_rad[::-1])
-    after = smooth(chain, before, size=0.95).angles
+    after = smooth(chain, before, module_size=0.95).angles
     steps = np.diff(record_lengths(chain, after, DISTANCE_WEIGHT))
     assert steps.max() <= 1.2 * FRAME_SPACING_RANGE_RAD[1]
     np.testing.assert_array_equal(after[[0, -1]], before[[0, -1]])
     for size in (0.95, 0.98):
-        was, now = (sweep(chain, motion, size=size) for motion in (before, after))
+        was, now = (sweep(chain, motion, module_size=size) for motion in (before, after))
         # At its frames it is as clear as before. Between frames, constant hinge rates cut corners,
         # which may reduce the clearance; at 0.95 every gap is wider by 0.03.
         assert now.per_frame.min() >= was.clearance - (0.003 if size < 0.98 else 2e-4)
@@ -52,7 +52,7 @@ def test_detour_is_removed() -> None:
     share = np.linspace(0.0, 1.0, 60)[:, None]
     detour = 0.3 * np.sin(np.pi * share) * random_angles(chain, rng)
     angles = (1.0 - share) * ends[0] + share * ends[1] + detour
-    found = smooth(chain, angles, size=0.95)
+    found = smooth(chain, angles, module_size=0.95)
     shortest = np.abs(ends[1] - ends[0]).sum()
     assert travel(angles) > 1.5 * shortest
     assert travel(found.angles) < 1.1 * shortest
@@ -69,7 +69,9 @@ def test_calm_motion_keeps_hinges_between_their_first_and_last_angle() -> None:
     angles[:, 8] = 0.3 * np.sin(np.linspace(0.0, np.pi, 60))
     angles[-1, 8] = 0.0
     # One evaluation allows no pass but the first.
-    calm, usual = (smooth(chain, angles, size=0.95, looks=1, calm=c).angles for c in (True, False))
+    calm, usual = (
+        smooth(chain, angles, module_size=0.95, looks=1, calm=c).angles for c in (True, False)
+    )
     third = len(calm) // 3
     assert len(calm) > 40
     assert np.abs(calm[third:-third, 8]).max() < 1e-9
@@ -79,10 +81,10 @@ def test_calm_motion_keeps_hinges_between_their_first_and_last_angle() -> None:
 def test_motions_of_few_frames_are_kept() -> None:
     chain = line(8)
     for frames in (1, 2, 3):
-        found = smooth(chain, np.zeros((frames, len(chain.folded_rad))), size=0.95)
+        found = smooth(chain, np.zeros((frames, len(chain.folded_rad))), module_size=0.95)
         assert (found.angles == 0.0).all()
     with pytest.raises(InputError, match="hinge angles"):
-        smooth(chain, np.zeros((4, 27)), size=0.95)
+        smooth(chain, np.zeros((4, 27)), module_size=0.95)
 
 
 def test_blame_falls_on_the_hinges_between() -> None:
@@ -98,7 +100,7 @@ def test_blame_falls_on_the_hinges_between() -> None:
     assert np.flatnonzero(blamed[1]).tolist() == list(range(6, 14))
     free = angles[1].copy()
     free[blamed[1]] = 0.0
-    assert sweep(chain, free[None], size=0.95).clearance > 0.0
+    assert sweep(chain, free[None], module_size=0.95).clearance > 0.0
 
 
 def test_figures_are_those_of_the_certificate_and_scale_with_time(folded: Folded) -> None:

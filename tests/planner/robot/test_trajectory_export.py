@@ -85,13 +85,13 @@ def test_sufficient_rate_is_proved_clear() -> None:
     plan = fold(coil(16))
     size = plan.certificate.module_size
     fast = retime(plan, 50.0, 500.0)
-    coarse = clearance(fast, plan.chain, size=size, rate_hz=1.0)
+    coarse = clearance(fast, plan.chain, module_size=size, rate_hz=1.0)
     assert coarse.bound <= 0.0
-    rate = sufficient_rate(fast, plan.chain, size=size, rate_hz=1.0)
+    rate = sufficient_rate(fast, plan.chain, module_size=size, rate_hz=1.0)
     assert rate is not None
     rows = np.round(fast.at(times(fast, rate))[0], 9)
-    assert sweep(plan.chain, rows, size=size).bound > 0.0
-    stopped = clearance(fast, plan.chain, size=size, rate_hz=rate, cancelled=lambda: True)
+    assert sweep(plan.chain, rows, module_size=size).bound > 0.0
+    stopped = clearance(fast, plan.chain, module_size=size, rate_hz=rate, cancelled=lambda: True)
     assert stopped.bound <= 0.0
 
 

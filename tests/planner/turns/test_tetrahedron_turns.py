@@ -76,14 +76,14 @@ def test_gap_of_a_turning_tetrahedron_is_that_of_many_samples() -> None:
 )
 def test_each_bent_hinge_turns_once(name: str, most_steps: int) -> None:
     chain = chain_of(name)
-    turns = find_turns(chain, size=SIZE, at_once=None, seed=0)
+    turns = find_turns(chain, module_size=SIZE, at_once=None, seed=0)
     assert isinstance(turns, TurnSequence)
     assert turns.turns == np.count_nonzero(chain.folded_rad)
     assert len(turns.hinges) <= most_steps
     rests = turns.rest_angles_rad
     assert not rests[0].any()
     assert rests[-1] == pytest.approx(chain.folded_rad, abs=1e-9)
-    assert sweep(chain, rests, size=SIZE).clearance >= turns.room - 1e-9 > 0.015
+    assert sweep(chain, rests, module_size=SIZE).clearance >= turns.room - 1e-9 > 0.015
 
 
 def test_smallest_tables_grow_to_the_same_turns(monkeypatch: pytest.MonkeyPatch) -> None:

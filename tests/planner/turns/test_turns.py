@@ -47,7 +47,7 @@ def chain_of(name: str) -> Chain:
 
 
 def sequence(chain: Chain, *, at_once: int | None = None, size: float = SIZE) -> TurnSequence:
-    turns = find_turns(chain, size=size, at_once=at_once, seed=0)
+    turns = find_turns(chain, module_size=size, at_once=at_once, seed=0)
     assert isinstance(turns, TurnSequence)
     return turns
 
@@ -94,7 +94,7 @@ def test_shapes_fold_in_turns_with_room(name: str, turns: int, most_steps: int) 
     assert not rests[0].any()
     assert rests[-1] == pytest.approx(chain.folded_rad, abs=1e-9)
     assert folding.room == pytest.approx(0.045)
-    assert sweep(chain, rests, size=SIZE).clearance >= folding.room
+    assert sweep(chain, rests, module_size=SIZE).clearance >= folding.room
     for hinges, change in zip(folding.hinges, np.diff(rests, axis=0), strict=True):
         assert sorted(hinges) == np.flatnonzero(change).tolist()
 
@@ -104,14 +104,14 @@ def test_number_of_hinges_at_once_is_kept() -> None:
     for most in (1, 4):
         folding = sequence(chain, at_once=most)
         assert max(map(len, folding.hinges)) == most
-        assert sweep(chain, folding.rest_angles_rad, size=SIZE).clearance >= folding.room
+        assert sweep(chain, folding.rest_angles_rad, module_size=SIZE).clearance >= folding.room
 
 
 def test_two_hinges_turn_at_once_where_no_single_one_can() -> None:
     chain = chain_of("arrow")
     folding = sequence(chain)
     assert folding.turns <= 1.05 * np.count_nonzero(chain.folded_rad)
-    assert sweep(chain, folding.rest_angles_rad, size=SIZE).clearance >= folding.room
+    assert sweep(chain, folding.rest_angles_rad, module_size=SIZE).clearance >= folding.room
 
 
 @pytest.mark.parametrize("module", ["cubes", "tetrahedra"])
@@ -135,9 +135,9 @@ def test_pairs_get_straight_or_move_a_part_that_does_not_turn(module: str) -> No
 
 def test_a_symmetric_pair_frees_a_packed_chain() -> None:
     chain = shuffled((3, 3, 4), 100, 200)
-    assert isinstance(find_turns(chain, size=SIZE, at_once=1, seed=0), NoTurns)
+    assert isinstance(find_turns(chain, module_size=SIZE, at_once=1, seed=0), NoTurns)
     folding = sequence(chain)
-    assert sweep(chain, folding.rest_angles_rad, size=SIZE).clearance >= folding.room > 0.0
+    assert sweep(chain, folding.rest_angles_rad, module_size=SIZE).clearance >= folding.room > 0.0
 
 
 def test_turns_that_are_undone_later_are_left_out_where_all_stays_clear() -> None:
@@ -159,7 +159,7 @@ def test_pairs_keep_the_largest_room(name: str) -> None:
     chain = chain_of(name)
     folding = sequence(chain)
     assert folding.room == pytest.approx(0.045)
-    assert sweep(chain, folding.rest_angles_rad, size=SIZE).clearance >= folding.room
+    assert sweep(chain, folding.rest_angles_rad, module_size=SIZE).clearance >= folding.room
 
 
 def test_without_a_free_hinge_it_says_so_once() -> None:
@@ -178,7 +178,7 @@ def test_no_turn_is_free_where_the_search_offers_none() -> None:
         states = turning.folded[None]
         turns = turning.turns(states, np.zeros(1, np.uint64), codes, weight=0.5)
         clear = turning.are_clear(states, turns, np.arange(len(turns.hinge)), room=0.0)
-        assert (no_quarter_turn(chain, size=SIZE) is None) is bool(clear.any())
+        assert (no_quarter_turn(chain, module_size=SIZE) is None) is bool(clear.any())
         blocked += not clear.any()
     assert 0 < blocked < 6
 
@@ -208,7 +208,7 @@ def test_auto_folds_short_chains_in_turns() -> None:
 def test_auto_explodes_where_turns_take_many_steps() -> None:
     chain = shuffled((3, 3, 3), 50, 0)
     sequence_steps = len(sequence(chain).hinges)
-    record = unfold_in_turns(chain, "turns", size=SIZE, at_once=None, seed=0, roomy=True)
+    record = unfold_in_turns(chain, "turns", module_size=SIZE, at_once=None, seed=0, roomy=True)
     assert sequence_steps > 3
     assert record.status == "stalled"
     assert record.reason == f"turns were found in {sequence_steps} steps, more than 3"
@@ -230,7 +230,7 @@ def test_modules_that_only_come_too_near_do_not_block_a_turn() -> None:
     # Full-size tetrahedra touch each other, so no turn keeps any distance.
     angles = np.array([np.pi / 2, -np.pi / 2])
     record = unfold_in_turns(
-        Chain.from_angles(TETRAHEDRON, angles), "turns", size=1.0, at_once=None, seed=0
+        Chain.from_angles(TETRAHEDRON, angles), "turns", module_size=1.0, at_once=None, seed=0
     )
     assert record.status == "stalled" and "free" not in record.reason
     assert record.spent is not None and record.spent.kind == "turns"

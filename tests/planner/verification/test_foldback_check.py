@@ -146,7 +146,7 @@ def test_random_motions_are_proved_only_up_to_their_clearance(
     for _ in range(20):
         q = random_motion(random, kind, int(random.integers(4, 14)))
         chain, fine = unvalidated(kind, q[-1]), interpolate(q, 40)
-        least = min(sweep(chain, each, size=SIZE, share=0.0).clearance for each in (q, fine))
+        least = min(sweep(chain, each, module_size=SIZE, share=0.0).clearance for each in (q, fine))
         for claim in (0.5 * least, 0.98 * least, least + 1e-6, least + 0.02, 0.01):
             if claim <= 1e-6 or least > 0.19:
                 continue
@@ -170,7 +170,7 @@ def test_windows_are_proved_as_all_their_frames(width: int, tmp_path: FilePath) 
     plan.save_npz(path)
     dense = backwards.dense(chain).joint_angles_rad
     size = 0.5
-    claim = 0.95 * sweep(chain, dense, size=size).clearance
+    claim = 0.95 * sweep(chain, dense, module_size=size).clearance
 
     def verified(arrays: dict[str, Any], meta: Any) -> None:
         meta["certificate"] |= {"verified": True, "reason": None, "clearance_bound": claim}

@@ -70,7 +70,7 @@ def jam(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
 def held(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """Plan and record of a cube of 27 modules in which no hinge can make a quarter turn."""
     chain = shuffled((3, 3, 3), 50, 4)
-    record = unfold_in_turns(chain, "turns", size=0.95, at_once=1, seed=0)
+    record = unfold_in_turns(chain, "turns", module_size=0.95, at_once=1, seed=0)
     return store(tmp_path_factory.mktemp("held"), chain, record, replace(Parameters(), at_once=1))
 
 
@@ -304,7 +304,7 @@ def test_forged_turns_are_not_confirmed(forgery: str, held: FilePath) -> None:
 
 def test_true_overlaps_are_no_evidence_after_the_search_has_moved(tmp_path: FilePath) -> None:
     chain = shuffled((3, 3, 3), 50, 4)
-    record = unfold_in_turns(chain, "turns", size=0.95, at_once=1, seed=0)
+    record = unfold_in_turns(chain, "turns", module_size=0.95, at_once=1, seed=0)
     moved = np.array([chain.folded_rad, 0.999 * chain.folded_rad])
     later = replace(record, frames=anchored("explosion", moved))
     found = check(store(tmp_path, chain, later, replace(Parameters(), at_once=1)))
