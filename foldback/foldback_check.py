@@ -249,7 +249,7 @@ class File:
         return [text[k * width : (k + 1) * width].rstrip("\0") for k in range(math.prod(shape))]
 
 
-def seen(origin, poses):
+def relative(origin, poses):
     """Return poses (..., 4, 3) of some modules as seen from others."""
     apart = poses.copy()
     apart[..., 0, :] -= origin[..., 0, :]
@@ -530,7 +530,7 @@ class Batch:
         """Return corners (n, B, 3) of boxes in which centres stay (CANDIDATES)."""
         c, n = self.c, len(self.at)
         root = c if self.proof.plan.windowed else n // 2
-        hull = seen(self.bodies[self.at[root]], self.bodies)
+        hull = relative(self.bodies[self.at[root]], self.bodies)
         hull = np.tensordot(BERNSTEIN, hull, (1, 2)).swapaxes(0, 1)
         front = np.tensordot(self.proof.folded[:c, 0], hull[0], (1, 2))
         behind = np.tensordot(self.proof.straight[1 : n - c - self.m, 0], hull[-1], (1, 2))
@@ -606,7 +606,7 @@ class Proof:
     def _left(self, batch, rows):
         """Return the rows (b, i, j) whose modules are not proved clear."""
         module, claim, (b, i, j) = self.plan.module, self.plan.claim, rows.T
-        pose = seen(batch.poses(i, b), batch.poses(j, b))
+        pose = relative(batch.poses(i, b), batch.poses(j, b))
         turn = batch.S[b, j] - batch.S[b, i] + batch.slack[b]
         lost = REMAINDER * turn**ORDER * ((j - i) * module.length + module.radius) + self.rounding
         bound, gap = np.full((2, len(rows)), -math.inf)

@@ -40,8 +40,8 @@ if __package__:
         pair,
         parsed,
         prove,
+        relative,
         require,
-        seen,
         show,
     )
 else:  # a program of its own, beside the other
@@ -56,8 +56,8 @@ else:  # a program of its own, beside the other
         pair,
         parsed,
         prove,
+        relative,
         require,
-        seen,
         show,
     )
 
@@ -98,7 +98,7 @@ def stopped(module, evidence, middle, end, poses):
     """Require that two modules overlap as told, one before `middle`, one from there to `end`."""
     i, j = sorted(evidence["modules"])
     require(0 <= i < middle <= j < end and j - i >= module.apart, pair(i, j))
-    pose = seen(poses[i], poses[j : j + 1])
+    pose = relative(poses[i], poses[j : j + 1])
     deep = -max(module.gaps(pose, by_edges)[1].max() for by_edges in (False, True))
     require(deep >= DEEP and abs(deep - evidence["overlap"]) <= 1e-6,
             f"{pair(i, j)} overlap by {deep:.9f}, the plan says {evidence['overlap']:.9f}")
@@ -222,7 +222,7 @@ def knot(plan, evidence, b):
     poses = plan.module.chain(plan.angles(plan.frames - 1, 0, len(plan.folded)))
     spin = np.cross(v, np.eye(3))
     turn = np.eye(3) + 2 * (w * spin + spin @ spin) / (w * w + np.dot(v, v))
-    x = seen(poses[root], poses)[:, 0] @ turn + place
+    x = relative(poses[root], poses)[:, 0] @ turn + place
     middle, ends = x.mean(0), np.linalg.norm(x[-1] - x[0])
     radius = np.linalg.norm(x - middle, axis=1).max()
     require(0 < len(evidence["closings"]) <= CLOSINGS, "no ways to join the ends, or too many")

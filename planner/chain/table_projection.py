@@ -35,7 +35,7 @@ class TableProjection:
         self.across: Array = np.stack([unit_axis, np.cross(up, unit_axis).astype(np.float64)])
         """(2, 3) unit vectors along the table."""
 
-    def seen(self, vectors: Array) -> Array:
+    def project(self, vectors: Array) -> Array:
         """Return the (..., 2) projections of (..., 3) vectors."""
         return vectors @ self.across.T
 
@@ -45,7 +45,7 @@ class TableProjection:
 
     def angle(self, vector: Array) -> float:
         """Return the heading of a vector, rad."""
-        x, y = self.seen(vector)
+        x, y = self.project(vector)
         return float(np.arctan2(y, x))
 
     def turned(self, positions: Array, first: Array, last: Array) -> Array:
@@ -56,7 +56,7 @@ class TableProjection:
             first, last: (3,) directions of the first and the last link.
         """
         ways = (positions[HEADING_LINKS:] - positions[:-HEADING_LINKS]) / HEADING_LINKS
-        projected = self.seen(np.vstack([first, ways, last]))
+        projected = self.project(np.vstack([first, ways, last]))
         # steeper links take the direction of the link before
         points = np.hypot(projected[:, 0], projected[:, 1]) > 0.3
         points[0] = True

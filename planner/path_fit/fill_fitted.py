@@ -26,7 +26,7 @@ from foldback.planner.shapes.orientations import candidates
 from foldback.planner.shapes.separate_bodies import joined_note
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.shapes.solid import Solid
-from foldback.planner.shapes.voxelise import LaidCells, Voxels, kept_of, voxels_of
+from foldback.planner.shapes.voxelise import LaidCells, Voxels, measure_retention, voxels_of
 from foldback.planner.table_paths.base_sides import SIDE_NAMES
 
 METHOD: Final = "fitted"
@@ -228,7 +228,7 @@ def _voxels(ladder: Ladder, fitted: FittedPath, modules: int) -> Voxels:
     laid = LaidCells(
         cells=cells, pitch=place.pitch, rotation=place.turn.rotation, offset=place.offset
     )
-    retention = kept_of(ladder, cells, filled, _path_iou(ladder, fitted))
+    retention = measure_retention(ladder, cells, filled, _path_iou(ladder, fitted))
     voxels = voxels_of(ladder, laid, retention, fitted.iou, requested_cells=modules)
     if ladder.all_bodies and not voxels.unused:
         notes = (joined_note(len(ladder.bodies)), *voxels.notes)

@@ -21,7 +21,13 @@ from foldback.planner.shapes.lattice_fits import Ladder
 from foldback.planner.shapes.orientations import candidates
 from foldback.planner.shapes.shape import Shape
 from foldback.planner.shapes.solid import Solid
-from foldback.planner.shapes.voxelise import PART_LOST_SHARE, Kept, LaidCells, Voxels, voxels_of
+from foldback.planner.shapes.voxelise import (
+    PART_LOST_SHARE,
+    LaidCells,
+    Retention,
+    Voxels,
+    voxels_of,
+)
 
 
 def fill_with_trail(solid: Solid, options: PathOptions, *, seed: int) -> tuple[Voxels, FilledShape]:
@@ -88,7 +94,7 @@ def _voxels(ladder: Ladder, fitted: FittedTetrahedra, rings: Ints, modules: int)
         rotation=placement.turn.rotation,
         offset=0.5 * (placement.offset - 1.0),
     )
-    retention = Kept(
+    retention = Retention(
         iou=whole_iou(ladder, placement, len(fitted.members), fitted.iou),
         volume=fitted.shared * ladder.share,
         lost=fitted.lost,

@@ -248,10 +248,10 @@ def _pieces(near: Ints, balance: Ints) -> _Pieces:
             at = _index(piece, cell)
             members.append([above, *piece[at:]])
             del piece[at:]
-    return _told(members, hung, weight, below, counts)
+    return _joined_pieces(members, hung, weight, below, counts)
 
 
-def _told(
+def _joined_pieces(
     members: list[list[int]],
     hung: dict[int, list[int]],
     weight: list[int],

@@ -83,7 +83,7 @@ class AttemptPool:
         """Set the current attempt. After a failure the next ones are started at once."""
         before = tuple(attempts)
         self._current, self._eager = current, bool(attempts)
-        self._ahead = lambda: choice.lookahead(before, current, self._known())
+        self._ahead = lambda: choice.lookahead(before, current, self._finished())
         self._keep(self._ahead())
         if self._eager:
             self._begin()
@@ -125,7 +125,7 @@ class AttemptPool:
         beside.end()
         return record
 
-    def _known(self) -> dict[AttemptSpec, Attempt]:
+    def _finished(self) -> dict[AttemptSpec, Attempt]:
         """Return the attempts that are finished, by their specifications."""
         attempts = {spec: beside.attempt() for spec, beside in self._beside.items()}
         return {spec: attempt for spec, attempt in attempts.items() if attempt is not None}

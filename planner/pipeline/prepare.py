@@ -194,7 +194,7 @@ class Preparation:
             "above": None if voxels is None else self._scaled(voxels.above),
             "iou": None if self.likeness is None else self.likeness.iou,
             "likeness": None if self.likeness is None else self.likeness.as_dict(),
-            **self._kept(),
+            **self._retention_fields(),
             "pitch": None
             if voxels is None or self.filled is None
             else voxels.pitch / self.filled.scale,
@@ -220,7 +220,7 @@ class Preparation:
             **(self._modules() if full else {}),
         }
 
-    def _kept(self) -> dict[str, Any]:
+    def _retention_fields(self) -> dict[str, Any]:
         """Return what the modules keep of a mesh, and what other numbers of modules would."""
         voxels = self.voxels
         if voxels is None:
@@ -571,7 +571,7 @@ def _from_shape(
     exact = options.module == CUBE.name
     likenesses = _likenesses(points_of_cells(shape, exact=exact), filled)
     notes = (*shape.notes, *filled.notes)
-    return _made(kind, shape.name, options, filled, notes, likenesses=likenesses)
+    return _preparation(kind, shape.name, options, filled, notes, likenesses=likenesses)
 
 
 def _check_for_fitted(shape: Shape | Solid, options: PathOptions) -> None:
@@ -720,7 +720,7 @@ def _of_solid(
     notes: tuple[str, ...],
 ) -> Preparation:
     likenesses = _likenesses(_in_cells(solid, voxels), filled)
-    return _made(
+    return _preparation(
         "mesh",
         solid.name,
         options,
@@ -762,7 +762,7 @@ def _places(chain: Chain) -> bytes:
     return twice[np.lexsort(twice.T)].tobytes()
 
 
-def _made(
+def _preparation(
     kind: str,
     name: str,
     options: PathOptions,

@@ -35,8 +35,8 @@ the modules from the goal shape, pitches, aligned with it if the chain is free."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Kept:
-    """State of the last kept frame."""
+class _LastFrame:
+    """State of the last recorded frame."""
 
     step: int
     target: Target
@@ -142,7 +142,7 @@ class Run(PlaybackRun):
             "computed-torque",
         )
         """True if momentum that integration adds is removed: large steps add some."""
-        self._last: _Kept | None = None
+        self._last: _LastFrame | None = None
 
     @property
     def frames(self) -> Motion:
@@ -261,7 +261,7 @@ class Run(PlaybackRun):
             joint_error_rad=np.abs(target.angles - angles)[None],
         )
         self.motions.append(frame)
-        self._last = _Kept(self.steps, target, angles, self.plant.centres)
+        self._last = _LastFrame(self.steps, target, angles, self.plant.centres)
         self.references.append(target.angles.copy())
         if sink is not None:
             sink(frame)

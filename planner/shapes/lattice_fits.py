@@ -288,7 +288,7 @@ class Ladder:
             self._grids[key] = grid
         return grid
 
-    def made(self, fit: LatticeFit, offset_threshold: OffsetThreshold) -> FittedCells:
+    def fitted_cells(self, fit: LatticeFit, offset_threshold: OffsetThreshold) -> FittedCells:
         """Return the connected cells of a fit and their overlap by finer samples."""
         key = (fit.turn, fit.pitch, offset_threshold)
         if key not in self._fitted_cells:

@@ -226,7 +226,7 @@ class Chooser:
         by_off = np.lexsort((entries.misfits, -entries.scores, off))
         nearest = by_off[np.sort(np.unique(entries.counts[by_off], return_index=True)[1])]
         candidates = [
-            self.ladder.made(*entries.at(entry))
+            self.ladder.fitted_cells(*entries.at(entry))
             for entry in nearest[: 12 if is_thorough else 4].tolist()
         ]
         return min(candidates, key=lambda fit: self._rank(fit, cells), default=None)
@@ -236,7 +236,7 @@ class Chooser:
         return abs(fit.count - cells), -_score(fit), misfit
 
     def _made_of(self, entries: _Entries, numbers: Iterable[int], cells: int) -> list[FittedCells]:
-        fits = (self.ladder.made(*entries.at(entry)) for entry in dict.fromkeys(numbers))
+        fits = (self.ladder.fitted_cells(*entries.at(entry)) for entry in dict.fromkeys(numbers))
         return [fit for fit in fits if _near(fit.count, cells)]
 
     def _offer(self, cells: int, *, above: bool) -> int | None:

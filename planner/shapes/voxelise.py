@@ -34,7 +34,7 @@ lost."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Kept:
+class Retention:
     """What cells keep of a solid.
 
     Attributes:
@@ -74,7 +74,7 @@ class Voxels:
     """
 
     shape: Shape
-    retention: Kept
+    retention: Retention
     pitch: float
     rotation: Array
     offset: Array
@@ -142,7 +142,7 @@ def voxels_for(chooser: Chooser, cells: int, *, offering: bool = True) -> Voxels
     at = np.array(fit.offset_threshold[:3]) * (fine.size // fine.split)
     body_iou = overlap(fine, fit.offset_threshold, fit.joined.cells)
     better = below is not None and chooser.choose(below).fit.iou > body_iou + 0.1
-    retention = _kept(ladder, fine, fit)
+    retention = _retention(ladder, fine, fit)
     laid = LaidCells(
         cells=fit.joined.cells,
         pitch=fit.pitch,
@@ -178,7 +178,7 @@ class LaidCells:
 
 
 def voxels_of(
-    ladder: Ladder, laid: LaidCells, retention: Kept, body_iou: float, *, requested_cells: int
+    ladder: Ladder, laid: LaidCells, retention: Retention, body_iou: float, *, requested_cells: int
 ) -> Voxels:
     """Return cells as voxels of a solid, with notes about what they lose.
 
@@ -211,13 +211,13 @@ def voxels_of(
     )
 
 
-def _kept(ladder: Ladder, grid: Grid, fit: FittedCells) -> Kept:
+def _retention(ladder: Ladder, grid: Grid, fit: FittedCells) -> Retention:
     iou = overlap(grid, fit.offset_threshold, fit.joined.cells, share=ladder.share)
     filled = grid.fill(fit.offset_threshold).astype(np.float64)
-    return kept_of(ladder, fit.joined.cells, filled, iou)
+    return measure_retention(ladder, fit.joined.cells, filled, iou)
 
 
-def kept_of(ladder: Ladder, cells: Flags, filled: Array, iou: float) -> Kept:
+def measure_retention(ladder: Ladder, cells: Flags, filled: Array, iou: float) -> Retention:
     """Return what cells keep of a solid.
 
     Args:
@@ -230,7 +230,7 @@ def kept_of(ladder: Ladder, cells: Flags, filled: Array, iou: float) -> Kept:
     inside = checked_fraction(float(filled[cells].sum()) / total, "share of the volume")
     lost = checked_fraction(_volume_apart(cells, filled) / total, "share that is lost")
     tunnels = tunnels_of_cells(cells)
-    return Kept(
+    return Retention(
         iou=iou,
         volume=inside * ladder.share,
         lost=lost,
@@ -255,7 +255,7 @@ def _unused(ladder: Ladder, shape: Shape, turn: Array, offset: Array) -> list[fl
     return [body.share for body in unused_bodies]
 
 
-def _notes(ladder: Ladder, retention: Kept, body_iou: float) -> list[str]:
+def _notes(ladder: Ladder, retention: Retention, body_iou: float) -> list[str]:
     notes: list[str] = []
     inside = retention.volume / ladder.share
     of_shape = "shape's volume" if ladder.share == 1.0 else "used body's volume"

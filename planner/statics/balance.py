@@ -67,7 +67,7 @@ class Standing:
         return self.contacts.first[at], self.contacts.points[at], self.forces[at]
 
 
-class _At(NamedTuple):
+class _Configuration(NamedTuple):
     """A configuration."""
 
     contacts: Contacts
@@ -143,7 +143,7 @@ class Balance:
             anchors=np.repeat(anchors, axes.shape[1], axis=0),
             before=self._before,
         )
-        at = _At(touching, hinges, np.array(positions, dtype=np.float64), rotations)
+        at = _Configuration(touching, hinges, np.array(positions, dtype=np.float64), rotations)
         if friction is not None and clamped is None and friction.positions is not None:
             smooth = self._solved(at, None, None, MIN_TORQUE_WP)
             if not smooth.balances:
@@ -171,7 +171,7 @@ class Balance:
         return standing.torque <= bound * (1.0 + 1e-6)
 
     def _solved(
-        self, at: _At, friction: Friction | None, clamped: int | None, enough: float
+        self, at: _Configuration, friction: Friction | None, clamped: int | None, enough: float
     ) -> Standing:
         """Find the smallest maximum torque for one friction model."""
         touching, joints = at.contacts, len(self._before)

@@ -62,7 +62,7 @@ class Program:
         if self._highs.getModelStatus() != OPTIMAL:
             self._once_more()
         scaled = np.array(self._highs.getSolution().col_value)
-        self._basis = _Basis.found(self._highs.getBasis(), keys)
+        self._basis = _Basis.from_solution(self._highs.getBasis(), keys)
         if scaled[-1] <= 1e-9:  # else rounding
             return np.zeros(len(keys))
         return np.maximum(scaled[:-1], 0.0) / scaled[-1]
@@ -129,7 +129,7 @@ class _Basis:
     rows: list[highspy.HighsBasisStatus]
 
     @classmethod
-    def found(cls, basis: highspy.HighsBasis, keys: Ints) -> _Basis:
+    def from_solution(cls, basis: highspy.HighsBasis, keys: Ints) -> _Basis:
         status = basis.col_status
         basic = np.fromiter((state == BASIC for state in status), bool, len(status))
         return cls(basic=keys[basic[:-1]], last=bool(basic[-1]), rows=basis.row_status)

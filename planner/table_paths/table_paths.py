@@ -91,14 +91,14 @@ def paths_or_reasons(
     for k, side in enumerate(candidates):
         climb = climbs[side.down] = Climb(side.cells, np.random.default_rng([seed, k]), weights)
         climb.search(Work(work // len(candidates)))
-        paths += _made(climb, side, max_paths, weights)
+        paths += _best_paths(climb, side, max_paths, weights)
     if not paths:
         for side in candidates:
             order, reason = unsolved(side, seed)
             if order is not None:
                 climbs[side.down].add_path(order.tolist())
                 paths.append(_path(side, order, LAYERS, weights))
-                paths += _made(climbs[side.down], side, max_paths, weights)
+                paths += _best_paths(climbs[side.down], side, max_paths, weights)
             if reason is not None:
                 reasons[side.down] = reason
     if not paths:
@@ -114,7 +114,7 @@ def paths_or_reasons(
     )
 
 
-def _made(climb: Climb, side: Side, max_paths: int, weights: Parts) -> list[TablePath]:
+def _best_paths(climb: Climb, side: Side, max_paths: int, weights: Parts) -> list[TablePath]:
     orders = climb.best(6 * max_paths)
     return [_path(side, order, LAYERS, weights) for order in orders]
 

@@ -162,7 +162,7 @@ class Vertices:
         q = angles.reshape(steps + 1, -1, len(module.names)).transpose(1, 2, 0)
         start = np.broadcast_to(np.eye(4, 3, -1)[:, :, None], (4, 3, steps + 1))
         poses = module.poses(q, start)
-        poses = foldback_check.seen(poses[self.middle], poses)  # a centre, and axes as rows
+        poses = foldback_check.relative(poses[self.middle], poses)  # a centre, and axes as rows
         return (module.solid @ poses).transpose(1, 0, 2, 3).reshape(steps + 1, -1, 3)
 
     def divide(self, frame: int, tolerance: float) -> Division:

@@ -152,10 +152,10 @@ class CoreOnTable:
         del field
         projection, cells = self._projection, self._core.cells[: last + 1]
         rays = projection.along(2.0 * np.pi * np.arange(HEADING_COUNT) / HEADING_COUNT)
-        outwards = projection.seen(start - cells.mean(axis=0)) @ projection.across
+        outwards = projection.project(start - cells.mean(axis=0)) @ projection.across
         along = np.arange(1.0, 12.0, 0.5)
-        points = projection.seen(start + rays[:, None, :] * along[None, :, None])
-        gaps = points[:, :, None, :] - np.unique(projection.seen(cells), axis=0)
+        points = projection.project(start + rays[:, None, :] * along[None, :, None])
+        gaps = points[:, :, None, :] - np.unique(projection.project(cells), axis=0)
         distance = np.linalg.norm(gaps, axis=-1).min(axis=-1)
         min_distances = np.minimum(1.8, 0.7 + 0.5 * along)
         lack = np.maximum(min_distances - distance, 0.0).max(axis=1)
