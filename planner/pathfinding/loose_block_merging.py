@@ -25,7 +25,7 @@ def block_corners(cells: frozenset[Cell]) -> list[Cell] | None:
     remaining, corners = set(cells), list[Cell]()
     for corner in sorted(cells, key=lambda c: (c[2], c[1], c[0])):
         if corner in remaining:
-            block = {_plus(corner, place) for place in product((0, 1), repeat=3)}
+            block = {_plus(corner, place) for place in product((0, 1), (0, 1), (0, 1))}
             if not block <= remaining:
                 return None
             remaining -= block

@@ -76,10 +76,11 @@ passes in a row with less end the smoothing. Measured from 0.0035 to 0.007: the 
 motion of ten is another (decision 0051)."""
 DISTANCE_WEIGHT: Final = 0.03
 """Radians of hinge rotation that count as much as a displacement of a module by one pitch, where
-smoothing measures the length of a motion that it shortens. As in playbacks."""
+smoothing measures the length of a motion that it shortens. As in playbacks. Measured from 0.021 to
+0.042: clearances of 0.018 and 0.022 pitches instead of 0.029 (decision 0051)."""
 SWEEP_STEPS: Final = 6
 """Number of consecutive intervals between frames that one sweep checks for collisions in smoothing;
-a sweep reports its closest place only."""
+a sweep reports its closest place only. Measured from 4 to 8: equally good (decision 0051)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
