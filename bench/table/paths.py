@@ -31,11 +31,11 @@ MAX_SEARCH_S = ((64, 2.0), (160, 5.0))
 """Maximum search times, s, of shapes up to a number of cells."""
 
 
-def table_path_section(reference_seconds: float, *, most_cells: int = MAX_SHAPE_CELLS) -> Section:
+def table_path_section(reference_seconds: float, *, max_cells: int = MAX_SHAPE_CELLS) -> Section:
     """Search paths through all shapes of cubes in the gallery up to a size."""
     del reference_seconds
     section = Section(name="table-paths")
-    shapes = list(gallery_cells(most_cells))
+    shapes = list(gallery_cells(max_cells))
     table_paths(shapes[0][1])  # imports modules that are loaded on first use
     counts = {LAYERS: 0}
     slowest = dict.fromkeys((limit for limit, _ in MAX_SEARCH_S), 0.0)
@@ -68,7 +68,7 @@ def table_path_section(reference_seconds: float, *, most_cells: int = MAX_SHAPE_
         )
     by_rule = ", ".join(f"{count} by {rule}" for rule, count in counts.items())
     section.add(
-        f"shapes of the gallery up to {most_cells} modules with a path for a table",
+        f"shapes of the gallery up to {max_cells} modules with a path for a table",
         f"{sum(counts.values())} of {len(shapes)}: {by_rule}",
         "reported",
     )
@@ -83,11 +83,11 @@ def table_path_section(reference_seconds: float, *, most_cells: int = MAX_SHAPE_
     return section
 
 
-def gallery_cells(most_cells: int) -> Iterator[tuple[str, NDArray[np.int64]]]:
+def gallery_cells(max_cells: int) -> Iterator[tuple[str, NDArray[np.int64]]]:
     """Yield names and cells of the gallery's shapes of cubes up to a size."""
     for file in sorted(SHAPES.glob("*.json")):
         found = read(file.read_bytes(), filename=file.name)
-        if isinstance(found, ChainPath) and len(found) <= most_cells:
+        if isinstance(found, ChainPath) and len(found) <= max_cells:
             yield file.stem, found.cells
 
 
@@ -104,4 +104,4 @@ def _check(paths: tuple[TablePath, ...], cells: NDArray[np.int64]) -> None:
 
 if __name__ == "__main__":
     most = int(sys.argv[1]) if len(sys.argv) > 1 else MAX_SHAPE_CELLS
-    table_path_section(1.0, most_cells=most).show(Console(width=200))
+    table_path_section(1.0, max_cells=most).show(Console(width=200))

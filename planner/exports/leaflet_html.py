@@ -99,11 +99,11 @@ def _legend() -> str:
     return f'<ul class="legend">{"".join(rows)}</ul>'
 
 
-def _svg(drawing: Drawing, size_mm: tuple[float, float], most_mm: float, title: str = "") -> str:
+def _svg(drawing: Drawing, size_mm: tuple[float, float], max_mm: float, title: str = "") -> str:
     """Return a drawing as SVG that fits into a width and a height."""
     left, top, right, bottom = drawing.box
     wide, tall = right - left, bottom - top
-    scale = min(size_mm[0] / wide, size_mm[1] / tall, most_mm)
+    scale = min(size_mm[0] / wide, size_mm[1] / tall, max_mm)
     box = " ".join(f"{UNITS * value:.0f}" for value in (left, top, wide, tall))
     name = f'role="img" aria-label="{title}"' if title else 'aria-hidden="true"'
     return (

@@ -145,11 +145,11 @@ def _text(canvas: Canvas, text: str, box: _Box, size: float, *, lines: int) -> f
     return y
 
 
-def _drawing(canvas: Canvas, drawing: Drawing, box: _Box, most_mm: float = MAX_SCALE_MM) -> None:
+def _drawing(canvas: Canvas, drawing: Drawing, box: _Box, max_mm: float = MAX_SCALE_MM) -> None:
     """Draw a drawing in the middle of a box."""
     left, top, right, bottom = drawing.box
     wide, tall = right - left, bottom - top
-    scale = min(box.width / wide, box.height / tall, most_mm * mm)
+    scale = min(box.width / wide, box.height / tall, max_mm * mm)
     x = box.x + (box.width - scale * wide) / 2 - scale * left
     y = box.y - (box.height - scale * tall) / 2 + scale * top
     for shape in drawing.shapes:

@@ -35,13 +35,13 @@ class Improvements:
         prefer: Requested preference.
         strategies: Possible strategies of each path, the most promising first.
         modules: Number of modules of the chain.
-        most_frames: Frames of a plan that may be smoothed; 0 when none may.
+        max_frames: Frames of a plan that may be smoothed; 0 when none may.
     """
 
     prefer: Preference
     strategies: tuple[tuple[str, ...], ...]
     modules: int
-    most_frames: int
+    max_frames: int
 
     def next_attempt(self, attempts: Sequence[Attempt]) -> AttemptSpec | None:
         """Return the next attempt after one is verified; None when that is enough.
@@ -102,7 +102,7 @@ class Improvements:
             figures, number = attempts[best].figures, best
             while attempts[number].repeats:  # its files are with those of the explosion
                 number -= 1
-            if figures is None or figures.frames > self.most_frames:
+            if figures is None or figures.frames > self.max_frames:
                 continue
             spec = replace(attempts[best].spec.with_strategy(SMOOTHED), smooths=number)
             yield spec

@@ -101,7 +101,7 @@ class RetryPolicy:
                     for chain in chains
                 ),
                 modules=len(chains[0]),
-                most_frames=0
+                max_frames=0
                 if request.refold
                 # measured: plans of peeled chains need most
                 else MAX_SMOOTHED_ANGLES // (4 * max(hinges, 1)),

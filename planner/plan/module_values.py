@@ -56,9 +56,9 @@ def checked_values(values: object, modules: int) -> dict[str, Any]:
     numbers = all(type(x) in (int, float) and abs(x) <= sys.float_info.max for x in (low, high))
     if not numbers or low > high:
         raise _bad("low", f"{low} to {high}", "two finite numbers, where 'low' is at most 'high'")
-    most_rows = max(1, 45_000 // modules)  # more do not fit into the body of a request
-    if type(rows) is not int or not 1 <= rows <= most_rows:
-        raise _bad("rows", rows, f"1 to {most_rows}")
+    max_rows = max(1, 45_000 // modules)  # more do not fit into the body of a request
+    if type(rows) is not int or not 1 <= rows <= max_rows:
+        raise _bad("rows", rows, f"1 to {max_rows}")
     try:
         levels = base64.b64decode(data, validate=True)
     except (TypeError, ValueError):

@@ -69,8 +69,8 @@ def read_binvox(data: bytes, source: Source) -> Shape:
     if (values > 1).any():
         raise InputError("damaged", f"got a voxel of value {values.max()}, expected 0 or 1.")
     filled = int(lengths[values == 1].sum())
-    if filled > source.most_cells:
-        raise too_many(filled, source.most_cells)
+    if filled > source.max_cells:
+        raise too_many(filled, source.max_cells)
     starts = (np.cumsum(lengths) - lengths)[values == 1]
     lengths = lengths[values == 1]
     places = np.repeat(starts - (np.cumsum(lengths) - lengths), lengths) + np.arange(filled)

@@ -67,8 +67,8 @@ def _angles(document: dict[str, Any], module: Module, source: Source) -> list[fl
             where="joint_angles_deg",
         )
     rows = cast("list[Any]", joints)
-    if len(rows) + 1 + module.rigid_links > source.most_cells:
-        raise too_many(len(rows) + 1 + module.rigid_links, source.most_cells, "modules")
+    if len(rows) + 1 + module.rigid_links > source.max_cells:
+        raise too_many(len(rows) + 1 + module.rigid_links, source.max_cells, "modules")
     angles: list[float] = []
     for index, row in enumerate(rows):
         values = cast("list[Any]", row) if isinstance(row, list) else [row]

@@ -77,8 +77,8 @@ def read_csv(text: str, source: Source) -> Path | Shape:
             if delimiter != ",":
                 words = [word.replace(",", ".") for word in words]
             rows.append([coordinate(w, a, line) for w, a in zip(words, AXES, strict=True)])
-            if len(rows) > source.most_cells:
-                raise too_many(len(rows), source.most_cells)
+            if len(rows) > source.max_cells:
+                raise too_many(len(rows), source.max_cells)
     except csv.Error as error:
         raise InputError(
             "bad-csv",

@@ -69,9 +69,9 @@ def read(
     *,
     filename: str | None = None,
     as_voxels: bool = False,
-    most_cells: int = MAX_CELLS,
-    most_triangles: int = MAX_TRIANGLES,
-    most_bytes: int = MAX_FILE_BYTES,
+    max_cells: int = MAX_CELLS,
+    max_triangles: int = MAX_TRIANGLES,
+    max_bytes: int = MAX_FILE_BYTES,
 ) -> Path | Chain | Shape | Solid:
     """Read a path, chain, shape or solid from a file.
 
@@ -79,9 +79,9 @@ def read(
         data: The whole file.
         filename: Name of the file; it names the shape where the content does not.
         as_voxels: True to read lists of cells as voxels in no order, not as a path.
-        most_cells: Maximum number of cells; larger files are refused before they take much memory.
-        most_triangles: Maximum number of triangles of a mesh.
-        most_bytes: Maximum file size, bytes.
+        max_cells: Maximum number of cells; larger files are refused before they take much memory.
+        max_triangles: Maximum number of triangles of a mesh.
+        max_bytes: Maximum file size, bytes.
 
     Returns:
         A ``Path`` for lists of cells, a ``Chain`` for ``foldback-chain/1``, a ``Shape`` for voxels,
@@ -91,7 +91,7 @@ def read(
         InputError: The content cannot be read; says what was found and expected, and what to do.
     """
     try:
-        return _read(data, filename, as_voxels, most_cells, most_triangles, most_bytes)
+        return _read(data, filename, as_voxels, max_cells, max_triangles, max_bytes)
     except (InputError, MemoryError):
         raise
     except Exception as error:
@@ -104,17 +104,17 @@ def _read(
     data: bytes,
     filename: str | None,
     as_voxels: bool,
-    most_cells: int,
-    most_triangles: int,
-    most_bytes: int,
+    max_cells: int,
+    max_triangles: int,
+    max_bytes: int,
 ) -> Path | Chain | Shape | Solid:
     source = Source(
         name=clean_name(_stem(filename)),
-        most_cells=most_cells,
-        most_triangles=most_triangles,
+        max_cells=max_cells,
+        max_triangles=max_triangles,
         as_voxels=as_voxels,
     )
-    check_bytes(data, most_bytes)
+    check_bytes(data, max_bytes)
     if not is_binary(data, hinted=False):
         data = to_utf8(data)
     for belongs, reader in BINARY_KINDS:
@@ -130,7 +130,7 @@ def _read(
         return read_obj(data, source)
     refuse_binary(data, READABLE_FORMATS)
     if not _looks_like_gltf(data):
-        check_size(data, most_cells)
+        check_size(data, max_cells)
     text = decode(data, READABLE_FORMATS)
     if not text.strip():
         raise InputError(
@@ -139,7 +139,7 @@ def _read(
     if is_json(text):
         return read_json(text, source)
     if is_angle_string(text):
-        return read_angle_string(text, name=source.name or "chain", most_modules=most_cells)
+        return read_angle_string(text, name=source.name or "chain", most_modules=max_cells)
     refuse_digits(text)
     refuse_prose(text, READABLE_FORMATS)
     if is_csv(text):

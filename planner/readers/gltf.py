@@ -118,7 +118,7 @@ def read_gltf(document: Document, source: Source, binary: bytes | None = None) -
         faces,
         name=source.name or "solid",
         notes=scene.notes,
-        most_triangles=source.most_triangles,
+        max_triangles=source.max_triangles,
     )
 
 
@@ -195,7 +195,7 @@ class _Scene:
 
     def __init__(self, document: Document, binary: bytes | None, source: Source) -> None:
         self._document = document
-        self._max_triangles = source.most_triangles
+        self._max_triangles = source.max_triangles
         self._notes: dict[str, None] = {}
         _check_version(document["asset"])
         _check_extensions(document, self._notes)

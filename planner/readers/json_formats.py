@@ -32,7 +32,7 @@ def read_json(text: str, source: Source) -> Path | Chain | Shape | Solid:
     Raises:
         InputError: The JSON cannot be read; names the line, the key or the cell.
     """
-    value = parse(text, source.most_cells)
+    value = parse(text, source.max_cells)
     if isinstance(value, list):
         return path_from_rows(cast("list[Any]", value), source, name="", field="the list")
     document = cast("dict[str, Any]", value)

@@ -28,14 +28,14 @@ class Source:
 
     Attributes:
         name: Name of the shape where the file has none; may be empty.
-        most_cells: Maximum number of cells or modules.
-        most_triangles: Maximum number of triangles.
+        max_cells: Maximum number of cells or modules.
+        max_triangles: Maximum number of triangles.
         as_voxels: True to read lists of cells as voxels in no order.
     """
 
     name: str
-    most_cells: int = MAX_CELLS
-    most_triangles: int = MAX_TRIANGLES
+    max_cells: int = MAX_CELLS
+    max_triangles: int = MAX_TRIANGLES
     as_voxels: bool = False
 
 
@@ -99,53 +99,53 @@ def megabytes(count: int) -> str:
     return f"{count / 2**20:.3g} MB" if count >= 2**17 else f"{count} bytes"
 
 
-def check_bytes(data: bytes, most_bytes: int) -> None:
-    """Refuse empty files and files of more than ``most_bytes`` bytes.
+def check_bytes(data: bytes, max_bytes: int) -> None:
+    """Refuse empty files and files of more than ``max_bytes`` bytes.
 
     Raises:
         InputError: ``empty`` or ``too-large``.
     """
     if not data:
         raise InputError("empty", "got an empty file, expected cells, joint angles or a mesh.")
-    if len(data) > most_bytes:
+    if len(data) > max_bytes:
         raise InputError(
             "too-large",
-            f"got {megabytes(len(data))}, expected at most {megabytes(most_bytes)}; simplify the "
+            f"got {megabytes(len(data))}, expected at most {megabytes(max_bytes)}; simplify the "
             "model.",
         )
 
 
-def check_size(data: bytes, most_cells: int) -> None:
-    """Refuse text files that are too large for ``most_cells`` cells.
+def check_size(data: bytes, max_cells: int) -> None:
+    """Refuse text files that are too large for ``max_cells`` cells.
 
     Raises:
         InputError: ``too-large``.
     """
-    max_bytes = 65_536 + 96 * most_cells  # headings and comments, and each cell
+    max_bytes = 65_536 + 96 * max_cells  # headings and comments, and each cell
     if len(data) > max_bytes:
         raise InputError(
             "too-large",
             f"got {megabytes(len(data))}, expected at most {megabytes(max_bytes)}, which is "
-            f"enough for {most_cells} cells; use a coarser shape.",
+            f"enough for {max_cells} cells; use a coarser shape.",
         )
     # one of data, the others comments or blank
-    lines, most_lines = line_ends(data), SPARE_LINES + 4 * most_cells
-    if lines > most_lines:
+    lines, max_lines = line_ends(data), SPARE_LINES + 4 * max_cells
+    if lines > max_lines:
         raise InputError(
             "too-large",
-            f"got {lines} lines, expected at most {most_lines}; remove blank lines and comments, "
+            f"got {lines} lines, expected at most {max_lines}; remove blank lines and comments, "
             "or use a coarser shape.",
         )
 
 
-def check_lines(data: bytes, most_triangles: int) -> None:
-    """Refuse meshes written as text in more lines than ``most_triangles`` triangles need.
+def check_lines(data: bytes, max_triangles: int) -> None:
+    """Refuse meshes written as text in more lines than ``max_triangles`` triangles need.
 
     Raises:
         InputError: ``too-large``.
     """
     # the triangle, and its vertices, normals and texture coordinates
-    lines, max_lines = line_ends(data), SPARE_LINES + 4 * most_triangles
+    lines, max_lines = line_ends(data), SPARE_LINES + 4 * max_triangles
     if lines > max_lines:
         raise InputError(
             "too-large",

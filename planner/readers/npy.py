@@ -69,8 +69,8 @@ def read_npy(data: bytes, source: Source) -> Path | Shape:
             f"but the file has {data_size} bytes of data; the header is wrong, or the file is cut "
             "off.",
         )
-    if not is_grid and shape[0] > source.most_cells:
-        raise too_many(shape[0], source.most_cells)
+    if not is_grid and shape[0] > source.max_cells:
+        raise too_many(shape[0], source.max_cells)
     flat = np.frombuffer(data, dtype=dtype, offset=start)
     if is_grid:
         return _voxels(flat.reshape(shape, order="F" if fortran else "C"), source)
@@ -112,8 +112,8 @@ def _voxels(grid: NDArray[Any], source: Source) -> Shape:
             "grid with a threshold, for example grid > 0.5.",
         )
     filled = int(np.count_nonzero(grid))
-    if filled > source.most_cells:
-        raise too_many(filled, source.most_cells)
+    if filled > source.max_cells:
+        raise too_many(filled, source.max_cells)
     return Shape.from_cells(np.argwhere(grid), name=source.name or "shape")
 
 

@@ -46,7 +46,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
     Raises:
         InputError: A line cannot be read, or the mesh is no solid.
     """
-    check_lines(data, source.most_triangles)
+    check_lines(data, source.max_triangles)
     data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n") if b"\r" in data else data
     free_form = FREE_FORM.search(data)
     if free_form is not None:
@@ -66,7 +66,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
         raise InputError(
             "no-triangles", f"got an OBJ file with only {contents}, expected polygons."
         )
-    check_triangles(max(triangles, min(polygons, 1)), source.most_triangles)
+    check_triangles(max(triangles, min(polygons, 1)), source.max_triangles)
     try:
         # trimesh skips bytes of no text, joins the numbers of all lines, leaves out polygons of
         # fewer than three words and takes corner 0 for the first vertex.
@@ -92,7 +92,7 @@ def read_obj(data: bytes, source: Source) -> Solid:
         faces,
         name=source.name or "solid",
         notes=(*(("points and lines were ignored.",) if lines else ()), *skipped_note(skipped)),
-        most_triangles=source.most_triangles,
+        max_triangles=source.max_triangles,
     )
 
 

@@ -37,7 +37,7 @@ def read_off(data: bytes, source: Source) -> Solid:
     Raises:
         InputError: A line cannot be read or the variant of OFF is not supported; names it.
     """
-    check_lines(data, source.most_triangles)
+    check_lines(data, source.max_triangles)
     if b"\r" in data:
         data = data.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     data = without_comments(data)
@@ -66,7 +66,7 @@ def read_off(data: bytes, source: Source) -> Solid:
     lines = data.count(b"\n", at) + 1
     if vertices + polygons > lines:
         raise _truncated(lines, vertices, polygons)
-    check_triangles(polygons, source.most_triangles)
+    check_triangles(polygons, source.max_triangles)
     mesh_data = _many(bytes(body), vertices, polygons) or _one_by_one(
         bytes(body), number, vertices, polygons
     )
@@ -77,7 +77,7 @@ def read_off(data: bytes, source: Source) -> Solid:
         fans(corners, counts),
         name=source.name or "solid",
         notes=(*notes, "lines after the last polygon were ignored.") if extra_lines else notes,
-        most_triangles=source.most_triangles,
+        max_triangles=source.max_triangles,
     )
 
 

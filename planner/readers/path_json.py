@@ -56,8 +56,8 @@ def path_from_rows(
     Raises:
         InputError: The input is invalid; names the cell.
     """
-    if len(rows) > source.most_cells:
-        raise too_many(len(rows), source.most_cells)
+    if len(rows) > source.max_cells:
+        raise too_many(len(rows), source.max_cells)
     if not rows:
         raise InputError(
             "empty",

@@ -68,7 +68,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
     """
     order, elements, start = _header(data)
     body = (
-        _Text(data[start:], elements, source.most_triangles)
+        _Text(data[start:], elements, source.max_triangles)
         if order == ""
         else _Binary(data[start:], order)
     )
@@ -81,7 +81,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
         if element.count > body.most(element):
             raise _truncated(element)
         if element.name == "face":
-            check_triangles(element.count, source.most_triangles)
+            check_triangles(element.count, source.max_triangles)
         columns = body.read(element)
         if element.name == "vertex":
             places = [element.column((axis,)) for axis in "xyz"]
@@ -122,7 +122,7 @@ def read_ply(data: bytes, source: Source) -> Solid:
         triangles,
         name=source.name or "solid",
         notes=notes,
-        most_triangles=source.most_triangles,
+        max_triangles=source.max_triangles,
     )
 
 
@@ -219,8 +219,8 @@ class _Text:
     own, and what that holds beyond what the header says of a row is left alone.
     """
 
-    def __init__(self, data: bytes, elements: list[_Element], most_triangles: int) -> None:
-        check_lines(data, most_triangles)
+    def __init__(self, data: bytes, elements: list[_Element], max_triangles: int) -> None:
+        check_lines(data, max_triangles)
         self._lines = [line[0].split() for line in BYTE_LINE.finditer(data)]
         rows = sum(element.count for element in elements)
         self._line_a_row = len(self._lines) >= rows and not _fits(self._lines, elements)

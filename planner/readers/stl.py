@@ -105,7 +105,7 @@ def _binary(data: bytes, source: Source) -> Solid:
             "is wrong, or the file is cut off.",
         )
     if count or len(data) < HEADER_BYTES + TRIANGLE_BYTES:
-        check_triangles(count, source.most_triangles)
+        check_triangles(count, source.max_triangles)
     if len(data) > expected + (4096 if count else 0):
         raise InputError(
             "damaged",
@@ -119,13 +119,13 @@ def _binary(data: bytes, source: Source) -> Solid:
         faces,
         name=source.name or "solid",
         notes=notes,
-        most_triangles=source.most_triangles,
+        max_triangles=source.max_triangles,
     )
 
 
 def _text(data: bytes, source: Source) -> Solid:
     text = data.lower()
-    check_triangles(text.count(FACET_END), source.most_triangles)
+    check_triangles(text.count(FACET_END), source.max_triangles)
     corners = np.concatenate([_corners(part) for part in _facets(text)])
     end = text.rfind(b"endsolid", -STL_PROBE_BYTES)
     tail = b" ".join(text[end:].splitlines()[1:]).strip()
@@ -136,7 +136,7 @@ def _text(data: bytes, source: Source) -> Solid:
         np.arange(len(corners)).reshape(-1, 3),
         name=source.name or "solid",
         notes=(TAIL_IGNORED,) if tail else (),
-        most_triangles=source.most_triangles,
+        max_triangles=source.max_triangles,
     )
 
 

@@ -25,23 +25,23 @@ KEYS_OF_FORM: Final = re.compile(
 unknown key that matches is refused rather than ignored."""
 
 
-def _check_amount(text: str, most_cells: int) -> None:
+def _check_amount(text: str, max_cells: int) -> None:
     """Refuse text whose parsing would take too much memory."""
     lists = text.count("[") + text.count("{")
-    if lists > most_cells + SPARE_VALUES:
-        raise too_many(lists, most_cells, "lists")
+    if lists > max_cells + SPARE_VALUES:
+        raise too_many(lists, max_cells, "lists")
     values = text.count(",")
-    if values > 4 * most_cells + SPARE_VALUES:
-        raise too_many(values, 4 * most_cells, "values")
+    if values > 4 * max_cells + SPARE_VALUES:
+        raise too_many(values, 4 * max_cells, "values")
 
 
-def parse(text: str, most_cells: int = MAX_CELLS) -> object:
+def parse(text: str, max_cells: int = MAX_CELLS) -> object:
     """Parse strict JSON.
 
     Raises:
         InputError: The text is no JSON (names line and column), or has too many values.
     """
-    _check_amount(text, most_cells)
+    _check_amount(text, max_cells)
     try:
         return json.loads(
             text,

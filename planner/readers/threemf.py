@@ -322,7 +322,7 @@ class _Models:
                     raise ValueError("a vertex number that is too large")
                 self._now.corners.append(corners)
                 self._triangles += 1
-                check_triangles(self._triangles, self._source.most_triangles)
+                check_triangles(self._triangles, self._source.max_triangles)
             case "object":
                 self._now = _Object(kind=fields.get("type", "model"))
                 self._objects[self._name, fields["id"]] = self._now
@@ -382,7 +382,7 @@ class _Models:
                 "too-large",
                 f"got {instances} parts, expected at most {MAX_INSTANCES}; join parts.",
             )
-        check_triangles(triangles, self._source.most_triangles)
+        check_triangles(triangles, self._source.max_triangles)
         points: list[Array] = []
         faces: list[Ints] = []
         rows = 0
@@ -424,14 +424,14 @@ class _Models:
                 "empty",
                 "all parts are cutters, modifiers or supports; add a solid part.",
             )
-        check_triangles(len(faces), self._source.most_triangles)
+        check_triangles(len(faces), self._source.max_triangles)
         self._note_unbuilt([key for key, _ in items] + self._unprinted)
         return Solid.from_triangles(
             np.concatenate(points),
             np.concatenate(faces),
             name=self._source.name or "solid",
             notes=tuple(self._notes),
-            most_triangles=self._source.most_triangles,
+            max_triangles=self._source.max_triangles,
         )
 
     def _note_unbuilt(self, named: list[Key]) -> None:

@@ -82,8 +82,8 @@ def read_vox(data: bytes, source: Source) -> Shape:
                 f"{len(content.models) - 1}"
             )
         total += len(content.models[model])
-        if total > source.most_cells:
-            raise too_many(total, source.most_cells)
+        if total > source.max_cells:
+            raise too_many(total, source.max_cells)
         # A model turns about its middle, and the middle of an even side is a corner: so in halves.
         doubled = 2 * content.models[model] + 1 - 2 * (content.sizes[model] // 2)
         cells.append((doubled @ placed.turn.T - 1) // 2 + placed.shift)

@@ -60,7 +60,7 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
     data = lines if headers or promised is not None else chain([(first_line, first)], lines)
     data = ((n, words) for n, words in data if not _is_comment(words))
     if promised is not None:
-        data = _after_remark(list(islice(data, source.most_cells + 2)), first_line, promised)
+        data = _after_remark(list(islice(data, source.max_cells + 2)), first_line, promised)
     rows: list[list[float]] = []
     for line, words in data:
         if promised is not None and len(words) == 4 and words[0].isalnum():
@@ -70,8 +70,8 @@ def read_xyz(text: str, source: Source) -> Path | Shape:
         check_filled(words, headers, line)
         words = [words[column] for column in columns] if columns else words
         rows.append([coordinate(w, a, line) for w, a in zip(words, AXES, strict=True)])
-        if len(rows) > source.most_cells:
-            raise too_many(len(rows), source.most_cells)
+        if len(rows) > source.max_cells:
+            raise too_many(len(rows), source.max_cells)
     if promised is not None and promised != len(rows):
         code = "truncated" if len(rows) < promised else "wrong-count"
         raise InputError(

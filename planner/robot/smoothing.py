@@ -157,7 +157,7 @@ class _Smoothing:
         self.report = report
         self.size = module_size
         self.tight = max(module_size, TIGHT_SIZE)
-        self.most_looks = looks
+        self.max_looks = looks
         self.looks = 0
         self.rng = rng
         self.given_angles = angles
@@ -178,9 +178,9 @@ class _Smoothing:
         unit = costs.sum() / max(float(self._efforts(best, lengths).sum()), 1e-9)
         if calm:
             best = self._without_detours(best)
-        max_looks = self.most_looks
+        max_looks = self.max_looks
         for share, weight in TORQUE_WEIGHTS:
-            self.most_looks = int(share * max_looks)
+            self.max_looks = int(share * max_looks)
             self.torque_weight = weight * unit
             best = self._cheaper(best, cancelled)
         return best
@@ -196,7 +196,7 @@ class _Smoothing:
     def _cheaper(self, best: Array, cancelled: Cancelled) -> Array:
         """Return the (F, J) motion after passes until they gain too little."""
         stale = 0
-        while stale < 2 and self.looks < self.most_looks and not cancelled():
+        while stale < 2 and self.looks < self.max_looks and not cancelled():
             motion = self._resampled(self._simplified(best, cancelled))
             gain = 1.0 - self._costs(motion).sum() / self._costs(best).sum()
             if gain <= 0.0:
@@ -210,7 +210,7 @@ class _Smoothing:
         costs = self._costs(angles)
         for lines in (True, False):
             for pieces in (1, 3, 6, 12, 24, 48):  # parts that become straight, or a mean
-                if self.looks >= self.most_looks or cancelled():
+                if self.looks >= self.max_looks or cancelled():
                     return angles
                 if self.report is not None:
                     self.report(self.looks / self.all_looks)
@@ -228,14 +228,14 @@ class _Smoothing:
         return angles
 
     def _followed(
-        self, angles: Array, target: Array, worth: Flags, most_cost: float
+        self, angles: Array, target: Array, worth: Flags, max_cost: float
     ) -> Array | None:
         """Return a motion towards a target, as far as frames and the motion between are clear.
 
         Args:
             angles, target: (F, J) motions with the same first and last frame.
             worth: (F,) True if the target is to be followed at a frame.
-            most_cost: Upper limit of its cost.
+            max_cost: Upper limit of its cost.
         """
         from scipy.ndimage import minimum_filter1d  # late: most folds are not smoothed
 
@@ -250,7 +250,7 @@ class _Smoothing:
             blamed[rows] = self._blamed(candidate[rows])
             unknown_ways |= unknown
             if not blamed.any():
-                if not moved.any() or self._costs(candidate).sum() >= most_cost:
+                if not moved.any() or self._costs(candidate).sum() >= max_cost:
                     return None
                 ways = np.flatnonzero(
                     (unknown_ways[:-1] | unknown_ways[1:]) & (moved[:-1] | moved[1:])

@@ -58,7 +58,7 @@ class Solid:
         *,
         name: str = "solid",
         notes: Sequence[str] = (),
-        most_triangles: int | None = None,
+        max_triangles: int | None = None,
     ) -> Solid:
         """Check triangles, clean them, close holes and make a solid of them.
 
@@ -67,7 +67,7 @@ class Solid:
             faces: (F, 3) rows of ``vertices``, counter-clockwise seen from outside.
             name: Name of the solid.
             notes: Messages of the reader about the file.
-            most_triangles: Maximum number of triangles; None for any number.
+            max_triangles: Maximum number of triangles; None for any number.
 
         Raises:
             InputError: A coordinate is invalid, or the mesh has no triangles, is flat or has no
@@ -76,7 +76,7 @@ class Solid:
         points = np.asarray(vertices, dtype=np.float64).reshape(-1, 3)
         corners = np.asarray(faces, dtype=np.int64).reshape(-1, 3)
         remarks = list(notes)
-        check_triangles(len(corners), most_triangles)
+        check_triangles(len(corners), max_triangles)
         _check_corners(corners, len(points))
         points, corners = _used(points, corners)
         _check_lengths(points)

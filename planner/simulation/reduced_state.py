@@ -79,11 +79,11 @@ class State:
         if self.spin.any():
             self.rotation = self.rotation @ turned(self.spin * step_s)
 
-    def stop_at(self, most_rad: float) -> None:
+    def stop_at(self, max_rad: float) -> None:
         """Set hinges beyond their range back to its end, at rest: a joint's stop gives nothing."""
-        beyond = np.abs(self.angles) > most_rad
+        beyond = np.abs(self.angles) > max_rad
         if beyond.any():
-            self.angles[beyond] = np.copysign(most_rad, self.angles[beyond])
+            self.angles[beyond] = np.copysign(max_rad, self.angles[beyond])
             self.rates[beyond] = 0.0
 
 

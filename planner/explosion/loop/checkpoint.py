@@ -154,22 +154,22 @@ class BendDecrease:
     Attributes:
         min_decrease_rad: Minimum decrease that counts as progress, rad.
         patience: Number of steps without progress that count as a jam.
-        least_rad: Least sum so far, rad.
+        min_rad: Least sum so far, rad.
         since_step: Step since which there was no progress.
     """
 
     min_decrease_rad: float
     patience: int
-    least_rad: float = np.inf
+    min_rad: float = np.inf
     since_step: int = 0
 
     def begin_anew(self, remaining_rad: float, step: int) -> None:
         """Count progress from a state on."""
-        self.least_rad, self.since_step = remaining_rad, step
+        self.min_rad, self.since_step = remaining_rad, step
 
     def check(self, remaining_rad: float, step: int) -> Literal["progress", "jam"] | None:
         """Return the result of a check; None while it is too early for one."""
-        if remaining_rad < self.least_rad - self.min_decrease_rad:
+        if remaining_rad < self.min_rad - self.min_decrease_rad:
             self.begin_anew(remaining_rad, step)
             return "progress"
         if step - self.since_step >= self.patience:

@@ -411,16 +411,16 @@ class Window:
         self.model.set_stiffness(self.setting.forces.stiffness(self))
 
 
-def rotate_towards(a: Array, b: Array, most_rad: float) -> Array:
-    """Return the (3,) unit vector ``a`` turned towards ``b`` by ``most_rad`` at most."""
+def rotate_towards(a: Array, b: Array, max_rad: float) -> Array:
+    """Return the (3,) unit vector ``a`` turned towards ``b`` by ``max_rad`` at most."""
     if a is b:
         return b
     angle = float(np.arccos(np.clip(a @ b, -1.0, 1.0)))
-    if angle <= most_rad:
+    if angle <= max_rad:
         return b
     side = b - (a @ b) * a
     length = float(np.linalg.norm(side))
     if length < 1e-6:
         side = np.cross(a, np.eye(3)[int(np.argmin(np.abs(a)))])
         length = float(np.linalg.norm(side))
-    return np.cos(most_rad) * a + np.sin(most_rad) * side / length
+    return np.cos(max_rad) * a + np.sin(max_rad) * side / length

@@ -51,7 +51,7 @@ def refused(spec: AttemptSpec) -> Attempt:
 
 
 def choice(prefer: Preference, paths: int = 1, **more: int) -> RetryPolicy:
-    wished = {"modules": 64, "most_frames": 1000, **more}
+    wished = {"modules": 64, "max_frames": 1000, **more}
     return RetryPolicy(
         strategies=(("simultaneous", "peel"),) * paths,
         seed=5,
@@ -104,7 +104,7 @@ def test_refused_smoothings_are_softened_up_to_a_limit() -> None:
 
 
 def test_long_motions_are_not_smoothed_and_expensive_attempts_not_made() -> None:
-    assert not [a for a in attempts(choice("time", most_frames=99)) if a.spec.smooths is not None]
+    assert not [a for a in attempts(choice("time", max_frames=99)) if a.spec.smooths is not None]
     # There are at most two dozen blocks, regardless of the chain's length.
     for modules, others in ((4000, ["blocks", "peel"]), (9600, ["peel"])):
         tried = [each.spec for each in attempts(choice("time", modules=modules))]

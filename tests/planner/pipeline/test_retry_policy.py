@@ -195,7 +195,7 @@ PUBLISHED = replace(POLICY, retries_refused=False)
 MORE = replace(
     POLICY,
     improvements=Improvements(
-        prefer="time", strategies=(("simultaneous", "peel"),), modules=64, most_frames=1000
+        prefer="time", strategies=(("simultaneous", "peel"),), modules=64, max_frames=1000
     ),
 )
 FIRST = AttemptSpec(0, 0, "simultaneous")

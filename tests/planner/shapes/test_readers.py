@@ -206,13 +206,13 @@ def test_header_of_a_huge_array_is_refused_before_it_is_made() -> None:
 def test_more_cells_than_the_limit_are_refused(writer: Writer) -> None:
     line = np.zeros((40, 3), dtype=np.int64)
     line[:, 0] = np.arange(40)
-    assert len(read(writer(line), most_cells=40)) == 40
-    assert refusal_of(writer(line), most_cells=39).code == "too-many-cells"
+    assert len(read(writer(line), max_cells=40)) == 40
+    assert refusal_of(writer(line), max_cells=39).code == "too-many-cells"
 
 
 @pytest.mark.parametrize("data", [b"0 0 0\n" * 40_000, b"[" + b"0," * 60_000, b"[]," * 60_000])
 def test_large_data_is_refused_before_it_is_parsed(data: bytes) -> None:
-    assert refusal_of(b"[" + data, most_cells=100).code in ("too-large", "too-many-cells")
+    assert refusal_of(b"[" + data, max_cells=100).code in ("too-large", "too-many-cells")
 
 
 # Angle strings ------------------------------------------------------------------------------------

@@ -48,9 +48,9 @@ def test_meshes_written_by_trimesh_are_read(kind: str) -> None:
         assert volume == pytest.approx(mesh.volume, rel=1e-5)
         np.testing.assert_allclose(solid.extents, upright(kind, mesh.extents), rtol=1e-5)
         assert solid.name == name
-    assert refusal_of(data, most_triangles=500).code == "too-many-triangles"
-    assert refusal_of(data, most_bytes=500).code == "too-large"
-    assert isinstance(read(data, most_triangles=576, most_cells=10), Solid) or kind == "gltf"
+    assert refusal_of(data, max_triangles=500).code == "too-many-triangles"
+    assert refusal_of(data, max_bytes=500).code == "too-large"
+    assert isinstance(read(data, max_triangles=576, max_cells=10), Solid) or kind == "gltf"
 
 
 @pytest.mark.parametrize("kind", ["glb", "gltf", "3mf"])

@@ -101,8 +101,8 @@ def test_models_of_a_vox_scene_are_placed_by_its_nodes() -> None:
 def test_more_cells_than_the_limit_are_refused() -> None:
     cells = np.argwhere(np.ones((5, 5, 5)))
     for writer in (*VOXEL_WRITERS, lambda c: write_shape(Shape.from_cells(c))):
-        assert len(shape_in(writer(cells), most_cells=125)) == 125
-        assert refusal_of(writer(cells), most_cells=124).code == "too-many-cells"
+        assert len(shape_in(writer(cells), max_cells=125)) == 125
+        assert refusal_of(writer(cells), max_cells=124).code == "too-many-cells"
 
 
 def test_binvox_of_too_many_cells_is_refused_before_it_is_unpacked() -> None:

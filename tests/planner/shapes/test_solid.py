@@ -106,7 +106,7 @@ def test_meshes_without_volume_or_surface_are_refused() -> None:
         with case(code), refused(code):
             Solid.from_triangles(vertices, faces)
     with refused("too-many-triangles"):
-        Solid.from_triangles(TETRAHEDRON, FACES, most_triangles=3)
+        Solid.from_triangles(TETRAHEDRON, FACES, max_triangles=3)
 
 
 def test_regular_or_long_meshes_are_not_flat() -> None:
