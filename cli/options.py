@@ -58,6 +58,12 @@ METAVARS: Final = {int: "INTEGER", float: "FLOAT"}
 """Placeholders for option values in help texts, by type; texts have none."""
 
 
+SIZE_OF_PLAN_HELP: Final = (
+    f"{options_of(FoldRequest)['module_size'].title}. Default: the plan's module size."
+)
+"""Help of the module size of commands that take a plan."""
+
+
 def takes(
     *names: str,
     schema: type[FoldRequest] = FoldRequest,

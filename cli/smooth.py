@@ -8,7 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from foldback.cli.inputs import read_plan, refuse
-from foldback.cli.options import AsJson, FoldDirectory, PlanDirectory, takes
+from foldback.cli.options import SIZE_OF_PLAN_HELP, AsJson, FoldDirectory, PlanDirectory, takes
 from foldback.cli.progress_bars import compute
 from foldback.cli.summary import finish
 from foldback.planner.errors import InputError
@@ -24,10 +24,7 @@ from foldback.words.smoothing import smoothing_note, smoothing_rows
 @takes(
     "seed",
     "module_size",
-    lines={
-        "module_size": "Module size in the clearance check, as a fraction of the pitch. Default: "
-        "the plan's module size."
-    },
+    lines={"module_size": SIZE_OF_PLAN_HELP},
 )
 def smooth(
     *,

@@ -12,7 +12,7 @@ from rich.console import Console
 
 from foldback.cli.exit_statuses import NOT_ACHIEVED
 from foldback.cli.inputs import refuse
-from foldback.cli.options import AsJson, FoldDirectory
+from foldback.cli.options import SIZE_OF_PLAN_HELP, AsJson, FoldDirectory
 from foldback.planner.certificate.swept_motions import followed
 from foldback.planner.clearance.margins import largest_size as find_largest
 from foldback.planner.errors import InputError, TimelineError
@@ -26,11 +26,6 @@ from foldback.words import certificate as certificate_words
 from foldback.words.messages import verdict_for_people
 from foldback.words.quantities import spacings
 
-MODULE_SIZE_HELP = (
-    "Module size in the clearance check, as a fraction of the pitch. "
-    "Default: the plan's module size."
-)
-
 
 class OtherProgram(StrEnum):
     """Third-party program that can check a plan's motion."""
@@ -40,7 +35,9 @@ class OtherProgram(StrEnum):
 
 def verify(
     directory: FoldDirectory,
-    module_size: Annotated[str | None, typer.Option(metavar="FLOAT", help=MODULE_SIZE_HELP)] = None,
+    module_size: Annotated[
+        str | None, typer.Option(metavar="FLOAT", help=SIZE_OF_PLAN_HELP)
+    ] = None,
     largest_size: Annotated[
         bool,
         typer.Option(

@@ -421,6 +421,7 @@ interface PlanDot {
 interface Choice {
   prefer: string;
   seconds: number;
+  columns: string[];
   plans: PlanDot[];
 }
 interface Again {

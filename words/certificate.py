@@ -6,7 +6,6 @@ Proved figures are rounded to the conservative side.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from typing import Any, Final, TypedDict
 
 from foldback.planner.certificate.figures import (
@@ -14,6 +13,7 @@ from foldback.planner.certificate.figures import (
     SIMULATED,
     CertificateFigures,
     MarginFigures,
+    figures_of_certificates,
 )
 from foldback.planner.certificate.table_figures import TableCertificate
 from foldback.planner.motion.record import TableRecord
@@ -47,46 +47,20 @@ rounding error of a contact; torques, in w·p (module weight × pitch), are roun
 tolerance."""
 
 
-@dataclass(frozen=True, slots=True)
-class Figure:
-    """Row that shows one figure of a certificate.
-
-    Args:
-        label: Label of the row.
-        key: Name of the figure in the certificate.
-        unit: Unit of the figure.
-        digits: Number of significant digits.
-        of_simulation: True if the figure comes from the simulated playback.
-    """
-
-    label: str
-    key: str
-    unit: str = "pitch"
-    digits: int = SIGNIFICANT_DIGITS
-    of_simulation: bool = False
-
-
-LARGEST_JOINT_ERROR: Final = Figure(
-    "Largest joint error", "max_angle_error_rad", "rad", CERTIFICATE_DIGITS, of_simulation=True
-)
+FIGURES: Final = figures_of_certificates()
+ERRORS: Final = ("max_angle_error_rad", "rms_position_error")
+"""Figures that are shown with ``CERTIFICATE_DIGITS``."""
 CLEARANCES: Final = (
-    Figure("Module size in the clearance check", "module_size"),
-    Figure("Smallest clearance in the plan", "min_clearance"),
-    Figure(
-        "Smallest clearance of the simulated robots", "min_clearance_playback", of_simulation=True
-    ),
-    Figure("Smallest clearance while unfolding", "min_clearance_record"),
+    "module_size",
+    "min_clearance",
+    "min_clearance_playback",
+    "min_clearance_record",
 )
 MOTION_FIGURES: Final = (
-    Figure(
-        "Average position error at the end (root mean square)",
-        "rms_position_error",
-        digits=CERTIFICATE_DIGITS,
-        of_simulation=True,
-    ),
-    Figure("Largest joint rotation per frame", "max_joint_step_rad", "rad"),
-    Figure("Average number of hinges moving at once", "hinges_moving_mean", ""),
-    Figure("Largest number of hinges moving at once", "hinges_moving_most", ""),
+    "rms_position_error",
+    "max_joint_step_rad",
+    "hinges_moving_mean",
+    "hinges_moving_most",
 )
 
 
@@ -120,21 +94,21 @@ def rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
 def main_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
     """Return the most important figures of a motion."""
     return [
-        ("Proved clearance", _at_least(certificate.get("clearance_bound"))),
-        ("Folding time", _folding_time(certificate)),
+        (label_of("clearance_bound"), _at_least(certificate.get("clearance_bound"))),
+        (label_of("fold_time_s"), _folding_time(certificate)),
         torque(certificate),
-        ("Holding torque on a table", _torque_of(certificate.get("table"))),
-        _row(certificate, LARGEST_JOINT_ERROR),
+        (label_of("table"), _torque_of(certificate.get("table"))),
+        _row(certificate, "max_angle_error_rad"),
     ]
 
 
 def further_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
     """Return all figures besides ``main_rows``."""
     return [
-        *(_row(certificate, figure) for figure in CLEARANCES),
-        ("Simulated robots", robots(certificate)),
+        *(_row(certificate, name) for name in CLEARANCES),
+        (label_of("robots"), robots(certificate)),
         *margin_rows(certificate),
-        *(_row(certificate, figure) for figure in MOTION_FIGURES),
+        *(_row(certificate, name) for name in MOTION_FIGURES),
         *_motion_rows(certificate),
     ]
 
@@ -148,18 +122,25 @@ def _motion_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]
     if count is not None and largest is not None:
         detours = f"{count}, by up to {math.degrees(largest):.0f}°" if count else "none"
     return [
-        ("Travel of all hinges", travel_words),
-        ("Average number of reversals of a hinge", quantity(reversals, "", CERTIFICATE_DIGITS)),
-        ("Hinges that move and return to where they began", detours),
+        (label_of("travel_ratio"), travel_words),
+        (label_of("reversals_mean"), quantity(reversals, "", CERTIFICATE_DIGITS)),
+        (label_of("detours"), detours),
     ]
 
 
-def _row(certificate: CertificateFigures, figure: Figure) -> tuple[str, str | None]:
+def label_of(name: str) -> str:
+    """Return the label of a figure."""
+    return FIGURES[name].label
+
+
+def _row(certificate: CertificateFigures, name: str) -> tuple[str, str | None]:
     """Return a figure's label and value, or why a simulated figure is missing."""
-    value = certificate.get(figure.key)
-    if figure.of_simulation and certificate.get("simulated") is False:
+    figure = FIGURES[name]
+    simulated = figure.source == "simulation"
+    if simulated and certificate.get("simulated") is False:
         return figure.label, NOT_SIMULATED
-    return figure.label, quantity(value, figure.unit, figure.digits)
+    digits = CERTIFICATE_DIGITS if name in ERRORS else SIGNIFICANT_DIGITS
+    return figure.label, quantity(certificate.get(name), figure.unit, digits)
 
 
 def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
@@ -380,9 +361,9 @@ def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
     value = quantity(certificate.get("peak_torque_nm"), "N·m", CERTIFICATE_DIGITS)
     source = str(certificate.get("torque_source") or "")
     if value is None:
-        return "Peak torque", None
+        return label_of("peak_torque_nm"), None
     if source.startswith("simulation"):
-        return "Peak torque", f"{value} in the simulated motors"
+        return label_of("peak_torque_nm"), f"{value} in the simulated motors"
     of = certificate.get("torque_frames"), certificate.get("frames")
     where = "but it is unknown how many frames were checked"
     if None not in of:

@@ -19,7 +19,7 @@ from foldback.planner.pipeline.preference import (
 from foldback.planner.robot import RECORDED, SMOOTHED, SOFTENED
 from foldback.planner.storage.file_names import ATTEMPTS, CHAIN, PLANS_DIR
 from foldback.planner.verification.integrity import check
-from foldback.words.certificate import degrees_down, rounded_down
+from foldback.words.certificate import degrees_down, label_of, rounded_down
 from foldback.words.quantities import STRATEGY_LABELS, number, quantity
 
 TORQUE_COLUMNS: Final = ("Torque", "Torque at the same folding time")
@@ -121,7 +121,8 @@ def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) ->
 def plan_columns(prefer: Preference) -> tuple[str, ...]:
     """Return the column headings of the table that compares several plans of one fold."""
     compared = CALM_COLUMNS if prefer == CALM else TORQUE_COLUMNS
-    return ("Plan", "Folding time, s", *compared, "Clearance, pitch", "Computing time, s")
+    time, clearance = label_of("fold_time_s"), label_of("clearance_bound")
+    return ("Plan", f"{time}, s", *compared, f"{clearance}, pitch", f"{label_of('seconds')}, s")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -212,7 +213,7 @@ def _gained(
     both = (best.figures, first.figures)
     if prefer == "time":
         after, before = (_told(each.fold_time_s) for each in both)
-        what, unit = "folding time", " s"
+        what, unit = label_of("fold_time_s").lower(), " s"
     elif prefer == "torque":
         after, before = (_torque(each.torque_in(slowest)) for each in both)
         what, unit = f"torque at the same folding time of {number(slowest)} s", ""
@@ -224,7 +225,7 @@ def _gained(
     else:
         after, before = (_room(each.clearance_bound) for each in both)
         before = f"{before} pitch"
-        what, unit = "proved clearance", ""
+        what, unit = label_of("clearance_bound").lower(), ""
     return f"The {what} is {after}{unit} instead of {before}{unit}. Finding this plan took {cost}."
 
 

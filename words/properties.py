@@ -168,7 +168,7 @@ class _Fold:
         limit_rad = MODULES.get(self.row.module, CUBE).angle_limit_rad
         return [
             *certificate_words.further_rows(certificate),
-            ("Linked modules", certificate_words.linked(certificate)),
+            (certificate_words.label_of("exempt_pairs"), certificate_words.linked(certificate)),
             ("Recording", certificate_words.record(certificate, limit_rad=limit_rad)),
         ]
 

@@ -6,14 +6,15 @@ from typing import Final, TypedDict
 
 from foldback.planner.certificate.figures import SmoothingFigures
 from foldback.planner.robot import RECORDED, SOFTENED
+from foldback.words.certificate import label_of
 from foldback.words.quantities import number, quantity
 
 SMOOTHING_FIGURES: Final[dict[str, tuple[str, str, int]]] = {
-    "frames": ("Frames", "", 3),
-    "fold_time_s": ("Folding time", "s", 3),
+    "frames": (label_of("frames"), "", 3),
+    "fold_time_s": (label_of("fold_time_s"), "s", 3),
     "length_rad": ("Path length of the motion", "rad", 3),
-    "hinges_moving_mean": ("Hinges moving at once, mean", "", 3),
-    "hinges_moving_most": ("Hinges moving at once, maximum", "", 3),
+    "hinges_moving_mean": (label_of("hinges_moving_mean"), "", 3),
+    "hinges_moving_most": (label_of("hinges_moving_most"), "", 3),
     "peak_speed_rad_s": ("Highest hinge speed", "rad/s", 2),
     "peak_torque_nm": ("Largest torque", "N·m", 2),
     "tail_way": ("Distance travelled by a chain end", "pitch", 3),

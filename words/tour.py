@@ -9,7 +9,7 @@ from foldback.planner.chain.display_names import clean_name
 from foldback.planner.chain.module import CUBE
 from foldback.planner.plan.moments import CONTACT_LINKS, Meeting, Moments
 from foldback.planner.plan.tour import MAX_CAPTION, MAX_STOP_MODULES, MAX_TITLE, Stop, Tour
-from foldback.words.certificate import clearance, headline, main_rows, torque
+from foldback.words.certificate import clearance, headline, label_of, main_rows, torque
 from foldback.words.failures import failure
 from foldback.words.fold import ShownFold, shown_name
 from foldback.words.messages import nearest_frame
@@ -142,7 +142,7 @@ def _torque(certificate: CertificateFigures, moments: Moments) -> Stop | None:
     if met is None:
         return None
     if certificate.get("table") is not None:
-        label, value = "Largest torque", dict(main_rows(certificate))["Holding torque on a table"]
+        label, value = "Largest torque", dict(main_rows(certificate))[label_of("table")]
         whole, colour = "the fold on the table", "joint_torque"
     else:
         label, value = torque(certificate)
@@ -170,8 +170,9 @@ def _direct(moments: Moments) -> Stop | None:
 
 def _done(certificate: CertificateFigures, title: str, frames: int) -> Stop:
     told = [f"Done: {title}", sentence(headline(certificate))]
-    if time := dict(main_rows(certificate))["Folding time"]:
-        told.append(f"Folding time: {time}")
+    label = label_of("fold_time_s")
+    if time := dict(main_rows(certificate))[label]:
+        told.append(f"{label}: {time}")
     return _stop(f"{'. '.join(told)}.", frames - 1)
 
 

@@ -43,56 +43,13 @@ from foldback.planner.storage.plain_values import from_plain
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificate:
-    """Verified properties of a plan. Lengths in pitches.
+    """Verified properties of a plan. Lengths in pitches, except where the name states a unit.
 
     Figures of a simulated playback are None if there was none: chains that are too long to be
     simulated as a whole, or that were recorded piece by piece, follow their plan by kinematics.
 
-    Attributes:
-        reason: First condition that the plan fails; None if it is verified.
-        simulated: True if the playback was simulated; None if there is none.
-        module_size: Size of the modules as a fraction of the pitch.
-        exempt_pairs: Pairs of modules that are not checked, and their overlap; None if it was not
-            computed.
-        min_clearance: Least clearance found in the plan, at its frames and in-betweens.
-        min_clearance_at: Frame and modules of ``min_clearance``.
-        clearance_bound: Proved lower bound of the clearance everywhere in the plan, and in the
-            simulated playback of every robot. It and all clearances are None if no check came to
-            its end.
-        robots: Figures of each robot with model errors that folded the plan in simulation, the one
-            shown first; None if there was none.
-        min_clearance_playback: Least clearance found in the simulated playback that is shown.
-        min_clearance_playback_at: Frame and modules of ``min_clearance_playback``.
-        min_clearance_record: Least clearance found in the record. No robot follows the record, so
-            the verdict does not depend on it.
-        min_clearance_record_at: Frame and modules of ``min_clearance_record``.
-        in_betweens: Number of configurations checked between frames.
-        frames: Number of frames of the plan.
-        plan_end_error_rad: Largest difference of a hinge between the plan's last frame and the
-            folded configuration.
-        rms_position_error: RMS position error at the end of the simulated playback, after
-            alignment.
-        max_position_error: Largest position error of a module there.
-        max_angle_error_rad: Largest joint error of the simulated playback.
-        max_angle_rad: Largest angle of a hinge in the plan and the simulated playback.
-        max_angle_record_rad: Largest angle of a hinge in the record.
-        max_joint_step_rad: Largest step of a hinge between two frames of the plan.
-        joint_speed_limit_rad_s: Speed limit of the hinges of a robot.
-        fold_time_s: Duration of the fold under that limit.
-        hinges_moving_mean, hinges_moving_most: Number of hinges that move at the same time.
-        travel_ratio, reversals_mean, detours, largest_detour_rad: See
-            ``planner.certificate.motion_figures.MotionFigures``; None of very long plans.
-        peak_torque_nm, rms_torque_nm: Largest and RMS torque in that time, floating, without
-            gravity, at the frames of ``torque_source``: other frames may need more.
-        torque_source: ``simulation, every step`` or ``inverse dynamics at N of F frames,
-            accelerations smoothed``; None if unknown.
-        torque_frames: N in ``torque_source``; None for every step of a simulation.
-        gravity_torque_folded_nm, gravity_torque_straight_nm: Largest static torque when held at
-            the root without support.
-        seconds: Wall time of the verification, s.
-        table: Certificate of the motion on a table; None for a plan that floats.
-        margins: Errors of modules and hinges that the plan stands; None of a plan that is not
-            verified, and of very long chains.
+    All clearances are None if no check came to its end. ``CertificateFigures`` describes each
+    figure; docs/certificate.md lists the descriptions.
     """
 
     reason: Reason | None

@@ -5,15 +5,35 @@ Units are those of the dataclasses named.
 
 from __future__ import annotations
 
-from typing import Any, Final, Required, TypedDict
+from dataclasses import dataclass
+from functools import cache
+from typing import Annotated, Any, Final, Literal, Required, TypedDict, get_args, get_type_hints
 
 from foldback.planner.motion.failure_schemas import StuckFigures
+from foldback.planner.parameters.setting import Description
 from foldback.planner.reasons import ReasonFigures
 
 SIMULATED: Final = "verified (simulated)"
 """Verdict of a verified plan whose playback was simulated."""
 KINEMATICS_ONLY: Final = "verified (kinematics only)"
 """Verdict of a verified plan whose playback follows it by kinematics."""
+
+
+Source = Literal["motion", "simulation", "record", "request", "chain"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Figure(Description):
+    """Description of a figure: pages, the terminal and docs/certificate.md take texts from here.
+
+    Attributes:
+        help: One line that explains it.
+        source: What it is computed from: the ``motion`` of the plan, the ``simulation`` of its
+            playback, the ``record`` of the explosion, the ``request``, or the ``chain`` alone.
+    """
+
+    help: str
+    source: Source = "motion"
 
 
 class PlaceFigures(TypedDict):
@@ -66,48 +86,321 @@ class MarginsFigures(TypedDict):
 
 
 class CertificateFigures(TypedDict, total=False):
-    """``planner.certificate.certificate.Certificate``."""
+    """``planner.certificate.certificate.Certificate``, with the one description of each figure.
 
-    verified: bool
-    reason: ReasonFigures | None
-    verdict: str
-    table: dict[str, Any]
-    simulated: bool | None
-    module_size: float
-    exempt_pairs: ExemptFigures | None
-    min_clearance: float | None
-    min_clearance_at: PlaceFigures | None
-    clearance_bound: float | None
-    robots: list[RobotFigures] | None
-    min_clearance_playback: float | None
-    min_clearance_playback_at: PlaceFigures | None
-    min_clearance_record: float | None
-    min_clearance_record_at: PlaceFigures | None
-    in_betweens: int
-    frames: int | None
-    plan_end_error_rad: float | None
-    rms_position_error: float | None
-    max_position_error: float | None
-    max_angle_error_rad: float | None
-    max_angle_rad: float | None
-    max_angle_record_rad: float | None
-    max_joint_step_rad: float | None
-    joint_speed_limit_rad_s: float
-    fold_time_s: float | None
-    hinges_moving_mean: float | None
-    hinges_moving_most: int | None
-    travel_ratio: float | None
-    reversals_mean: float | None
-    detours: int | None
-    largest_detour_rad: float | None
-    peak_torque_nm: float | None
-    rms_torque_nm: float | None
-    torque_source: str | None
-    torque_frames: int | None
-    gravity_torque_folded_nm: float
-    gravity_torque_straight_nm: float
-    seconds: float
-    margins: MarginsFigures | None
+    Lengths are in pitches, except where the name states a unit.
+    """
+
+    verified: Annotated[bool, Figure("Verified", help="True if the plan is verified.")]
+    verdict: Annotated[
+        str,
+        Figure(
+            "Verdict",
+            help="`verified (simulated)`, `verified (kinematics only)`, or `failed: ` with the "
+            "reason as text.",
+        ),
+    ]
+    reason: Annotated[
+        ReasonFigures | None,
+        Figure(
+            "Reason of the refusal",
+            help="First condition that the plan fails, as `code` and `values`; null if it is "
+            "verified.",
+        ),
+    ]
+    simulated: Annotated[
+        bool | None,
+        Figure(
+            "Simulated",
+            help="True if the playback was simulated; null if there is none.",
+            source="simulation",
+        ),
+    ]
+    module_size: Annotated[
+        float,
+        Figure(
+            "Module size in the clearance check",
+            "pitch",
+            help="Edge length of a module in the clearance check.",
+            source="request",
+        ),
+    ]
+    exempt_pairs: Annotated[
+        ExemptFigures | None,
+        Figure(
+            "Linked modules",
+            help="Pairs of modules that are not checked, and their overlap; null if it was not "
+            "computed.",
+        ),
+    ]
+    min_clearance: Annotated[
+        float | None,
+        Figure(
+            "Smallest clearance in the plan",
+            "pitch",
+            help="Smallest clearance found in the plan, at its frames and in-betweens.",
+        ),
+    ]
+    min_clearance_at: Annotated[
+        PlaceFigures | None,
+        Figure(
+            "Place of the smallest clearance in the plan",
+            help="Frame and modules of `min_clearance`.",
+        ),
+    ]
+    clearance_bound: Annotated[
+        float | None,
+        Figure(
+            "Proved clearance",
+            "pitch",
+            help="Proved lower bound of the clearance everywhere in the plan, and in the simulated "
+            "playback of every robot.",
+        ),
+    ]
+    robots: Annotated[
+        list[RobotFigures] | None,
+        Figure(
+            "Simulated robots",
+            help="Figures of each robot with model errors that folded the plan in simulation, the "
+            "one shown first; null if there was none.",
+            source="simulation",
+        ),
+    ]
+    min_clearance_playback: Annotated[
+        float | None,
+        Figure(
+            "Smallest clearance of the simulated robots",
+            "pitch",
+            help="Smallest clearance found in the simulated playback that is shown.",
+            source="simulation",
+        ),
+    ]
+    min_clearance_playback_at: Annotated[
+        PlaceFigures | None,
+        Figure(
+            "Place of the smallest clearance of the simulated robots",
+            help="Frame and modules of `min_clearance_playback`.",
+            source="simulation",
+        ),
+    ]
+    min_clearance_record: Annotated[
+        float | None,
+        Figure(
+            "Smallest clearance while unfolding",
+            "pitch",
+            help="Smallest clearance found in the record. No robot follows the record, so the "
+            "verdict does not depend on it.",
+            source="record",
+        ),
+    ]
+    min_clearance_record_at: Annotated[
+        PlaceFigures | None,
+        Figure(
+            "Place of the smallest clearance while unfolding",
+            help="Frame and modules of `min_clearance_record`.",
+            source="record",
+        ),
+    ]
+    in_betweens: Annotated[
+        int,
+        Figure("In-betweens", help="Number of configurations that were checked between frames."),
+    ]
+    frames: Annotated[int | None, Figure("Frames", help="Number of frames of the plan.")]
+    plan_end_error_rad: Annotated[
+        float | None,
+        Figure(
+            "Error of the last frame",
+            "rad",
+            help="Largest difference of a hinge between the plan's last frame and the folded "
+            "shape.",
+        ),
+    ]
+    rms_position_error: Annotated[
+        float | None,
+        Figure(
+            "Average position error at the end (root mean square)",
+            "pitch",
+            help="RMS position error of the modules at the end of the simulated playback, after "
+            "alignment.",
+            source="simulation",
+        ),
+    ]
+    max_position_error: Annotated[
+        float | None,
+        Figure(
+            "Largest position error at the end",
+            "pitch",
+            help="Largest position error of a module there, after alignment.",
+            source="simulation",
+        ),
+    ]
+    max_angle_error_rad: Annotated[
+        float | None,
+        Figure(
+            "Largest joint error",
+            "rad",
+            help="Largest joint error of the simulated playback.",
+            source="simulation",
+        ),
+    ]
+    max_angle_rad: Annotated[
+        float | None,
+        Figure(
+            "Largest hinge angle",
+            "rad",
+            help="Largest angle of a hinge in the plan and the simulated playback.",
+        ),
+    ]
+    max_angle_record_rad: Annotated[
+        float | None,
+        Figure(
+            "Largest hinge angle while unfolding",
+            "rad",
+            help="Largest angle of a hinge in the record.",
+            source="record",
+        ),
+    ]
+    max_joint_step_rad: Annotated[
+        float | None,
+        Figure(
+            "Largest joint rotation per frame",
+            "rad",
+            help="Largest step of a hinge between two frames of the plan.",
+        ),
+    ]
+    joint_speed_limit_rad_s: Annotated[
+        float,
+        Figure(
+            "Speed limit of the hinges",
+            "rad/s",
+            help="Speed limit of the hinges of a robot.",
+            source="request",
+        ),
+    ]
+    fold_time_s: Annotated[
+        float | None,
+        Figure(
+            "Folding time",
+            "s",
+            help="Duration of the fold if the hinges turn at up to `joint_speed_limit_rad_s`.",
+        ),
+    ]
+    hinges_moving_mean: Annotated[
+        float | None,
+        Figure(
+            "Average number of hinges moving at once",
+            help="Mean number of hinges that move at the same time.",
+        ),
+    ]
+    hinges_moving_most: Annotated[
+        int | None,
+        Figure(
+            "Largest number of hinges moving at once",
+            help="Maximum number of hinges that move at the same time.",
+        ),
+    ]
+    travel_ratio: Annotated[
+        float | None,
+        Figure(
+            "Travel of all hinges",
+            help="Sum of all motions of the hinges, divided by the least possible; null for very "
+            "long plans.",
+        ),
+    ]
+    reversals_mean: Annotated[
+        float | None,
+        Figure(
+            "Average number of reversals of a hinge",
+            help="Mean number of changes of direction of a hinge, counted when it has gone back by "
+            "one degree; null for very long plans.",
+        ),
+    ]
+    detours: Annotated[
+        int | None,
+        Figure(
+            "Hinges that move and return to where they began",
+            help="Number of hinges that move by more than one degree although they end where they "
+            "began; null for very long plans.",
+        ),
+    ]
+    largest_detour_rad: Annotated[
+        float | None,
+        Figure(
+            "Largest detour",
+            "rad",
+            help="Largest distance of such a hinge from where it began, in `detours`.",
+        ),
+    ]
+    peak_torque_nm: Annotated[
+        float | None,
+        Figure(
+            "Peak torque",
+            "N·m",
+            help="Largest torque of a fold in `fold_time_s`, floating, without gravity, at the "
+            "frames of `torque_source`: other frames may need more.",
+        ),
+    ]
+    rms_torque_nm: Annotated[
+        float | None,
+        Figure("RMS torque", "N·m", help="RMS torque in the same fold, at the same frames."),
+    ]
+    torque_source: Annotated[
+        str | None,
+        Figure(
+            "Source of the torques",
+            help="`simulation, every step` or `inverse dynamics at N of F frames, accelerations "
+            "smoothed`; null if unknown.",
+        ),
+    ]
+    torque_frames: Annotated[
+        int | None,
+        Figure(
+            "Frames with torques",
+            help="N in `torque_source`; null for every step of a simulation.",
+        ),
+    ]
+    gravity_torque_folded_nm: Annotated[
+        float,
+        Figure(
+            "Holding torque of the folded shape",
+            "N·m",
+            help="Largest static torque of the folded chain in gravity when held at the root "
+            "without support.",
+            source="chain",
+        ),
+    ]
+    gravity_torque_straight_nm: Annotated[
+        float,
+        Figure(
+            "Holding torque of the straight chain",
+            "N·m",
+            help="The same for the straight chain.",
+            source="chain",
+        ),
+    ]
+    seconds: Annotated[float, Figure("Computing time", "s", help="Wall time of the verification.")]
+    table: Annotated[
+        dict[str, Any],
+        Figure(
+            "Holding torque on a table",
+            help="Certificate of the motion on a table; missing for a plan that floats.",
+        ),
+    ]
+    margins: Annotated[
+        MarginsFigures | None,
+        Figure(
+            "Margins",
+            help="Errors of modules and hinges that the plan tolerates; null for a plan that is "
+            "not verified, and for very long chains.",
+        ),
+    ]
+
+
+@cache
+def figures_of_certificates() -> dict[str, Figure]:
+    """Return the descriptions of a certificate's figures by name."""
+    hints = get_type_hints(CertificateFigures, include_extras=True)
+    return {name: get_args(hint)[1] for name, hint in hints.items()}
 
 
 class ExplosionFigures(TypedDict, total=False):

@@ -219,21 +219,23 @@ class TablePlaybackParameters:
         settle: Time at the end in which the chain comes to rest.
     """
 
-    step: float = 0.24
-    geom_size: float = 0.99
-    contact_time: float = 0.48
-    table_hardness: float = 0.999
-    module_hardness: float = 0.999
-    armature: float = 0.01
-    stops_early_rad: float = 0.01
-    firmness: float = 0.9999
-    gain: float = 5.0
-    spacing_rad: float = 0.03
-    inertial_share: float = 0.3
-    braking_share: float = 0.2
-    fastest: float = 0.3
-    frame_rad: float = 0.05
-    settle: float = 5.0
+    step: float = described(0.24, "Time step", "√(pitch/gravity)")
+    geom_size: float = described(0.99, "Size of the collision hull relative to the module")
+    contact_time: float = described(0.48, "Time constant of contacts", "√(pitch/gravity)")
+    table_hardness: float = described(0.999, "Hardness of contacts with the table, 1 is rigid")
+    module_hardness: float = described(0.999, "Hardness of contacts between modules, 1 is rigid")
+    armature: float = described(0.01, "Rotor inertia of a hinge", "m·p²")
+    stops_early_rad: float = described(
+        0.01, "Distance of the stops from the end of the range", "rad"
+    )
+    firmness: float = described(0.9999, "Firmness of the motors below their limit, 1 is rigid")
+    gain: float = described(5.0, "Motor speed per joint error", "√(gravity/pitch)")
+    spacing_rad: float = described(0.03, "Distance of control points along the record", "rad")
+    inertial_share: float = described(0.3, "Share of the motors' limit that may accelerate")
+    braking_share: float = described(0.2, "Share of the motors' limit that may brake a late hinge")
+    fastest: float = described(0.3, "Largest hinge speed", "rad·√(gravity/pitch)")
+    frame_rad: float = described(0.05, "Rotation of the fastest hinge between two frames", "rad")
+    settle: float = described(5.0, "Time to come to rest at the end", "√(pitch/gravity)")
 
     @classmethod
     def usual(cls, *, clamped: bool) -> TablePlaybackParameters:

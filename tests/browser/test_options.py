@@ -75,7 +75,7 @@ def test_fastest_plan_is_chosen_and_all_are_shown_as_dots_and_rows(
     expect(page.locator(".choice-dot.chosen")).to_have_count(1)
     expect(page.locator(".choice-table tbody tr")).to_have_count(len(plans))
     page.get_by_role("button", name="Clearance").click()
-    expect(page.locator(".choice-axis")).to_have_text("Clearance, pitch")
+    expect(page.locator(".choice-axis")).to_have_text("Proved clearance, pitch")
     assert page.evaluate(WIDTH) <= 375
     page.locator(".choice-play a", has_text="Play").first.click()
     page.wait_for_url(re.compile(f"/folds/{fold}-[0-9]+"))

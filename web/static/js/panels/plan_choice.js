@@ -13,7 +13,7 @@ const NEAR = { x: 26, y: 12 }; // closer dots share a label, because their label
  * @typedef {{ x: number, y: number, plan: PlanDot }} Dot
  */
 
-/** @type {Record<Axis, { name: string, label: (seconds: number) => string, text: (value: number) => string, log: boolean }>} */
+/** @type {Record<Axis, { name: string, label: (seconds: number, columns: string[]) => string, text: (value: number) => string, log: boolean }>} */
 const AXES = {
   torque_mnm: {
     name: "Torque",
@@ -21,7 +21,7 @@ const AXES = {
     text: (value) => newtonMetres(value / 1000),
     log: true,
   },
-  room: { name: "Clearance", label: () => "Clearance, pitch", text: String, log: false },
+  room: { name: "Clearance", label: (_, columns) => columns.at(-2) ?? "", text: String, log: false },
   moving: {
     name: "Hinges at once",
     label: () => "Mean number of hinges that move at once",
@@ -104,7 +104,7 @@ const endOf = (/** @type {PlanDot} */ { chosen, verified }) =>
  * @param {Choice} choice
  * @param {Axis} axis
  */
-function picture({ plans, seconds }, axis) {
+function picture({ plans, seconds, columns }, axis) {
   const { dots, across, up } = layout(plans, axis);
   const [bottom, right] = [HIGH - INSET.bottom, WIDE - INSET.right];
   const text = (
@@ -118,7 +118,7 @@ function picture({ plans, seconds }, axis) {
     {
       viewBox: `0 0 ${WIDE} ${HIGH}`,
       role: "img",
-      "aria-label": `Folding time and ${AXES[axis].name.toLowerCase()} of ${dots.length} plans. The table below lists the same values.`,
+      "aria-label": `${columns[1]} and ${AXES[axis].name.toLowerCase()} of ${dots.length} plans. The table below lists the same values.`,
     },
     ...across.flatMap((tick) => [
       rule("choice-grid", { x: tick.at }, [INSET.top, bottom]),
@@ -128,7 +128,7 @@ function picture({ plans, seconds }, axis) {
       rule("choice-grid", { y: tick.at }, [INSET.left, right]),
       text(INSET.left - 5, tick.at + 4, "end", tick.text),
     ]),
-    text(right, HIGH - 4, "end", "Folding time, s"),
+    text(right, HIGH - 4, "end", columns[1]),
     // The chosen plan is drawn last, above the others.
     ...dots
       .toSorted((a, b) => Number(a.plan.chosen) - Number(b.plan.chosen))
@@ -148,7 +148,7 @@ function picture({ plans, seconds }, axis) {
       ),
     ),
   );
-  return [element("p", { class: "choice-axis" }, AXES[axis].label(seconds)), drawn];
+  return [element("p", { class: "choice-axis" }, AXES[axis].label(seconds, columns)), drawn];
 }
 
 // Draw the plans above their table on the page, and select their tab.
