@@ -191,7 +191,8 @@ export class Plan {
   /** @param {Record<string, any>} told the plan's own description */
   constructor(told) {
     const said = (this.said = fields(told.certificate));
-    require(said.verified === true, `the plan says that it is not verified: ${quoted(said.verdict)}`);
+    require(said.verified ===
+      true, `the plan says that it is not verified: ${quoted(said.verdict)}`);
     const chain = fields(told.chain),
       claim = (this.stated = fields(told.claim));
     require(claim.format ===

@@ -21,7 +21,12 @@ const AXES = {
     text: (value) => newtonMetres(value / 1000),
     log: true,
   },
-  room: { name: "Clearance", label: (_, columns) => columns.at(-2) ?? "", text: String, log: false },
+  room: {
+    name: "Clearance",
+    label: (_, columns) => columns.at(-2) ?? "",
+    text: String,
+    log: false,
+  },
   moving: {
     name: "Hinges at once",
     label: () => "Mean number of hinges that move at once",
