@@ -193,7 +193,7 @@ def test_verify_finds_another_start_or_motion_of_a_refold(copy: FilePath, plan: 
         angles[row] = values
         return tampered(joint_angles_rad=angles)
 
-    assert "does not start folded as hairpin" in tampered(start=plan.chain)
+    assert "does not start in the folded shape of hairpin" in tampered(start=plan.chain)
     assert tampered(start=None)
     assert "do not have the same modules" in tampered(start=line(9))
     assert "does not become straight" in with_row(k, 0.01)
