@@ -34,7 +34,7 @@ from foldback.planner.robot.retiming import retime as retime_plan
 from foldback.planner.robot.trajectory import Trajectory
 from foldback.planner.storage.files import written_aside
 from foldback.words import certificate as certificate_words
-from foldback.words.messages import nearest_frame, verdict_for_people
+from foldback.words.messages import PEOPLE, nearest_frame
 from foldback.words.quantities import spacings
 
 
@@ -244,7 +244,7 @@ def _show(facts: list[tuple[str, str]], motors: MotorTable | None, out: Path) ->
     for fact in facts:
         table.add_row(*fact)
     if motors is not None:
-        table.add_row("Motors", verdict_for_people(motors.verdict))
+        table.add_row("Motors", motors.text(PEOPLE))
     table.add_row("Written to", str(out))
     console.print(table)
     if motors is None:

@@ -18,7 +18,7 @@ from foldback.planner.parameters.parameters import TURN_STRATEGIES
 from foldback.words import certificate as certificate_words
 from foldback.words.failures import verdict_words
 from foldback.words.likeness import likeness_words
-from foldback.words.messages import verdict_for_people
+from foldback.words.messages import diagnosis_text
 from foldback.words.plan_choice import Choice
 from foldback.words.quantities import sentence
 
@@ -78,7 +78,7 @@ def show(summary: dict[str, Any], out: Path) -> None:
     )
     console.print(verdict, markup=False, soft_wrap=True)
     if stuck := summary["stuck"]:
-        told = sentence(verdict_for_people(stuck["words"]).rstrip("."))
+        told = sentence(diagnosis_text(stuck))
         console.print(f"{told}.", markup=False, soft_wrap=True)
     row("Start shape", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])

@@ -20,7 +20,7 @@ from foldback.planner.parameters.explosion import Base
 from foldback.planner.plan.plan import Plan
 from foldback.planner.storage.file_names import PLAN, TABLE_FILE
 from foldback.planner.storage.files import write_whole
-from foldback.words.messages import assumption_for_people, reason_text
+from foldback.words.messages import reason_text
 
 
 def table(
@@ -153,4 +153,4 @@ def _show(found: TableCertificate, written: Path) -> None:
     facts.add_row("Written to", str(written))
     console.print(facts)
     for line in found.assumptions:
-        console.print(f"assumed: {assumption_for_people(line)}", markup=False)
+        console.print(f"assumed: {line}", markup=False)

@@ -23,7 +23,7 @@ from foldback.planner.storage.file_names import PLAN, PLAYBACK
 from foldback.planner.verification.verify import Verification
 from foldback.planner.verification.verify import verify as verify_files
 from foldback.words import certificate as certificate_words
-from foldback.words.messages import verdict_for_people
+from foldback.words.messages import PEOPLE
 from foldback.words.quantities import spacings
 
 
@@ -102,7 +102,7 @@ def _show(result: Verification, largest: tuple[float, str] | None) -> None:
         console.print(line, markup=False)
     if result.reason is not None:
         holds = "confirmed" if result.reason.confirmed else "refuted"
-        reason = verdict_for_people(result.reason.words)
+        reason = result.reason.diagnosis.text(PEOPLE)
         console.print(f"The reason why unfolding stalled is {holds}: {reason}.", markup=False)
     if result.replay is not None:
         depth = result.replay.overlap

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any, Final, Literal, TypedDict, cast
+
+import msgspec
 
 MotionName = Literal["plan", "record", "playback", "simulated playback"]
 
@@ -17,7 +20,26 @@ class ReasonCode(StrEnum):
     CANCELLED = "cancelled"
     NO_PLAYBACK = "no-playback"
     EXPLOSION_FAILED = "explosion-failed"
+    EXPLOSION_CANCELLED = "explosion-cancelled"
+    TURNS_CANCELLED = "turns-cancelled"
+    SMOOTHING_CANCELLED = "smoothing-cancelled"
+    PLAYBACK_CANCELLED = "playback-cancelled"
+    SIMULATION_FAILED = "simulation-failed"
+    MAX_STEPS = "max-steps"
+    MAX_SNAPSHOTS = "max-snapshots"
+    MAX_TURNS = "max-turns"
+    AT_REST = "at-rest"
+    STUCK = "stuck"
+    STUCK_PEELING = "stuck-peeling"
+    STUCK_ON_TABLE = "stuck-on-table"
+    NO_QUARTER_TURN = "no-quarter-turn"
+    NO_TURNS = "no-turns"
+    NOT_STRAIGHT = "not-straight"
     PLAYBACK_FAILED = "playback-failed"
+    MISSED = "missed"
+    NOT_AT_REST = "not-at-rest"
+    LOST_TARGET = "lost-target"
+    WEAK_MOTOR = "weak-motor"
     OVERLAP = "overlap"
     TOUCH = "touch"
     CLEARANCE_UNPROVED = "clearance-unproved"
@@ -70,7 +92,18 @@ class ReasonValues(TypedDict, total=False):
         limit: Maximum length that is allowed.
         friction: μ between modules and table.
         clamped: True if the first module is clamped to the table.
-        status, detail: Status of a motion that failed, and its own reason.
+        status: Status of a motion that failed.
+        detail: Error message of the program.
+        steps, max_steps: Number of steps, and its limit.
+        snapshots: Number of recorded snapshots.
+        pushes: Number of random pushes in a row without progress.
+        module: A module, counted from 0.
+        folded: Last module of the part that is still folded; None if all modules are released.
+        bend_rad: Angle by which a joint is still bent.
+        turns: Number of turns that were tested.
+        bent: Number of hinges whose angle is wrong.
+        states: Number of states whose turns were tried.
+        error_rad: Error of a joint angle.
     """
 
     motion: MotionName
@@ -98,6 +131,17 @@ class ReasonValues(TypedDict, total=False):
     clamped: bool
     status: str
     detail: str
+    steps: int
+    max_steps: int
+    snapshots: int
+    pushes: int
+    module: int
+    folded: int | None
+    bend_rad: float
+    turns: int
+    bent: int
+    states: int
+    error_rad: float
 
 
 class ReasonFigures(TypedDict):
@@ -117,14 +161,12 @@ class Reader:
         frame: Returns a frame as text, given its number counted from 0.
         place: Returns the place of a frame in a motion as text, given the frame and the motion's
             name; empty to leave it out.
-        detail: Returns the reason of a motion that failed.
     """
 
     first: int
     length: Callable[[float], str]
     frame: Callable[[float], str]
     place: Callable[[float, str], str]
-    detail: Callable[[str], str] = str
 
 
 PROGRAMS: Final = Reader(
@@ -158,13 +200,43 @@ class Reason:
         """Return plain JSON values."""
         return {"code": str(self.code), "values": self.values}
 
+    def as_text(self) -> str:
+        """Return JSON, for files that hold only arrays."""
+        return json.dumps(self.as_dict())
+
+    @classmethod
+    def from_dict(cls, values: ReasonFigures | None) -> Reason | None:
+        """Build a reason from ``as_dict``; None for None.
+
+        Raises:
+            TypeError: The code is unknown, or a value is missing or of another type.
+        """
+        if values is None:
+            return None
+        try:
+            reason = msgspec.convert(values, cls)
+            reason.text()
+        except (msgspec.ValidationError, KeyError, ValueError) as error:
+            raise TypeError(f"got a reason whose values do not fit its code: {error}") from error
+        return reason
+
+    @classmethod
+    def from_text(cls, text: str) -> Reason | None:
+        """Build a reason from ``as_text``; None for an empty text.
+
+        Raises:
+            TypeError: As ``from_dict``.
+            ValueError: The text is not JSON.
+        """
+        return cls.from_dict(json.loads(text)) if text else None
+
     def text(self, reader: Reader = PROGRAMS) -> str:
         """Return the reason as a phrase in plain English."""
-        values = self.values
-        failed = self.code in (ReasonCode.EXPLOSION_FAILED, ReasonCode.PLAYBACK_FAILED)
-        if failed and (detail := reader.detail(values.get("detail", ""))):
-            return detail
-        return TEXTS[self.code].format(**_words(values, reader))
+        return TEXTS[self.code].format(**_words(self.values, reader))
+
+    def __str__(self) -> str:
+        """Return the text with numbers from 0."""
+        return self.text()
 
 
 def _words(values: ReasonValues, reader: Reader) -> dict[str, Any]:
@@ -182,6 +254,18 @@ def _words(values: ReasonValues, reader: Reader) -> dict[str, Any]:
     for name in ("angle_rad", "limit_rad"):
         if name in words:
             words[name.removesuffix("_rad")] = f"{math.degrees(words[name]):.4g}°"
+    if "bend_rad" in words:
+        words["bend"] = f"{math.degrees(words['bend_rad']):.0f}°"
+    if "module" in words:
+        words["module"] += reader.first
+    if "folded" in words:
+        words["folded"] = (
+            "with all modules released"
+            if words["folded"] is None
+            else f"with modules {reader.first} to {words['folded'] + reader.first} still folded"
+        )
+    if "states" in words:
+        words["states"] = f"{words['states']} state{'' if words['states'] == 1 else 's'}"
     if "frame" in words:
         words["frame"] = reader.frame(words["frame"])
     if "friction" in words:
@@ -213,7 +297,61 @@ TEXTS: Final = {
     ReasonCode.CANCELLED: "the check was cancelled",
     ReasonCode.NO_PLAYBACK: "there is no playback",
     ReasonCode.EXPLOSION_FAILED: "the explosion {status}",
+    ReasonCode.EXPLOSION_CANCELLED: "the explosion was cancelled",
+    ReasonCode.TURNS_CANCELLED: "the search for turns was cancelled",
+    ReasonCode.SMOOTHING_CANCELLED: "smoothing was cancelled",
+    ReasonCode.PLAYBACK_CANCELLED: "the playback was cancelled",
+    ReasonCode.SIMULATION_FAILED: "the simulation failed: {detail}",
+    ReasonCode.MAX_STEPS: (
+        "the chain was not straight after {steps} steps; try another seed, or another path through "
+        "the same cells"
+    ),
+    ReasonCode.MAX_SNAPSHOTS: (
+        "after {snapshots} snapshots, the maximum for a chain of this length, the chain was still "
+        "not straight; set a longer snapshot_interval"
+    ),
+    ReasonCode.MAX_TURNS: "turns were found in {steps} steps, more than {max_steps}",
+    ReasonCode.AT_REST: "nothing moved any more after {steps} steps",
+    ReasonCode.STUCK: (
+        "the chain is stuck: {pushes} random pushes in a row made no progress. The joint of module "
+        "{module} is still bent by {bend}. Try another seed, or another path through the same cells"
+    ),
+    ReasonCode.STUCK_PEELING: (
+        "the chain is stuck {folded}: {pushes} random pushes in a row made no progress. The joint "
+        "of module {module} is still bent by {bend}. Start the chain at its other end, or try "
+        "another path"
+    ),
+    ReasonCode.STUCK_ON_TABLE: (
+        "the chain is stuck {folded}: a hinge would need a torque of more than {limit_torque:.2f} "
+        "w·p (module weight × spacing), which is the torque limit. Try another path, or stronger "
+        "motors"
+    ),
+    ReasonCode.NO_QUARTER_TURN: (
+        "none of the {turns} quarter turns of the {joints} hinges is free in the folded state"
+    ),
+    ReasonCode.NO_TURNS: (
+        "the search for turns ended with {bent} hinges still bent, after it had tried the turns of "
+        "{states}"
+    ),
+    ReasonCode.NOT_STRAIGHT: "the chain was not straight after the explosion",
     ReasonCode.PLAYBACK_FAILED: "the playback {status}",
+    ReasonCode.MISSED: (
+        "the modules ended {error} from their targets on average (root mean square)"
+    ),
+    ReasonCode.NOT_AT_REST: (
+        "the chain was not at rest in its folded shape after {steps} steps: the modules are "
+        "{error} from their targets on average (root mean square), and {bent} of {joints} hinges "
+        "are off by more than 0.1 rad"
+    ),
+    ReasonCode.LOST_TARGET: (
+        "a robot could not follow the motion: after {progress} of the motion, the angle of {joint} "
+        "was off by {error_rad:.2g} rad, more than its motor could correct"
+    ),
+    ReasonCode.WEAK_MOTOR: (
+        "the motor of {joint} is too weak: it supplies at most {limit_torque:.3g} w·p (module "
+        "weight × spacing). After {progress} of the motion, the angle of this joint was off by "
+        "{error_rad:.2g} rad"
+    ),
     ReasonCode.OVERLAP: (
         "in the {motion}, {modules} overlap by {depth} at module size {module_size:g}, "
         "{progress} through the motion{at}"

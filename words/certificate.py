@@ -21,7 +21,7 @@ from foldback.planner.parameters.parameters import BASELINE
 from foldback.planner.robot.module_materials import CASINGS
 from foldback.planner.robot.servos import Servo, servos
 from foldback.planner.robot.sizing import find_suitable_servos, suitable_pitches
-from foldback.words.messages import assumption_for_people, nearest_frame, reason_text
+from foldback.words.messages import nearest_frame, reason_text
 from foldback.words.quantities import (
     SIGNIFICANT_DIGITS,
     STRATEGY_LABELS,
@@ -245,7 +245,7 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
         "good": table.rests,
         "text": text,
         "rows": [(label, value) for label, value in rows if value],
-        "assumptions": [assumption_for_people(each) for each in table.assumptions],
+        "assumptions": list(table.assumptions),
         "servos": servos,
         "named": [{"name": f"{servo.maker} {servo.name}", "href": servo.url} for servo in named],
     }

@@ -30,9 +30,9 @@ from foldback.words.messages import (
     PEOPLE,
     PEOPLE_WITHOUT_PLACES,
     count_from_one,
+    diagnosis_text,
     nearest_frame,
     reason_text,
-    verdict_for_people,
 )
 from foldback.words.quantities import STRATEGY_LABELS, quantity, sentence, spacings
 
@@ -122,7 +122,7 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     evidence: EvidenceFigures | None = None
     if told := summary.get("stuck"):
         kind, modules = told["kind"], told["modules"]
-        text = verdict_for_people(told["words"])
+        text = diagnosis_text(told)
         if kind == "stopped":
             text = _stopped(row, text)
         if evidence := told.get("evidence"):
@@ -307,7 +307,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
     elif status != "straight":
         steps = f"{EXPLOSION_ENDS.get(status, status)} after {quantity(attempt['steps'])} steps"
         told = attempt.get("diagnosis")
-        words = verdict_for_people(told["words"].rstrip(".")) if told else ""
+        words = diagnosis_text(told) if told else ""
         end, tone = f"{steps}: {words}" if words else steps, "bad"
     elif attempt.get("verified"):
         end, tone = "verified", "good"

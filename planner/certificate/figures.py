@@ -407,7 +407,7 @@ class ExplosionFigures(TypedDict, total=False):
     """``planner.motion.record.Record.summary``."""
 
     status: str
-    reason: str
+    reason: ReasonFigures | None
     strategy: str
     steps: int
     frames: int
@@ -419,7 +419,7 @@ class PlaybackFigures(TypedDict, total=False):
 
     kind: str
     status: str
-    reason: str
+    reason: ReasonFigures | None
     steps: int
     seconds: float
     rms_position_error: float | None
@@ -465,7 +465,7 @@ class AttemptFigures(TypedDict, total=False):
     roomy: bool
     smooths: int
     status: Required[str]
-    reason: str
+    reason: ReasonFigures | None
     steps: Required[int]
     frames: int
     seconds: float

@@ -359,15 +359,15 @@ def _assumptions(
 ) -> tuple[str, ...]:
     """Return the assumptions of the figures."""
     assumptions = [
-        "The torque of a frame is the largest joint torque, minimised over all distributions of "
-        "contact forces. This lower bound is exact for motors that yield at their limit. Servos "
-        "that hold their position stiffly need more.",
+        "The contact forces are distributed so that the largest joint torque of a frame is as "
+        "small as possible. This lower bound of the torque is exact for motors that yield at their "
+        "limit. Servos that hold their position stiffly need more.",
         "Statics only: accelerating the modules needs additional torque.",
         f"Corners up to {FLOOR_GAP:g} pitch above the table count as standing on it. Full-size "
         f"modules up to {MODULE_GAP:g} pitch apart count as touching and push each other without "
-        "friction. Linked cubes do not touch: the parts that would touch are cut away.",
+        "friction. The parts of linked cubes that would touch are treated as cut away.",
         f"Modules are rigid, have the same weight and are {module_size:g} pitch wide at contacts. "
-        "Joints bear any force, and any moment across their hinges.",
+        "Joints bear any force, and any moment perpendicular to their hinge axes.",
         f"Torques up to {MIN_TORQUE_WP:g} w·p count as zero.",
         "Every frame is checked, but not the motion between frames.",
     ]
@@ -375,26 +375,28 @@ def _assumptions(
         assumptions.append("No friction: the table exerts no forces along its plane.")
     else:
         assumptions.append(
-            f"Coulomb friction with the table (coefficient {friction:g}) opposes the motion to the "
-            "next frame. At corners that do not slip, the friction cone is replaced by an "
-            f"inscribed pyramid with {CONE_SIDES} sides."
+            f"Coulomb friction with the table (coefficient {friction:g}) opposes the motion that "
+            "leads to the next frame. At corners that do not slip, the friction cone is replaced "
+            f"by an inscribed pyramid with {CONE_SIDES} sides."
         )
     if base == "clamped":
         assumptions.append(
             "The first module is clamped to the table, which bears any force and moment."
         )
     elif friction == 0.0:
-        assumptions.append("The chain lies free on the table.")
+        assumptions.append("The chain lies on the table and is not clamped.")
     else:
         assumptions.append(
-            "The chain lies free on the table. It drifts so that friction does the least work, "
-            "computed with the contact forces of a table without friction. Friction forces may "
+            "The chain lies on the table and is not clamped. The chain drifts so that friction "
+            "does the least work. The drift is computed with the contact forces that the chain "
+            "would have on a table without friction. Friction forces may "
             f"deviate from the slip direction by {DIRECTION_SPREADS_RAD[0]:g} rad, or by "
             f"{DIRECTION_SPREADS_RAD[1]:g} rad if the forces cannot balance otherwise."
         )
     if not on_table:
         assumptions.append(
-            "The plan was not made for a table. Each frame was laid down in the resting pose that "
-            "needs the least torque; the motion from one pose to the next is not checked."
+            "The plan was not made for a table. For this check, the chain of each frame was laid "
+            "on the table in the resting pose that needs the least torque. The motion from one "
+            "resting pose to the next is not checked."
         )
     return tuple(assumptions)

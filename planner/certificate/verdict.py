@@ -44,7 +44,7 @@ def find_reason(
         module_size: Module size as a fraction of the pitch.
     """
     if record is not None and record.status != "straight":
-        return Reason.of(Code.EXPLOSION_FAILED, status=record.status, detail=record.reason)
+        return record.reason or Reason.of(Code.EXPLOSION_FAILED, status=record.status)
     if playback is None or sweeps.plan is None:
         return Reason.of(Code.NO_PLAYBACK)
     swept: list[tuple[ReasonValues, Sweep | None]] = [({"motion": "plan"}, sweeps.plan)]
@@ -55,7 +55,7 @@ def find_reason(
         if sweep is not None and sweep.clearance < 0.0:
             return _overlap(motion, sweep, module_size)
     if playback.status != "folded":
-        return Reason.of(Code.PLAYBACK_FAILED, status=playback.status, detail=playback.reason)
+        return playback.reason or Reason.of(Code.PLAYBACK_FAILED, status=playback.status)
     if wrong_beginning := _wrong_beginning(chain, start, playback):
         return wrong_beginning
     if figures["plan_end_error_rad"] > MAX_ANGLE_DIFFERENCE_RAD:

@@ -33,6 +33,7 @@ from foldback.planner.motion.record import Record
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.parameters.parameters import BASELINE, TURNS, Parameters
 from foldback.planner.pathfinding.knot_diagram import diagram_of
+from foldback.planner.reasons import PROGRAMS, Reader
 
 Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped", "blocked"]
 SLIGHT_BEND_RAD: Final = 0.1
@@ -70,17 +71,16 @@ class Diagnosis:
     modules: tuple[int, ...]
     evidence: Evidence | None = None
 
-    @property
-    def words(self) -> str:
-        """Reason as a phrase in plain English."""
-        return STALL_TEXTS[self.kind] if self.evidence is None else self.evidence.words
+    def text(self, reader: Reader = PROGRAMS) -> str:
+        """Return the reason as a phrase in plain English."""
+        return STALL_TEXTS[self.kind] if self.evidence is None else self.evidence.text(reader)
 
     def as_dict(self) -> StuckFigures:
         """Return plain JSON values."""
         return {
             "kind": self.kind,
             "modules": list(self.modules),
-            "words": self.words,
+            "words": self.text(),
             "evidence": self.evidence and self.evidence.as_dict(),
         }
 

@@ -20,6 +20,7 @@ from foldback.planner.motion.failure_schemas import (
     QuarterTurnFigures,
     SpentKind,
 )
+from foldback.planner.reasons import PROGRAMS, Reader
 from foldback.planner.storage.plain_values import from_plain, plain_lists
 
 Point = tuple[float, float, float]
@@ -28,10 +29,10 @@ MAX_NAMED_PAIRS: Final = 3
 names; further ones are only counted."""
 USED_UP: Final[dict[SpentKind, str]] = {
     "steps": "the limit of {allowed} steps was reached",
-    "pushes": "{allowed} random pushes in a row, the limit, made no progress",
+    "pushes": "the limit of {allowed} random pushes in a row without progress was reached",
     "retries": "the simulation failed after {used} restarts from an earlier state",
     "snapshots": "the limit of {allowed} snapshots was reached",
-    "refusals": "the torque limit was exceeded {used} times; {allowed} times are allowed",
+    "refusals": "the torque limit was exceeded {used} times, but only {allowed} times are allowed",
     "turns": "the search for turns ended after it had tried those of {used} states",
     "turn_steps": "the turns that were found take {used} steps; {allowed} are allowed",
     "motion": "nothing moved any more after {used} of {allowed} steps",
@@ -73,13 +74,18 @@ class KnotEvidence:
     sight: Point
     diagram: tuple[Crossing, ...]
 
-    @property
-    def words(self) -> str:
-        """Evidence as a phrase in plain English."""
-        determinant_note = "" if self.determinant is None else f" (determinant {self.determinant})"
+    def text(self, reader: Reader = PROGRAMS) -> str:
+        """Return the evidence as a phrase in plain English; it is the same for all readers."""
+        del reader
+        which = (
+            ""
+            if self.determinant in (None, 1)
+            else f" (the knot's determinant is {self.determinant}; that of a chain without a knot "
+            "is 1)"
+        )
         return (
-            f"the chain is knotted{determinant_note}: drawn as it stalled, with its ends extended "
-            f"outwards, it has {len(self.diagram)} crossings"
+            f"the chain is knotted{which}: a drawing of the stalled chain, with both ends extended "
+            f"outwards, has {len(self.diagram)} crossings"
         )
 
     def as_dict(self) -> KnotFigures:
@@ -151,27 +157,24 @@ class BlockEvidence:
     unit: tuple[int, int] | None
     moves: tuple[Move, ...]
 
-    @property
-    def words(self) -> str:
-        """Evidence as a phrase in plain English."""
+    def text(self, reader: Reader = PROGRAMS) -> str:
+        """Return the evidence as a phrase in plain English."""
         parts: list[str] = []
         if self.turns:
             modules = sorted({turn.module for turn in self.turns})
-            is_single = len(self.turns) == 1
-            subject = (
-                "the hinge"
-                if is_single
-                else f"the {len(self.turns)} hinges bent by more than "
-                + (f"{np.rad2deg(self.bent_above_rad):.0f}°")
+            places = _listed(modules, reader.first)
+            cannot = (
+                f"the hinge at {places} cannot straighten"
+                if len(self.turns) == 1
+                else f"none of the {len(self.turns)} hinges bent by more than "
+                f"{np.rad2deg(self.bent_above_rad):.0f}° (at {places}) can straighten by itself"
             )
-            parts.append(
-                f"{subject} at {_listed(modules)} cannot straighten"
-                f"{'' if is_single else ', each by itself'}: {_pairs(self.turns)}"
-            )
+            parts.append(f"{cannot}, {_overlaps(self.turns, reader.first)}")
         if self.moves and self.unit is not None:
+            first, last = (module + reader.first for module in self.unit)
             parts.append(
-                f"modules {self.unit[0]} to {self.unit[1]}, which come next, cannot move in any of "
-                f"the six directions: {_pairs(self.moves)}"
+                f"the part that would unfold next (modules {first} to {last}) cannot move in any "
+                f"of the six directions, {_overlaps(self.moves, reader.first)}"
             )
         return f"{'; '.join(parts)} (at a module size of {self.module_size:g})"
 
@@ -193,12 +196,12 @@ class QuarterTurnEvidence:
     module_size: float
     turns: tuple[Turn, ...]
 
-    @property
-    def words(self) -> str:
-        """Evidence as a phrase in plain English."""
+    def text(self, reader: Reader = PROGRAMS) -> str:
+        """Return the evidence as a phrase in plain English."""
         return (
             f"none of the {len(self.turns)} quarter turns of single hinges is free in the folded "
-            f"state: {_pairs(self.turns)} (at a module size of {self.module_size:g})"
+            f"state, {_overlaps(self.turns, reader.first)} (at a module size of "
+            f"{self.module_size:g})"
         )
 
     def as_dict(self) -> QuarterTurnFigures:
@@ -229,9 +232,9 @@ class BudgetEvidence:
     bent_hinges: int
     largest_bend_rad: float
 
-    @property
-    def words(self) -> str:
-        """Evidence as a phrase in plain English."""
+    def text(self, reader: Reader = PROGRAMS) -> str:
+        """Return the evidence as a phrase in plain English; it is the same for all readers."""
+        del reader
         limit = USED_UP[self.spent].format(allowed=_whole(self.allowed), used=_whole(self.used))
         hinges = "hinge was" if self.bent_hinges == 1 else "hinges were"
         bend_limit = (
@@ -269,7 +272,9 @@ def _whole(number: int) -> str:
     return f"{number:,}".replace(",", "\u00a0")
 
 
-def _listed(modules: Sequence[int]) -> str:
+def _listed(modules: Sequence[int], first: int) -> str:
+    """Return numbers of modules as text, counted from ``first``."""
+    modules = [module + first for module in modules]
     if len(modules) == 1:
         return f"module {modules[0]}"
     if len(modules) > MAX_NAMED_PAIRS:
@@ -278,9 +283,10 @@ def _listed(modules: Sequence[int]) -> str:
     return f"modules {', '.join(map(str, modules[:-1]))} and {modules[-1]}"
 
 
-def _pairs(blocks: Sequence[Turn] | Sequence[Move]) -> str:
+def _overlaps(blocks: Sequence[Turn] | Sequence[Move], first: int) -> str:
+    """Return the pairs of modules that block motions, counted from ``first``."""
     pairs = list(dict.fromkeys(block.modules for block in blocks))
-    named = ", ".join(f"module {a} against {b}" for a, b in pairs[:MAX_NAMED_PAIRS])
-    return named + (
-        "" if len(pairs) <= MAX_NAMED_PAIRS else f", and {len(pairs) - MAX_NAMED_PAIRS} pairs more"
-    )
+    named = [f"modules {a + first} and {b + first}" for a, b in pairs[:MAX_NAMED_PAIRS]]
+    if more := len(pairs) - len(named):
+        named.append(f"and {more} more pair{'' if more == 1 else 's'}")
+    return f"because modules would overlap: {', '.join(named)}"

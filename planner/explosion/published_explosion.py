@@ -34,6 +34,8 @@ from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record, Spent
 from foldback.planner.parameters.published import PaperExplosionParameters
 from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.reasons import Reason
+from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.reduced_state import Acceleration
 from foldback.planner.simulation.segments import Segments
@@ -81,7 +83,7 @@ def explode_as_published(
         watch=Watch(progress, cancelled, "exploding with the published parameters"),
         parameters=p,
     )
-    record = run(explosion, "simultaneous", advice="")
+    record = run(explosion, "simultaneous")
     snapshots = quantised(np.array(explosion.snapshots), chain.module.angle_limit_rad)
     return replace(record, snapshots_rad=snapshots)
 
@@ -186,8 +188,7 @@ class Published(Explosion[PublishedChain, Step]):
         if count * hinges > MAX_SNAPSHOT_ANGLES:
             return End(
                 "timeout",
-                f"after {count} snapshots, the maximum for a chain of this length, the chain was "
-                "still not straight; set a longer snapshot_interval.",
+                Reason.of(Code.MAX_SNAPSHOTS, snapshots=count),
                 Spent("snapshots", MAX_SNAPSHOT_ANGLES // hinges, count),
             )
         if steps % 25:
@@ -197,7 +198,7 @@ class Published(Explosion[PublishedChain, Step]):
         if steps and steps % REST_CHECK_STEPS == 0 and at_rest:
             return End(
                 "stalled",
-                f"nothing moved any more after {steps} steps.",
+                Reason.of(Code.AT_REST, steps=steps),
                 Spent("motion", self.max_steps, steps),
             )
         positions = world.segments.positions

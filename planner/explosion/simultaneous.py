@@ -47,6 +47,8 @@ from foldback.planner.motion.record import Record, Spent
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.pathfinding.knots import knot_of
 from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.reasons import Reason
+from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.rigid_blocks import Blocks
 from foldback.planner.simulation.segments import Segments
@@ -313,10 +315,7 @@ class Simultaneous(Explosion[WholeChain, Step]):
         """Return the end of a stuck run, with the joint that stays bent."""
         angles, pulses = np.abs(self.world.state.angles), self.pulses
         worst = self.world.chain.module_before(int(np.argmax(angles)))
-        return End(
-            "stalled",
-            f"the chain is stuck: {pulses.count} random pushes in a row made no progress. The "
-            f"joint of module {worst} is still bent by {np.rad2deg(angles.max()):.0f}°. Try "
-            "another seed, or another path through the same cells.",
-            pulses.spent,
+        reason = Reason.of(
+            Code.STUCK, pushes=pulses.count, module=int(worst), bend_rad=float(angles.max())
         )
+        return End("stalled", reason, pulses.spent)

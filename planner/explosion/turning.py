@@ -15,6 +15,8 @@ from foldback.planner.motion.angle_encoding import quantised
 from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record, RecordStatus, Spent
 from foldback.planner.progress import Cancelled, never
+from foldback.planner.reasons import Reason
+from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.turns.turn_sequence import NoTurns, find_turns
 
 MAX_TURNING_MODULES: Final = 500
@@ -54,14 +56,15 @@ def unfold_in_turns(
         chain, module_size=module_size, at_once=at_once, seed=seed, roomy=roomy, cancelled=cancelled
     )
     status: RecordStatus = "straight"
-    reason, rests, spent, expanded = "", None, None, 0
+    reason: Reason | None = None
+    rests, spent, expanded = None, None, 0
     if isinstance(turns, NoTurns):
         status, reason, spent = _failure(chain, turns, module_size)
         frames, expanded = turns.last_rad, turns.expanded
     elif roomy and len(turns.hinges) > (max_turns := -(-len(chain) // MODULES_PER_STEP)):
         status, frames = "stalled", turns.rest_angles_rad[-1:]
         expanded = len(turns.hinges)
-        reason = f"turns were found in {expanded} steps, more than {max_turns}"
+        reason = Reason.of(Code.MAX_TURNS, steps=expanded, max_steps=max_turns)
         spent = Spent(kind="turn_steps", allowed=max_turns, used=expanded)
     elif turns.hinges:
         frames, rests = _between(turns.rest_angles_rad[::-1])
@@ -91,26 +94,21 @@ def unfold_in_turns(
 
 def _failure(
     chain: Chain, search: NoTurns, module_size: float
-) -> tuple[RecordStatus, str, Spent | None]:
+) -> tuple[RecordStatus, Reason, Spent | None]:
     """Return the status, reason and used-up limit of a search without a result."""
     if search.outcome == "cancelled":
-        return "cancelled", "the search for turns was cancelled", None
+        return "cancelled", Reason.of(Code.TURNS_CANCELLED), None
     # Modules that only come too near in a turn do not block it: the search has ended all the same.
     blocked = (
         no_quarter_turn(chain, module_size=module_size) if search.outcome == "blocked" else None
     )
     if blocked is not None:
-        return (
-            "stalled",
-            f"none of the {len(blocked.turns)} quarter turns of the {len(chain.folded_rad)} hinges "
-            "is free in the folded state",
-            None,
-        )
+        count, joints = len(blocked.turns), len(chain.folded_rad)
+        return "stalled", Reason.of(Code.NO_QUARTER_TURN, turns=count, joints=joints), None
     bent = int((np.abs(search.last_rad[-1]) > 0.0).sum())
     return (
         "stalled",
-        f"the search for turns ended with {bent} hinges still bent, after it had tried the turns "
-        f"of {search.expanded} {'state' if search.expanded == 1 else 'states'}",
+        Reason.of(Code.NO_TURNS, bent=bent, states=search.expanded),
         Spent(kind="turns", allowed=search.expanded, used=search.expanded),
     )
 

@@ -16,6 +16,7 @@ from foldback.planner.arrays import Array, Ints
 from foldback.planner.motion.angle_encoding import packed_frames, unpacked_frames
 from foldback.planner.motion.failure_schemas import SpentKind
 from foldback.planner.motion.motion import Motion
+from foldback.planner.reasons import Reason
 from foldback.planner.storage.files import written_aside
 
 RecordStatus = Literal["straight", "stalled", "diverged", "cancelled", "timeout"]
@@ -94,7 +95,7 @@ class Record:
 
     Attributes:
         status: ``straight`` if the chain became straight, else the kind of failure.
-        reason: Reason in plain English; empty if straight.
+        reason: Reason why it is not straight; None if it is.
         frames: Snapshots from folded on; the last one is straight if the status says so.
         steps: Number of simulation steps; of states whose turns were tried, if no turns were found.
         seconds: Wall time, s.
@@ -110,7 +111,7 @@ class Record:
     """
 
     status: RecordStatus
-    reason: str
+    reason: Reason | None
     frames: Motion
     steps: int
     seconds: float
@@ -126,7 +127,7 @@ class Record:
         """Return the figures without the frames."""
         return {
             "status": self.status,
-            "reason": self.reason,
+            "reason": self.reason and self.reason.as_dict(),
             "steps": self.steps,
             "frames": len(self.frames),
             "seconds": self.seconds,
@@ -138,6 +139,8 @@ class Record:
         save_npz(
             path,
             {
+                "status": np.array(self.status),
+                "reason": np.array("" if self.reason is None else self.reason.as_text()),
                 **{name: np.array(getattr(self, name)) for name in _SCALARS},
                 **({} if self.table is None else self.table.arrays()),
                 **({} if self.spent is None else self.spent.arrays()),
@@ -163,11 +166,13 @@ class Record:
                 table=TableRecord.of(arrays),
                 spent=Spent.from_arrays(arrays),
                 rest_frames=arrays.get("rest_frames"),
+                status=arrays["status"].item(),
+                reason=Reason.from_text(arrays["reason"].item()),
                 **{name: arrays[name].item() for name in _SCALARS},
             )
 
 
-_SCALARS: Final = ("status", "reason", "steps", "seconds", "strategy", "pushes", "retries")
+_SCALARS: Final = ("steps", "seconds", "strategy", "pushes", "retries")
 """Figures of a record that its file holds by name."""
 
 

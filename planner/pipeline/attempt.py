@@ -18,7 +18,6 @@ from foldback.planner.pipeline.preference import PlanFigures
 from foldback.planner.playback.playback import Playback
 from foldback.planner.reasons import Reason
 from foldback.planner.shapes.likeness import Likeness
-from foldback.planner.storage.plain_values import from_plain
 
 MAX_EXPLOSIONS: Final = 6
 """Maximum number of times that one fold explodes its chain (simulates how the folded chain comes
@@ -129,7 +128,7 @@ class Attempt:
 
     spec: AttemptSpec
     status: RecordStatus | Literal["begun", "none"]
-    reason: str = ""
+    reason: Reason | None = None
     steps: int = 0
     frames: int = 0
     seconds: float = 0.0
@@ -232,7 +231,8 @@ class Attempt:
                 del values[name]
         if self.status == "begun":
             return values
-        values |= {name: getattr(self, name) for name in ("reason", "steps", "frames", "seconds")}
+        values["reason"] = self.reason and self.reason.as_dict()
+        values |= {name: getattr(self, name) for name in ("steps", "frames", "seconds")}
         values["diagnosis"] = self.diagnosis and self.diagnosis.as_dict()
         if self.finer > 1:
             values["finer"] = self.finer
@@ -255,8 +255,8 @@ class Attempt:
         diagnosis = values.get("diagnosis")
         fields = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
         fields["diagnosis"] = diagnosis and Diagnosis.from_dict(diagnosis)
-        refusal = values.get("refusal")
-        fields["refusal"] = refusal and from_plain(refusal, Reason)
+        for name in ("reason", "refusal"):
+            fields[name] = Reason.from_dict(values.get(name))
         figures = values.get("figures")
         fields["figures"] = figures and PlanFigures(**figures)
         spec = {name: values[name] for name in AttemptSpec.__dataclass_fields__ if name in values}

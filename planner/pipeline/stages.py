@@ -38,13 +38,15 @@ from foldback.planner.pipeline.reading import Reading, read_plan, read_shape
 from foldback.planner.pipeline.workspace import Workspace
 from foldback.planner.plan.plan import Plan
 from foldback.planner.progress import STAGES, Cancelled, Progress, Report, never, silent
+from foldback.planner.reasons import Reason
+from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.storage.file_names import DESCRIBED, EXPORTED_FILES, PLAN_TEXT
 
-NO_EXPLOSION: Final = {"status": "none", "reason": "", "steps": 0, "frames": 0, "seconds": 0.0}
+NO_EXPLOSION: Final = {"status": "none", "reason": None, "steps": 0, "frames": 0, "seconds": 0.0}
 """Figures of the stage ``explode`` where nothing explodes."""
 NOT_PLAYED: Final = {
     "status": "skipped",
-    "reason": "the chain was not straight after the explosion",
+    "reason": Reason.of(Code.NOT_STRAIGHT).as_dict(),
     "steps": 0,
     "seconds": 0.0,
     "rms_position_error": None,

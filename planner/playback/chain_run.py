@@ -19,6 +19,8 @@ from foldback.planner.playback.controllers import build_plant
 from foldback.planner.playback.reference_trajectory import ReferenceTrajectory
 from foldback.planner.playback.setpoints import Setpoints, Target
 from foldback.planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
+from foldback.planner.reasons import Reason
+from foldback.planner.reasons import ReasonCode as Code
 
 PlaybackStatus = Literal["folded", "missed", "diverged", "cancelled", "timeout"]
 FRAME_MOVE_PITCH: Final = 0.2
@@ -67,7 +69,7 @@ class PlaybackRun:
         self.peak_torque = 0.0
         self.square_torque = 0.0
         self.status: PlaybackStatus = "cancelled"
-        self.reason = ""
+        self.reason: Reason | None = None
         self._reported = time.perf_counter(), 0
 
     def count_step(self, torques: Array) -> None:
@@ -98,8 +100,8 @@ class PlaybackRun:
             self._reported = now, self.steps
         return True
 
-    def lost(self, first: int, errors: Array, fraction: float) -> str:
-        """Describe the hinge that a robot has lost.
+    def lost(self, first: int, errors: Array, fraction: float) -> Reason:
+        """Return the reason why a robot has lost a hinge.
 
         Args:
             first: Number of the first simulated hinge.
@@ -107,10 +109,11 @@ class PlaybackRun:
             fraction: Progress of the playback, 0 to 1.
         """
         worst = int(errors.argmax())
-        return (
-            f"a robot could not follow the motion: after {100.0 * fraction:.0f} % of the motion, "
-            f"the angle of {self.chain.joint_names[first + worst]} was off by {errors[worst]:.2g} "
-            "rad, which is more than its motor can correct."
+        return Reason.of(
+            Code.LOST_TARGET,
+            progress=float(fraction),
+            joint=self.chain.joint_names[first + worst],
+            error_rad=float(errors[worst]),
         )
 
     def distance_to_goal(self, angles: Array) -> float:
@@ -162,15 +165,11 @@ class Run(PlaybackRun):
         error = self.final_error()
         if self.status == "folded" and error > GOAL_TOLERANCE_PITCH:
             self.status = "missed"
-            self.reason = (
-                f"the chain ended {error:.2g} pitches (RMS) from its target; "
-                f"{self.bent_wrong()} of {len(self.chain.folded_rad)} hinges are off by more than "
-                "0.1 rad."
-            )
+            self.reason = Reason.of(Code.MISSED, error=error)
 
     def _simulated(
         self, sink: Callable[[Motion], None] | None, progress: Report, cancelled: Cancelled
-    ) -> tuple[PlaybackStatus, str]:
+    ) -> tuple[PlaybackStatus, Reason | None]:
         plant = self.plant
         parts: list[tuple[Phase, Setpoints]] = [(p, make()) for p, make in self.trajectory.parts]
         most_steps = self.trajectory.parameters.max_steps
@@ -192,7 +191,7 @@ class Run(PlaybackRun):
                     self._keep(phase, angles, target, sink)
                     if phase in self.trajectory.resting:
                         self.rest_frames.append(len(self.motions) - 1)
-                    return "folded", ""
+                    return "folded", None
                 target = following
                 errors = np.abs(target.angles - angles)
                 self.largest_error = max(self.largest_error, float(errors.max()))
@@ -214,14 +213,15 @@ class Run(PlaybackRun):
                 fraction = (part + target.fraction) / len(parts)
                 message = "folding" if phase == "playback" else phase
                 if not self.check(progress, cancelled, fraction, message):
-                    return "cancelled", "the playback was cancelled."
+                    return "cancelled", Reason.of(Code.PLAYBACK_CANCELLED)
         except SimulationError as broken:
-            return "diverged", f"the simulation failed: {broken}"
-        return "timeout", (
-            f"the chain was not at rest in its folded shape after {most_steps} "
-            f"steps: it is {self.final_error():.2g} pitches (RMS) away, and "
-            f"{self.bent_wrong()} of {len(self.chain.folded_rad)} hinges are off by more than "
-            "0.1 rad."
+            return "diverged", Reason.of(Code.SIMULATION_FAILED, detail=str(broken))
+        return "timeout", Reason.of(
+            Code.NOT_AT_REST,
+            steps=most_steps,
+            error=self.final_error(),
+            bent=self.bent_wrong(),
+            joints=len(self.chain.folded_rad),
         )
 
     def _is_due(self, angles: Array, target: Target, phase: Phase) -> bool:

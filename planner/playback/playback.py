@@ -28,6 +28,7 @@ from foldback.planner.playback.robot_runs import simulate_robots
 from foldback.planner.playback.unfolding import Unfolding
 from foldback.planner.playback.window_trajectory import FRAME_RAD, WindowTrajectory
 from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.reasons import Reason
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -36,7 +37,7 @@ class Playback:
 
     Attributes:
         status: ``folded`` if the chain reached its shape, else the kind of failure.
-        reason: Reason in plain English; empty when folded.
+        reason: Reason why it is not folded; None if it is.
         frames: Simulated configurations with their joint errors: from straight on or, of a
             refold, from where it begins on, over straight.
         reference_rad: (F, J) planned hinge angles at those frames, rad; of windows (V,), as their
@@ -61,7 +62,7 @@ class Playback:
     """
 
     status: PlaybackStatus
-    reason: str
+    reason: Reason | None
     frames: Motion
     reference_rad: Angles | None
     steps: int
@@ -91,7 +92,8 @@ class Playback:
     def summary(self) -> dict[str, Any]:
         """Return the figures without the frames."""
         rests = {} if self.rest_frames is None else {"rest_frames": list(self.rest_frames)}
-        return {name: getattr(self, name) for name in _SCALARS} | rests
+        figures = {name: getattr(self, name) for name in ("status", *_SCALARS)}
+        return figures | {"reason": self.reason and self.reason.as_dict()} | rests
 
     def save(self, path: FilePath) -> None:
         """Write an ``.npz`` that is either complete or absent."""
@@ -106,6 +108,8 @@ class Playback:
         save_npz(
             path,
             {
+                "status": np.array(self.status),
+                "reason": np.array("" if self.reason is None else self.reason.as_text()),
                 **{name: _stored(getattr(self, name)) for name in _SCALARS},
                 **packed,
                 **({} if self.others_rad is None else {"others_rad": self.others_rad}),
@@ -131,6 +135,8 @@ class Playback:
                 rest_frames=tuple(rests.tolist())
                 if (rests := arrays.get("rest_frames")) is not None
                 else None,
+                status=arrays["status"].item(),
+                reason=Reason.from_text(arrays["reason"].item()),
                 **{name: _loaded(arrays[name].item()) for name in _SCALARS},
             )
 
@@ -145,8 +151,6 @@ def _loaded(value: Any) -> Any:
 
 
 _SCALARS: Final = (
-    "status",
-    "reason",
     "steps",
     "seconds",
     "rms_position_error",
@@ -288,7 +292,7 @@ def _followed(
     torques = inverse_dynamics(chain, frames)
     return Playback(
         status="folded",
-        reason="",
+        reason=None,
         frames=frames,
         reference_rad=None if frames.is_windowed else frames.joint_angles_rad,
         steps=0,

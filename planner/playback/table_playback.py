@@ -28,6 +28,8 @@ from foldback.planner.playback.playback import Playback
 from foldback.planner.playback.reference_trajectory import TRACKING_LOST_RAD
 from foldback.planner.playback.table_trajectory import TableTrajectory
 from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.reasons import Reason
+from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.simulation.table_body import TableBody
 
 TABLE_CHUNK_STEPS: Final = 512
@@ -41,7 +43,7 @@ class TablePlayback:
 
     Attributes:
         status: ``folded``, or the kind of failure.
-        reason: Reason in plain English; empty if folded.
+        reason: Reason why it is not folded; None if it is.
         frames: F frames with their joint errors; times are seconds at the chain's pitch. The pose
             of the root is that of the simulation.
         reference_rad: (F, J) planned hinge angles at those frames, rad.
@@ -57,7 +59,7 @@ class TablePlayback:
     """
 
     status: PlaybackStatus
-    reason: str
+    reason: Reason | None
     frames: Motion
     reference_rad: Array
     torques: Array
@@ -139,7 +141,7 @@ def play_on_table(
     try:
         status, reason = run.simulate(progress, cancelled)
     except SimulationError as broken:
-        status, reason = "diverged", f"the simulation failed: {broken}"
+        status, reason = "diverged", Reason.of(Code.SIMULATION_FAILED, detail=str(broken))
     return run.result(status, reason, start_s)
 
 
@@ -182,7 +184,9 @@ class _Run(PlaybackRun):
         self._peak_torques = np.zeros(len(chain.folded_rad))
         self._frames: list[_RecordedFrame] = []
 
-    def simulate(self, progress: Report, cancelled: Cancelled) -> tuple[PlaybackStatus, str]:
+    def simulate(
+        self, progress: Report, cancelled: Cancelled
+    ) -> tuple[PlaybackStatus, Reason | None]:
         """Fold; return how that ended, and why.
 
         Raises:
@@ -205,12 +209,12 @@ class _Run(PlaybackRun):
                     return "missed", self._lost(following)
                 fraction = self.steps / len(trajectory)
                 if not self.check(progress, cancelled, fraction, "folding on the table"):
-                    return "cancelled", "the playback was cancelled."
+                    return "cancelled", Reason.of(Code.PLAYBACK_CANCELLED)
         end = trajectory.angles(len(trajectory), len(trajectory) + 1)[0]
         for _ in range(int(self.p.settle / self.p.step)):
             self._step(end, end, np.zeros_like(end))
         self._keep(end)
-        return "folded", ""
+        return "folded", None
 
     def _step(self, current: Array, following: Array, expected: Array) -> None:
         p, body = self.p, self.body
@@ -226,18 +230,21 @@ class _Run(PlaybackRun):
         )
         self._peak_torques[:] = 0.0
 
-    def _lost(self, target: Array) -> str:
-        """Describe which hinge has yielded."""
+    def _lost(self, target: Array) -> Reason:
+        """Return the reason why a hinge has yielded."""
         off = np.abs(target - self.body.angles)
         worst = int(off.argmax())
-        return (
-            f"the motor of {self.chain.joint_names[worst]} is too weak: it supplies at most "
-            f"{self.limit:.3g} w·p (module weight × pitch). After "
-            f"{100.0 * self.steps / len(self.trajectory):.0f} % of the motion, the angle of this "
-            f"joint was off by {off[worst]:.2g} rad."
+        return Reason.of(
+            Code.WEAK_MOTOR,
+            joint=self.chain.joint_names[worst],
+            limit_torque=float(self.limit),
+            progress=self.steps / len(self.trajectory),
+            error_rad=float(off[worst]),
         )
 
-    def result(self, status: PlaybackStatus, reason: str, start_s: float) -> TablePlayback:
+    def result(
+        self, status: PlaybackStatus, reason: Reason | None, start_s: float
+    ) -> TablePlayback:
         """Return the result of a run that ended so, with times from ``start_s`` on."""
         chain = self.chain
         times, angles, targets, torques, positions, wxyzs = map(
@@ -259,7 +266,7 @@ class _Run(PlaybackRun):
         aligned = aligned_distances(positions[-1], chain.folded_poses.positions)
         if status == "folded" and errors[-1] > GOAL_TOLERANCE_PITCH:
             status = "missed"
-            reason = f"the chain ended {errors[-1]:.2g} pitches (RMS) from its target."
+            reason = Reason.of(Code.MISSED, error=float(errors[-1]))
         return TablePlayback(
             status=status,
             reason=reason,

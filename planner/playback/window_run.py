@@ -15,6 +15,8 @@ from foldback.planner.playback.reference_trajectory import TRACKING_LOST_RAD
 from foldback.planner.playback.setpoints import SETTLE_STEPS
 from foldback.planner.playback.window_trajectory import WindowTrajectory
 from foldback.planner.progress import Cancelled, Report
+from foldback.planner.reasons import Reason
+from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.simulation.window_robot import WindowRobot
 
 Floats = NDArray[np.float32]
@@ -71,9 +73,12 @@ class WindowRun(PlaybackRun):
         try:
             self.status, self.reason = self._simulated(progress, cancelled)
         except SimulationError as broken:
-            self.status, self.reason = "diverged", f"the simulation failed: {broken}"
+            self.status = "diverged"
+            self.reason = Reason.of(Code.SIMULATION_FAILED, detail=str(broken))
 
-    def _simulated(self, progress: Report, cancelled: Cancelled) -> tuple[PlaybackStatus, str]:
+    def _simulated(
+        self, progress: Report, cancelled: Cancelled
+    ) -> tuple[PlaybackStatus, Reason | None]:
         trajectory, robot = self.trajectory, self._robot
         for number, stretch in enumerate(trajectory.stretches):
             robot.take(stretch.first, stretch.joints)
@@ -87,7 +92,7 @@ class WindowRun(PlaybackRun):
                     return "missed", self.lost(first, errors, self.steps / len(trajectory))
                 self._step(targets.angles[k + 1], targets.rates[k + 1], torques[k])
                 if not self.check(progress, cancelled, self.steps / len(trajectory), "folding"):
-                    return "cancelled", "the playback was cancelled."
+                    return "cancelled", Reason.of(Code.PLAYBACK_CANCELLED)
         end = trajectory.targets(len(trajectory.stretches) - 1).angles[-1]
         still = np.zeros_like(end)
         for _ in range(SETTLE_STEPS):
@@ -95,7 +100,7 @@ class WindowRun(PlaybackRun):
             self._step(end, still, still)
         self._note(end)
         self._keep()
-        return "folded", ""
+        return "folded", None
 
     def _step(self, angles: Array, rates: Array, torques: Array) -> None:
         self.count_step(self._robot.step(angles, rates, torques))

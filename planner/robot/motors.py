@@ -11,6 +11,7 @@ from foldback.planner.arrays import Array
 from foldback.planner.chain.cantilever_statics import GRAVITY_M_S2
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import InputError
+from foldback.planner.reasons import PROGRAMS, Reader
 from foldback.planner.robot.trajectory import Trajectory
 from foldback.planner.simulation.mujoco_models import Material
 from foldback.planner.simulation.mujoco_tree import Tree
@@ -93,13 +94,12 @@ class MotorTable:
             return None
         return bool(self.peak_torque_nm.max() <= self.motor_torque_nm)
 
-    @property
-    def verdict(self) -> str:
-        """Comparison in one sentence."""
+    def text(self, reader: Reader = PROGRAMS) -> str:
+        """Return the comparison as a sentence."""
         k = self.neediest
         need = (
             f"{self.joint_names[k]} needs the largest torque, {self.peak_torque_nm[k]:.3g} N·m at "
-            f"frame {self.peak_frame[k]:.0f}"
+            f"frame {reader.frame(float(self.peak_frame[k]))}"
         )
         if self.motor_torque_nm is None:
             return need
@@ -112,7 +112,7 @@ class MotorTable:
     def as_dict(self) -> dict[str, Any]:
         """Return plain JSON values; ``margin`` is motor torque over peak, None without load."""
         return {
-            "verdict": self.verdict,
+            "verdict": self.text(),
             "would_do": self.would_do,
             "motor_torque_nm": self.motor_torque_nm,
             "module_mass_kg": self.build.module_mass_kg,

@@ -20,6 +20,8 @@ from foldback.planner.motion.record import Record
 from foldback.planner.plan.plan import Plan
 from foldback.planner.playback.reference_curve import record_lengths
 from foldback.planner.progress import Cancelled, never
+from foldback.planner.reasons import Reason
+from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.robot import MAX_SMOOTHED_ANGLES, RECORDED, SMOOTHED
 from foldback.planner.robot.motion_quality import Quality
 from foldback.planner.robot.smoothing import DISTANCE_WEIGHT, MAX_EVALUATIONS, smooth, spacing_of
@@ -110,7 +112,7 @@ def smoothed_record(
     stopped = cancelled()
     return Record(
         status="cancelled" if stopped else "straight",
-        reason="smoothing was cancelled" if stopped else "",
+        reason=Reason.of(Code.SMOOTHING_CANCELLED) if stopped else None,
         frames=Motion.from_frames(
             phase="explosion",
             time_s=np.linspace(0.0, float(motion.time_s[-1]), count),

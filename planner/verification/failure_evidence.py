@@ -7,7 +7,8 @@ it uses): knots, overlaps and limits are computed by other code.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from contextlib import suppress
+from dataclasses import dataclass
 from typing import Any, Final
 
 import numpy as np
@@ -15,6 +16,7 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import UNREADABLE
+from foldback.planner.explosion.diagnosis import Diagnosis
 from foldback.planner.motion.failure_schemas import (
     BudgetFigures,
     EvidenceFigures,
@@ -56,12 +58,12 @@ class ReasonCheck:
 
     Attributes:
         kind: One of ``REASON_KINDS``.
-        words: The reason, in plain English.
+        diagnosis: The reason.
         differences: Contradictions, in plain English; empty if the reason is confirmed.
     """
 
     kind: str
-    words: str
+    diagnosis: Diagnosis
     differences: tuple[str, ...]
 
     @property
@@ -71,8 +73,12 @@ class ReasonCheck:
 
     def as_dict(self) -> dict[str, Any]:
         """Return plain JSON values."""
-        values = asdict(self) | {"differences": list(self.differences)}
-        return {"confirmed": self.confirmed, **values}
+        return {
+            "confirmed": self.confirmed,
+            "kind": self.kind,
+            "words": self.diagnosis.text(),
+            "differences": list(self.differences),
+        }
 
 
 def check_reason(
@@ -92,11 +98,14 @@ def check_reason(
     stated = stuck["evidence"]
     if stated is None:
         return None
+    diagnosis = Diagnosis.from_dict({**stuck, "evidence": None})
+    with suppress(TypeError):  # the differences say so
+        diagnosis = Diagnosis.from_dict(stuck)
     try:
         differences = tuple(_differences(chain, record, stated, parameters))
     except UNREADABLE as error:
         differences = (f"the evidence cannot be checked ({type(error).__name__}: {error})",)
-    return ReasonCheck(kind=str(stated.get("kind")), words=stuck["words"], differences=differences)
+    return ReasonCheck(kind=str(stated.get("kind")), diagnosis=diagnosis, differences=differences)
 
 
 def _differences(

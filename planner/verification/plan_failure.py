@@ -33,7 +33,7 @@ def reason_of(directory: FilePath, plan: Plan, notes: list[str]) -> ReasonCheck 
             "in the attempts of plan.npz."
         )
         return None
-    words = Diagnosis.from_dict(stuck).words
+    words = Diagnosis.from_dict(stuck).text()
     word_differences = value_differences(stuck["words"], words, "words")
     alone = _unconfirmed(directory) if check.kind in foldback_check_refusals.REASONS else ()
     return replace(check, differences=(*check.differences, *word_differences, *alone))

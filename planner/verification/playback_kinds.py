@@ -103,7 +103,7 @@ def _kinematic_figures(plan: Plan, playback: Playback) -> Differences:
         "peak_torque": torques.peak if looked else None,
         "rms_torque": torques.rms if looked else None,
         "torque_frames": looked,
-        **{"status": "folded", "reason": "", "steps": 0},
+        **{"status": "folded", "reason": None, "steps": 0},
         **{"rms_position_error": None, "max_angle_error_rad": None},
     }
     none = np.full(len(plan.max_error_rad), np.nan)

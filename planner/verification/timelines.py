@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path as FilePath
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from foldback.planner.plan.value_differences import (
     versus_plan,
 )
 from foldback.planner.playback.playback import Playback
+from foldback.planner.reasons import Reason
 from foldback.planner.storage.file_names import PLAN, TIMELINE
 from foldback.planner.verification.plan_parameters import is_on_table, plan_parameters
 
@@ -63,8 +65,7 @@ def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]
     is_from_plan = plan.start is not None or plan.smoothing is not None
     exploded = frames[np.flatnonzero(frames.phase == PHASES.index("explosion"))]
     if plan.explosion is not None and (not is_from_plan or len(exploded)):
-        figures = {k: v for k, v in plan.explosion.items() if k != "frames"}
-        record = Record(frames=exploded, **figures)
+        record = Record(frames=exploded, **_arguments(plan.explosion))
     if plan.playback is not None:
         played = frames[np.flatnonzero(frames.phase != PHASES.index("explosion"))]
         if len(played) != len(plan.time_s):
@@ -86,7 +87,7 @@ def results(plan: Plan, frames: Motion) -> tuple[Record | None, Playback | None]
                 )
         kinematic = plan.motion.is_windowed and not simulated
         reference = None if kinematic else plan.motion.stored_angles_rad
-        playback = Playback(frames=played, reference_rad=reference, **plan.playback)
+        playback = Playback(frames=played, reference_rad=reference, **_arguments(plan.playback))
     return record, playback
 
 
@@ -121,8 +122,19 @@ def kept_record(directory: FilePath, plan: Plan) -> Record | None:
         raise InputError("not-a-record", f"record.npz cannot be read: {error}") from error
     if record is None:
         return None
-    figures = {k: v for k, v in (plan.explosion or {}).items() if k != "frames"}
-    return Record(frames=record.frames, **figures)
+    return Record(frames=record.frames, **_arguments(plan.explosion or {}))
+
+
+def _arguments(figures: Mapping[str, Any]) -> dict[str, Any]:
+    """Return figures of a record or a playback as arguments of its constructor.
+
+    Raises:
+        TypeError: The reason is none.
+    """
+    arguments = {name: value for name, value in figures.items() if name != "frames"}
+    if "reason" in arguments:
+        arguments["reason"] = Reason.from_dict(arguments["reason"])
+    return arguments
 
 
 def playback_differs(plan: Plan, playback: Playback) -> Differences:

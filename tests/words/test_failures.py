@@ -71,7 +71,8 @@ def _signs(drawn: KnotDrawing) -> list[int]:
 def test_failure_lists_blocks_and_budgets() -> None:
     turn = {"hinge": 7, "module": 4, "turned_rad": -0.0349, "modules": [4, 9], "overlap": 0.0123}
     move = {"direction": [0, -1, 0], "moved": 0.5, "modules": [5, 2], "overlap": 0.45}
-    evidence = {"kind": "blocks", "turns": [turn], "moves": [move]}
+    evidence = {"kind": "blocks", "module_size": 0.95, "bent_above_rad": 0.1, "first_hinge": 0}
+    evidence |= {"turns": [turn], "unit": [5, 7], "moves": [move]}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "buried", "evidence": evidence}})
     assert shown is not None and shown["heading"] == "Stalled: modules blocked each other"
     assert shown["blocks"] == [
@@ -82,11 +83,16 @@ def test_failure_lists_blocks_and_budgets() -> None:
     many = {**evidence, "turns": 30 * [turn]}
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": many}})
     assert shown is not None and shown["blocks"][-1] == "7 more motions are blocked in the same way"
-    turns = {"kind": "quarter_turns", "turns": [{**turn, "turned_rad": -0.785}, turn]}
+    turns = {
+        "kind": "quarter_turns",
+        "module_size": 0.95,
+        "turns": [{**turn, "turned_rad": -0.785}, turn],
+    }
     shown = failure(row(), {"stuck": {**KNOT, "kind": "blocked", "evidence": turns}})
     assert shown is not None and shown["heading"] == "No single joint can turn"
     assert shown["blocks"][0].startswith("If hinge 7 at module 5 turns by −45°, modules 5 and 10")
-    budget = {"kind": "budget", "spent": "steps"}
+    budget = {"kind": "budget", "spent": "steps", "allowed": 9, "used": 9, "bent_hinges": 1}
+    budget["largest_bend_rad"] = 0.2
     shown = failure(row(), {"stuck": {**KNOT, "kind": "joints", "evidence": budget}})
     assert shown is not None and shown["heading"] == "Stalled: too many simulation steps"
     assert set(get_args(SpentKind)) <= FAILURE_HEADINGS.keys()
@@ -152,7 +158,7 @@ def test_attempts_are_listed_with_strategy_and_outcome(tmp_path: Path) -> None:
     ]
     (tmp_path / "attempts.json").write_text(json.dumps(tried))
     ends = {
-        "Stalled after 8400 steps: its path is knotted": "bad",
+        "Stalled after 8400 steps: the chain is knotted": "bad",
         "Not straight after 8400 steps": "bad",
         "In the plan, modules 2 and 4 touch": "bad",
         "Verified": "good",

@@ -1,12 +1,21 @@
 """Error messages: texts that pages show to people, and details for programs."""
 
+from dataclasses import replace
+
 from foldback.planner.errors import InputError
+from foldback.planner.explosion.failure_evidence import (
+    BlockEvidence,
+    BudgetEvidence,
+    KnotEvidence,
+    Move,
+    Turn,
+)
 from foldback.planner.readers.formats import READABLE_FORMATS
 from foldback.planner.reasons import TEXTS, Reason, ReasonValues
 from foldback.planner.reasons import ReasonCode as Code
 from foldback.server.errors import Unusable
 from foldback.server.http.problems import Problem
-from foldback.words.messages import message_for_people, reason_text, verdict_for_people
+from foldback.words.messages import PEOPLE, message_for_people, reason_text
 from tests.case import case
 
 MESSAGES = {
@@ -31,50 +40,42 @@ MESSAGES = {
     "The database does not answer.": "The database does not answer.",
 }
 FREE: ReasonValues = {"friction": 0.2, "clamped": False}
-DETAILS = {
-    "the chain ended 1 pitches (RMS) from its target.": (
-        "the modules ended one spacing from their targets on average (root mean square)."
+TURNS = tuple(
+    Turn(hinge=k, module=k, turned_rad=0.1, modules=pair, overlap=0.1)
+    for k, pair in enumerate(((1, 9), (2, 8), (3, 7), (4, 6)), start=1)
+)
+MOVE = Move(direction=(1, 0, 0), moved=0.5, modules=(5, 2), overlap=0.1)
+BLOCKS = BlockEvidence(
+    module_size=0.95, bent_above_rad=0.1, first_hinge=0, turns=TURNS, unit=(5, 7), moves=(MOVE,)
+)
+EVIDENCE = (
+    (
+        BLOCKS,
+        "none of the 4 hinges bent by more than 6° (at modules 2, 3, 4 and 1 more) can straighten "
+        "by itself, because modules would overlap: modules 2 and 10, modules 3 and 9, modules 4 "
+        "and 8, and 1 more pair; the part that would unfold next (modules 6 to 8) cannot move in "
+        "any of the six directions, because modules would overlap: modules 6 and 3 (at a module "
+        "size of 0.95)",
     ),
-    "modules 1 and 2 block each other": ("modules 2 and 3 block each other"),
-    "the chain is knotted (determinant 3): drawn as it stalled, with its ends extended outwards, "
-    "it has 3 crossings": (
+    (
+        replace(BLOCKS, turns=TURNS[:1], unit=None, moves=()),
+        "the hinge at module 2 cannot straighten, because modules would overlap: modules 2 and 10 "
+        "(at a module size of 0.95)",
+    ),
+    (
+        KnotEvidence(determinant=3, closings=(), polygon=(), sight=(0.0, 0.0, 1.0), diagram=()),
         "the chain is knotted (the knot's determinant is 3; that of a chain without a knot is 1): "
-        "a drawing of the stalled chain, with both ends extended outwards, has 3 crossings"
+        "a drawing of the stalled chain, with both ends extended outwards, has 0 crossings",
     ),
-    "the chain is knotted (determinant 1): drawn as it stalled, with its ends extended outwards, "
-    "it has 11 crossings": (
-        "the chain is knotted: a drawing of the stalled chain, with both ends extended outwards, "
-        "has 11 crossings"
+    (
+        BudgetEvidence(
+            spent="pushes", allowed=1000, used=1000, bent_hinges=2, largest_bend_rad=0.5
+        ),
+        "the limit of 1\u00a0000 random pushes in a row without progress was reached; 2 hinges "
+        "were still bent, by up to 29°",
     ),
-    "1\u00a0000 random pushes in a row, the limit, made no progress; 2 hinges were still bent": (
-        "the limit of 1\u00a0000 random pushes in a row without progress was reached; "
-        "2 hinges were still bent"
-    ),
-    "the torque limit was exceeded 41 times; 40 times are allowed": (
-        "the torque limit was exceeded 41 times, but only 40 times are allowed"
-    ),
-    "the 4 hinges bent by more than 6° at modules 1, 2 and 3 more cannot straighten, each by "
-    "itself: module 1 against 9, module 2 against 8, and 1 pairs more; modules 5 to 7, which come "
-    "next, cannot move in any of the six directions: module 5 against 2": (
-        "none of the 4 hinges bent by more than 6° (at modules 2, 3 and 3 more) can straighten by "
-        "itself, because modules would overlap: modules 2 and 10, modules 3 and 9, and 1 more "
-        "pair; the part that would unfold next (modules 6 to 8) cannot move in any of the six "
-        "directions, because modules would overlap: modules 6 and 3"
-    ),
-    "the hinge at module 4 cannot straighten: module 4 against 9": (
-        "the hinge at module 5 cannot straighten, because modules would overlap: modules 5 and 10"
-    ),
-    "a robot lost its target: joint_4 is off by 0.3 rad, more than "
-    "its motor can correct, 40 % into the fold.": (
-        "a robot could not follow the motion: after 40 % of the motion, the angle of "
-        "joint_4 was off by 0.3 rad, more than its motor could correct."
-    ),
-    "joint_4 yielded: it is off by 0.3 rad with motors of 8 w·p, 40 % into the fold.": (
-        "the motor of joint_4 is too weak: it supplies at most 8 w·p (module weight × "
-        "spacing). After 40 % of the motion, the angle of this joint was off by 0.3 rad."
-    ),
-    "the explosion stalled: ": "the explosion stalled: ",
-}
+)
+"""Evidence, and its text for people."""
 REASONS = (
     (
         Reason.of(Code.TORQUE_LIMIT, torque=3.21, frame=4, limit_torque=2.0, **FREE),
@@ -114,12 +115,21 @@ REASONS = (
         "the plan has the shape (19, 6), expected 20 frames of 6 joint angles",
     ),
     (
-        Reason.of(Code.EXPLOSION_FAILED, status="stalled", detail="modules 1 and 2 block"),
-        "modules 1 and 2 block",
-        "modules 2 and 3 block",
+        Reason.of(Code.STUCK_PEELING, folded=5, pushes=40, module=6, bend_rad=1.5),
+        "the chain is stuck with modules 0 to 5 still folded: 40 random pushes in a row made no "
+        "progress. The joint of module 6 is still bent by 86°. Start the chain at its other end, "
+        "or try another path",
+        "the chain is stuck with modules 1 to 6 still folded: 40 random pushes in a row made no "
+        "progress. The joint of module 7 is still bent by 86°. Start the chain at its other end, "
+        "or try another path",
     ),
     (
-        Reason.of(Code.EXPLOSION_FAILED, status="stalled", detail=""),
+        Reason.of(Code.MISSED, error=1.0),
+        "the modules ended 1 pitch from their targets on average (root mean square)",
+        "the modules ended one spacing from their targets on average (root mean square)",
+    ),
+    (
+        Reason.of(Code.EXPLOSION_FAILED, status="stalled"),
         "the explosion stalled",
         "the explosion stalled",
     ),
@@ -132,9 +142,11 @@ def test_message_for_people_reads_as_sentences() -> None:
         assert message_for_people(detail) == message
 
 
-def test_details_of_failed_motions_read_as_sentences() -> None:
-    for detail, words in DETAILS.items():
-        assert verdict_for_people(detail) == words
+def test_evidence_counts_from_one_for_people() -> None:
+    for evidence, words in EVIDENCE:
+        with case(type(evidence).__name__):
+            assert evidence.text(PEOPLE) == words
+    assert "modules 1 and 9, modules 2 and 8" in BLOCKS.text()
 
 
 def test_reasons_count_from_zero_for_programs_and_from_one_for_people() -> None:

@@ -22,6 +22,8 @@ from foldback.planner.explosion.loop.recorder import Recorder
 from foldback.planner.explosion.loop.step_control import StepControl
 from foldback.planner.motion.record import Record, RecordStatus, Spent
 from foldback.planner.progress import PROGRESS_PERIOD_S, Cancelled, Progress, Report
+from foldback.planner.reasons import Reason
+from foldback.planner.reasons import ReasonCode as Code
 from foldback.planner.simulation.reduced_state import Acceleration, State
 
 COMMIT_EVERY_STEPS: Final = 25
@@ -53,7 +55,7 @@ class End:
     """End of a run: its status, the reason if it failed, and the limit that ended it."""
 
     status: RecordStatus
-    reason: str = ""
+    reason: Reason | None = None
     spent: Spent | None = None
 
 
@@ -122,7 +124,7 @@ class Watch:
     def check(self, explosion: Explosion[Any, Any], *, simulated_s: float = 0.0) -> End | None:
         """Report the progress if it is due; return the end of a cancelled run."""
         if self._cancelled():
-            return End("cancelled", "the explosion was cancelled.")
+            return End("cancelled", Reason.of(Code.EXPLOSION_CANCELLED))
         now, steps = time.perf_counter(), explosion.control.steps
         if now - self._last >= PROGRESS_PERIOD_S:
             self._progress(
@@ -199,18 +201,12 @@ class Explosion(ABC, Generic[W, S]):
         """Make all steps final."""
 
 
-def run(
-    explosion: Explosion[Any, Any],
-    strategy: str,
-    *,
-    advice: str = "; try another seed, or another path through the same cells",
-) -> Record:
+def run(explosion: Explosion[Any, Any], strategy: str) -> Record:
     """Record an explosion: step until the chain is straight, or a limit ends the run.
 
     Args:
         explosion: Parts of the run.
         strategy: Name of the strategy.
-        advice: End of the reason if the steps are used up.
     """
     control, max_steps = explosion.control, explosion.max_steps
     end: End | None = None
@@ -220,9 +216,10 @@ def run(
             explosion.world.place()
             end = explosion.record() or explosion.check_step(moved=step(explosion))
     except SimulationError as error:
-        end = End("diverged", f"the simulation failed: {error}", explosion.error_limit)
+        reason = Reason.of(Code.SIMULATION_FAILED, detail=str(error))
+        end = End("diverged", reason, explosion.error_limit)
     if end is None:
-        reason = f"the chain was not straight after {max_steps} steps{advice}."
+        reason = Reason.of(Code.MAX_STEPS, steps=max_steps)
         end = End("timeout", reason, Spent("steps", max_steps, control.steps))
     explosion.close(end)
     return Record(

@@ -28,6 +28,8 @@ from foldback.planner.explosion.peeling.recorder import Proof
 from foldback.planner.explosion.peeling.window import ReleasePoint, Window, WindowConfiguration
 from foldback.planner.motion.record import Spent
 from foldback.planner.parameters.explosion import PeelingParameters
+from foldback.planner.reasons import Reason
+from foldback.planner.reasons import ReasonCode as Code
 
 MIN_RETIRED_JOINTS: Final = 6
 """Minimum number of straight joints that become part of the rigid tail at a time, as the model is
@@ -287,16 +289,11 @@ class Peeling(Explosion[Window, WindowConfiguration]):
         window, pulses = self.world, self.pulses
         bends = window.bends_rad
         worst = int(np.argmax(bends))
-        released = (
-            f"with modules 0 to {window.first + 1} still folded"
-            if window.first
-            else "with all modules released"
+        reason = Reason.of(
+            Code.STUCK_PEELING,
+            folded=window.first + 1 if window.first else None,
+            pushes=pulses.count,
+            module=window.first + 1 + worst,
+            bend_rad=float(bends[worst]),
         )
-        return End(
-            "stalled",
-            f"the chain is stuck {released}: {pulses.count} random pushes in a row made no "
-            f"progress. The joint of module {window.first + 1 + worst} is still bent by "
-            f"{np.rad2deg(bends[worst]):.0f}°. Start the chain at its other end, or try "
-            "another path.",
-            pulses.spent,
-        )
+        return End("stalled", reason, pulses.spent)

@@ -76,8 +76,8 @@ class Guard:
         self.taken_back = 0
         self.raised: list[tuple[float, float]] = []
         """Times at which the bound was raised, s, and the bounds from then on, w·p."""
-        self.exhausted_by: Refusal | None = None
-        """Refusal for which the bound was to be raised beyond its maximum; None after others."""
+        self.is_exhausted = False
+        """True if the last refusal would have raised the bound beyond its maximum."""
 
     def refusal(
         self, before: WindowConfiguration | None, configurations: Sequence[WindowConfiguration]
@@ -115,14 +115,14 @@ class Guard:
         """
         p = self._parameters
         self.taken_back += 1
-        self.exhausted_by = None
+        self.is_exhausted = False
         if not refusal.is_torque:
             return
         self.refused += 1.0
         if self.refused <= p.refusals:
             return
         if self.bound >= p.table_torque:
-            self.exhausted_by = refusal
+            self.is_exhausted = True
             return
         self.refused = 0.0
         self.bound = min(p.raised_by * self.bound, p.table_torque)

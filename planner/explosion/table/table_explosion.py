@@ -40,6 +40,8 @@ from foldback.planner.motion.motion import Motion
 from foldback.planner.motion.record import Record, Spent
 from foldback.planner.parameters.explosion import TableParameters
 from foldback.planner.progress import Cancelled, Report, never, silent
+from foldback.planner.reasons import Reason
+from foldback.planner.reasons import ReasonCode as Code
 
 PERTURBATION_GROWTH: Final = 0.25
 """Fraction by which the random forces that loosen a jammed chain on a table grow with each attempt
@@ -195,12 +197,11 @@ class TableRules:
 
     def end(self, window: Window) -> End | None:
         """Return the end of a run that needs more torque than the motors have."""
-        refusal, limits = self.guard.exhausted_by, self.parameters
-        if refusal is None:
+        limits = self.parameters
+        if not self.guard.is_exhausted:
             return None
         return End(
             "stalled",
-            f"the chain is stuck with modules 0 to {window.first + 1} still folded: "
-            f"{refusal.reason}, the torque limit. Try another path, or stronger motors.",
+            Reason.of(Code.STUCK_ON_TABLE, folded=window.first + 1, limit_torque=self.guard.bound),
             Spent("refusals", limits.refusals, ceil(self.guard.refused)),
         )

@@ -16,11 +16,14 @@ from foldback.planner.errors import InputError
 from foldback.planner.motion.record import Record
 from foldback.planner.parameters.parameters import Parameters
 from foldback.planner.playback.playback import Playback
+from foldback.planner.reasons import Reason, ReasonCode
 from tests.case import case
 from tests.planner.chains import Array, anchored, chain_of, coil, line
 from tests.planner.plans import turn_by_turn
 
 PARAMETERS = Parameters()
+
+STUCK = Reason.of(ReasonCode.AT_REST, steps=9)
 
 
 def playback_of(plan: Array, *, frames: Array | None = None, **changes: Any) -> Playback:
@@ -35,7 +38,7 @@ def playback_of(plan: Array, *, frames: Array | None = None, **changes: Any) -> 
 
 def record_of(frames: Array) -> Record:
     return Record(
-        status="straight", reason="", frames=anchored("explosion", frames), steps=10, seconds=1.0
+        status="straight", reason=None, frames=anchored("explosion", frames), steps=10, seconds=1.0
     )
 
 
@@ -191,13 +194,13 @@ def test_plan_with_other_ends_or_beyond_its_joints_is_refused() -> None:
 def test_failed_or_missing_stages_are_refused() -> None:
     chain, plan = closing()
     for status in ("missed", "diverged", "cancelled", "timeout"):
-        found = verdict(chain, playback_of(plan, status=status, reason="of this."))
-        assert found == "failed: of this."
+        found = verdict(chain, playback_of(plan, status=status, reason=None))
+        assert found == f"failed: the playback {status}"
     for status in ("stalled", "diverged", "cancelled", "timeout"):
-        record = replace(record_of(plan[::-1]), status=status, reason="of that.")
+        record = replace(record_of(plan[::-1]), status=status, reason=STUCK)
         for playback in (playback_of(plan), None):
             found = verdict(chain, playback, record)
-            assert found == "failed: of that."
+            assert found == f"failed: {STUCK}"
     for record in (None, record_of(plan)):
         assert verdict(chain, None, record) == "failed: there is no playback"
     failed = certify(line(5), None, None, PARAMETERS)

@@ -41,7 +41,7 @@ def test_explosion_without_forces_stalls(monkeypatch: pytest.MonkeyPatch) -> Non
     still = replace(PAPER, radial_gain=0.0, repulsion_gain=0.0, spring=0.0)
     record = explode_as_published(coil(6), still)
     assert (record.status, record.steps) == ("stalled", 100)
-    assert "nothing moved" in record.reason
+    assert "nothing moved" in str(record.reason)
 
 
 def test_snapshots_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -49,4 +49,4 @@ def test_snapshots_are_bounded(monkeypatch: pytest.MonkeyPatch) -> None:
     record = explode_as_published(coil(12), replace(PAPER, snapshot_interval=1))
     assert record.status == "timeout"
     assert record.steps < 60
-    assert "set a longer snapshot_interval" in record.reason
+    assert "set a longer snapshot_interval" in str(record.reason)

@@ -17,6 +17,7 @@ from foldback.planner.pipeline.attempt import Attempt, AttemptSpec
 from foldback.planner.pipeline.fold import fold, refold, smooth_plan
 from foldback.planner.pipeline.job import Result, Search
 from foldback.planner.plan.plan import Plan
+from foldback.planner.reasons import Reason, ReasonCode
 from foldback.planner.verification.verify import verify
 from tests.planner.chains import anchored, coil, line
 from tests.planner.folds import compare_motions, untimed
@@ -131,7 +132,13 @@ def test_best_of_unjudged_explosions_is_kept() -> None:
 
     def stuck_at(share: float) -> Result:
         frames = anchored("explosion", share * chain.folded_rad[None])
-        record = Record(status="stalled", reason="stuck", frames=frames, steps=1, seconds=0.1)
+        record = Record(
+            status="stalled",
+            reason=Reason.of(ReasonCode.AT_REST, steps=1),
+            frames=frames,
+            steps=1,
+            seconds=0.1,
+        )
         return Result(chain=chain, record=record)
 
     for shares, best in (((0.5, 0.2, 0.9), 1), ((0.5, 0.5, 0.5), 2), ((0.1, 0.2, 0.3), 0)):

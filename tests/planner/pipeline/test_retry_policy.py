@@ -30,6 +30,7 @@ from foldback.planner.pipeline.next_step import (
 )
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.planner.pipeline.retry_policy import RetryPolicy
+from foldback.planner.reasons import Reason, ReasonCode
 from tests.case import case
 from tests.planner.chains import coil
 from tests.planner.peels import snake
@@ -59,7 +60,12 @@ def test_attempt_survives_json() -> None:
         started,
         plain,
         replace(refused, verified=False, refusal=REFUSAL),
-        replace(started, status="stalled", reason="stuck", diagnosis=found),
+        replace(
+            started,
+            status="stalled",
+            reason=Reason.of(ReasonCode.AT_REST, steps=1),
+            diagnosis=found,
+        ),
     ):
         assert Attempt.from_dict(json.loads(json.dumps(attempt.as_dict()))) == attempt
 

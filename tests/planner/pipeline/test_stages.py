@@ -120,7 +120,7 @@ def test_failed_explosion_in_the_directory_of_a_good_fold_gives_a_failed_plan(
     assert not (copy / "picture.png").exists()
     assert explode["status"] == "diverged"
     assert play_back["status"] == "skipped"
-    assert certify["reason"]["code"] == "explosion-failed"
+    assert certify["reason"]["code"] == "simulation-failed"
     assert (export["status"], export["playback"]) == ("failed", None)
     assert "it blew up" in export["reason"]
     plan = Plan.load(copy / "plan.json")
@@ -158,7 +158,11 @@ def test_next_candidate_is_tried_when_a_chain_sticks(
     def stuck_at_first(chain: Chain, *arguments: Any, **more: Any) -> Record:
         record = explode(chain, *arguments, **more)
         first = chain.folded_rad.tolist() == candidates[0]["folded_rad"]
-        return replace(record, status="stalled", reason="it is stuck") if first else record
+        return (
+            replace(record, status="stalled", reason=Reason.of(ReasonCode.AT_REST, steps=1))
+            if first
+            else record
+        )
 
     monkeypatch.setattr("foldback.planner.explosion.strategies.explode", stuck_at_first)
     for stage in STAGES[1:]:

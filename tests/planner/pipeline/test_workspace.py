@@ -75,7 +75,11 @@ def stall_after_first(monkeypatch: pytest.MonkeyPatch) -> None:
         if number == 1:
             return explode(chain, parameters, **more)
         hasty = ExplosionParameters(max_steps=40)
-        return replace(explode(chain, hasty, **more), status="stalled", reason="it sticks")
+        return replace(
+            explode(chain, hasty, **more),
+            status="stalled",
+            reason=Reason.of(ReasonCode.AT_REST, steps=1),
+        )
 
     intercept(monkeypatch, strategies, "explode", explode_once)
 
@@ -293,7 +297,7 @@ def test_settle_keeps_the_explosion_with_most_progress(
 def test_settle_shows_a_refused_plan_instead_of_a_later_explosion(tmp_path: FilePath) -> None:
     write_attempts(tmp_path, (-0.3, None))
     frames = anchored("explosion", CHAIN.folded_rad[None])
-    record = Record(status="straight", reason="", frames=frames, steps=1, seconds=0.1)
+    record = Record(status="straight", reason=None, frames=frames, steps=1, seconds=0.1)
     record.save(tmp_path / "attempts" / "0" / "record.npz")
     summary = Workspace(tmp_path).settle()
     assert summary["certificate"]["min_clearance"] == -0.3

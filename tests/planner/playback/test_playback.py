@@ -55,7 +55,7 @@ def test_weak_motors_miss_the_target(folded: Folded) -> None:
     weak = replace(DEFAULT, robot=RobotParameters(motor_limit=0.3))
     playback = play(folded, weak)
     assert playback.status == "missed"
-    assert "a robot could not follow the motion: " in playback.reason
+    assert "a robot could not follow the motion: " in str(playback.reason)
     assert playback.rms_position_error > 0.1
     ideal = play(folded, IDEAL)
     assert playback.peak_torque <= 0.31 * ideal.peak_torque
@@ -77,7 +77,7 @@ def test_torques_that_are_not_finite_end_the_playback(
     intercept(monkeypatch, Tree, "apply_torques", broken)
     playback = play(folded, IDEAL)
     assert playback.status == "diverged"
-    assert "finite" in playback.reason
+    assert "finite" in str(playback.reason)
     assert playback.steps == 100
     assert len(playback.frames) > 3
     for name in ("joint_angles_rad", "root_position", "root_wxyz", "joint_error_rad"):
@@ -95,7 +95,7 @@ def test_cancelled_or_too_long_playback_keeps_its_frames(folded: Folded) -> None
     assert len(playback.frames) > 1
     playback = play(folded, replace(DEFAULT, max_steps=100))
     assert (playback.status, playback.steps) == ("timeout", 100)
-    assert "after 100 steps" in playback.reason
+    assert "after 100 steps" in str(playback.reason)
 
 
 def test_published_rule_folds_within_its_torque(folded: Folded) -> None:

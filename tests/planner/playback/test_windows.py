@@ -144,7 +144,12 @@ def test_course_goes_from_straight_to_folded_without_a_jump(
 
 def play_back_with(chain: Chain, peeled: Motion, robot: RobotParameters) -> Playback:
     record = Record(
-        status="straight", reason="", frames=peeled, steps=len(peeled), seconds=0.0, strategy="peel"
+        status="straight",
+        reason=None,
+        frames=peeled,
+        steps=len(peeled),
+        seconds=0.0,
+        strategy="peel",
     )
     return play_back(
         chain, record, PlaybackParameters(robot=robot), module_size=SIZE, start_s=5.0, seed=2
@@ -164,7 +169,7 @@ def test_robot_without_faults_has_no_error(chain: Chain, peeled: Motion) -> None
 def test_weak_robot_loses_its_target(chain: Chain, peeled: Motion) -> None:
     playback = play_back_with(chain, peeled, replace(RobotParameters(), motor_limit=0.01, robots=1))
     assert playback.status == "missed"
-    assert "a robot could not follow the motion" in playback.reason
+    assert "a robot could not follow the motion" in str(playback.reason)
     frames = playback.frames
     assert frames.is_windowed
     assert len(frames) > 0

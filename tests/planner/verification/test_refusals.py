@@ -270,7 +270,9 @@ def test_held_hinges_are_confirmed(held: FilePath) -> None:
     assert "none of the 79 quarter turns of its 50 hinges, each by itself" in found["because"]
     reason = reason_of(held, plan, notes)
     assert reason is not None and reason.confirmed, reason
-    assert reason.words.startswith("none of the 79 quarter turns of single hinges is free")
+    assert reason.diagnosis.text().startswith(
+        "none of the 79 quarter turns of single hinges is free"
+    )
 
 
 FORGED_TURNS: Final[dict[str, Change]] = {

@@ -64,11 +64,14 @@ def test_terminal_counts_modules_and_frames_from_one(
 ) -> None:
     overlap = {"motion": "plan", "modules": [82, 112], "depth": 1.16, "module_size": 0.95}
     reason = {"code": "overlap", "values": {**overlap, "progress": 0.66, "frame": 13.5}}
+    turn = {"hinge": 4, "module": 4, "turned_rad": 0.1, "modules": [4, 9], "overlap": 0.1}
+    blocks = {"kind": "blocks", "module_size": 0.95, "bent_above_rad": 0.1, "first_hinge": 0}
+    evidence = {**blocks, "turns": [turn], "unit": None, "moves": []}
     summary = {
         "status": "failed",
         "certificate": {"verified": False, "reason": reason},
         "explosion": {"frames": 100, "steps": 0},
-        "stuck": {"words": "modules 4 and 9 block each other."},
+        "stuck": {"kind": "joints", "modules": [4], "words": "", "evidence": evidence},
         **{"playback": None, "refold": None, "smoothing": None},
         **{"modules": 160, "module": "cube"},
     }
@@ -78,7 +81,10 @@ def test_terminal_counts_modules_and_frames_from_one(
         "failed: in the plan, modules 83 and 113 overlap by 1.16 times the spacing at module size "
         "0.95, 66 % through the motion (frame 115)"
     )
-    assert stuck == "Modules 5 and 10 block each other."
+    assert stuck == (
+        "The hinge at module 5 cannot straighten, because modules would overlap: modules 5 and 10 "
+        "(at a module size of 0.95)"
+    )
 
 
 def test_compiling_is_reported_while_it_lasts(

@@ -20,6 +20,7 @@ from tests.planner.peels import snake
 from tests.web.conftest import unfolding
 
 CHAIN = snake((2, 2, 3))
+STUCK = {"code": "at-rest", "values": {"steps": 90}}
 KNOT = {"kind": "knot", "modules": [5, 6], "words": "its path is knotted"}
 
 
@@ -44,11 +45,11 @@ def test_directory_without_a_verified_plan_reports_reason_and_location(directory
     assert (found["heading"], found["text"]) == ("Not finished", "The chain was still unfolding.")
     assert len(found["modules"]) > 2
     assert sorted(directory.iterdir()) == before
-    explosion = {"status": "stalled", "reason": "it stuck", "steps": 90, "frames": 2}
+    explosion = {"status": "stalled", "reason": STUCK, "steps": 90, "frames": 2}
     plan = {
         "certificate": {
             "verified": False,
-            "reason": {"code": "explosion-failed", "values": {"detail": "it stuck"}},
+            "reason": STUCK,
         },
         "explosion": explosion,
         "attempts": [{**explosion, "steps": 8}, {**explosion, "diagnosis": KNOT}],
