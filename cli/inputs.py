@@ -16,7 +16,6 @@ from foldback.planner.readers.gallery import Gallery
 from foldback.planner.readers.limits import megabytes
 from foldback.planner.readers.text import READ_AS_VOXELS
 from foldback.planner.storage.files import MAX_FILE_BYTES
-from foldback.words.messages import count_from_one
 
 if TYPE_CHECKING:
     from foldback.planner.plan.plan import Plan
@@ -69,13 +68,15 @@ def read_plan(directory: Path) -> Plan:
 
 def refuse(error: InputError, as_json: bool) -> NoReturn:
     """Print the error of the input and exit with 2."""
-    error = InputError(
-        error.code, error.detail.replace(READ_AS_VOXELS, TYPED_REMEDY), where=error.where
-    )
+    error = error.changed(error.template.replace(READ_AS_VOXELS, TYPED_REMEDY))
     if as_json:
-        problem = {"code": error.code, "detail": error.detail, "where": error.where}
+        problem = {
+            "code": error.code,
+            "values": error.values,
+            "detail": error.detail,
+            "where": error.where,
+        }
         print(json.dumps({"status": "invalid", "error": problem}), flush=True)
     else:
-        shown = InputError(error.code, count_from_one(error.detail), where=error.where)
-        Console(stderr=True, soft_wrap=True, highlight=False).print(str(shown), markup=False)
+        Console(stderr=True, soft_wrap=True, highlight=False).print(error.message, markup=False)
     raise typer.Exit(INVALID_INPUT)

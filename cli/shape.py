@@ -24,7 +24,6 @@ from foldback.planner.plan.shape_writers import write_chain, write_path
 from foldback.planner.shapes.shape import MAX_CELLS
 from foldback.planner.storage.files import write_whole
 from foldback.words.likeness import likeness_words, reach_words
-from foldback.words.messages import count_from_one
 
 if TYPE_CHECKING:
     from foldback.planner.table_paths.offers import Offer
@@ -150,7 +149,7 @@ def show(report: dict[str, Any], out: Path) -> None:
     if report["knot"] is not None:
         table.add_row("Knot in the path", KNOT_WORDS[report["knot"]["verdict"]])
     for note in report["notes"]:
-        table.add_row("Note", count_from_one(note))
+        table.add_row("Note", note)
     if report["has_path"]:
         table.add_row("Written to", str(out))
     Console().print(table)

@@ -210,7 +210,12 @@ class Fold:
         if movie["status"] == "failed":
             problem = movie["problem"] or {}
             detail = problem.get("detail", "the service gave no reason.")
-            raise Problem(problem.get("code", "failed"), detail, where=problem.get("where"))
+            raise Problem(
+                problem.get("code", "failed"),
+                detail,
+                where=problem.get("where"),
+                values=problem.get("values"),
+            )
         return self._client.save(f"{here}/file", Path(to), f"{self.id}.{movie['format']}")
 
     def cancel(self) -> Fold:

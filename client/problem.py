@@ -15,6 +15,7 @@ class Problem(Exception):
         code: Short stable identifier for programs.
         detail: Actual value, expected value, remedy.
         where: Position in the input, or None.
+        values: Values that the detail names; numbers of modules, cells and angles count from 0.
         retry_after: Seconds to wait before another attempt, if the service states them.
     """
 
@@ -25,6 +26,7 @@ class Problem(Exception):
         *,
         status: int | None = None,
         where: str | None = None,
+        values: dict[str, Any] | None = None,
         retry_after: float | None = None,
     ) -> None:
         super().__init__(f"{code}: {where + ': ' if where else ''}{detail}")
@@ -32,6 +34,7 @@ class Problem(Exception):
         self.code = code
         self.detail = detail
         self.where = where
+        self.values = values or {}
         self.retry_after = retry_after
 
     @classmethod
@@ -50,6 +53,7 @@ class Problem(Exception):
             str(problem.get("detail") or plain),
             status=answer.status_code,
             where=problem.get("where"),
+            values=problem.get("values"),
             retry_after=_seconds(answer.headers.get("retry-after")),
         )
 

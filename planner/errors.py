@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import struct
 import zlib
-from typing import Final
+from typing import Any, Final
 from zipfile import BadZipFile
 
 
@@ -13,20 +13,87 @@ class PlannerError(Exception):
     """Root of everything the planner raises on purpose."""
 
 
+INDICES: Final = frozenset({"modules", "cells", "angle", "triangle", "node"})
+"""Values of an ``InputError`` that number parts of an input, counted from 0: numbers, or lists."""
+
+
 class InputError(PlannerError):
     """An input that cannot be used.
 
     Attributes:
         code: Short stable word for programs, for example ``not-adjacent``.
-        where: Place in the input ("line 4", "cells 41 and 42"), or None.
-        detail: One plain sentence: what was found, what was expected, what to do.
+        template: One plain sentence: what was found, what was expected, what to do. If there are
+            values, it names them in braces, as in ``str.format``.
+        place: Template of the place in the input ("line 4", "cells {cells}"), or None.
+        values: Plain JSON values that the templates name; see ``INDICES``.
     """
 
-    def __init__(self, code: str, detail: str, *, where: str | None = None) -> None:
-        super().__init__(f"{where}: {detail}" if where and where not in detail else detail)
+    def __init__(
+        self, code: str, template: str, *, where: str | None = None, **values: Any
+    ) -> None:
         self.code = code
-        self.where = where
-        self.detail = detail
+        self.template = template
+        self.place = where
+        self.values = values
+        self._message: str | None = None
+        super().__init__(located(self.detail, self.where))
+
+    @classmethod
+    def reported(
+        cls, code: str, detail: str, where: str | None, message: str, values: dict[str, Any]
+    ) -> InputError:
+        """Return the error that another process reports, whose texts are no templates."""
+        error = cls(code, detail, where=where)
+        error.values, error._message = values, message
+        return error
+
+    @property
+    def detail(self) -> str:
+        """The sentence; parts of an input count from 0."""
+        return self._text(self.template, 0)
+
+    @property
+    def where(self) -> str | None:
+        """The place in the input, counted from 0, or None."""
+        return None if self.place is None else self._text(self.place, 0)
+
+    @property
+    def message(self) -> str:
+        """The place and the sentence for people; parts of an input count from 1."""
+        if self._message is not None:
+            return self._message
+        place = None if self.place is None else self._text(self.place, 1)
+        return located(self._text(self.template, 1), place)
+
+    def changed(self, template: str | None = None, *, where: str | None = None) -> InputError:
+        """Return the error with another template, or with another place; the values stay."""
+        place = self.place if where is None else where
+        values = self.values if self._message is None else {}
+        return InputError(self.code, template or self.template, where=place, **values)
+
+    def _text(self, template: str, first: int) -> str:
+        """Return a text with the values, whose parts of an input count from ``first``."""
+        if not self.values or self._message is not None:
+            return template
+        return template.format(
+            **{
+                name: _numbers(value, first) if name in INDICES else value
+                for name, value in self.values.items()
+            }
+        )
+
+
+def _numbers(value: int | list[int], first: int) -> str:
+    """Return one number or several as text, counted from ``first``."""
+    numbers = value if isinstance(value, list) else [value]
+    return " and ".join(str(number + first) for number in numbers)
+
+
+def located(text: str, where: str | None) -> str:
+    """Return a text that names its place in the input."""
+    if not where or where in text or where.replace("_", " ") in text:
+        return text
+    return f"{where}: {text}"
 
 
 def unexpected(code: str, place: str, value: object, expected: str) -> InputError:
@@ -43,7 +110,8 @@ def named(error: InputError, name: str) -> InputError:
     """The error with the name of the file that it is about, if it doesn't tell."""
     if name in str(error):
         return error
-    return InputError(error.code, f"{name}: {error.detail}", where=error.where)
+    prefix = name.replace("{", "{{").replace("}", "}}") if error.values else name
+    return error.changed(f"{prefix}: {error.template}")
 
 
 def checked_fraction(value: float, name: str) -> float:

@@ -10,6 +10,14 @@ from typing import Final, Literal, get_args
 Stage = Literal["read", "explode", "play_back", "certify", "export"]
 STAGES: Final[tuple[Stage, ...]] = get_args(Stage)
 """Stages of a fold, in their order. A fold can be stopped after each and go on with the next."""
+STAGE_TEXTS: Final = {
+    "read": "reading the input",
+    "explode": "unfolding",
+    "play_back": "the playback",
+    "certify": "the clearance check",
+    "export": "writing the plan",
+}
+"""Stages of a fold as phrases."""
 COMPILING: Final = "compiling"
 """Message of a progress report while kernels (numba functions) are compiled, which happens once on
 a machine."""

@@ -5,10 +5,10 @@ They do not depend on a protocol: ``server.http.problems`` maps them to HTTP res
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from typing import Final, Self
+from collections.abc import Iterable, Mapping
+from typing import Any, Final, Self
 
-from foldback.planner.errors import DamagedError, InputError
+from foldback.planner.errors import DamagedError, InputError, located
 from foldback.planner.storage.file_names import CHAIN, PLAN, PLAN_TEXT, TIMELINE
 from foldback.planner.storage.files import READ_ONLY_ERRORS
 
@@ -30,16 +30,27 @@ class ServiceError(Exception):
         code: Short stable identifier for programs.
         detail: Actual value, expected value, remedy.
         where: Part of the input, or None.
+        values: Plain JSON values that the detail names; parts of an input count from 0.
+        message: The detail for people, with its place.
         retry_after_s: Time after which another attempt may succeed, in s; None if it would not.
     """
 
     def __init__(
-        self, code: str, detail: str, *, where: str | None = None, retry_after_s: int | None = None
+        self,
+        code: str,
+        detail: str,
+        *,
+        where: str | None = None,
+        values: Mapping[str, Any] | None = None,
+        message: str | None = None,
+        retry_after_s: int | None = None,
     ) -> None:
         super().__init__(detail)
         self.code = code
         self.detail = detail
         self.where = where
+        self.values = values or {}
+        self.message = message or located(detail, where)
         self.retry_after_s = retry_after_s
 
 
@@ -53,7 +64,13 @@ class Unusable(ServiceError):
     @classmethod
     def of(cls, error: InputError) -> Self:
         """Return the error for an input that the planner refuses."""
-        return cls(error.code, error.detail, where=error.where)
+        return cls(
+            error.code,
+            error.detail,
+            where=error.where,
+            values=error.values,
+            message=error.message,
+        )
 
 
 class TooLarge(ServiceError):

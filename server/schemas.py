@@ -62,10 +62,12 @@ class ProblemBody(Body):
     status: int
     code: str
     """Short name of the problem, for programs; it never changes."""
+    values: dict[str, Any]
+    """Values that the detail names; numbers of modules, cells and angles count from 0."""
     detail: str
     """Description of the problem: the given value, the expected one, and the remedy."""
     message: str
-    """The detail in plain sentences for people."""
+    """The detail and its position for people: modules, cells and angles count from 1."""
     where: str | None
     """Position in the input, if the problem has one."""
 
@@ -206,7 +208,11 @@ class Fault(Body):
     """Reason why a fold has no verified plan."""
 
     code: str
+    values: dict[str, Any] = Field(default_factory=dict[str, Any])
+    """Values that the detail names; numbers of modules, cells and angles count from 0."""
     detail: str
+    message: str | None = None
+    """The detail and its position for people: modules, cells and angles count from 1."""
     where: str | None = None
 
 

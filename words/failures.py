@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Final, TypedDict, cast
@@ -29,7 +28,6 @@ from foldback.words.fold import ShownFold
 from foldback.words.messages import (
     PEOPLE,
     PEOPLE_WITHOUT_PLACES,
-    count_from_one,
     diagnosis_text,
     nearest_frame,
     reason_text,
@@ -58,13 +56,6 @@ FAILURE_HEADINGS: Final = {
     "overlap": "Modules overlap",
     "off": "The chain does not end in its target shape",
     "refused": "Not verified",
-}
-STAGE_WORDS: Final = {
-    "read": "reading the input",
-    "explode": "unfolding",
-    "play_back": "the playback",
-    "certify": "the clearance check",
-    "export": "writing the plan",
 }
 STAGES_WITH_MOTION: Final = ("explode", "play_back")
 """Stages in which the displayed chain moves, so that the reason of a failure names the frame."""
@@ -208,8 +199,8 @@ def reason_words(row: ShownFold, summary: FoldSummary) -> str | None:
     """Return the reason why a fold failed; None if none is recorded."""
     if (refusal := refusal_of(summary)) is not None:
         return refusal_text(refusal, summary)
-    detail = (row.error or Fault()).get("detail") or summary.get("reason")
-    return count_from_one(str(detail)) if detail else None
+    error = row.error or Fault()
+    return error.get("message") or error.get("detail") or summary.get("reason")
 
 
 def verdict_words(summary: FoldSummary) -> str:
@@ -225,15 +216,10 @@ def verdict_words(summary: FoldSummary) -> str:
 def _stopped(row: ShownFold, words: str) -> str:
     """Return the external reason that ended a fold, and its state at that time."""
     detail = (row.error or Fault()).get("detail")
-    parts = [_plain(str(detail))] if detail else []
+    parts = [str(detail)] if detail else []
     if row.stage is None or row.stage in STAGES_WITH_MOTION:
         parts.append(words)
     return ". ".join(sentence(part.rstrip(".")) for part in parts)
-
-
-def _plain(detail: str) -> str:
-    """Replace the names of stages by words."""
-    return re.sub(r"the stage '(\w+)'", lambda found: STAGE_WORDS.get(found[1], found[0]), detail)
 
 
 def _overlap(summary: FoldSummary) -> _Overlap | None:

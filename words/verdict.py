@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterable
 from typing import Final, TypedDict
 
@@ -10,9 +9,8 @@ from foldback.planner.certificate.figures import CertificateFigures, Fault, Fold
 from foldback.planner.parameters.parameters import FLOATING
 from foldback.planner.progress import STAGES
 from foldback.words import certificate as certificate_words
-from foldback.words.failures import reason_words, refusal_of
+from foldback.words.failures import reason_words
 from foldback.words.fold import ShownFold
-from foldback.words.messages import count_from_one, message_for_people
 from foldback.words.plan_choice import Choice, superlative
 from foldback.words.quantities import PRESET_LABELS, sentence
 from foldback.words.settings import in_a_line
@@ -23,8 +21,8 @@ NO_DOWNLOADS: Final = "There is nothing to download."
 NO_DOWNLOADS_YET: Final = "You can download the plan when the fold is finished."
 WRITING: Final = "Writing the files …"
 CANCELLED: Final = "Cancelled before it finished"
-UNIT_AFTER_NUMBER: Final = re.compile(r"(?<=\d) (?=%|modules?\b)")
-"""Matches spaces in a verdict at which browsers must not break the line."""
+NO_BREAK_SPACE: Final = "\u00a0"
+"""Space between a number and its unit, at which browsers must not break the line."""
 VIEW_FILES: Final = (
     ("standalone.html", "A single HTML file", "HTML: plays in any browser, without a server"),
     ("recording.viser", "Recording", ".viser: plays in viser, a 3D viewer"),
@@ -58,7 +56,7 @@ def verdict_of(
     row: ShownFold, summary: FoldSummary, certificate: CertificateFigures, choice: Choice | None
 ) -> Verdict:
     """Return the verdict on a fold, or its progress."""
-    modules = f"{row.modules} modules" if row.modules else None
+    modules = f"{row.modules}{NO_BREAK_SPACE}modules" if row.modules else None
     if row.status == "verified":
         strategy = (summary.get("explosion") or {}).get("strategy")
         told = certificate_words.headline(certificate) or "verified"
@@ -77,20 +75,14 @@ def verdict_of(
 
 def _verdict(tone: str, *parts: str | None) -> Verdict:
     text = " · ".join(part for part in parts if part)
-    return {"tone": tone, "text": UNIT_AFTER_NUMBER.sub("\u00a0", text)}
+    return {"tone": tone, "text": text.replace(" %", f"{NO_BREAK_SPACE}%")}
 
 
 def problem_of(row: ShownFold, summary: FoldSummary) -> Problem | None:
     """Return the reason why a fold failed or was cancelled; None for others."""
     error = row.error or Fault()
     if row.status == "failed":
-        if refusal_of(summary) is None:
-            text = message_for_people(reason_words(row, summary) or "No reason was recorded.")
-        else:
-            text = sentence(reason_words(row, summary) or "")
-        where = count_from_one(error.get("where") or "")
-        if where and where not in text:
-            text = f"{sentence(where)}: {text}"
+        text = sentence(reason_words(row, summary) or "No reason was recorded.")
         judged = error.get("code", "not-verified") == "not-verified" and "certificate" in summary
         heading = "This plan could not be verified" if judged else "This fold could not be computed"
         return {"heading": heading, "text": text}

@@ -521,5 +521,7 @@ class Fault(TypedDict, total=False):
     """Reason why a fold could not be computed."""
 
     code: str
+    values: dict[str, Any]
     detail: str
+    message: str
     where: str | None

@@ -170,7 +170,8 @@ class Chain:
             raise InputError(
                 "not-finite",
                 f"got {folded[index]:g}, expected a finite number.",
-                where=f"angle {index}",
+                where="angle {angle}",
+                angle=index,
             )
         if (np.abs(folded) > module.angle_limit_rad).any():
             index = int(np.argmax(np.abs(folded) > module.angle_limit_rad))
@@ -275,10 +276,13 @@ def check_overlap(chain: Chain) -> None:
         distance = float(np.linalg.norm(positions[i] - positions[j]))
         raise InputError(
             "overlap",
-            f"modules {i} and {j} overlap in the folded shape: the distance between their centres "
-            f"is {distance:.3g} pitches, but must be at least {closest:.3g} pitches; change the "
+            "modules {modules} overlap in the folded shape: the distance between their centres is "
+            "{distance:.3g} pitches, but must be at least {min_distance:.3g} pitches; change the "
             "angles of the joints between these modules.",
-            where=f"modules {i} and {j}",
+            where="modules {modules}",
+            modules=[int(i), int(j)],
+            distance=distance,
+            min_distance=closest,
         )
 
 

@@ -143,9 +143,10 @@ def _check_order(cells: Ints) -> None:
         if cell in first_visit:
             raise InputError(
                 "repeated-cell",
-                f"cells {first_visit[cell]} and {index} are both at {cell}; a path visits each "
-                "cell once.",
-                where=f"cells {first_visit[cell]} and {index}",
+                "cells {cells} are both at {position}; a path visits each cell once.",
+                where="cells {cells}",
+                cells=[first_visit[cell], index],
+                position=str(cell),
             )
         first_visit[cell] = index
     steps = np.abs(np.diff(cells, axis=0)).sum(axis=1)
@@ -153,7 +154,8 @@ def _check_order(cells: Ints) -> None:
         index = int(np.argmax(steps != 1))
         raise InputError(
             "not-adjacent",
-            f"cells {index} and {index + 1} are {int(steps[index])} steps apart; consecutive cells "
-            "must share a face.",
-            where=f"cells {index} and {index + 1}",
+            "cells {cells} are {steps} steps apart; consecutive cells must share a face.",
+            where="cells {cells}",
+            cells=[index, index + 1],
+            steps=int(steps[index]),
         )

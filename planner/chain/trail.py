@@ -104,7 +104,10 @@ def _check(nodes: Nodes) -> None:
         if bad.any():
             index = int(np.argmax(bad))
             raise InputError(
-                code, f"got {tuple(map(int, nodes[index]))}, {expectation}.", where=f"node {index}"
+                code,
+                f"got {tuple(map(int, nodes[index]))}, {expectation}.",
+                where="node {node}",
+                node=index,
             )
     keys = np.concatenate([nodes[:-1] + nodes[1:]])
     _, first, counts = np.unique(keys, axis=0, return_index=True, return_counts=True)
@@ -113,6 +116,7 @@ def _check(nodes: Nodes) -> None:
         a, b = np.flatnonzero((keys == key).all(axis=1))[:2]
         raise InputError(
             "repeated-cell",
-            f"modules {a} and {b} occupy the same tetrahedron; a trail uses each tetrahedron once.",
-            where=f"modules {a} and {b}",
+            "modules {modules} occupy the same tetrahedron; a trail uses each tetrahedron once.",
+            where="modules {modules}",
+            modules=[int(a), int(b)],
         )

@@ -127,7 +127,7 @@ class Option:
         try:
             return parse(value)
         except InputError as error:
-            raise InputError(error.code, error.detail, where=self.name) from None
+            raise error.changed(where=self.name) from None
         except ValueError:
             raise self._out_of_range(repr(value[:40])) from None
 

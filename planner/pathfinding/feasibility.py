@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -21,10 +20,6 @@ from foldback.planner.pathfinding.no_path_proofs import Problem, obstacles, writ
 from foldback.planner.pathfinding.snake import is_box
 from foldback.planner.shapes.shape import Shape
 
-_PAST: Final = {"add": "added", "remove": "removed", "keep": "kept"}
-"""Verbs of repairs, and their past forms."""
-_IMPERATIVE: Final = re.compile(r"\b(?:add|remove|keep)\b")
-
 __all__ = ["Feasibility", "Problem", "Repair", "apply_repair", "feasibility", "named_cells"]
 
 Cells: TypeAlias = frozenset[Cell]
@@ -41,12 +36,14 @@ class Repair:
 
     Attributes:
         detail: One plain sentence.
+        done: The change as a sentence about the past, to follow a colon.
         add: Cells to add.
         drop: Cells to drop.
         doubled: True to split each cell into 2×2×2 cells of half the pitch then.
     """
 
     detail: str
+    done: str
     add: tuple[Cell, ...] = ()
     drop: tuple[Cell, ...] = ()
     doubled: bool = False
@@ -55,11 +52,6 @@ class Repair:
     def as_step(self) -> str:
         """The change, to follow a colon."""
         return f"{self.detail[:1].lower()}{self.detail[1:]}"
-
-    @property
-    def done(self) -> str:
-        """The change as a sentence about the past, to follow a colon."""
-        return _IMPERATIVE.sub(lambda verb: _PAST[verb[0]], self.as_step)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -210,11 +202,12 @@ def _has_path(cells: Cells, seed: int) -> bool:
 
 def _repair(before: Cells, after: Cells) -> Repair:
     add, drop = tuple(sorted(after - before)), tuple(sorted(before - after))
-    words = [
-        f"{word} {named_cells(cells)}" for word, cells in (("add", add), ("remove", drop)) if cells
-    ]
-    detail = " and ".join(words)
-    return Repair(detail=f"{detail[:1].upper()}{detail[1:]}.", add=add, drop=drop)
+    detail, done = (
+        " and ".join(f"{verb} {named_cells(cells)}" for verb, cells in changes if cells)
+        for changes in ((("add", add), ("remove", drop)), (("added", add), ("removed", drop)))
+    )
+    sentence = f"{detail[:1].upper()}{detail[1:]}."
+    return Repair(detail=sentence, done=f"{done}.", add=add, drop=drop)
 
 
 def named_cells(cells: Sequence[Cell]) -> str:
@@ -226,16 +219,21 @@ def named_cells(cells: Sequence[Cell]) -> str:
 
 def _doubling(before: Cells, basis: Cells) -> Repair:
     add, drop = tuple(sorted(basis - before)), tuple(sorted(before - basis))
-    words = "Split each cell into 2×2×2 cells"
+    split = "split each cell into 2×2×2 cells"
+    detail, done = split.capitalize(), split
     if add:
-        words = f"Add {_count(len(add), 'cell')} as a bridge, then split each cell into 2×2×2 cells"
+        bridge = f"{_count(len(add), 'cell')} as a bridge, then {split}"
+        detail, done = f"Add {bridge}", f"added {bridge}"
     elif drop:
-        words = (
-            f"Remove {_count(len(drop), 'cell')}, then split each remaining cell into 2×2×2 cells"
-        )
+        rest = f"{_count(len(drop), 'cell')}, then split each remaining cell into 2×2×2 cells"
+        detail, done = f"Remove {rest}", f"removed {rest}"
+    outcome = (
+        f". This makes {8 * len(basis)} modules of half the size, and there is always a path "
+        "through them."
+    )
     return Repair(
-        detail=f"{words}. This makes {8 * len(basis)} modules of half the size, and there is "
-        "always a path through them.",
+        detail=detail + outcome,
+        done=done + outcome,
         add=add,
         drop=drop,
         doubled=True,

@@ -95,6 +95,7 @@ def _feasibility(shape: Shape) -> Feasibility:
     sizes = np.bincount(labels)
     loose = shape.cells[labels != np.argmax(sizes)]
     cells = tuple((int(x), int(y), int(z)) for x, y, z in loose)
+    others = "cell" if len(cells) == 1 else f"{len(cells)} cells"
     return Feasibility(
         feasible=False,
         problems=(
@@ -106,8 +107,8 @@ def _feasibility(shape: Shape) -> Feasibility:
         ),
         repairs=(
             Repair(
-                detail="Keep the largest part and remove the other "
-                f"{'cell' if len(cells) == 1 else f'{len(cells)} cells'}.",
+                detail=f"Keep the largest part and remove the other {others}.",
+                done=f"kept the largest part and removed the other {others}.",
                 drop=cells,
             ),
         ),

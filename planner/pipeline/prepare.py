@@ -455,8 +455,8 @@ def read_in_any_order(
         if error.code != "not-adjacent":
             raise
         note = (
-            f"The cells were read as voxels, not as a path, because {error.where} are not "
-            "neighbours."
+            "The cells were read as voxels, not as a path, because some cells that follow each "
+            "other are not neighbours."
         )
     shape = read(data, filename=filename, as_voxels=True)
     return shape, replace(options, as_voxels=True), (note,)

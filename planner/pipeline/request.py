@@ -296,4 +296,4 @@ class FoldRequest(PathOptions):
 def _placed(error: InputError) -> InputError:
     """Return the refusal with the parameter that it is about: codes end in its name."""
     field = error.code.partition("-")[2].replace("-", "_")
-    return InputError(error.code, error.detail, where=field)
+    return error.changed(where=field)

@@ -97,8 +97,9 @@ class Gallery:
             else ""
         )
         fit = f"these examples fit: {', '.join(names[:MAX_LISTED_EXAMPLES])}{suffix}"
-        detail = f"{error.detail.removesuffix('.')}; {fit if names else 'no example fits'}."
-        return InputError(error.code, detail, where=error.where)
+        return error.changed(
+            f"{error.template.removesuffix('.')}; {fit if names else 'no example fits'}."
+        )
 
 
 def shapes_directory() -> Traversable:

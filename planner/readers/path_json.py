@@ -68,15 +68,20 @@ def path_from_rows(
         if not isinstance(row, list) or len(cast("list[Any]", row)) != 3:
             raise InputError(
                 "wrong-count",
-                f"got {described(cast('object', row))}, expected [x, y, z].",
-                where=f"cell {index}",
+                "got {got}, expected [x, y, z].",
+                where="cell {cells}",
+                got=described(cast("object", row)),
+                cells=index,
             )
         for value, axis in zip(cast("list[Any]", row), "xyz", strict=True):
             if type(value) is not int and type(value) is not float:
                 raise InputError(
                     "not-a-number",
-                    f"got {described(value)} for {axis}, expected a whole number"
+                    "got {got} for {axis}, expected a whole number"
                     f"{' without quotation marks' if isinstance(value, str) else ''}.",
-                    where=f"cell {index}",
+                    where="cell {cells}",
+                    got=described(value),
+                    axis=axis,
+                    cells=index,
                 )
     return path_or_shape(np.array(rows, dtype=np.float64), source, name=name, pitch_m=pitch_m)

@@ -212,5 +212,5 @@ def path_or_shape(
     except InputError as refusal:
         if refusal.code != "not-adjacent":
             raise
-        detail = f"{refusal.detail.removesuffix('.')}; {READ_AS_VOXELS}."
-        raise InputError(refusal.code, detail, where=refusal.where) from refusal
+        template = f"{refusal.template.removesuffix('.')}; {READ_AS_VOXELS}."
+        raise refusal.changed(template) from refusal

@@ -111,7 +111,9 @@ def check_triangles(count: int, limit: int | None) -> None:
         InputError: ``no-triangles`` or ``too-many-triangles``.
     """
     if count == 0:
-        raise InputError("no-triangles", "got a mesh without triangles, expected a closed surface.")
+        raise InputError(
+            "no-triangles", "this mesh has no triangles; save it again as a closed surface."
+        )
     if limit is not None and count > limit:
         raise InputError(
             "too-many-triangles",
@@ -131,9 +133,12 @@ def _check_corners(corners: Ints, points: int) -> None:
         row, column = (int(i) for i in np.argwhere(bad)[0])
         raise InputError(
             "bad-index",
-            f"got vertex {corners[row, column]}, but the file has {points} vertices, counted from "
-            "0; every corner of a triangle must be a vertex of the file.",
-            where=f"triangle {row}",
+            "got vertex {vertex}, but the file has {points} vertices, counted from 0; every corner "
+            "of a triangle must be a vertex of the file.",
+            where="triangle {triangle}",
+            vertex=int(corners[row, column]),
+            points=points,
+            triangle=row,
         )
 
 

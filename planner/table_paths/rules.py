@@ -94,6 +94,11 @@ def _line_free(level: Ints, cell: Ints, step: tuple[int, int]) -> bool:
     return not bool(((along > 0) & (across == 0)).any())
 
 
+def _at(cell: Ints) -> tuple[int, ...]:
+    """Return the coordinates of a cell; those of the lowest cells have z = 0."""
+    return tuple(cell.tolist())
+
+
 def _of_the_start(order: Ints) -> list[Fault]:
     if order[0, 2] == 0 and order[1, 2] == 0:
         return []
@@ -109,8 +114,8 @@ def _downs(order: Ints, rule: Rule) -> list[Fault]:
         return [
             Fault(
                 code="boxed-in",
-                detail=f"cell {k} is below an earlier cell and enclosed on all sides, but one "
-                "side must be free, so that a module can reach the cell.",
+                detail=f"the cell {_at(order[k])} is below an earlier cell and enclosed on all "
+                "sides, but one side must be free, so that a module can reach the cell.",
                 at=k,
                 cells=_named(order[k : k + 1]),
             )
@@ -119,8 +124,8 @@ def _downs(order: Ints, rule: Rule) -> list[Fault]:
     return [
         Fault(
             code="goes-down",
-            detail=f"the path goes down from cell {k} to cell {k + 1}, but it must rise layer by "
-            "layer.",
+            detail=f"the path goes down from the cell {_at(order[k])} to the cell "
+            f"{_at(order[k + 1])}, but it must rise layer by layer.",
             at=k,
             cells=_named(order[k : k + 2]),
         )
@@ -132,8 +137,8 @@ def _hairpins(order: Ints) -> list[Fault]:
     return [
         Fault(
             code="hairpin",
-            detail=f"the path turns back directly above itself at cells {a} to {b}. On a "
-            "table, a chain cannot make such a turn.",
+            detail=f"the path turns back directly above itself between the cells {_at(order[a])} "
+            f"and {_at(order[b])}. On a table, a chain cannot make such a turn.",
             at=a,
             cells=_named(order[a : b + 1]),
         )

@@ -26,7 +26,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
 from starlette.types import ASGIApp, Receive, Scope, Send
 
-from foldback.planner.errors import DamagedError, InputError
+from foldback.planner.errors import DamagedError, InputError, located
 from foldback.planner.parameters.option import options_of
 from foldback.planner.pipeline.request import FoldRequest
 from foldback.server import errors
@@ -42,7 +42,7 @@ from foldback.server.errors import (
 )
 from foldback.server.http.access_log import request_id_of
 from foldback.server.store.object_store import StorageError
-from foldback.words.messages import message_for_people
+from foldback.words.quantities import sentence
 
 PROBLEM_MEDIA_TYPE: Final = "application/problem+json"
 DISK_ERRNOS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
@@ -75,6 +75,9 @@ HANDLED_ERRORS: Final = (
     *(RequestValidationError, SQLAlchemyError, OSError),
 )
 """Errors that a route may raise; any other error is a fault of the service."""
+NOT_FOUND: Final = HTTPStatus.NOT_FOUND.phrase
+"""Detail by which the framework reports an address without a route."""
+NO_SUCH_ADDRESS: Final = "There is nothing at this address."
 PROBLEM_CODES: Final = {404: "not-found", 408: "too-slow", 413: "too-large"}
 
 
@@ -87,6 +90,8 @@ class Problem:
         code: Short stable identifier for programs.
         detail: Actual value, expected value, remedy.
         where: Position in the input, or None.
+        values: Plain JSON values that the detail names; parts of an input count from 0.
+        message: The detail as a sentence for people, with its position.
         headers: Additional headers of the response.
     """
 
@@ -94,6 +99,8 @@ class Problem:
     code: str
     detail: str
     where: str | None = None
+    values: Mapping[str, Any] = field(default_factory=dict[str, Any])
+    message: str | None = None
     headers: Mapping[str, str] = field(default_factory=dict[str, str])
 
     @classmethod
@@ -106,11 +113,18 @@ class Problem:
             code=error.code,
             detail=error.detail,
             where=error.where,
+            values=error.values,
+            message=error.message,
             headers={
                 **STATUS_HEADERS.get(status, {}),
                 **({} if again is None else {"Retry-After": str(again)}),
             },
         )
+
+    @property
+    def text(self) -> str:
+        """The message as a sentence, for people."""
+        return sentence(self.message or located(self.detail, self.where))
 
     def body(self) -> dict[str, Any]:
         """Return the JSON object."""
@@ -119,8 +133,9 @@ class Problem:
             "title": HTTPStatus(self.status).phrase,
             "status": self.status,
             "code": self.code,
+            "values": self.values,
             "detail": self.detail,
-            "message": message_for_people(self.detail),
+            "message": self.text,
             "where": self.where,
         }
 
@@ -243,7 +258,7 @@ def _problem_of(error: Exception, path: str) -> Problem:
             return Problem(
                 status=error.status_code,
                 code=PROBLEM_CODES.get(error.status_code, phrase.lower().replace(" ", "-")),
-                detail=str(error.detail),
+                detail=NO_SUCH_ADDRESS if error.detail == NOT_FOUND else str(error.detail),
                 headers=error.headers or {},
             )
         case _:

@@ -17,7 +17,7 @@ from sqlalchemy.exc import SQLAlchemyError
 from foldback.planner.errors import InputError, TimelineError
 from foldback.planner.motion.timeline import Timeline, TimelineWriter
 from foldback.planner.pipeline.fold_layout import any_verified, result_path
-from foldback.planner.progress import STAGES
+from foldback.planner.progress import STAGE_TEXTS, STAGES
 from foldback.planner.readers.gallery import Gallery
 from foldback.planner.storage.file_names import START_CHAIN, TIMELINE
 from foldback.server.errors import UNEXPECTED_WORDS
@@ -231,7 +231,8 @@ class Execution:
             raise
         except InputError as error:
             error = self._advised(error)
-            told = {"code": error.code, "detail": error.detail, "where": error.where}
+            told = {"code": error.code, "values": error.values, "detail": error.detail}
+            told |= {"message": error.message, "where": error.where}
             return Outcome(status="failed", error=told)
         except ChildError as error:
             self._release_child()
@@ -349,7 +350,9 @@ class Execution:
                 self._release_child()
                 deaths += error.code == CRASHED
                 if deaths == MAX_CRASHES:
-                    detail = f"{error.detail} This happened {deaths} times in the stage '{stage}'."
+                    detail = (
+                        f"{error.detail} This happened {deaths} times during {STAGE_TEXTS[stage]}."
+                    )
                     raise ChildError(CRASHED, detail) from None
                 log.warning("stage=%s directory=%s restarts: %s", stage, directory, error)
             self._wait(RETRY_INTERVAL_S)

@@ -37,7 +37,6 @@ from foldback.words.gallery import (
     module_count,
     rest_of,
 )
-from foldback.words.messages import message_for_people
 
 router = APIRouter(include_in_schema=False)
 
@@ -97,6 +96,6 @@ def fold_shape(request: Request, name: str, world: World = "floating") -> Respon
         )
     except (ServiceError, InputError) as error:
         problem = Problem.of(refusal_of(error))
-        detail = message_for_people(problem.detail)
-        return not_found_page("This shape can't be folded", detail, status_code=problem.status)
+        heading = "This shape can't be folded"
+        return not_found_page(heading, problem.text, status_code=problem.status)
     return RedirectResponse(accepted.links.page, status_code=303)

@@ -11,7 +11,6 @@ from foldback.server.http.problems import Problem
 from foldback.server.pages.page import page
 from foldback.server.viewing.fold_lookup import viewing_of
 from foldback.web.pictures.isometric import isometric_svg
-from foldback.words.messages import message_for_people
 
 PROBLEM_HEADINGS: Final = {
     404: "Page not found",
@@ -47,6 +46,6 @@ def no_such_page(request: Request, words: tuple[str, str]) -> Response:
 def problem_page(problem: Problem) -> Response:
     """Return the page of any other problem."""
     heading = PROBLEM_HEADINGS.get(problem.status, "Something went wrong")
-    answer = not_found_page(heading, message_for_people(problem.detail), status_code=problem.status)
+    answer = not_found_page(heading, problem.text, status_code=problem.status)
     answer.headers.update(problem.headers)
     return answer

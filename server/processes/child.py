@@ -422,7 +422,14 @@ def _answer(parent: _Parent, task: Task, request: Request, memory_bytes: int) ->
     try:
         result = task(request, parent.progress, parent.cancelled)
     except InputError as error:
-        parent.tell("bad-input", code=error.code, detail=error.detail, where=error.where)
+        parent.tell(
+            "bad-input",
+            code=error.code,
+            detail=error.detail,
+            where=error.where,
+            message=error.message,
+            values=error.values,
+        )
     except Exception as error:
         if isinstance(error, MemoryError) or str(error) == NO_THREAD:
             _tell_memory_limit(parent, memory_bytes)

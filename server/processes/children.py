@@ -24,6 +24,7 @@ from typing import TYPE_CHECKING, Any, Final
 import psutil
 
 from foldback.planner.errors import InputError
+from foldback.planner.progress import STAGE_TEXTS
 from foldback.server.processes.fork_server import Forked, ForkServer, Kind, environment_with
 from foldback.server.processes.limits import ChildLimits, memory_words
 
@@ -64,7 +65,7 @@ EVENTS: Final = {
         *("plan", "plans"),
     },
     "done": {"result"},
-    "bad-input": {"code", "detail", "where"},
+    "bad-input": {"code", "detail", "where", "message", "values"},
     "problem": {"code", "detail"},
 }
 """Names of the messages that a computing process sends, with the fields that each must have; other
@@ -207,7 +208,8 @@ class Child:
                     case "done":
                         return event["result"]
                     case "bad-input":
-                        raise InputError(event["code"], event["detail"], where=event["where"])
+                        fields = ("code", "detail", "where", "message", "values")
+                        raise InputError.reported(*(event[name] for name in fields))
                     case _:
                         raise ChildError(event["code"], event["detail"])
             if now > begun + wall_s:
@@ -352,7 +354,7 @@ def _too_slow(task: str, wall_s: float, *, slowed: bool) -> ChildError:
         return ChildError(BUSY, "the machine is too busy; try again in a minute.")
     return ChildError(
         "time-limit",
-        f"the stage '{task}' exceeded its limit of {wall_s:g} s; try a smaller shape.",
+        f"{STAGE_TEXTS.get(task, task)} exceeded its limit of {wall_s:g} s; try a smaller shape.",
     )
 
 

@@ -15,6 +15,7 @@ from typing import Any
 from foldback.planner.errors import InputError
 from foldback.planner.pipeline.expected_cost import ExpectedCost
 from foldback.planner.pipeline.request import FoldRequest
+from foldback.planner.progress import STAGE_TEXTS
 from foldback.planner.storage.file_names import PREPARED, REQUEST
 from foldback.server.context import Context
 from foldback.server.errors import Conflict, Unusable, not_stored
@@ -211,7 +212,7 @@ def _check_limits(cost: ExpectedCost, settings: Settings) -> None:
         raise Unusable(
             "too-long",
             f"got {cost.cause}, expected a fold whose stages take at most {limit_s:g} s each; this "
-            f"fold takes at least {cost.least_s:.0f} s in the stage '{cost.stage}'. "
+            f"fold takes at least {cost.least_s:.0f} s for {STAGE_TEXTS[cost.stage]}. "
             f"{cost.remedy}",
         )
 

@@ -37,7 +37,6 @@ from foldback.web.timeline.window_columns import (
     window_columns,
 )
 from foldback.web.viser.scene_bundle import bundle_of
-from foldback.words.messages import count_from_one
 from foldback.words.quantities import number, si
 from tests.planner import peels
 from tests.planner.chains import chain_of
@@ -261,21 +260,6 @@ def quantities() -> list[Vectors]:
     ]
 
 
-def module_texts() -> list[list[str]]:
-    """Return texts of the planner, and the same with numbers as on the server's pages."""
-    texts = (
-        "in the plan, modules 3 and 7 overlap by 0.02 pitch at module size 0.95",
-        "Modules 0, 12, 202, 262 and 12 more",
-        "modules 4 to 7, which come next: module 3 against 99, and 12 pairs more",
-        "joint of module 9 stays bent by 12°",
-        "160 modules, module size 0.95",
-        "cells 3 and 7 are both at (1, 2, 3); a path visits each cell once.",
-        "the link from cell 0 to cell 1 goes down",
-        "got 2 cells, expected at least 3: node 4 is missing",
-    )
-    return [[text, count_from_one(text)] for text in texts]
-
-
 def timeline(path: Path) -> Vectors:
     """Return a short fold as its page gets it, and Python's values for three of its frames."""
     timeline = TimelineView(path)
@@ -318,7 +302,6 @@ def cases(timeline_path: Path, peeled: Path, tmp_path_factory: pytest.TempPathFa
         "colours": colours(),
         "shipped": [stored(name) for name in SHIPPED],
         "quantities": quantities(),
-        "module_texts": module_texts(),
         "timeline": timeline(timeline_path),
         "peeled": timeline(peeled / "timeline.zarr"),
     }

@@ -2,7 +2,7 @@
 
 from dataclasses import replace
 
-from foldback.planner.errors import InputError
+from foldback.planner.errors import InputError, named
 from foldback.planner.explosion.failure_evidence import (
     BlockEvidence,
     BudgetEvidence,
@@ -10,35 +10,13 @@ from foldback.planner.explosion.failure_evidence import (
     Move,
     Turn,
 )
-from foldback.planner.readers.formats import READABLE_FORMATS
 from foldback.planner.reasons import TEXTS, Reason, ReasonValues
 from foldback.planner.reasons import ReasonCode as Code
 from foldback.server.errors import Unusable
 from foldback.server.http.problems import Problem
-from foldback.words.messages import PEOPLE, message_for_people, reason_text
+from foldback.words.messages import PEOPLE, reason_text
 from tests.case import case
 
-MESSAGES = {
-    "got 0 angles, expected at least 1.": "Type at least one 0 (straight), + or − (bent).",
-    "got a after 0 angles, expected 0, + or - for each hinge.": (
-        '"a" isn\'t an angle. Use 0 (straight), + or − (bent) for each hinge.'
-    ),
-    "this looks like a PDF document, expected a mesh (STL, OBJ) or cells.": (
-        "This looks like a PDF document. Please use a mesh (STL, OBJ) or cells."
-    ),
-    f"this looks like a PDF document, expected {READABLE_FORMATS}.": (
-        "This looks like a PDF document. Please use a mesh (STL, OBJ, PLY, OFF, GLB or 3MF), "
-        "a voxel model, a path or a chain."
-    ),
-    "got a mesh without triangles, expected a closed surface.": (
-        "This mesh has no triangles. Save it again as a closed surface."
-    ),
-    "got 600 modules, expected at most 512; use a coarser shape.": (
-        "Expected at most 512, but found 600 modules. Use a coarser shape."
-    ),
-    "Not Found": "There is nothing at this address.",
-    "The database does not answer.": "The database does not answer.",
-}
 FREE: ReasonValues = {"friction": 0.2, "clamped": False}
 TURNS = tuple(
     Turn(hinge=k, module=k, turned_rad=0.1, modules=pair, overlap=0.1)
@@ -137,9 +115,27 @@ REASONS = (
 """Reasons, and their texts for programs and for people."""
 
 
-def test_message_for_people_reads_as_sentences() -> None:
-    for detail, message in MESSAGES.items():
-        assert message_for_people(detail) == message
+def test_input_errors_count_from_zero_for_programs_and_from_one_for_people() -> None:
+    template = "cells {cells} are {steps} steps apart."
+    error = InputError("not-adjacent", template, where="cells {cells}", cells=[1, 2], steps=3)
+    assert (error.where, error.detail) == ("cells 1 and 2", "cells 1 and 2 are 3 steps apart.")
+    assert str(error) == error.detail
+    assert error.message == "cells 2 and 3 are 3 steps apart."
+    assert named(error, "{a}.csv").message == "{a}.csv: cells 2 and 3 are 3 steps apart."
+    assert error.changed(where="here").message == "here: cells 2 and 3 are 3 steps apart."
+    assert InputError("bad", "got {0}.", where="a {b}").message == "a {b}: got {0}."
+    body = Problem.of(Unusable.of(error)).body()
+    assert body["values"] == {"cells": [1, 2], "steps": 3}
+    assert (body["where"], body["detail"]) == (error.where, error.detail)
+    assert body["message"] == "Cells 2 and 3 are 3 steps apart."
+
+
+def test_error_of_another_process_is_no_template() -> None:
+    values = {"cells": [1, 2]}
+    error = InputError.reported("bad", "{cells.x} is bad.", "{cells}", "cell 2 is bad", values)
+    assert (error.detail, error.where) == ("{cells.x} is bad.", "{cells}")
+    assert (error.message, error.values) == ("cell 2 is bad", values)
+    assert error.changed("so {cells.x}").detail == "so {cells.x}"
 
 
 def test_evidence_counts_from_one_for_people() -> None:
@@ -156,10 +152,3 @@ def test_reasons_count_from_zero_for_programs_and_from_one_for_people() -> None:
             assert reason_text(reason) == for_people
             assert reason_text(reason.as_dict()) == for_people
     assert set(TEXTS) == set(Code)
-
-
-def test_problem_body_has_a_message_beside_the_detail() -> None:
-    error = Unusable.of(InputError("empty", "got an empty file, expected a mesh."))
-    body = Problem.of(error).body()
-    assert body["detail"] == "got an empty file, expected a mesh."
-    assert body["message"] == "This file is empty."

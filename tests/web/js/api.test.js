@@ -236,7 +236,7 @@ test("a request body is sent as JSON or as a form, and the key in one header", a
 
 test("a refusal has the words of the service, its status and its code", async () => {
   answering(
-    [422, '{"code":"not-for-a-table","detail":"module 0 hangs","where":""}'],
+    [422, '{"code":"not-for-a-table","detail":"module 0 hangs","message":"module 1 hangs"}'],
     [502, "<html>"],
     [],
     [429, "null"],

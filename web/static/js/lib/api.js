@@ -12,17 +12,6 @@ export const MOST_KEYS = 8;
 const GONE = new Set([403, 404]);
 const BUSY = 429;
 
-const NUMBERED_PARTS =
-  /\b(?:module|cell|angle|triangle)s? \d+\b(?:(?:, | and | to | against )\d+\b)*(?: more)?/gi;
-
-// Renumber modules and cells in a text of the planner to start
-// at 1, as `count_from_one` of words/messages.py.
-/** @param {string} text */
-export const countFromOne = (text) =>
-  text.replace(NUMBERED_PARTS, (named) =>
-    named.replace(/\d+(?! more)\b/g, (index) => String(Number(index) + 1)),
-  );
-
 // A refused request, with a message for the visitor.
 export class Refusal extends Error {
   /**
@@ -47,22 +36,17 @@ export class Refusal extends Error {
   }
 }
 
-// Return the message of the server as a sentence that includes its location.
+// Return the message of the server as a sentence.
 /**
  * @param {Refused} problem
  * @param {number} status
  */
-export function refusalWords({ message, detail, where: place }, status) {
-  const text = countFromOne(
+export const refusalWords = ({ message, detail }, status) =>
+  sentence(
     message ??
       detail ??
       `The request failed: the server answered with status ${status}.${status === BUSY || status >= 500 ? " Try again later." : ""}`,
   );
-  const where = countFromOne(place ?? "");
-  return sentence(
-    text.includes(where) || text.includes(where.replaceAll("_", " ")) ? text : `${where}: ${text}`,
-  );
-}
 
 // Return the JSON of an answer; other content becomes {}, because proxies send their own pages.
 /**
