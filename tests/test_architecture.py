@@ -81,3 +81,16 @@ def test_vague_names_are_counted_once_per_scope() -> None:
     )
     bindings = sorted((b.line, b.name) for b in names.bindings_of(source, Path("a.py")))
     assert bindings == [(1, "found"), (1, "kept"), (3, "told"), (4, "one")]
+
+
+def test_sentences_are_not_parsed() -> None:
+    """Verdicts, reasons and errors are values, see docs/decisions/0046-reasons.md."""
+    scripts = (made.ROOT / "web" / "static").rglob("*.js")
+    for path in (*made.modules().values(), *scripts):
+        with case(str(path)):
+            text = path.read_text(encoding="utf-8")
+            assert re.search(r"starts?_?[wW]ith\(\s*[\"'](verified|failed)", text) is None
+    for path in (made.ROOT / "words").rglob("*.py"):
+        if path.name != "fold.py":  # parses names of example shapes
+            with case(str(path)):
+                assert re.search(r"^(?:import|from) re\b", path.read_text("utf-8"), re.M) is None

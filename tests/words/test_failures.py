@@ -100,11 +100,11 @@ def test_failure_lists_blocks_and_budgets() -> None:
 
 def test_failure_by_a_limit_names_the_limit_and_the_progress() -> None:
     stuck = {"kind": "stopped", "modules": [3, 8], "words": "the chain was still unfolding"}
-    error = {"code": "time-limit", "detail": "the stage 'explode' took long.", "where": "explode"}
+    error = {"code": "time-limit", "detail": "unfolding took long.", "where": "explode"}
     shown = failure(row(error=error), {"stuck": stuck})
     assert shown["text"] == "Unfolding took long. The chain was still unfolding."
     # Completed stages are not reported as running.
-    detail = {"detail": "the stage 'certify' exceeded its limit of 5 s"}
+    detail = {"detail": "the clearance check exceeded its limit of 5 s"}
     shown = failure(row(error=detail, stage="certify"), {"stuck": stuck})
     assert shown is not None and shown["text"] == "The clearance check exceeded its limit of 5 s."
     assert failure(row("cancelled"), {"stuck": stuck}) is None  # nothing stalled

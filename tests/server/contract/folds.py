@@ -59,7 +59,7 @@ ROWS: Mapping[str, Mapping[str, Any]] = {
         "stage": "play_back",
         "preset": "paper",
         "settings": "damping=0.05,radial_gain=0.2",
-        "error": {"code": "time-limit", "detail": "the stage 'play_back' took long."},
+        "error": {"code": "time-limit", "detail": "the playback took long."},
     },
     "refuted": {
         "stage": "certify",
