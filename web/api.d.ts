@@ -27,7 +27,9 @@ declare namespace Api {
   }
   interface Fault {
     code: string;
+    values?: Record<string, unknown>;
     detail: string;
+    message?: string | null;
     where?: string | null;
   }
   interface Feasibility {

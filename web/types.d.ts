@@ -469,7 +469,7 @@ interface Facts {
 }
 
 // Answers of the API: api.d.ts. A refusal says more where a file could not be read.
-type Refused = Partial<Api.Fault> & { message?: string };
+type Refused = Partial<Api.Fault>;
 
 // The editor. Cells are keys, as js/editor/painting.js says.
 

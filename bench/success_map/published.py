@@ -86,7 +86,7 @@ def run(case: Case) -> dict[str, Any]:
         "modules": len(plan.chain),
         "verified": certificate.verified,
         "verdict": certificate.verdict,
-        "reason": (plan.explosion or {}).get("reason", ""),
+        "reason": certificate.reason and str(certificate.reason.code),
         "clearance": certificate.min_clearance,
         "record": certificate.min_clearance_record,
         "cpu s": round(time.process_time() - begun, 1),

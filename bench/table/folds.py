@@ -173,7 +173,7 @@ def explored(name: str, cells: Cells, seed: int, conditions: Conditions) -> Resu
         path = Path.from_cells(paths[attempt % len(paths)].cells, name=name)
         chain = Chain.from_path(path)
         record = explode_on_table(chain, parameters, seed=seed)
-        reason = record.reason
+        reason = str(record.reason or "")
         if record.status != "straight":
             continue
         assert record.frames.is_windowed

@@ -40,7 +40,7 @@ def test_paper_settings_are_offered_validated_and_shown(visit: Visit, service: S
     damping.fill("2")
     page.locator("#fold").click()
     expect(page.locator("#problem")).to_have_text(
-        "Settings: Expected a number from 0 to 0.9, but found Damping = '2'."
+        "Settings: got Damping = '2', expected a number from 0 to 0.9."
     )
     expect(damping).to_be_focused()
     damping.fill("0,12")

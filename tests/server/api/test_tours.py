@@ -76,9 +76,9 @@ def test_numbers_of_the_owner_are_stored_and_wrong_ones_are_refused(finished: Fi
     for wrong, place in (
         ({"format": "foldback-values/2"}, "format"),
         ({"name": "x" * 81}, "name"),
-        ({"low": 3}, "but found 3 to 2.5"),
+        ({"low": 3}, "got 3 to 2.5"),
         ({"rows": 10**6}, "rows"),
-        ({"rows": 3}, f"but found {2 * modules} bytes"),
+        ({"rows": 3}, f"got {2 * modules} bytes"),
         ({"data": "<b>"}, "data"),
         ({"html": "<b>"}, "html"),
     ):

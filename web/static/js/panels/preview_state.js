@@ -320,7 +320,7 @@ export function troubleOf(
     .filter(({ add, drop }) => add.length || drop.length)
     .slice(0, 1)
     .map(({ detail, doubled, modules: needed }) => ({
-      text: `Repair: ${detail.charAt(0).toLowerCase()}${detail.slice(1).replace(/\.$/, "")}`,
+      text: `Repair: ${detail.charAt(0).toLowerCase()}${detail.slice(1, -1)}`,
       primary: true,
       change: { repair: true, ...(doubled && { modules: needed }) },
     }));
