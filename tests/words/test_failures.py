@@ -12,7 +12,7 @@ from foldback.planner.motion.failure_schemas import KnotFigures, SpentKind
 from foldback.web.pictures.knot_drawing import KnotDrawing, drawing_of
 from foldback.words.failures import FAILURE_HEADINGS, attempts, failure
 
-KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
+KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted.", "evidence": None}
 
 
 def row(status: str = "failed", error: object = None, stage: str = "explode") -> Any:
@@ -100,6 +100,7 @@ def test_failure_lists_blocks_and_budgets() -> None:
 
 def test_failure_by_a_limit_names_the_limit_and_the_progress() -> None:
     stuck = {"kind": "stopped", "modules": [3, 8], "words": "the chain was still unfolding"}
+    stuck["evidence"] = None
     error = {"code": "time-limit", "detail": "unfolding took long.", "where": "explode"}
     shown = failure(row(error=error), {"stuck": stuck})
     assert shown["text"] == "Unfolding took long. The chain was still unfolding."

@@ -21,7 +21,7 @@ from tests.web.conftest import unfolding
 
 CHAIN = snake((2, 2, 3))
 STUCK = {"code": "at-rest", "values": {"steps": 90}}
-KNOT = {"kind": "knot", "modules": [5, 6], "words": "its path is knotted"}
+KNOT = {"kind": "knot", "modules": [5, 6], "words": "its path is knotted", "evidence": None}
 
 
 @pytest.fixture

@@ -25,7 +25,7 @@ OVERLAP = {
     "values": {"motion": "plan", "modules": [3, 7], "depth": 0.02, "module_size": 0.95}
     | {"progress": 0.4, "frame": 12.5},
 }
-KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted."}
+KNOT = {"kind": "knot", "modules": [5, 6, 9], "words": "its path is knotted.", "evidence": None}
 ATTEMPTS = [
     {"candidate": 0, "seed": 0, "strategy": "simultaneous", "status": "stalled", "steps": 900}
     | {"seconds": 2.5, "stuck": KNOT},
@@ -48,7 +48,13 @@ ROWS: Mapping[str, Mapping[str, Any]] = {
     },
     "unreadable": {
         "stage": "read",
-        "error": {"code": "not-adjacent", "detail": "got a gap.", "where": "cells 1 and 2"},
+        "error": {
+            "code": "not-adjacent",
+            "values": {"cells": [1, 2]},
+            "detail": "got a gap.",
+            "message": "cells 2 and 3: got a gap.",
+            "where": "cells 1 and 2",
+        },
     },
     "knotted": {
         "stage": "explode",
