@@ -6,7 +6,7 @@ import math
 from dataclasses import replace
 from typing import Final
 
-from foldback.planner.explosion.diagnosis import Diagnosis
+from foldback.planner.explosion.failure_evidence import Diagnosis
 from foldback.planner.motion.failure_schemas import StuckFigures
 from foldback.planner.reasons import Reader, Reason, ReasonFigures
 from foldback.planner.storage.plain_values import from_plain

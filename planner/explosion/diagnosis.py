@@ -7,8 +7,7 @@ where to look. Its evidence is the reason: a knot, modules in each other's way, 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any, Final, Literal, cast
+from typing import Any, Final, cast
 
 import numpy as np
 
@@ -19,10 +18,10 @@ from foldback.planner.explosion.failure_evidence import (
     BlockEvidence,
     BudgetEvidence,
     Crossing,
-    Evidence,
+    Diagnosis,
+    Kind,
     KnotEvidence,
     Point,
-    evidence_from,
 )
 from foldback.planner.explosion.peeling.window import MIN_LAST_UNIT_MODULES
 from foldback.planner.kernels.folded_core import FIXED
@@ -33,65 +32,12 @@ from foldback.planner.motion.record import Record
 from foldback.planner.parameters.explosion import ExplosionParameters
 from foldback.planner.parameters.parameters import BASELINE, TURNS, Parameters
 from foldback.planner.pathfinding.knot_diagram import diagram_of
-from foldback.planner.reasons import PROGRAMS, Reader
 
-Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped", "blocked"]
 SLIGHT_BEND_RAD: Final = 0.1
 """Angle, rad, up to which a hinge counts as straight in the report on a failed unfolding."""
 MAX_DIAGNOSED_MODULES: Final = 200
 """Maximum number of bent modules that the report on a failed unfolding lists; further ones are left
 out."""
-STALL_TEXTS: Final[dict[str, str]] = {
-    "knot": "the chain is knotted",
-    "buried": "the next modules to move are covered by modules that move later",
-    "contacts": "too many modules press against each other at once",
-    "joints": "some joints could not turn",
-    "broken": "the simulation failed",
-    "limit": "the chain was still unfolding when the step limit was reached",
-    "stopped": "the chain was still unfolding",
-    "blocked": "no hinge can make a quarter turn by itself in the folded state",
-}
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Diagnosis:
-    """Reason why a chain does not become straight.
-
-    Attributes:
-        kind: Kind of the reason, by which the next attempt is chosen: a ``knot``, a ``buried``
-            unit, a cluster of ``contacts``, stuck ``joints``, a simulation that is ``broken`` off,
-            or a ``limit`` that came first; ``stopped`` if the run was ended from outside;
-            ``blocked`` if no hinge of the folded chain can turn by itself, whatever the seed.
-        modules: Modules whose joint is still bent, some of them at least.
-        evidence: The reason, as another program can test it; None if the run was ended from
-            outside.
-    """
-
-    kind: Kind
-    modules: tuple[int, ...]
-    evidence: Evidence | None = None
-
-    def text(self, reader: Reader = PROGRAMS) -> str:
-        """Return the reason as a phrase in plain English."""
-        return STALL_TEXTS[self.kind] if self.evidence is None else self.evidence.text(reader)
-
-    def as_dict(self) -> StuckFigures:
-        """Return plain JSON values."""
-        return {
-            "kind": self.kind,
-            "modules": list(self.modules),
-            "words": self.text(),
-            "evidence": self.evidence and self.evidence.as_dict(),
-        }
-
-    @classmethod
-    def from_dict(cls, values: StuckFigures) -> Diagnosis:
-        """Build a diagnosis from ``as_dict``."""
-        return cls(
-            kind=cast("Kind", values["kind"]),
-            modules=tuple(values["modules"]),
-            evidence=evidence_from(values["evidence"]),
-        )
 
 
 def diagnose(chain: Chain, record: Record, parameters: Parameters) -> Diagnosis | None:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Final, cast
+from typing import Final, Literal, cast
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from foldback.planner.motion.failure_schemas import (
     KnotFigures,
     QuarterTurnFigures,
     SpentKind,
+    StuckFigures,
 )
 from foldback.planner.reasons import PROGRAMS, Reader
 from foldback.planner.storage.plain_values import from_plain, plain_lists
@@ -36,6 +37,17 @@ USED_UP: Final[dict[SpentKind, str]] = {
     "turns": "the search for turns ended after it had tried those of {used} states",
     "turn_steps": "the turns that were found take {used} steps; {allowed} are allowed",
     "motion": "nothing moved any more after {used} of {allowed} steps",
+}
+Kind = Literal["knot", "buried", "contacts", "joints", "broken", "limit", "stopped", "blocked"]
+STALL_TEXTS: Final[dict[str, str]] = {
+    "knot": "the chain is knotted",
+    "buried": "the next modules to move are covered by modules that move later",
+    "contacts": "too many modules press against each other at once",
+    "joints": "some joints could not turn",
+    "broken": "the simulation failed",
+    "limit": "the chain was still unfolding when the step limit was reached",
+    "stopped": "the chain was still unfolding",
+    "blocked": "no hinge can make a quarter turn by itself in the folded state",
 }
 
 
@@ -266,6 +278,47 @@ def evidence_from(values: EvidenceFigures | None) -> Evidence | None:
         "quarter_turns": QuarterTurnEvidence,
     }
     return from_plain(values, kinds.get(values["kind"], BudgetEvidence))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Diagnosis:
+    """Reason why a chain does not become straight.
+
+    Attributes:
+        kind: Kind of the reason, by which the next attempt is chosen: a ``knot``, a ``buried``
+            unit, a cluster of ``contacts``, stuck ``joints``, a simulation that is ``broken`` off,
+            or a ``limit`` that came first; ``stopped`` if the run was ended from outside;
+            ``blocked`` if no hinge of the folded chain can turn by itself, whatever the seed.
+        modules: Modules whose joint is still bent, some of them at least.
+        evidence: The reason, as another program can test it; None if the run was ended from
+            outside.
+    """
+
+    kind: Kind
+    modules: tuple[int, ...]
+    evidence: Evidence | None = None
+
+    def text(self, reader: Reader = PROGRAMS) -> str:
+        """Return the reason as a phrase in plain English."""
+        return STALL_TEXTS[self.kind] if self.evidence is None else self.evidence.text(reader)
+
+    def as_dict(self) -> StuckFigures:
+        """Return plain JSON values."""
+        return {
+            "kind": self.kind,
+            "modules": list(self.modules),
+            "words": self.text(),
+            "evidence": self.evidence and self.evidence.as_dict(),
+        }
+
+    @classmethod
+    def from_dict(cls, values: StuckFigures) -> Diagnosis:
+        """Build a diagnosis from ``as_dict``."""
+        return cls(
+            kind=cast("Kind", values["kind"]),
+            modules=tuple(values["modules"]),
+            evidence=evidence_from(values["evidence"]),
+        )
 
 
 def _whole(number: int) -> str:

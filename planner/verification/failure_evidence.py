@@ -16,7 +16,7 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import UNREADABLE
-from foldback.planner.explosion.diagnosis import Diagnosis
+from foldback.planner.explosion.failure_evidence import Diagnosis
 from foldback.planner.motion.failure_schemas import (
     BudgetFigures,
     EvidenceFigures,

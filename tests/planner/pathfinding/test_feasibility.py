@@ -71,10 +71,10 @@ def test_parity_is_repaired_with_the_fewest_cells() -> None:
 
 def test_apply_repair() -> None:
     shape = Shape.from_cells([(0, 0, 0), (1, 0, 0), (5, 0, 0)], name="odd", pitch_m=0.02)
-    mended = apply_repair(shape, Repair(detail="", add=((2, 0, 0),), drop=((5, 0, 0),)))
+    mended = apply_repair(shape, Repair(detail="", done="", add=((2, 0, 0),), drop=((5, 0, 0),)))
     assert mended.cells.tolist() == [[0, 0, 0], [1, 0, 0], [2, 0, 0]]
     assert (mended.name, mended.pitch_m) == ("odd", 0.02)
-    twice = apply_repair(shape, Repair(detail="", drop=((5, 0, 0),), doubled=True))
+    twice = apply_repair(shape, Repair(detail="", done="", drop=((5, 0, 0),), doubled=True))
     assert twice.cells.tolist() == [list(cell) for cell in box(4, 2, 2)]
     assert twice.pitch_m == 0.01
 

@@ -38,5 +38,5 @@ def test_api_and_command_line_refuse_with_the_same_message(
     assert value.partition("=")[0] in typed["error"]["detail"]
     assert not (tmp_path / "out").exists()
     status, problem = idle.refusal(shape="mallet-64", **{name: value})
-    told_there = {key: problem[key] for key in ("code", "detail", "where")}
+    told_there = {key: problem[key] for key in ("code", "values", "detail", "where")}
     assert (status, told_there) == (422, typed["error"])

@@ -27,8 +27,9 @@ def test_response_carries_the_error_and_its_headers() -> None:
     assert (answer.status_code, answer.headers["Retry-After"]) == (429, "7")
     assert answer.headers["content-type"] == "application/problem+json"
     body = {"type": "about:blank", "title": "Too Many Requests", "status": 429}
-    body |= {"code": "queue-full", "detail": "Three are waiting.", "where": "body.file"}
-    assert json.loads(bytes(answer.body)) == {**body, "message": "Three are waiting."}
+    body |= {"code": "queue-full", "values": {}, "where": "body.file"}
+    body |= {"detail": "Three are waiting.", "message": "Body.file: Three are waiting."}
+    assert json.loads(bytes(answer.body)) == body
     for kind, header in (
         (Unidentified, {"WWW-Authenticate": "Bearer"}),
         (WebsocketNeeded, {"Upgrade": "websocket"}),
