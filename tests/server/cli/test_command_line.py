@@ -50,7 +50,10 @@ def test_unordered_cells_are_read_as_voxels_on_request(tmp_path: Path) -> None:
     cells[1], cells[6] = cells[6], cells[1]
     file, out = tmp_path / "cells.json", str(tmp_path / "path.json")
     file.write_text(json.dumps(cells))
-    note = "The cells were read as voxels, not as a path, because cells 0 and 1 are not neighbours."
+    note = (
+        "The cells were read as voxels, not as a path, because some cells that follow each other "
+        "are not neighbours."
+    )
     for options in ((), ("--as-voxels",)):
         report = foldback_json("shape", file, "--out", out, *options)
         assert (note in report["notes"]) == (not options)
@@ -83,7 +86,7 @@ def test_terminal_counts_modules_and_frames_from_one(
     )
     assert stuck == (
         "The hinge at module 5 cannot straighten, because modules would overlap: modules 5 and 10 "
-        "(at a module size of 0.95)"
+        "(at a module size of 0.95)."
     )
 
 

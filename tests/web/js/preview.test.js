@@ -300,7 +300,7 @@ test("a report says what is lost, and about how many modules are how much like t
 
 test("each note is shown in one place", () => {
   const notes = [
-    "The cells were read as voxels, not as a path, because cells 2 and 3 are not neighbours.",
+    "The cells were read as voxels, not as a path, because some cells that follow each other are not neighbours.",
     "Repaired: one cell was added.",
     "the rest",
   ];
