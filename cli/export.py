@@ -40,22 +40,26 @@ def export(
 ) -> None:
     """Export a finished fold as URDF, MCAP, an animated scene and more."""
     try:
-        chosen = None if formats is None else _chosen(formats)
+        selected = None if formats is None else _chosen(formats)
         plan = read_plan(directory)
-        exports = chosen or exports_of(
+        exports = selected or exports_of(
             moving=len(plan.time_s) > 0, resting=bool(rest_frames(plan.playback))
         )
         _check_directory(out, directory)
         with replacing_listed(out, sha256((directory / PLAN).read_bytes()).hexdigest()) as place:
-            sizes = {one.filename: _written(one, plan, place, out) for one in exports}
+            sizes = {
+                exported.filename: _written(exported, plan, place, out) for exported in exports
+            }
     except InputError as error:
         refuse(error, as_json)
     if as_json:
         print(json.dumps({"directory": str(out), "bytes": sizes}), flush=True)
         return
     table = Table(box=None, show_header=False, pad_edge=False)
-    for one in exports:
-        table.add_row(str(out / one.filename), f"{sizes[one.filename] / 1e6:.2f} MB", one.hint)
+    for exported in exports:
+        table.add_row(
+            str(out / exported.filename), f"{sizes[exported.filename] / 1e6:.2f} MB", exported.hint
+        )
     Console(soft_wrap=True, highlight=False).print(table)
 
 
@@ -78,19 +82,19 @@ def _check_directory(out: Path, directory: Path) -> None:
         )
 
 
-def _written(one: Export, plan: Plan, place: Path, out: Path) -> int:
+def _written(exported: Export, plan: Plan, place: Path, out: Path) -> int:
     """Return the size of a file that was written in a place, for the directory ``out``.
 
     Raises:
         InputError: If the file cannot be made or written.
     """
-    data = one.write(plan)
+    data = exported.write(plan)
     try:
-        write_whole(place / one.filename, data)
+        write_whole(place / exported.filename, data)
     except OSError as error:
         raise InputError(
             "no-file",
             f"the file cannot be written ({error.strerror}).",
-            where=str(out / one.filename),
+            where=str(out / exported.filename),
         ) from error
     return len(data)

@@ -82,25 +82,27 @@ def takes(
     names, lines = names or tuple(options), lines or {}
 
     def with_options(command: Callable[..., None]) -> Callable[..., None]:
-        own = signature(command, eval_str=True)
-        parameters = list(own.parameters.values())
-        place = list(own.parameters).index("request")
+        own_signature = signature(command, eval_str=True)
+        parameters = list(own_signature.parameters.values())
+        place = list(own_signature.parameters).index("request")
         parameters[place : place + 1] = [
-            each
+            parameter
             for name in names
-            for each in _parameters(options[name], lines.get(name, options[name].line))
+            for parameter in _parameters(options[name], lines.get(name, options[name].line))
         ]
 
         @wraps(command)
-        def call(*, as_json: bool, **given: Any) -> None:
+        def call(*, as_json: bool, **arguments: Any) -> None:
             try:
                 if "settings" in names:
-                    given["settings"] = settings_text_of(given["settings"], given.pop("robot"))
-                request = schema.of(**{name: given.pop(name) for name in names})
+                    arguments["settings"] = settings_text_of(
+                        arguments["settings"], arguments.pop("robot")
+                    )
+                request = schema.of(**{name: arguments.pop(name) for name in names})
                 request.check()
             except InputError as error:
                 refuse(error, as_json)
-            command(request=request, as_json=as_json, **given)
+            command(request=request, as_json=as_json, **arguments)
 
         return with_parameters(call, parameters)
 
@@ -112,7 +114,7 @@ def with_parameters(
 ) -> Callable[..., None]:
     """Give a command the parameters that typer reads its options from; return the command."""
     vars(command)["__signature__"] = Signature(parameters)
-    command.__annotations__ = {each.name: each.annotation for each in parameters}
+    command.__annotations__ = {parameter.name: parameter.annotation for parameter in parameters}
     return command
 
 

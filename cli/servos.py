@@ -83,17 +83,17 @@ def servos(
         pitch_m = 1e-3 * pitch_mm
         casing = _casing(material, mass_g, pitch_m)
         among = all_servos() if only is None else (servo_named(only),)
-        wanted = _figures(shapes or [])
-        sizing = _sized(torque, pitch_m, casing, share, gravity, among, wanted)
+        figures = _figures(shapes or [])
+        sizing = _sized(torque, pitch_m, casing, share, gravity, among, figures)
         turned = None if plan is None else total_turn_rad(read_plan(plan).joint_angles_rad)
     except InputError as error:
         refuse(error, as_json)
     rows = [sizing.row(fit, turned) for fit in sizing.fits]
-    suitable = {name: sizing.suitable(name) for name in wanted}
+    suitable = {name: sizing.suitable(name) for name in figures}
     if as_json:
         print(json.dumps({**sizing.as_dict(), "servos": rows, "shapes": suitable}), flush=True)
     else:
-        _show(sizing, rows, wanted, suitable)
+        _show(sizing, rows, figures, suitable)
     if not any(fit.would_do for fit in sizing.fits):
         raise typer.Exit(NOT_ACHIEVED)
 
@@ -168,7 +168,7 @@ def _sized(
     share: float,
     gravity_m_s2: float,
     among: tuple[Servo, ...],
-    wanted: dict[str, float],
+    figures: dict[str, float],
 ) -> _Sizing:
     """Compare servos with a torque, and with the torques of the requested shapes."""
     size: dict[str, Any] = {"casing": casing, "share": share, "gravity_m_s2": gravity_m_s2}
@@ -177,33 +177,33 @@ def _sized(
         pitch_m=pitch_m,
         fits=find_suitable_servos(torque_wp, pitch_m=pitch_m, among=among, **size),
         ranges={servo: suitable_pitches(servo, torque_wp, **size) for servo in among},
-        reaches={servo: largest_shape(servo, wanted, pitch_m=pitch_m, **size) for servo in among},
+        reaches={servo: largest_shape(servo, figures, pitch_m=pitch_m, **size) for servo in among},
         **size,
     )
 
 
-def _figures(given: list[str]) -> dict[str, float]:
+def _figures(entries: list[str]) -> dict[str, float]:
     """Return torques by the names of shapes.
 
     Raises:
         InputError: If a shape is invalid; its code is ``bad-shape``.
     """
     figures: dict[str, float] = {}
-    for each in given:
-        name, _, number = each.rpartition("=")
+    for entry in entries:
+        name, _, number = entry.rpartition("=")
         try:
             figures[name] = float(number)
         except ValueError:
             name = ""
         if not name:
-            raise InputError("bad-shape", f"got {each!r}, expected NAME=TORQUE.", where="shape")
+            raise InputError("bad-shape", f"got {entry!r}, expected NAME=TORQUE.", where="shape")
     return figures
 
 
 def _show(
     sizing: _Sizing,
     rows: list[dict[str, Any]],
-    wanted: dict[str, float],
+    figures: dict[str, float],
     suitable: dict[str, list[str]],
 ) -> None:
     fits = sizing.fits
@@ -235,12 +235,12 @@ def _show(
     console.print(table)
     if any(fit.would_do and not fit.servo.turns_enough for fit in fits):
         console.print(f"? The servo's range is unknown; a hinge needs {MIN_SERVO_RANGE_DEG:g}°.")
-    if not wanted:
+    if not figures:
         return
     shapes = Table(box=None, pad_edge=False)
     for heading in ("Shape", "Needs, w·p", "Suitable servos, lightest first"):
         shapes.add_column(heading, justify="right" if "w·p" in heading else "left")
-    for name, figure in wanted.items():
+    for name, figure in figures.items():
         shapes.add_row(name, f"{figure:g}", ", ".join(suitable[name]) or "none")
     console.print()
     console.print(shapes)
@@ -250,6 +250,6 @@ def _pitches(bounds: list[float | None] | None) -> str:
     """Return a range of pitches in mm."""
     if bounds is None:
         return "none"
-    least, most = bounds
-    up_to = "any" if most is None else f"{1e3 * most:.0f}"
-    return f"{1e3 * (least or 0.0):.0f} to {up_to}"
+    smallest, largest = bounds
+    up_to = "any" if largest is None else f"{1e3 * largest:.0f}"
+    return f"{1e3 * (smallest or 0.0):.0f} to {up_to}"

@@ -98,10 +98,10 @@ def offers_for(data: bytes, filename: str, request: FoldRequest) -> list[Offer]:
     options = request.path_options()
     if options.world != "table":
         return []
-    found = read(data, filename=filename, as_voxels=options.as_voxels)
-    if isinstance(found, Chain | CellPath):
+    contents = read(data, filename=filename, as_voxels=options.as_voxels)
+    if isinstance(contents, Chain | CellPath):
         return []
-    return list(table_offers(found, options, seed=request.seed % PATH_SEED_MODULUS))
+    return list(table_offers(contents, options, seed=request.seed % PATH_SEED_MODULUS))
 
 
 def offer_words(offer: Offer) -> str:
@@ -137,8 +137,8 @@ def show(report: dict[str, Any], out: Path) -> None:
     table = Table(box=None, show_header=False, pad_edge=False)
     table.add_row("Input", report["kind"])
     table.add_row("Modules", str(report["modules"]))
-    if (told := likeness_words(report["likeness"])) is not None:
-        table.add_row("Likeness", told)
+    if (likeness_text := likeness_words(report["likeness"])) is not None:
+        table.add_row("Likeness", likeness_text)
         near = [str(n) for n in (report["below"], report["above"]) if n is not None]
         if near:
             table.add_row("Nearest possible numbers of modules", ", ".join(near))

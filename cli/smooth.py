@@ -58,8 +58,8 @@ def compare(summary: dict[str, Any]) -> None:
     table = Table("", box=None, pad_edge=False)
     for heading in ("Before", "After", "Ratio"):
         table.add_column(heading, justify="right")
-    for told in smoothing_rows(smoothing):
-        table.add_row(told["label"], told["before"], told["after"], told["ratio"])
+    for row in smoothing_rows(smoothing):
+        table.add_row(row["label"], row["before"], row["after"], row["ratio"])
     Console().print()
     Console().print(table)
     Console().print(smoothing_note(smoothing))

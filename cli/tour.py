@@ -32,16 +32,16 @@ def tour(
 ) -> None:
     """Draft a tour of a fold: captions for its most important frames."""
     try:
-        found = drafted(directory)
+        draft = drafted(directory)
         if out is not None:
-            _write(out, found)
+            _write(out, draft)
     except InputError as error:
         refuse(error, as_json)
     if as_json:
-        print(json.dumps(found.as_dict()), flush=True)
+        print(json.dumps(draft.as_dict()), flush=True)
         return
     table = Table(box=None, show_header=False, pad_edge=False)
-    for stop in found.stops:
+    for stop in draft.stops:
         table.add_row(f"Frame {stop.frame}", stop.caption)
     Console(highlight=False).print(table)
 
@@ -61,16 +61,16 @@ def drafted(directory: Path) -> Tour:
         InputError: If there is no plan or timeline, or the timeline is damaged or empty.
     """
     plan = read_plan(directory)
-    told = plan.summary()
+    summary = plan.summary()
     row = ShownFold(
         id="",
-        name=told["name"],
-        status=told["status"],
-        modules=told["modules"],
-        module=told["module"],
+        name=summary["name"],
+        status=summary["status"],
+        modules=summary["modules"],
+        module=summary["module"],
         preset=plan.preset,
         seed=plan.seed,
-        summary=told,  # pyright: ignore[reportArgumentType]
+        summary=summary,  # pyright: ignore[reportArgumentType]
     )
     try:
         moments = stored_moments(directory) or Workspace(directory).find_moments(plan)

@@ -77,10 +77,10 @@ def _verification(
         request = FoldRequest.of(module_size=module_size)
         request.check()
         if not directory.is_dir():
-            what = "This is not a folder" if directory.exists() else "Folder not found"
+            problem_text = "This is not a folder" if directory.exists() else "Folder not found"
             raise InputError(
                 "no-directory",
-                f"{what}; expected a folder that `foldback fold` wrote.",
+                f"{problem_text}; expected a folder that `foldback fold` wrote.",
                 where=str(directory),
             )
         return verify_files(directory, module_size=request.module_size, third_opinion=third_opinion)
@@ -116,9 +116,10 @@ def _show(result: Verification, largest: tuple[float, str] | None) -> None:
     for line in result.notes:
         console.print(f"note: {line}", markup=False)
     if largest is not None:
-        size, what = largest
+        size, exponent_text = largest
         console.print(
-            f"{what} free of collisions up to a module size of {size:.3f} × the pitch (distance "
+            f"{exponent_text} free of collisions up to a module size of {size:.3f} × the pitch "
+            "(distance "
             "between neighbouring modules)"
         )
 

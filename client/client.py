@@ -133,8 +133,8 @@ class Client:
             Problem: If the service refuses it.
             ConnectionError: If the service cannot be reached.
         """
-        asked = {"path": path, "full": full}
-        words = {name: "true" if value else "false" for name, value in asked.items()}
+        query = {"path": path, "full": full}
+        words = {name: "true" if value else "false" for name, value in query.items()}
         form = {**form_of(options, ShapeOptions, shape), **words}
         return self._post("/api/shapes/preview", source, shape, filename, form)
 
@@ -149,24 +149,24 @@ class Client:
     def folds(self) -> list[Fold]:
         """Return the folds of the gallery and of this client's token, newest first."""
         payload = self.ask("GET", "/api/folds", token=self.token)["folds"]
-        return [Fold(self, each["id"], token=self.token, state=each) for each in payload]
+        return [Fold(self, state["id"], token=self.token, state=state) for state in payload]
 
     def mine(self) -> Iterator[Fold]:
         """Yield all folds requested with this client's token, newest first."""
         path: str | None = "/api/mine/folds"
         while path is not None:
             payload = self.ask("GET", path, token=self.token)
-            for each in payload["folds"]:
-                yield Fold(self, each["id"], token=self.token, state=each)
+            for fold in payload["folds"]:
+                yield Fold(self, fold["id"], token=self.token, state=fold)
             path = payload["next"]
 
     def shapes(self) -> list[dict[str, Any]]:
         """Return the shapes of the gallery by ``name``, shortest chain first."""
         return self.ask("GET", "/api/shapes")["shapes"]
 
-    def ask(self, method: str, path: str, **asked: Any) -> Any:
+    def ask(self, method: str, path: str, **options: Any) -> Any:
         """Return a response's JSON; None if it is empty or an earlier attempt had succeeded."""
-        return self._call(_json, method, path, **asked)
+        return self._call(_json, method, path, **options)
 
     def save(self, path: str, to: Path, filename: str) -> Path:
         """Write a response to a file; return the file's path."""
@@ -214,8 +214,8 @@ class Client:
         path: str,
         *,
         token: str | None = None,
-        again: Collection[int] = (),
-        **asked: Any,
+        retried_statuses: Collection[int] = (),
+        **options: Any,
     ) -> T | None:
         """Send a request; return what ``take`` reads, or None if an earlier attempt had succeeded.
 
@@ -224,20 +224,21 @@ class Client:
             method: HTTP method.
             path: Path within the service.
             token: Owner token, if the request needs it.
-            again: Statuses that show, from the second attempt on, that an earlier one succeeded.
-            asked: Additional arguments of httpx.
+            retried_statuses: Statuses that show, from the second attempt on, that an earlier one
+            succeeded.
+            options: Additional arguments of httpx.
         """
         path = self._inside(path)
         headers = {} if token is None else {"Authorization": f"Bearer {token}"}
         unsure = False
         for attempt in count(1):
             try:
-                with self._http.stream(method, path, headers=headers, **asked) as answer:
+                with self._http.stream(method, path, headers=headers, **options) as answer:
                     if answer.is_success:
                         return take(answer)
                     answer.read()
                 problem = Problem.of(answer)
-                if unsure and problem.status in again:
+                if unsure and problem.status in retried_statuses:
                     return None
                 pause_s = self.retries.pause_s(attempt, problem.retry_after)
                 if problem.status not in RETRIED_STATUSES or pause_s is None:

@@ -20,14 +20,14 @@ def save(answer: httpx.Response, to: Path, filename: str) -> Path:
         filename: Name of the file if ``to`` is a directory.
     """
     path = to / Path(filename).name if to.is_dir() else to
-    aside = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
+    partial_path = path.with_name(f".{path.name[:100]}.{secrets.token_hex(4)}.part")
     try:
-        with open(aside, "xb") as file:
+        with open(partial_path, "xb") as file:
             for piece in answer.iter_bytes():
                 file.write(piece)
             file.flush()
             os.fsync(file.fileno())
-        os.replace(aside, path)
+        os.replace(partial_path, path)
     finally:
-        aside.unlink(missing_ok=True)
+        partial_path.unlink(missing_ok=True)
     return path

@@ -60,7 +60,7 @@ class Problem(Exception):
 
 def _seconds(text: str | None) -> float | None:
     try:
-        found = float(text or "")
+        seconds = float(text or "")
     except ValueError:
         return None
-    return found if 0.0 <= found < float("inf") else None
+    return seconds if 0.0 <= seconds < float("inf") else None

@@ -48,10 +48,10 @@ class Progress:
     told: Mapping[str, Any] = field(default_factory=dict[str, Any], repr=False)
 
     @classmethod
-    def of(cls, told: Mapping[str, Any]) -> Progress:
+    def of(cls, values: Mapping[str, Any]) -> Progress:
         """Return the progress in a response or an event."""
-        names = {each.name for each in fields(cls)} - {"told"}
-        return cls(**{name: value for name, value in told.items() if name in names}, told=told)
+        names = {field.name for field in fields(cls)} - {"told"}
+        return cls(**{name: value for name, value in values.items() if name in names}, told=values)
 
 
 def lines_of(answer: httpx.Response) -> Iterator[tuple[str, str] | None]:

@@ -27,10 +27,10 @@ class Retries:
 
     def pause_s(self, attempt: int, retry_after: float | None = None) -> float | None:
         """Return the pause in s after an attempt, counted from 1; None to give up."""
-        asked = retry_after or 0.0
-        if attempt >= self.attempts or asked > self.longest_s:
+        requested_s = retry_after or 0.0
+        if attempt >= self.attempts or requested_s > self.longest_s:
             return None
-        return asked + self.spread_s(attempt)
+        return requested_s + self.spread_s(attempt)
 
     def spread_s(self, attempt: int) -> float:
         """Return a random pause in s that doubles with each attempt up to ``longest_s``."""

@@ -60,17 +60,17 @@ class MovieOptions(TypedDict, total=False):
     tour: bool
 
 
-def form_of(options: Any, known: type[Any], shape: str | None) -> dict[str, str]:
+def form_of(options: Any, option_types: type[Any], shape: str | None) -> dict[str, str]:
     """Return the form fields of the options.
 
     Raises:
         TypeError: If an option is unknown; the service would ignore it.
     """
-    if unknown := set(options) - set(known.__annotations__):
-        allowed = sorted(known.__annotations__)
+    if unknown := set(options) - set(option_types.__annotations__):
+        allowed = sorted(option_types.__annotations__)
         raise TypeError(f"got the unknown options {sorted(unknown)}, expected any of {allowed}.")
-    found = {**options, "shape": shape}
-    return {name: _text(value) for name, value in found.items() if value is not None}
+    form = {**options, "shape": shape}
+    return {name: _text(value) for name, value in form.items() if value is not None}
 
 
 def file_of(source: Source, filename: str | None) -> tuple[str, bytes]:
@@ -80,27 +80,27 @@ def file_of(source: Source, filename: str | None) -> tuple[str, bytes]:
         OSError: If a file cannot be read.
         ValueError: If an array contains neither cells nor a solid.
     """
-    given: Any = source
+    content: Any = source
     if isinstance(source, str | os.PathLike):
         path = Path(source)
         return filename or path.name, path.read_bytes()
     if isinstance(source, bytes):
         return filename or "upload", source
-    if hasattr(given, "read"):
-        return filename or Path(str(getattr(given, "name", "upload"))).name, given.read()
-    dimensions = getattr(given, "ndim", 2)
+    if hasattr(content, "read"):
+        return filename or Path(str(getattr(content, "name", "upload"))).name, content.read()
+    dimensions = getattr(content, "ndim", 2)
     if dimensions == 3:
         import numpy as np
 
         file = BytesIO()
-        np.save(file, given, allow_pickle=False)
+        np.save(file, content, allow_pickle=False)
         return filename or "solid.npy", file.getvalue()
     if dimensions != 2:
         raise ValueError(
             f"got an array with {dimensions} dimensions, expected cells of the shape (n, 3) or a "
             "solid of the shape (x, y, z)."
         )
-    cells = given.tolist() if hasattr(given, "tolist") else [list(cell) for cell in given]
+    cells = content.tolist() if hasattr(content, "tolist") else [list(cell) for cell in content]
     return filename or "cells.json", json.dumps(cells).encode()
 
 
@@ -108,5 +108,5 @@ def _text(value: Any) -> str:
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, tuple | list):
-        return ",".join(str(int(each)) for each in value)
+        return ",".join(str(int(number)) for number in value)
     return str(value)

@@ -80,7 +80,7 @@ def _used(api: Schema, schemas: Mapping[str, Schema]) -> set[str]:
     while waiting:
         name = waiting.pop()
         used.add(name)
-        waiting += [other for other in _named(schemas[name]) if other not in used]
+        waiting += [used_name for used_name in _named(schemas[name]) if used_name not in used]
     return used
 
 

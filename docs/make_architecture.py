@@ -133,24 +133,27 @@ def _place(module: str) -> str:
 @cache
 def imports() -> tuple[Import, ...]:
     """Return all imports between modules of the packages, also those inside functions."""
-    found: list[Import] = []
-    known = modules()
-    for module, path in known.items():
+    file_imports: list[Import] = []
+    module_names = modules()
+    for module, path in module_names.items():
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             names: list[str] = []
             if isinstance(node, ast.Import):
                 names = [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom) and node.module:
                 inner = [f"{node.module}.{alias.name}" for alias in node.names]
-                names = [name if _place(name) in known else node.module for name in inner]
+                names = [name if _place(name) in module_names else node.module for name in inner]
             names = [_place(name) for name in names]
-            found += [Import(module, name) for name in names if name in known]
-    return tuple(found)
+            file_imports += [Import(module, name) for name in names if name in module_names]
+    return tuple(file_imports)
 
 
 def arrows() -> set[tuple[str, str]]:
     """Return the pairs of different components of which the first imports from the second."""
-    pairs = ((component_of(each.module), component_of(each.imported)) for each in imports())
+    pairs = (
+        (component_of(found_import.module), component_of(found_import.imported))
+        for found_import in imports()
+    )
     return {(a, b) for a, b in pairs if a and b and a != b}
 
 
@@ -180,8 +183,8 @@ def table() -> str:
 
 def with_table(page: str) -> str:
     """Return the page with a current table."""
-    before, _, rest = page.partition(BEGIN)
-    _, _, after = rest.partition(END)
+    before, _, page_end = page.partition(BEGIN)
+    _, _, after = page_end.partition(END)
     return f"{before}{BEGIN}\n{table()}\n{END}{after}"
 
 
@@ -210,8 +213,8 @@ def draw() -> str:
         "from a component to one that it imports</title>",
         f'<rect width="{WIDTH}" height="{height}" fill="#fbfaf7"/>',
     ]
-    for component, other in sorted(arrows()):
-        (x, y, _), (u, v, _) = at[component], at[other]
+    for component, imported in sorted(arrows()):
+        (x, y, _), (u, v, _) = at[component], at[imported]
         bend = 60 if abs(x - u) < 1 else 0
         parts.append(
             f'<path d="M{x:.0f} {y:.0f} C{x - bend:.0f} {y + 25:.0f} {u - bend:.0f} {v - 25:.0f} '

@@ -26,9 +26,9 @@ PICTURES = (
 
 def draw_shape(shape: str, title: str) -> str:
     """Return the drawing of an example shape as SVG."""
-    found = read((ROOT / "examples" / "shapes" / f"{shape}.json").read_bytes())
-    assert isinstance(found, CellPath | Chain)
-    chain = found if isinstance(found, Chain) else Chain.from_path(found)
+    shape_path = read((ROOT / "examples" / "shapes" / f"{shape}.json").read_bytes())
+    assert isinstance(shape_path, CellPath | Chain)
+    chain = shape_path if isinstance(shape_path, Chain) else Chain.from_path(shape_path)
     return chain_svg(chain, size=380, title=title) + "\n"
 
 

@@ -63,30 +63,31 @@ def page() -> str:
 def rows() -> list[str]:
     """Return a row of the table for each package, by name."""
     return [
-        f"| {name} | {found.version} | {licence_of(found)} | {BUNDLED.get(name, '')} |"
-        for name, found in sorted(installed("foldback").items())
+        f"| {name} | {distribution.version} | {licence_of(distribution)} | "
+        f"{BUNDLED.get(name, '')} |"
+        for name, distribution in sorted(installed("foldback").items())
         if name != "foldback"
     ]
 
 
 def installed(root: str) -> dict[str, Distribution]:
     """Return a package and all that it needs at run time, by canonical name."""
-    found: dict[str, Distribution] = {}
+    distributions: dict[str, Distribution] = {}
     waiting = [(root, frozenset({"service", "storage"}))]  # the extras of the image
-    seen: set[tuple[str, frozenset[str]]] = set()
+    visited: set[tuple[str, frozenset[str]]] = set()
     while waiting:
         name, extras = waiting.pop()
-        if (name, extras) in seen:
+        if (name, extras) in visited:
             continue
-        seen.add((name, extras))
-        found[name] = distribution(name)
-        for text in found[name].requires or ():
+        visited.add((name, extras))
+        distributions[name] = distribution(name)
+        for text in distributions[name].requires or ():
             needed = Requirement(text)
             if needed.marker is None or any(
                 needed.marker.evaluate({"extra": extra}) for extra in ("", *extras)
             ):
                 waiting.append((canonicalize_name(needed.name), frozenset(needed.extras)))
-    return found
+    return distributions
 
 
 def licence_of(package: Distribution) -> str:

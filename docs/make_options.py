@@ -32,25 +32,25 @@ from typing import Literal, TypedDict
 def table(request: type[Any] = FoldRequest) -> str:
     """Return the options as a table in Markdown, one per line."""
     lines = ["| option | values | default | meaning |", "|---|---|---|---|"]
-    for name, each in options_of(request).items():
-        meaning = (each.meaning or f"{each.title}.").replace("|", "\\|")
-        default = "–" if each.default in (None, "") else f"`{_text(each.default)}`"
-        lines.append(f"| `{name}` | {_values(each)} | {default} | {meaning} |")
+    for name, option in options_of(request).items():
+        meaning = (option.meaning or f"{option.title}.").replace("|", "\\|")
+        default = "–" if option.default in (None, "") else f"`{_text(option.default)}`"
+        lines.append(f"| `{name}` | {_values(option)} | {default} | {meaning} |")
     return "\n".join(lines) + "\n"
 
 
 def page(text: str, request: type[Any] = FoldRequest) -> str:
     """Return a page with a current table."""
-    before, _, rest = text.partition(BEGIN)
-    _, _, after = rest.partition(END)
+    before, _, page_end = text.partition(BEGIN)
+    _, _, after = page_end.partition(END)
     return f"{before}{BEGIN}\n{table(request)}\n{END}{after}"
 
 
 def client_types(request: type[Any] = FoldRequest) -> str:
     """Return the module with the client's types."""
     options = options_of(request)
-    previews = {name: each for name, each in options.items() if name in PREVIEW_OPTIONS}
-    folds = {name: each for name, each in options.items() if name not in PREVIEW_OPTIONS}
+    previews = {name: option for name, option in options.items() if name in PREVIEW_OPTIONS}
+    folds = {name: option for name, option in options.items() if name not in PREVIEW_OPTIONS}
     return HEAD + "\n\n".join(
         (
             _typed_dict("PreviewOptions", "Options that turn a shape into a chain.", previews),
@@ -61,7 +61,7 @@ def client_types(request: type[Any] = FoldRequest) -> str:
 
 def _typed_dict(name: str, text: str, options: Mapping[str, Option]) -> str:
     lines = [f"class {name}(TypedDict, total=False):", f'    """{text}"""', ""]
-    lines += [f"    {key}: {_type(each)}" for key, each in options.items()]
+    lines += [f"    {key}: {_type(option)}" for key, option in options.items()]
     return "\n".join(lines) + "\n"
 
 

@@ -50,9 +50,11 @@ def value_docstring(module: ModuleType, name: str) -> str:
             return str(following.value.value)
     for node in tree.body:
         if isinstance(node, ast.If):  # imports for type checkers only
-            for each in node.body:
-                if isinstance(each, ast.ImportFrom) and name in [a.name for a in each.names]:
-                    return value_docstring(import_module(str(each.module)), name)
+            for statement in node.body:
+                if isinstance(statement, ast.ImportFrom) and name in [
+                    a.name for a in statement.names
+                ]:
+                    return value_docstring(import_module(str(statement.module)), name)
     return ""
 
 
@@ -61,15 +63,15 @@ def documented(name: str) -> pdoc.doc.Module:
     module = import_module(name)
     for public in module.__all__:  # loads names that are imported on first use
         setattr(module, public, getattr(module, public))
-    found = pdoc.doc.Module(module)
-    for member in found.members.values():
+    doc_module = pdoc.doc.Module(module)
+    for member in doc_module.members.values():
         if isinstance(member, pdoc.doc.Variable):
             member.docstring = value_docstring(module, member.name)
         if isinstance(member, pdoc.doc.Class) and "__call__" in member.members:
             member.members["__call__"].docstring += PUBLIC_MARK
     if name == MODULES[0]:
-        found.docstring += f"\n\n{HEADING}\n{BEGIN}{example()}{END}"
-    return found
+        doc_module.docstring += f"\n\n{HEADING}\n{BEGIN}{example()}{END}"
+    return doc_module
 
 
 def make(out: Path) -> None:

@@ -37,8 +37,8 @@ def default(name: str, field: FieldInfo) -> str:
 
 def with_table(page: str) -> str:
     """Return the page with a current table."""
-    before, _, rest = page.partition(BEGIN)
-    _, _, after = rest.partition(END)
+    before, _, page_end = page.partition(BEGIN)
+    _, _, after = page_end.partition(END)
     return f"{before}{BEGIN}\n{table()}\n{END}{after}"
 
 

@@ -90,8 +90,8 @@ def in_python(source: str) -> Iterator[tuple[int, str]]:
                 isinstance(decorator, ast.Call) and isinstance(decorator.func, ast.Attribute)
                 for decorator in node.decorator_list
             )
-            if called and (shown := ast.get_docstring(node)):
-                yield node.lineno, shown
+            if called and (docstring := ast.get_docstring(node)):
+                yield node.lineno, docstring
     for node in ast.walk(tree):
         if id(node) in skipped:
             continue
@@ -179,8 +179,8 @@ def in_markdown(source: str) -> Iterator[tuple[int, str]]:
             paragraphs.append((number, line.strip()))
         open_paragraph = bool(line.strip()) and not line.startswith(("#", "|", "<"))
     for number, words in paragraphs:
-        whole = words.startswith("|")
-        yield from ((number, text) for text in ([words] if whole else SENTENCE_END.split(words)))
+        is_row = words.startswith("|")
+        yield from ((number, text) for text in ([words] if is_row else SENTENCE_END.split(words)))
 
 
 READERS = {".py": in_python, ".html": in_html, ".js": in_script, ".md": in_markdown}
@@ -202,10 +202,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--sample", type=int, help="number of texts drawn at random (default: all)")
     parser.add_argument("--seed", type=int, default=1, help="seed of the draw")
-    chosen = parser.parse_args()
+    arguments = parser.parse_args()
     texts = all_texts()
-    if chosen.sample:
-        texts = random.Random(chosen.seed).sample(texts, min(chosen.sample, len(texts)))
+    if arguments.sample:
+        texts = random.Random(arguments.seed).sample(texts, min(arguments.sample, len(texts)))
     OUTPUT.parent.mkdir(exist_ok=True)
     OUTPUT.write_text(
         "".join(f"- `{text.path}:{text.line}` {text.words}\n" for text in texts), encoding="utf-8"

@@ -34,15 +34,15 @@ def main() -> None:
     shape = read((ROOT / "examples" / "shapes" / "wrench-160.json").read_bytes())
     assert isinstance(shape, CellPath | Chain)
     plan = fold(shape)
-    with show(plan, port=0) as shown, sync_playwright() as playwright:
+    with show(plan, port=0) as viewer, sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=CHROMIUM.get(), args=FLAGS)
         page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
-        page.goto(shown.url)
+        page.goto(viewer.url)
         page.get_by_text("Frame 0").wait_for()
         page.locator("canvas").first.wait_for()
         for notice in page.locator(".mantine-Notification-closeButton").all():
             notice.click()  # a notice about software rendering
-        shown.frame = round(SHOWN_AT * len(plan.motion))
+        viewer.frame = round(SHOWN_AT * len(plan.motion))
         page.wait_for_timeout(3000)
         picture = Image.open(io.BytesIO(page.screenshot())).convert("RGB")
         browser.close()

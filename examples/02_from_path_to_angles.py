@@ -32,9 +32,9 @@ def main() -> None:
     print(f"module {root} is the root; the ends of the half-folded chain are {span:.1f} apart")
 
     # A chain file holds the angles alone.
-    again = read(write_chain(chain))
-    assert isinstance(again, Chain)
-    print(f"read back: {np.array_equal(again.folded_rad, chain.folded_rad)}")
+    read_chain_again = read(write_chain(chain))
+    assert isinstance(read_chain_again, Chain)
+    print(f"read back: {np.array_equal(read_chain_again.folded_rad, chain.folded_rad)}")
 
 
 if __name__ == "__main__":

@@ -19,14 +19,14 @@ def main() -> None:
     options.add_argument("--fold", help="its id; the newest verified fold that is listed if not")
     options.add_argument("--speed", type=float, default=1.0, help="1 keeps within the limits")
     options.add_argument("--stiffness", type=float, default=5.0, help="of servos; weak: 0.02")
-    given = options.parse_args()
+    arguments = options.parse_args()
     directly = build_opener(ProxyHandler({})).open  # a proxy cannot reach this machine
-    with directly(f"{given.url}/api/folds") as answer:
+    with directly(f"{arguments.url}/api/folds") as answer:
         verified = (f["id"] for f in json.load(answer)["folds"] if f["status"] == "verified")
-    fold = given.fold or next(verified)
-    with directly(f"{given.url}/api/folds/{fold}/model.xml") as answer:
+    fold = arguments.fold or next(verified)
+    with directly(f"{arguments.url}/api/folds/{fold}/model.xml") as answer:
         spec = mujoco.MjSpec.from_string(answer.read().decode())
-    stiffness = given.stiffness * len(spec.bodies) ** 3  # long chains need stiffer servos
+    stiffness = arguments.stiffness * len(spec.bodies) ** 3  # long chains need stiffer servos
     for joint in spec.joints:
         if joint.type == mujoco.mjtJoint.mjJNT_HINGE:
             servo = spec.add_actuator(name=joint.name, target=joint.name)
@@ -36,22 +36,24 @@ def main() -> None:
     spec.option.timestep = 0.005
     model = spec.compile()
     robot = mujoco.MjData(model)
-    address = given.url.replace("http", "ws", 1) + f"/api/folds/{fold}/play"
+    address = arguments.url.replace("http", "ws", 1) + f"/api/folds/{fold}/play"
     with connect(
-        f"{address}?speed={given.speed}&speeds=true", max_size=None, proxy=None
+        f"{address}?speed={arguments.speed}&speeds=true", max_size=None, proxy=None
     ) as service:
-        begin = json.loads(service.recv())
-        if begin["is"] == "problem":
-            raise SystemExit(begin["detail"])
-        joints = [model.joint(name).qposadr[0] for name in begin["joint_names"]]
-        servos = [model.actuator(name).id for name in begin["joint_names"]]
-        least_s = given.speed / begin["rate_hz"]
-        print(f"{len(joints)} joints, {begin['duration_s']:.1f} s at speed 1", flush=True)
-        robot.qpos[joints] = begin["joint_angles_rad"]  # a real robot is first moved to this pose
+        first_message = json.loads(service.recv())
+        if first_message["is"] == "problem":
+            raise SystemExit(first_message["detail"])
+        joints = [model.joint(name).qposadr[0] for name in first_message["joint_names"]]
+        servos = [model.actuator(name).id for name in first_message["joint_names"]]
+        least_s = arguments.speed / first_message["rate_hz"]
+        print(f"{len(joints)} joints, {first_message['duration_s']:.1f} s at speed 1", flush=True)
+        robot.qpos[joints] = first_message[
+            "joint_angles_rad"
+        ]  # a real robot is first moved to this pose
         service.send(json.dumps({"do": "report", "joint_angles_rad": robot.qpos[joints].tolist()}))
         for message in map(json.loads, service):
             if message["is"] == "target":
-                lead = np.multiply(message["joint_speeds_rad_s"], DAMPING_S / given.speed)
+                lead = np.multiply(message["joint_speeds_rad_s"], DAMPING_S / arguments.speed)
                 robot.ctrl[servos] = message["joint_angles_rad"] + lead
                 passed_s = max(message["time_s"] - robot.time, least_s)  # late targets are left out
                 mujoco.mj_step(model, robot, nstep=max(1, round(passed_s / model.opt.timestep)))

@@ -9,8 +9,8 @@ from foldback.client import Client, Progress
 
 
 def show(progress: Progress) -> None:
-    where = f"{progress.stage or progress.status}, {progress.fraction:.0%}"
-    print(f"{where}, {progress.frames} frames", flush=True)
+    stage = f"{progress.stage or progress.status}, {progress.fraction:.0%}"
+    print(f"{stage}, {progress.frames} frames", flush=True)
 
 
 def main() -> None:
@@ -20,20 +20,20 @@ def main() -> None:
     options.add_argument("--file", type=Path, help="or a file: a mesh, voxels, a path or a chain")
     options.add_argument("--modules", type=int, help="about how many, for a mesh or voxels")
     options.add_argument("--out", type=Path, default=Path("."), help="a directory that is there")
-    given = options.parse_args()
-    with Client(given.url) as client:
-        size = {} if given.modules is None else {"modules": given.modules}
-        if given.file is not None:
-            fold = client.fold(given.file, **size)
+    arguments = options.parse_args()
+    with Client(arguments.url) as client:
+        size = {} if arguments.modules is None else {"modules": arguments.modules}
+        if arguments.file is not None:
+            fold = client.fold(arguments.file, **size)
         else:
-            fold = client.fold(shape=given.shape, **size)
+            fold = client.fold(shape=arguments.shape, **size)
         print(f"{fold.page}, owner token {fold.token}")
         fold.wait(on_progress=show)
         if not fold.verified:
             raise SystemExit(f"{fold.status}: {fold.state['error']}")
         print(f"clearance {fold.summary['certificate']['min_clearance']:.3f} pitches")
         for name in ("plan.npz", "urdf"):
-            print(f"written: {fold.download(name, given.out)}")
+            print(f"written: {fold.download(name, arguments.out)}")
         page = next(fold.frames(start=fold.state["progress"]["frames"] - 1))
         print(f"{len(page.joint_names)} joints, folded: {page.joint_angles_rad[-1]}")
 

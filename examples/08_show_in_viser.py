@@ -19,25 +19,25 @@ SHAPES = FilePath(__file__).parent / "shapes"
 def main() -> None:
     shape = read((SHAPES / "wrench-24.json").read_bytes())
     assert isinstance(shape, Path | Chain)
-    with show.live() as shown:
-        print(f"Look at {shown.url}", flush=True)
-        plan = fold(shape, directory="wrench-24", progress=shown)
+    with show.live() as live:
+        print(f"Look at {live.url}", flush=True)
+        plan = fold(shape, directory="wrench-24", progress=live)
         print(f"{plan.certificate.verdict}, {plan.certificate.min_clearance:.3f} pitches clear")
 
         # It is a plain viser server: all that viser offers can be added to it.
-        gui = shown.server.gui
+        gui = live.server.gui
         gui.add_markdown(f"Verdict: {plan.certificate.verdict}")
         start = gui.add_button("To the start")
 
         @start.on_click
         def _(_: object) -> None:
-            shown.frame = 0
+            live.frame = 0
 
-        shown.frame = 0
-        shown.play()
+        live.frame = 0
+        live.play()
         if sys.stdout.isatty():
             with suppress(KeyboardInterrupt):
-                shown.server.sleep_forever()
+                live.server.sleep_forever()
 
 
 if __name__ == "__main__":

@@ -49,9 +49,9 @@ def parse_drawings(text: str) -> Iterator[Drawing]:
     """Yield the shapes of a text in the format that `gallery.txt` explains."""
     for part in text.split("\n\n"):
         heading, *rows = part.strip().splitlines()
-        found = HEADING.fullmatch(heading)
-        if found:
-            name, title, tags, view, seed = found.groups()
+        match = HEADING.fullmatch(heading)
+        if match:
+            name, title, tags, view, seed = match.groups()
             yield Drawing(
                 name=name,
                 title=title,

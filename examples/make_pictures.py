@@ -36,11 +36,11 @@ def pictures() -> Iterator[tuple[str, Callable[[], bytes]]]:
 
 def chain_of(shape: GalleryShape) -> Chain:
     """Return the chain of a gallery shape, whose file contains a path or a chain."""
-    shown = read(shape.data, filename=shape.filename)
-    if isinstance(shown, Path):
-        return Chain.from_path(shown)
-    assert isinstance(shown, Chain), f"{shape.name} is a path or a chain"
-    return shown
+    contents = read(shape.data, filename=shape.filename)
+    if isinstance(contents, Path):
+        return Chain.from_path(contents)
+    assert isinstance(contents, Chain), f"{shape.name} is a path or a chain"
+    return contents
 
 
 def _svg(shape: GalleryShape, size: int) -> bytes:

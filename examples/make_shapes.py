@@ -79,8 +79,8 @@ def snake(cells: frozenset[Cell], rng: np.random.Generator) -> Cells:
 def solved(cells: frozenset[Cell], rng: np.random.Generator) -> Cells | None:
     """Return a path with its ends on the surface, from the SAT solver."""
     order = np.array(sorted(cells))
-    found = find_path_by_sat(order, rng, ends=surface(order)).order
-    return None if found is None else order[found]
+    path_order = find_path_by_sat(order, rng, ends=surface(order)).order
+    return None if path_order is None else order[path_order]
 
 
 # The shapes ---------------------------------------------------------------------------------------

@@ -121,17 +121,17 @@ def round_errors(directory: Path) -> None:
 
     def with_rounded_errors(angles_rad: np.ndarray) -> np.ndarray:
         """Round towards the largest error that the simulation reported, never beyond."""
-        most = np.floor((playback.max_angle_error_rad or np.inf) / ERROR_STEP_RAD)
-        errors = np.rint((angles_rad - reference) / ERROR_STEP_RAD).clip(-most, most)
+        max_steps = np.floor((playback.max_angle_error_rad or np.inf) / ERROR_STEP_RAD)
+        errors = np.rint((angles_rad - reference) / ERROR_STEP_RAD).clip(-max_steps, max_steps)
         return (steps + errors * (ERROR_STEP_RAD / PLAN_STEP_RAD)) * PLAN_STEP_RAD + 0.0
 
     simulated = with_rounded_errors(played.joint_angles_rad)
-    others = playback.others_rad
+    others_rad = playback.others_rad
     playback = replace(
         playback,
         frames=rounded(played, simulated, np.abs(simulated - reference)),
         reference_rad=reference,
-        others_rad=None if others is None else with_rounded_errors(np.asarray(others)),
+        others_rad=None if others_rad is None else with_rounded_errors(np.asarray(others_rad)),
     )
     playback.save(directory / PLAYBACK)
     _write_timeline(directory)
@@ -173,12 +173,12 @@ def _round_figures(directory: Path) -> None:
 
 def row_values(directory: Path, shape: str, start: str | None) -> dict[str, Any]:
     """Return the values that a service stores of the fold in its row."""
-    known = Gallery().shape(shape)
-    assert known is not None
+    gallery_shape = Gallery().shape(shape)
+    assert gallery_shape is not None
     plan = Plan.load(directory / PLAN)
     return {
         "shape": shape,
-        "name": known.title,
+        "name": gallery_shape.title,
         "refold": start,
         "version": plan.versions["foldback"],
         "summary": plan.summary(),
@@ -192,11 +192,14 @@ def main() -> None:
         name = shape if start is None else f"{start}-to-{shape}"
         if sys.argv[1:] and name not in sys.argv[1:]:
             continue
-        with tempfile.TemporaryDirectory() as place, tempfile.TemporaryDirectory() as again:
+        with (
+            tempfile.TemporaryDirectory() as place,
+            tempfile.TemporaryDirectory() as verified_place,
+        ):
             fold_into(Path(place), shape, start)
             data = pack(Path(place), row_values(Path(place), shape, start))
-            unpack(data, Path(again))
-            assert manifest.changed_fields(Path(again)) == []
+            unpack(data, Path(verified_place))
+            assert manifest.changed_fields(Path(verified_place)) == []
         (SHIPPED_FOLDS_DIR / f"{name}.fold").write_bytes(data)
         print(f"{name}: {len(data) / 1e3:.0f} kB", flush=True)
 

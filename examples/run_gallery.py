@@ -135,20 +135,22 @@ def write(results: dict[str, dict[str, Any]], world: str = "floating") -> None:
     path = results_in(world)
     rows = [f"    {json.dumps(name)}: {json.dumps(results[name])}" for name in sorted(results)]
     head = f'{{\n  "format": "{FORMAT}",\n  "preset": "default",\n  "shapes": {{\n'
-    aside = path.with_suffix(".aside")
-    aside.write_text(head + ",\n".join(rows) + "\n  }\n}\n", encoding="utf-8")
-    aside.replace(path)
+    partial_path = path.with_suffix(".aside")
+    partial_path.write_text(head + ",\n".join(rows) + "\n  }\n}\n", encoding="utf-8")
+    partial_path.replace(path)
 
 
-def main(names: list[str], world: str, *, again: bool) -> None:
-    """Fold the named shapes, or all, or without ``again`` those whose files have changed since."""
+def main(names: list[str], world: str, *, repeats: bool) -> None:
+    """Fold the named shapes, or all; without ``repeats``, those whose files have changed."""
     files = {file.stem: file for file in sorted(SHAPES.glob("*.json")) if suited(file, world)}
     results = {name: result for name, result in known(world).items() if name in files}
     waiting = [
         file
         for name, file in files.items()
         if (
-            name in names if names else again or results.get(name, {}).get("digest") != digest(file)
+            name in names
+            if names
+            else repeats or results.get(name, {}).get("digest") != digest(file)
         )
     ]
     waiting.sort(key=lambda file: file.stat().st_size)
@@ -172,4 +174,4 @@ if __name__ == "__main__":
     parser.add_argument("--again", action="store_true", help="fold unchanged shapes, too")
     parser.add_argument("names", nargs="*", metavar="NAME")
     options = parser.parse_args()
-    main(options.names, options.world, again=options.again)
+    main(options.names, options.world, repeats=options.again)

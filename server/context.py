@@ -215,8 +215,8 @@ def _artifacts(settings: Settings, store: Store) -> Artifacts:
     )
 
 
-def _quota(what: str, total: int, per_visitor: int) -> Quota:
-    return Quota(what, total=total, per_visitor=per_visitor)
+def _quota(subject: str, total: int, per_visitor: int) -> Quota:
+    return Quota(subject, total=total, per_visitor=per_visitor)
 
 
 def _reader(settings: Settings, awaited: ChildLimits, fork_server: ForkServer) -> Pool:
@@ -231,10 +231,10 @@ def _preparer(settings: Settings, awaited: ChildLimits, fork_server: ForkServer)
     return Pool("preparer", awaited, wall_s=wall_s, fork_server=fork_server, quota=quota)
 
 
-def _turns(what: str, total: int, per_visitor: int) -> Quota:
+def _turns(subject: str, total: int, per_visitor: int) -> Quota:
     """Return the quota in which visitors take turns at the children that read uploads."""
     return Quota(
-        what,
+        subject,
         at_once=READER_PROCESSES,
         at_once_per_visitor=1,
         total=total,

@@ -137,11 +137,11 @@ def read_only() -> NoRoom:
     return NoRoom("read-only", READ_ONLY_WORDS, retry_after_s=FULL_DISK_RETRY_S)
 
 
-def not_stored(what: str, error: OSError) -> NoRoom:
+def not_stored(subject: str, error: OSError) -> NoRoom:
     """Return the error for something that could not be written."""
     if error.errno in READ_ONLY_ERRORS:
         return read_only()
-    return no_room(f"The {what} could not be stored ({error.strerror}); try again later.")
+    return no_room(f"The {subject} could not be stored ({error.strerror}); try again later.")
 
 
 def no_room(detail: str) -> NoRoom:

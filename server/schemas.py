@@ -47,11 +47,11 @@ class Body(BaseModel):
     def __get_pydantic_json_schema__(
         cls, core_schema: CoreSchema, handler: GetJsonSchemaHandler
     ) -> dict[str, Any]:
-        found = handler(core_schema)
-        for each in handler.resolve_ref_schema(found).get("properties", {}).values():
-            if "description" in each:
-                each["description"] = " ".join(each["description"].split())
-        return found
+        resolved = handler(core_schema)
+        for property_schema in handler.resolve_ref_schema(resolved).get("properties", {}).values():
+            if "description" in property_schema:
+                property_schema["description"] = " ".join(property_schema["description"].split())
+        return resolved
 
 
 class ProblemBody(Body):
@@ -90,19 +90,19 @@ class Links(Body):
     @classmethod
     def of(cls, fold_id: str) -> Links:
         """Return the links of a fold."""
-        here = f"/api/folds/{fold_id}"
+        fold_path = f"/api/folds/{fold_id}"
         return cls(
-            self=here,
+            self=fold_path,
             page=f"/folds/{fold_id}",
             drawing=f"/folds/{fold_id}/drawing.svg",
-            events=f"{here}/events",
-            frames=f"{here}/frames",
-            cancel=f"{here}/cancel",
-            refolds=f"{here}/refolds",
-            plan_json=f"{here}/plan.json",
-            plan_npz=f"{here}/plan.npz",
-            model=f"{here}/model.xml",
-            exports=f"{here}/exports",
+            events=f"{fold_path}/events",
+            frames=f"{fold_path}/frames",
+            cancel=f"{fold_path}/cancel",
+            refolds=f"{fold_path}/refolds",
+            plan_json=f"{fold_path}/plan.json",
+            plan_npz=f"{fold_path}/plan.npz",
+            model=f"{fold_path}/model.xml",
+            exports=f"{fold_path}/exports",
         )
 
 
@@ -119,8 +119,8 @@ class ExportBody(Body):
     @classmethod
     def of(cls, fold_id: str, export: Export) -> ExportBody:
         """Return the API's representation of an export."""
-        shown = {name: getattr(export, name) for name in cls.model_fields if name != "href"}
-        return cls(**shown, href=export_href(fold_id, export))
+        values = {name: getattr(export, name) for name in cls.model_fields if name != "href"}
+        return cls(**values, href=export_href(fold_id, export))
 
 
 class ExportList(Body):
@@ -404,7 +404,10 @@ def expected_times(report: Mapping[str, Any], world: World, expected: Expected) 
         "expected_as_published_s": replace(plain, preset="paper"),
         "expected_preferred_s": replace(plain, prefer="time"),
     }
-    return {name: expected(plain_fold(modules, each)) for name, each in requests.items()}
+    return {
+        name: expected(plain_fold(modules, request_of_kind))
+        for name, request_of_kind in requests.items()
+    }
 
 
 class TunnelCounts(Body):
@@ -534,14 +537,14 @@ class Preview(Body):
             "line": None,
         }
         large = {} if full else without
-        more = {
+        details = {
             "id": preview_id,
             "key": key,
             **times,
             "compilation": CompilationBody.of(compilation),
             "links": PreviewLinks(page=f"/previews/{preview_id}", folds="/api/folds"),
         }
-        return cls.model_validate({**report, **large, **more})
+        return cls.model_validate({**report, **large, **details})
 
 
 class TableChange(Body):
@@ -611,23 +614,23 @@ def moment(seconds: float) -> datetime:
 def progress_of(row: FoldRow, remaining: EtaEstimator) -> dict[str, Any]:
     """Return the progress of a fold, as its events tell it."""
     # At the start of a stage, the stored progress may still be that of the previous one.
-    told = row.progress if row.progress.get("stage") in (None, row.stage) else {}
+    progress = row.progress if row.progress.get("stage") in (None, row.stage) else {}
     outlook = remaining.of(row)
     compilation = CompilationBody.of(outlook.compilation)
     paused = row.status == "queued" and row.pauses > 0
-    message = PAUSED_MESSAGE if paused else str(told.get("message", ""))
+    message = PAUSED_MESSAGE if paused else str(progress.get("message", ""))
     if row.stage == "explode" and row.smooths and not paused:
         message = SMOOTHING_MESSAGE  # smoothing runs in this stage, but is not an explosion
     return {
         "status": row.status,
         "stage": row.stage,
-        "fraction": 1.0 if row.over else float(told.get("fraction", 0.0)),
-        "steps": int(told.get("steps", 0)),
-        "steps_per_second": float(told.get("steps_per_second", 0.0)),
-        "simulated_s": float(told.get("simulated_s", 0.0)),
+        "fraction": 1.0 if row.over else float(progress.get("fraction", 0.0)),
+        "steps": int(progress.get("steps", 0)),
+        "steps_per_second": float(progress.get("steps_per_second", 0.0)),
+        "simulated_s": float(progress.get("simulated_s", 0.0)),
         "message": message,
-        "plan": int(told.get("plan", 0)),
-        "plans": int(told.get("plans", 0)),
+        "plan": int(progress.get("plan", 0)),
+        "plans": int(progress.get("plans", 0)),
         "modules": row.modules,
         "queue_position": outlook.place,
         "running_before": outlook.running,

@@ -408,14 +408,14 @@ def is_loopback(host: str) -> bool:
 
 def unknown_names(names: Iterable[str]) -> dict[str, str | None]:
     """Return names that resemble settings but are none, each with the most similar setting."""
-    known = [name.upper() for name in Settings.model_fields]
-    found: dict[str, str | None] = {}
+    setting_names = [name.upper() for name in Settings.model_fields]
+    variables: dict[str, str | None] = {}
     for name in sorted(names):
-        rest = name.upper().removeprefix(VARIABLE_PREFIX)
-        if name.upper().startswith(VARIABLE_PREFIX) and rest not in known:
-            nearest = get_close_matches(rest, known, n=1)
-            found[name] = f"{VARIABLE_PREFIX}{nearest[0]}" if nearest else None
-    return found
+        setting_name = name.upper().removeprefix(VARIABLE_PREFIX)
+        if name.upper().startswith(VARIABLE_PREFIX) and setting_name not in setting_names:
+            nearest = get_close_matches(setting_name, setting_names, n=1)
+            variables[name] = f"{VARIABLE_PREFIX}{nearest[0]}" if nearest else None
+    return variables
 
 
 def unknown_words(name: str, nearest: str | None) -> str:
@@ -427,13 +427,13 @@ def unknown_words(name: str, nearest: str | None) -> str:
 
 def _is_origin(value: str) -> bool:
     try:
-        found = urlsplit(value)
-        _ = found.port
+        address = urlsplit(value)
+        _ = address.port
     except ValueError:
         return False
     return (
-        bool(found.scheme and found.hostname)
-        and not (found.path or found.query or found.fragment or "@" in found.netloc)
+        bool(address.scheme and address.hostname)
+        and not (address.path or address.query or address.fragment or "@" in address.netloc)
         and not any(letter.isspace() or letter in ";'\"" for letter in value)
     )
 
@@ -444,7 +444,7 @@ def _is_database(value: str) -> bool:
     from sqlalchemy.exc import ArgumentError
 
     try:
-        found = make_url(value)
+        url = make_url(value)
     except (ArgumentError, ValueError):
         return False
-    return found.drivername.partition("+")[0] in ("sqlite", "postgres", "postgresql")
+    return url.drivername.partition("+")[0] in ("sqlite", "postgres", "postgresql")

@@ -104,10 +104,10 @@ def module_errors(joint_error_rad: Array, module: Module, modules: int) -> Array
 
 def error_colours(errors_rad: Array, scale_rad: float) -> NDArray[np.uint8]:
     """Convert (n,) errors to (n, 3) sRGB bytes: redder if larger, grey if unknown."""
-    known = np.isfinite(errors_rad)
-    share = np.clip(np.where(known, errors_rad, 0.0) / scale_rad, 0.0, 1.0)
+    is_known = np.isfinite(errors_rad)
+    share = np.clip(np.where(is_known, errors_rad, 0.0) / scale_rad, 0.0, 1.0)
     colours = _RAMP[np.rint(share * (RAMP_COLOURS - 1)).astype(np.int64)]
-    colours[~known] = UNKNOWN_ERROR_RGB
+    colours[~is_known] = UNKNOWN_ERROR_RGB
     return colours
 
 

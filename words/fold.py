@@ -61,7 +61,7 @@ class ShownFold:
     @classmethod
     def of(cls, row: object) -> ShownFold:
         """Return the facts of a row of ``server.store.tables.FoldRow``."""
-        return cls(**{each.name: getattr(row, each.name) for each in fields(cls)})
+        return cls(**{field.name: getattr(row, field.name) for field in fields(cls)})
 
 
 def shown_name(name: str) -> str:

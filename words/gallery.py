@@ -56,11 +56,11 @@ def rest_of(torque_wp: float | None) -> str | None:
     if torque_wp < 0.05:
         return "Can be folded on a table (needs almost no motor torque)"
     times = f"{math.ceil(10 * torque_wp) / 10:.1f}"
-    held = f"{times} modules at a distance of one spacing"
-    return f"Can be folded on a table (joints must hold {held})"
+    spacing_text = f"{times} modules at a distance of one spacing"
+    return f"Can be folded on a table (joints must hold {spacing_text})"
 
 
 def method_of(preset: str, world: str) -> str:
     """Return a fold's method in words; empty for the default method in zero gravity."""
-    where = "on a table" if world == "table" else ""
-    return ", ".join(filter(None, (METHOD_LABELS.get(preset, ""), where)))
+    world_text = "on a table" if world == "table" else ""
+    return ", ".join(filter(None, (METHOD_LABELS.get(preset, ""), world_text)))

@@ -20,24 +20,24 @@ def likeness_words(likeness: LikenessFigures | None) -> str | None:
         f"{added} of the modules' volume is outside of it" if likeness["added"] else "",
     ]
     parts = [part for part in parts if part]
-    more = f"; {', '.join(parts)}" if parts else ""
-    return f"{iou} like the model ({LIKENESS_MEANING}){more}"
+    details = f"; {', '.join(parts)}" if parts else ""
+    return f"{iou} like the model ({LIKENESS_MEANING}){details}"
 
 
-def reach_words(reach: Sequence[Mapping[str, float | int | None]], most: int) -> str:
+def reach_words(reach: Sequence[Mapping[str, float | int | None]], max_modules: int) -> str:
     """Return about how many modules reach each likeness, in words.
 
     Args:
         reach: From ``planner.pipeline.prepare.Preparation.report``.
-        most: Largest number of modules.
+        max_modules: Largest number of modules.
     """
-    told = [
-        f"about {each['modules']} for {percent(each['likeness'] or 0.0)}"
-        if each["modules"]
-        else f"more than {most} for {percent(each['likeness'] or 0.0)}"
-        for each in reach
+    texts = [
+        f"about {entry['modules']} for {percent(entry['likeness'] or 0.0)}"
+        if entry["modules"]
+        else f"more than {max_modules} for {percent(entry['likeness'] or 0.0)}"
+        for entry in reach
     ]
-    return ", ".join(told)
+    return ", ".join(texts)
 
 
 def percent(share: float) -> str:

@@ -93,15 +93,15 @@ def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) ->
         values = json.loads((directory / ATTEMPTS).read_bytes())
     except (DamagedError, OSError, ValueError):
         return None
-    tried = cast("list[AttemptFigures]", values)
+    attempts = cast("list[AttemptFigures]", values)
     plans = [
         _Plan(
             place=place,
             attempt=attempt,
             figures=PlanFigures(**figures),
-            stored=_stored(directory, tried, place) if playable else None,
+            stored=_stored(directory, attempts, place) if playable else None,
         )
-        for place, attempt in enumerate(tried)
+        for place, attempt in enumerate(attempts)
         if (figures := attempt.get("figures")) is not None
     ]
     verified = [plan for plan in plans if plan.verified]
@@ -114,7 +114,7 @@ def choice_of(directory: Path, prefer: Preference, *, playable: bool = False) ->
         "seconds": slowest,
         "columns": list(plan_columns(prefer)),
         "plans": [plan.dot(slowest, prefer) for plan in plans],
-        "text": _gained(prefer, tried, verified, slowest),
+        "text": _gained(prefer, attempts, verified, slowest),
     }
 
 
@@ -145,8 +145,8 @@ class _Plan:
     def dot(self, slowest: float, prefer: Preference) -> PlanDot:
         """Return the plan's values for the table and the plot, given the slowest plan's time."""
         figures = self.figures
-        same = figures.torque_in(slowest)
-        torques = (_torque(figures.peak_torque_nm), _torque(same))
+        torque = figures.torque_in(slowest)
+        torques = (_torque(figures.peak_torque_nm), _torque(torque))
         cells = (
             _told(figures.fold_time_s),
             *((_travel(figures), _moving(figures)) if prefer == CALM else torques),
@@ -156,7 +156,7 @@ class _Plan:
         return {
             "label": f"{self.place + 1}. {self._label()}",
             "time_s": figures.fold_time_s,
-            "torque_mnm": None if same is None else 1e3 * same,
+            "torque_mnm": None if torque is None else 1e3 * torque,
             "room": figures.clearance_bound,
             "moving": figures.hinges_moving_mean,
             "cells": list(cells),
@@ -170,8 +170,8 @@ class _Plan:
         attempt, strategy = self.attempt, self.attempt["strategy"]
         if (smooths := attempt.get("smooths")) is not None:
             seed = f", seed {attempt['seed']}" if attempt["seed"] else ""
-            how = SMOOTHED_WORDS.get(strategy, strategy)
-            return f"Plan {smooths + 1}, {how}{seed}"
+            manner = SMOOTHED_WORDS.get(strategy, strategy)
+            return f"Plan {smooths + 1}, {manner}{seed}"
         parts = [STRATEGY_LABELS.get(strategy, strategy).partition(",")[0]]
         parts += [f"path {attempt['candidate'] + 1}"] if attempt["candidate"] else []
         parts += [f"seed {attempt['seed']}"] if attempt["seed"] else []
@@ -181,10 +181,10 @@ class _Plan:
         return ", ".join(parts)
 
 
-def _stored(directory: Path, tried: list[AttemptFigures], place: int) -> int | None:
+def _stored(directory: Path, attempts: list[AttemptFigures], place: int) -> int | None:
     """Return the number under which an attempt's plan is stored beside the chosen one, or None."""
     # A repeated playback is stored with its explosion.
-    while not tried[place].keys().isdisjoint(("finer", "patience")):
+    while not attempts[place].keys().isdisjoint(("finer", "patience")):
         place -= 1
     return place if (directory / PLANS_DIR / str(place) / CHAIN).is_file() else None
 
@@ -197,36 +197,38 @@ def superlative(prefer: Preference, plans: int) -> str | None:
 
 
 def _gained(
-    prefer: Preference, tried: list[AttemptFigures], verified: list[_Plan], slowest: float
+    prefer: Preference, attempts: list[AttemptFigures], verified: list[_Plan], slowest: float
 ) -> str:
     """Return the gain of the preference over the first verified plan, and its cost."""
     first = verified[0]
     best = next((plan for plan in verified if plan.chosen), first)
-    since = tried[first.place + 1 :]
-    more = sum(
-        each["figures"]["seconds"] if "figures" in each else each.get("seconds", 0.0)
-        for each in since
+    since = attempts[first.place + 1 :]
+    seconds = sum(
+        attempt["figures"]["seconds"] if "figures" in attempt else attempt.get("seconds", 0.0)
+        for attempt in since
     )
-    cost = f"{number(more, 2)} s of additional computing"
+    cost = f"{number(seconds, 2)} s of additional computing"
     if best is first:
         return f"The first plan that worked is still the best after {cost}."
-    both = (best.figures, first.figures)
+    figure_pair = (best.figures, first.figures)
     if prefer == "time":
-        after, before = (_told(each.fold_time_s) for each in both)
-        what, unit = label_of("fold_time_s").lower(), " s"
+        after, before = (_told(figures.fold_time_s) for figures in figure_pair)
+        quantity, unit = label_of("fold_time_s").lower(), " s"
     elif prefer == "torque":
-        after, before = (_torque(each.torque_in(slowest)) for each in both)
-        what, unit = f"torque at the same folding time of {number(slowest)} s", ""
+        after, before = (_torque(figures.torque_in(slowest)) for figures in figure_pair)
+        quantity, unit = f"torque at the same folding time of {number(slowest)} s", ""
     elif prefer == "margin":
-        after, before = (_margin(each.one_hinge_rad) for each in both)
-        what, unit = "allowed error in one hinge", ""
+        after, before = (_margin(figures.one_hinge_rad) for figures in figure_pair)
+        quantity, unit = "allowed error in one hinge", ""
     elif prefer == CALM:
-        return f"{_calmed(*both)}. Finding this plan took {cost}."
+        return f"{_calmed(*figure_pair)}. Finding this plan took {cost}."
     else:
-        after, before = (_room(each.clearance_bound) for each in both)
+        after, before = (_room(figures.clearance_bound) for figures in figure_pair)
         before = f"{before} pitch"
-        what, unit = label_of("clearance_bound").lower(), ""
-    return f"The {what} is {after}{unit} instead of {before}{unit}. Finding this plan took {cost}."
+        quantity, unit = label_of("clearance_bound").lower(), ""
+    return (
+        f"The {quantity} is {after}{unit} instead of {before}{unit}. Finding this plan took {cost}."
+    )
 
 
 def _calmed(after: PlanFigures, before: PlanFigures) -> str:

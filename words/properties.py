@@ -154,11 +154,13 @@ class _Fold:
 
     def fold_rows(self) -> Rows:
         row = self.row
-        chosen = None if row.prefer == COMPUTING else PREFERENCE_WORDS[preference_named(row.prefer)]
+        preference_text = (
+            None if row.prefer == COMPUTING else PREFERENCE_WORDS[preference_named(row.prefer)]
+        )
         return [
             ("Name", row.called),
             ("Joints", _joints(row)),
-            ("Chosen for", chosen),
+            ("Chosen for", preference_text),
             ("Seed", self.summary.get("seed", row.seed)),
             ("Identifier", row.id),
         ]
@@ -174,15 +176,15 @@ class _Fold:
 
     def computation_rows(self) -> Rows:
         explosion, playback = self.explosion, self.playback
-        made = "Unfolding" if explosion.get("strategy") in TURN_STRATEGIES else "Explosion"
+        stage_title = "Unfolding" if explosion.get("strategy") in TURN_STRATEGIES else "Explosion"
         if self.summary.get("smoothing"):
-            made = "Smoothing"
+            stage_title = "Smoothing"
         kinematic = playback.get("kind") == "kinematic"
         not_simulated = certificate_words.NOT_SIMULATED if kinematic else None
         return [
-            (f"{made} steps", explosion.get("steps") or None),
-            (f"{made} frames", explosion.get("frames")),
-            (f"Computing time: {made.lower()}", quantity(explosion.get("seconds"), "s", 2)),
+            (f"{stage_title} steps", explosion.get("steps") or None),
+            (f"{stage_title} frames", explosion.get("frames")),
+            (f"Computing time: {stage_title.lower()}", quantity(explosion.get("seconds"), "s", 2)),
             ("Playback steps", playback.get("steps") or not_simulated),
             ("Computing time: playback", quantity(playback.get("seconds"), "s", 2)),
             ("Computing time: certificate", quantity(self.certificate.get("seconds"), "s", 2)),
@@ -213,8 +215,8 @@ def properties(
         ],
         ("Versions", [(VERSIONS.get(name, name), str(v)) for name, v in versions.items()]),
     ]
-    shown = [(heading, _shown(rows)) for heading, rows in groups]
-    return [{"heading": heading, "rows": rows} for heading, rows in shown if rows]
+    nonempty = [(heading, _shown(rows)) for heading, rows in groups]
+    return [{"heading": heading, "rows": rows} for heading, rows in nonempty if rows]
 
 
 def used_parameters(

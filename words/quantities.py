@@ -63,8 +63,8 @@ def si(value: float, unit: str, digits: int = SIGNIFICANT_DIGITS) -> str:
         return f"0 {unit}"
     rounded = _rounded(value, digits)
     power = 3 * (rounded.adjusted() // 3)
-    if power < (least := min(SI_PREFIXES)):
-        return f"< 1 {SI_PREFIXES[least]}{unit}"
+    if power < (least_power := min(SI_PREFIXES)):
+        return f"< 1 {SI_PREFIXES[least_power]}{unit}"
     power = min(power, max(SI_PREFIXES))
     return f"{_plain(rounded.scaleb(-power))} {SI_PREFIXES[power]}{unit}"
 
@@ -89,8 +89,8 @@ def quantity(value: object, unit: str = "", digits: int = SIGNIFICANT_DIGITS) ->
     if isinstance(value, list | tuple):
         parts = list(cast("list[object] | tuple[object, ...]", value))
         with_prefix = unit in SI_UNITS
-        shown = [str(quantity(part, unit if with_prefix else "", digits)) for part in parts]
-        text = (" to " if len(shown) == 2 else ", ").join(shown)
+        texts = [str(quantity(part, unit if with_prefix else "", digits)) for part in parts]
+        text = (" to " if len(texts) == 2 else ", ").join(texts)
         return text if with_prefix else f"{text} {unit}".rstrip()
     if isinstance(value, int | float):
         return (
@@ -108,8 +108,8 @@ def spacings(pitches: float, digits: int = SIGNIFICANT_DIGITS) -> str:
     """
     if abs(pitches) < 1.0:
         return f"{number(100.0 * pitches, digits)} % of the spacing"
-    many = number(pitches, digits)
-    return "one spacing" if many == "1" else f"{many} times the spacing"
+    pitches_text = number(pitches, digits)
+    return "one spacing" if pitches_text == "1" else f"{pitches_text} times the spacing"
 
 
 def length_m(value: object) -> str | None:
@@ -126,9 +126,9 @@ def parameters(values: Mapping[str, object], kind: type[Any]) -> list[tuple[str,
         values: Values by the names of fields; those of another version may have no description.
         kind: Class of the parameters.
     """
-    known = descriptions(kind)
+    labels = descriptions(kind)
     return [
-        _parameter(known.get(name) or Description(sentence(name.replace("_", " "))), name, value)
+        _parameter(labels.get(name) or Description(sentence(name.replace("_", " "))), name, value)
         for name, value in values.items()
     ]
 

@@ -71,23 +71,30 @@ def changed(preset_name: str, settings: str) -> list[tuple[str, str]]:
     if not settings:
         return []
     try:
-        found, usual = read_settings(settings), preset(preset_name)
+        changed_settings, usual = read_settings(settings), preset(preset_name)
     except InputError:  # settings that only an earlier version accepted
         return [("Settings", settings)]
     return [
-        (setting.label, f"{_told(found[setting.name], setting.unit)}, instead of {default}")
+        (
+            setting.label,
+            f"{_told(changed_settings[setting.name], setting.unit)}, instead of {default}",
+        )
         for setting in ALL_SETTINGS
-        if setting.name in found and (default := _told(value_of(setting, usual)))
+        if setting.name in changed_settings and (default := _told(value_of(setting, usual)))
     ]
 
 
 def in_a_line(settings: str) -> str:
     """Return the changed settings for a heading: ``, Damping 0.05``."""
     try:
-        found = read_settings(settings)
+        changed_settings = read_settings(settings)
     except InputError:
         return f", {settings}"
-    return "".join(f", {s.label} {_told(found[s.name])}" for s in ALL_SETTINGS if s.name in found)
+    return "".join(
+        f", {s.label} {_told(changed_settings[s.name])}"
+        for s in ALL_SETTINGS
+        if s.name in changed_settings
+    )
 
 
 def _told(value: Value, unit: str = "") -> str:

@@ -33,22 +33,24 @@ def draft_tour(row: ShownFold, frames: int, moments: Moments | None = None) -> T
     title = clean_name(row.title, max_length=MAX_TITLE) or "A fold"
     if row.status == "failed" or not certificate.get("frames"):
         return Tour(title=title, stops=_failed(row, frames))
-    known = moments or _bare(certificate, frames)
-    if known.steps:
+    stored_moments = moments or _bare(certificate, frames)
+    if stored_moments.steps:
         last = _done(certificate, title, frames)
-        return Tour(title=title, stops=(*_start(row, known), *_steps(known), last))
+        return Tour(
+            title=title, stops=(*_start(row, stored_moments), *_steps(stored_moments), last)
+        )
     between = [
         stop
         for stop in (
-            _contact(known),
-            _tightest(certificate, known.plan),
-            _knot(known),
-            _torque(certificate, known),
-            _direct(known),
+            _contact(stored_moments),
+            _tightest(certificate, stored_moments.plan),
+            _knot(stored_moments),
+            _torque(certificate, stored_moments),
+            _direct(stored_moments),
         )
         if stop is not None
     ]
-    stops = [*_start(row, known), *between]
+    stops = [*_start(row, stored_moments), *between]
     stops.sort(key=lambda stop: stop.frame)
     return Tour(title=title, stops=(*stops, _done(certificate, title, frames)))
 
@@ -95,36 +97,36 @@ def _steps(moments: Moments) -> list[Stop]:
 def _listed(modules: tuple[int, ...]) -> str:
     """Return numbers of modules, with the number of those that are left out."""
     listed = ", ".join(map(str, modules[:MAX_STOP_MODULES]))
-    more = len(modules) - MAX_STOP_MODULES
-    return f"{listed} and {more} more" if more > 0 else listed
+    hidden = len(modules) - MAX_STOP_MODULES
+    return f"{listed} and {hidden} more" if hidden > 0 else listed
 
 
 def _contact(moments: Moments) -> Stop | None:
-    met = moments.contact
-    if met is None:
+    contact = moments.contact
+    if contact is None:
         return None
     near = LINKS[CONTACT_LINKS - 1]
     text = (
-        f"{sentence(_modules(met.modules))} are the first whose distance is less than a tenth "
+        f"{sentence(_modules(contact.modules))} are the first whose distance is less than a tenth "
         f"of the spacing. Modules at most {near} places apart in the chain are not counted."
     )
-    return _meeting(text, met)
+    return _meeting(text, contact)
 
 
 def _tightest(certificate: CertificateFigures, plan: int) -> Stop | None:
-    least, place = certificate.get("min_clearance"), certificate.get("min_clearance_at")
-    if least is None or place is None or place["modules"] is None:
+    min_clearance, place = certificate.get("min_clearance"), certificate.get("min_clearance_at")
+    if min_clearance is None or place is None or place["modules"] is None:
         return None
-    one, other = place["modules"]
-    percent = spacings(abs(least))
-    how = f"overlap by {percent}" if least < 0.0 else f"are {percent} apart"
-    extreme = "largest overlap" if least < 0.0 else "smallest distance"
-    text = f"The {extreme} in the plan: {_modules((one, other))} {how}."
+    first, second = place["modules"]
+    percent = spacings(abs(min_clearance))
+    distance = f"overlap by {percent}" if min_clearance < 0.0 else f"are {percent} apart"
+    extreme = "largest overlap" if min_clearance < 0.0 else "smallest distance"
+    text = f"The {extreme} in the plan: {_modules((first, second))} {distance}."
     proved = clearance(certificate)
     if proved and certificate.get("verified"):
         text += f" The clearance check proved that {proved} during the whole motion."
-    met = Meeting(frame=nearest_frame(plan + place["frame"]), modules=(one, other))
-    return _meeting(text, met, colour="clearance")
+    meeting = Meeting(frame=nearest_frame(plan + place["frame"]), modules=(first, second))
+    return _meeting(text, meeting, colour="clearance")
 
 
 def _knot(moments: Moments) -> Stop | None:
@@ -138,62 +140,62 @@ def _knot(moments: Moments) -> Stop | None:
 
 
 def _torque(certificate: CertificateFigures, moments: Moments) -> Stop | None:
-    met = moments.torque
-    if met is None:
+    peak = moments.torque
+    if peak is None:
         return None
     if certificate.get("table") is not None:
         label, value = "Largest torque", dict(main_rows(certificate))[label_of("table")]
-        whole, colour = "the fold on the table", "joint_torque"
+        subject, colour = "the fold on the table", "joint_torque"
     else:
         label, value = torque(certificate)
-        whole, colour = "the fold", "torque"
+        subject, colour = "the fold", "torque"
     if value is None:
         return None
-    one, other = met.modules
+    first, second = peak.modules
     text = (
-        f"At this moment, the joint between modules {one + 1} and {other + 1} needs the highest "
-        f"torque of {whole}. {label}: {value}."
+        f"At this moment, the joint between modules {first + 1} and {second + 1} needs the highest "
+        f"torque of {subject}. {label}: {value}."
     )
-    return _meeting(text, met, colour=colour)
+    return _meeting(text, peak, colour=colour)
 
 
 def _direct(moments: Moments) -> Stop | None:
-    met = moments.direct
-    if met is None or moments.direct_percent is None:
+    direct = moments.direct
+    if direct is None or moments.direct_percent is None:
         return None
     text = (
         "A simpler motion would fail: if all joints turned evenly from straight to folded, "
-        f"{_modules(met.modules)} would overlap after {moments.direct_percent} % of the motion."
+        f"{_modules(direct.modules)} would overlap after {moments.direct_percent} % of the motion."
     )
-    return _meeting(text, met)
+    return _meeting(text, direct)
 
 
 def _done(certificate: CertificateFigures, title: str, frames: int) -> Stop:
-    told = [f"Done: {title}", sentence(headline(certificate))]
+    sentences = [f"Done: {title}", sentence(headline(certificate))]
     label = label_of("fold_time_s")
     if time := dict(main_rows(certificate))[label]:
-        told.append(f"{label}: {time}")
-    return _stop(f"{'. '.join(told)}.", frames - 1)
+        sentences.append(f"{label}: {time}")
+    return _stop(f"{'. '.join(sentences)}.", frames - 1)
 
 
 def _failed(row: ShownFold, frames: int) -> tuple[Stop, ...]:
     """Return the stops of a fold without a verified plan: the first, and that of the failure."""
     first = _stop("The motion begins here. The next stop shows where it fails.", 0)
-    found = failure(row, row.summary)
-    if found is None:
+    reason = failure(row, row.summary)
+    if reason is None:
         return (first, _stop("This is the last frame that was computed.", frames - 1))
-    at = found["frame"]
+    at = reason["frame"]
     frame = frames - 1 if at is None else min(frames - 1, nearest_frame(at))
-    modules = tuple(module + 1 for module in found["modules"][:MAX_STOP_MODULES])
-    return first, _stop(f"{found['heading']}. {found['text']}", frame, modules=modules)
+    modules = tuple(module + 1 for module in reason["modules"][:MAX_STOP_MODULES])
+    return first, _stop(f"{reason['heading']}. {reason['text']}", frame, modules=modules)
 
 
 def _modules(modules: tuple[int, int]) -> str:
     return f"modules {modules[0] + 1} and {modules[1] + 1}"
 
 
-def _meeting(text: str, met: Meeting, *, colour: str | None = None) -> Stop:
-    return _stop(text, met.frame, modules=tuple(k + 1 for k in met.modules), colour=colour)
+def _meeting(text: str, meeting: Meeting, *, colour: str | None = None) -> Stop:
+    return _stop(text, meeting.frame, modules=tuple(k + 1 for k in meeting.modules), colour=colour)
 
 
 def _stop(

@@ -95,14 +95,14 @@ def back_up(settings: Settings, directory: Path) -> Manifest:
             ids = write_rows(connection, file)
     with stored_files(settings) as stored:
         names = (name for name in stored.names() if name.split("/")[1] in ids)
-        found = at_once(lambda name: _save(stored, name, directory), names)
+        saved_files = at_once(lambda name: _save(stored, name, directory), names)
         manifest = Manifest(
             foldback=version("foldback"),
             created_at=created_at,
             schema=schema,
             storage=stored.kind,
             rows=_described(directory, ROWS),
-            files=tuple(file for file in found if file is not None),
+            files=tuple(file for file in saved_files if file is not None),
         )
     _make_private(directory / MANIFEST).write_bytes(manifest.text())
     settle(directory)
@@ -205,8 +205,8 @@ def _unchanged() -> Generator[None]:
 def _reason(error: Exception) -> str:
     if isinstance(error, OSError):
         return f"{error.filename or 'a file'}: {error.strerror}"
-    said = str(error.orig if isinstance(error, DBAPIError) else error)
-    return said.strip().partition("\n")[0].removesuffix(".")
+    error_text = str(error.orig if isinstance(error, DBAPIError) else error)
+    return error_text.strip().partition("\n")[0].removesuffix(".")
 
 
 def _make_empty(directory: Path) -> None:
@@ -251,10 +251,11 @@ def _read(directory: Path) -> Manifest:
             f"got no {MANIFEST} in {directory}, expected a complete backup; create one with "
             "`foldback admin backup`."
         ) from None
-    known = Schema.of(None).known
-    if manifest.schema not in known:
+    known_versions = Schema.of(None).known
+    if manifest.schema not in known_versions:
         raise AdminError(
-            f"got a backup with tables of version {manifest.schema}, expected at most {known[-1]}; "
+            f"got a backup with tables of version {manifest.schema}, expected at most "
+            f"{known_versions[-1]}; "
             f"install foldback {manifest.foldback}, which made the backup."
         )
     return manifest
@@ -299,8 +300,8 @@ def _check_digests(manifest: Manifest, directory: Path) -> None:
             return True
 
     files = (manifest.rows, *manifest.files)
-    found = zip(files, at_once(is_damaged, files), strict=True)
-    damaged = [file.name for file, wrong in found if wrong]
+    checked_files = zip(files, at_once(is_damaged, files), strict=True)
+    damaged = [file.name for file, wrong in checked_files if wrong]
     if damaged:
         raise AdminError(
             f"got a backup with damaged files ({len(damaged)} in all), such as "

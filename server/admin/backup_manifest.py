@@ -102,9 +102,9 @@ class Manifest(
         try:
             version = msgspec.json.decode(text, type=_Version)
             if version.format == BACKUP_FORMAT:
-                found = msgspec.json.decode(text, type=cls)
-                _check_names(found)
-                return found
+                manifest = msgspec.json.decode(text, type=cls)
+                _check_names(manifest)
+                return manifest
         except (msgspec.DecodeError, RecursionError) as error:
             raise AdminError(
                 f"got a {MANIFEST} that cannot be read ({str(error)!r}), expected a file in "

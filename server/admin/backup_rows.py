@@ -57,8 +57,8 @@ def write_rows(connection: sa.Connection, file: BinaryIO) -> frozenset[str]:
     ids: set[str] = set()
     for table in _tables(connection):
         name, columns = f"{table.name}", [f"{column.name}" for column in table.columns]
-        found = connection.execution_options(yield_per=ROWS_PER_BATCH).execute(sa.select(table))
-        for values in found:
+        result = connection.execution_options(yield_per=ROWS_PER_BATCH).execute(sa.select(table))
+        for values in result:
             row = dict(zip(columns, values, strict=True))
             file.write(encoder.encode([name, row]) + b"\n")
             if name == "folds":
@@ -99,16 +99,16 @@ def load_rows(
             connection.execute(sa.delete(table.table))
         rows = [table.row_of(line, place) for place, line in lines]
         if name == "folds":
-            gone = {
+            missing_ids = {
                 row["id"]
                 for row in rows
                 if row["id"] not in with_files and row["status"] != "cancelled"
             }
-            left_out |= gone
+            left_out |= missing_ids
             missing.difference_update(row["id"] for row in rows)
-        kept = [row for row in rows if row.get(table.fold_column) not in left_out]
-        if kept:
-            table.insert(connection, kept)
+        kept_rows = [row for row in rows if row.get(table.fold_column) not in left_out]
+        if kept_rows:
+            table.insert(connection, kept_rows)
     connection.execute(
         sa.text("DELETE FROM counters WHERE name = :name"), {"name": RESTORED_COUNTER}
     )
@@ -119,14 +119,14 @@ def load_rows(
 
 def _tables(connection: sa.Connection) -> list[sa.Table]:
     """Return the tables of a database that a backup contains."""
-    found = sa.MetaData()
-    there = sa.inspect(connection).get_table_names()
-    found.reflect(connection, only=[name for name in SAVED_TABLES if name in there])
-    for table in found.tables.values():
+    meta_data = sa.MetaData()
+    table_names = sa.inspect(connection).get_table_names()
+    meta_data.reflect(connection, only=[name for name in SAVED_TABLES if name in table_names])
+    for table in meta_data.tables.values():
         for column in table.columns:
             if isinstance(column.type, sa.JSON):
                 column.type = sa.JSON(none_as_null=True)
-    return [found.tables[name] for name in SAVED_TABLES if name in found.tables]
+    return [meta_data.tables[name] for name in SAVED_TABLES if name in meta_data.tables]
 
 
 @dataclass(frozen=True, slots=True)
@@ -160,27 +160,27 @@ class _Table:
         try:
             connection.execute(sa.insert(self.table), rows)
         except (DataError, IntegrityError, ValueError) as error:
-            said = str(getattr(error, "orig", error)).partition("\n")[0]
-            raise _changed(f"rows of {self.table.name} that do not fit ({said!r})") from None
+            error_text = str(getattr(error, "orig", error)).partition("\n")[0]
+            raise _changed(f"rows of {self.table.name} that do not fit ({error_text!r})") from None
 
 
 def _type_of(column: sa.Column[Any]) -> Any:
     """Return the type of a column's values in JSON."""
     kind, name = column.type, (column.table.name, column.name)
     if isinstance(kind, sa.JSON):
-        found: Any = dict[str, Any]
+        row_type: Any = dict[str, Any]
     elif isinstance(kind, sa.Boolean):
-        found = bool
+        row_type = bool
     elif isinstance(kind, sa.LargeBinary):
-        found = bytes
+        row_type = bytes
     elif isinstance(kind, sa.String):
-        found = Annotated[str, Meta(max_length=kind.length, pattern=PATTERNS.get(name))]
+        row_type = Annotated[str, Meta(max_length=kind.length, pattern=PATTERNS.get(name))]
     elif isinstance(kind, sa.Integer):
         bits = 63 if isinstance(kind, sa.BigInteger) else 31
-        found = Annotated[int, Meta(ge=-(2**bits), le=2**bits - 1)]
+        row_type = Annotated[int, Meta(ge=-(2**bits), le=2**bits - 1)]
     else:
-        found = Annotated[float, Meta(ge=0.0, le=MAX_NUMBER)]
-    return found | None if column.nullable else found
+        row_type = Annotated[float, Meta(ge=0.0, le=MAX_NUMBER)]
+    return row_type | None if column.nullable else row_type
 
 
 def _batches(
@@ -210,8 +210,9 @@ def _batches(
         yield current, batch
 
 
-def _changed(what: str) -> AdminError:
+def _changed(change: str) -> AdminError:
     return AdminError(
-        f"got a backup with {what}; use another backup, because this one was changed. Nothing was "
+        f"got a backup with {change}; use another backup, because this one was changed. Nothing "
+        "was "
         "restored."
     )

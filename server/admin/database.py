@@ -55,13 +55,13 @@ def replacement(url: str) -> Generator[sa.Connection]:
     """
     if url.startswith("sqlite"):
         engine = _sqlite_engine(Path(sa.make_url(url).database or ""))
-        begin = _begin_in_sqlite
+        begin_transaction = _begin_in_sqlite
     else:
         engine = engine_for(url)
-        begin = _begin_in_postgresql
+        begin_transaction = _begin_in_postgresql
     try:
         with engine.connect() as connection:
-            begin(connection)
+            begin_transaction(connection)
             yield connection
     except DatabaseError as error:
         if isinstance(error.orig, sqlite3.Error):
@@ -78,14 +78,14 @@ def has_tables(connection: sa.Connection) -> bool:
 
 def drop_tables(connection: sa.Connection) -> None:
     """Drop all tables of a service, and no others."""
-    found = sa.MetaData()
-    found.reflect(connection, only=_own_tables(connection))
-    found.drop_all(connection)
+    meta_data = sa.MetaData()
+    meta_data.reflect(connection, only=_own_tables(connection))
+    meta_data.drop_all(connection)
 
 
 def _own_tables(connection: sa.Connection) -> list[str]:
-    own = {*Base.metadata.tables, "alembic_version"}
-    return sorted(own.intersection(sa.inspect(connection).get_table_names()))
+    own_names = {*Base.metadata.tables, "alembic_version"}
+    return sorted(own_names.intersection(sa.inspect(connection).get_table_names()))
 
 
 def _sqlite_engine(path: Path) -> sa.Engine:
@@ -114,11 +114,11 @@ def _begin_in_postgresql(connection: sa.Connection) -> None:
     connection.exec_driver_sql("SET LOCAL lock_timeout = 5000")
     # A service that starts meanwhile waits for this lock.
     locked = connection.scalar(sa.select(sa.func.pg_try_advisory_xact_lock(MIGRATION_LOCK)))
-    others = connection.exec_driver_sql(
+    other_clients = connection.exec_driver_sql(
         "SELECT count(*) FROM pg_stat_activity WHERE datname = current_database() "
         "AND pid <> pg_backend_pid() AND backend_type = 'client backend'"
     ).scalar()
-    if others or not locked:
+    if other_clients or not locked:
         raise AdminError(IN_USE_WORDS)
 
 

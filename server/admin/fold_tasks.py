@@ -107,9 +107,9 @@ class AdminTasks:
         """
         row = self.fold(fold_id)
         if (row.pinned or row.public) and not force:
-            what = "is pinned" if row.pinned else "belongs to the gallery"
+            reason = "is pinned" if row.pinned else "belongs to the gallery"
             raise AdminError(
-                f"{fold_id} {what}, so it is not deleted; use --force to delete it anyway."
+                f"{fold_id} {reason}, so it is not deleted; use --force to delete it anyway."
             )
         self._store.delete(fold_id)
         self._store.folders.remove(fold_id)
@@ -133,8 +133,8 @@ class AdminTasks:
         if row.status == "verified" and not force:
             raise AdminError(f"{fold_id} is verified; use --force to compute it again anyway.")
         if row.status not in ENDED:
-            what = "waits in the queue" if row.status == "queued" else "is being computed"
-            raise AdminError(f"{fold_id} {what}; wait until it ends, or delete it with `expire`.")
+            state = "waits in the queue" if row.status == "queued" else "is being computed"
+            raise AdminError(f"{fold_id} {state}; wait until it ends, or delete it with `expire`.")
         self._check_inputs(row)
         # First take the fold from a worker that may still compute it. If this process crashes now,
         # the fold can be queued again. It ends now, so that no sweep deletes its files as those of
@@ -171,26 +171,26 @@ class AdminTasks:
         )
 
     def _check_inputs(self, row: FoldRow) -> None:
-        shown = self._store.folders.shown(row)
-        if not (shown / "input").exists() or not (shown / "request.json").exists():
+        reader_dir = self._store.folders.shown(row)
+        if not (reader_dir / "input").exists() or not (reader_dir / "request.json").exists():
             raise _no_input(row.id)
 
     def _strip(self, row: FoldRow) -> int:
         """Remove a fold's computed files; return the size of the others."""
-        shown = self._store.folders.shown(row)
+        reader_dir = self._store.folders.shown(row)
         if self._store.folders.storage is None:
-            for path in shown.iterdir():
+            for path in reader_dir.iterdir():
                 if path.is_dir():
                     shutil.rmtree(path, ignore_errors=True)
                 elif path.name not in INPUT_FILES:
                     path.unlink(missing_ok=True)
-            return size_of(shown)
-        with Scratch(self._settings.scratch_dir).directory() as aside:
+            return size_of(reader_dir)
+        with Scratch(self._settings.scratch_dir).directory() as directory:
             for name in INPUT_FILES:
-                if (shown / name).exists():
-                    shutil.copy2(shown / name, aside / name)
-            size = size_of(aside)
-            self._store.folders.adopt(aside, row.id)
+                if (reader_dir / name).exists():
+                    shutil.copy2(reader_dir / name, directory / name)
+            size = size_of(directory)
+            self._store.folders.adopt(directory, row.id)
             return size
 
     def _change(self, fold_id: str, **values: Any) -> None:

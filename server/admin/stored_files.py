@@ -61,8 +61,8 @@ class ObjectFiles:
     def names(self) -> Iterator[str]:
         """Yield the names of all files."""
         for key in OBJECT_KEYS:
-            found = (f"{key}/{name}" for name in self.storage.names(key))
-            yield from filter(is_file_name, found)
+            keys = (f"{key}/{name}" for name in self.storage.names(key))
+            yield from filter(is_file_name, keys)
 
     def save(self, name: str, target: Path) -> bool:
         """Copy a file to an existing empty one; return False if it has been deleted meanwhile."""
@@ -108,10 +108,10 @@ def open_inside(directory: Path, name: str) -> BufferedReader:
             os.close(handle)
             handle = inner
         # Without O_NONBLOCK, opening a named pipe would wait for a writer.
-        found = os.open(last, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=handle)
+        descriptor = os.open(last, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK, dir_fd=handle)
     finally:
         os.close(handle)
-    if not stat.S_ISREG(os.fstat(found).st_mode):
-        os.close(found)
+    if not stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
         raise FileNotFoundError(f"{name} is not a regular file")
-    return open(found, "rb")
+    return open(descriptor, "rb")

@@ -72,14 +72,16 @@ def post_fold(
     context: Here,
     claim: AnyClaim,
     origin: Annotated[Origin, Depends(Origin)],
-    asked: Annotated[FoldRequest, Depends(form_of(FoldRequest))],
+    fold_request: Annotated[FoldRequest, Depends(form_of(FoldRequest))],
 ) -> Accepted:
     """Accept a fold and add it to the queue.
 
     The same request with the same token returns the same fold. A gallery shape with default
     options is folded once for everyone.
     """
-    request = replace(asked, refold=origin.refold is not None, smooth=origin.smooth is not None)
+    request = replace(
+        fold_request, refold=origin.refold is not None, smooth=origin.smooth is not None
+    )
     request.check()
     receipt = fold_origin(
         context, origin, request, visitor=context.visitor(http), owner=claim.owner

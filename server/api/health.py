@@ -54,10 +54,10 @@ def get_ready(request: Request) -> JSONResponse:
     proxy are answered with 404.
     """
     readiness: Readiness = request.app.state.readiness
-    found = readiness.state()
+    state = readiness.state()
     return JSONResponse(
-        {"ready": found.ready, **asdict(found)},
-        status_code=200 if found.ready else 503,
+        {"ready": state.ready, **asdict(state)},
+        status_code=200 if state.ready else 503,
         headers={"Cache-Control": "no-store"},
     )
 

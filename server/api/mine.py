@@ -87,12 +87,12 @@ def get_my_folds(
     limit: Annotated[int, Query(ge=1, le=100, description=("Maximum number of results."))] = 24,
 ) -> FoldsMade:
     """List the folds that were first requested with this token, including gallery shapes."""
-    found = folds_made(context.store, owner, before=before, limit=limit)
-    query = urlencode({"before": found.next, "limit": limit}, safe=",")
+    owned = folds_made(context.store, owner, before=before, limit=limit)
+    query = urlencode({"before": owned.next, "limit": limit}, safe=",")
     return FoldsMade(
-        folds=[Fold.of(row, context.store, context.remaining) for row in found.rows],
-        next=f"{router.prefix}/folds?{query}" if found.next else None,
-        total=found.total,
+        folds=[Fold.of(row, context.store, context.remaining) for row in owned.rows],
+        next=f"{router.prefix}/folds?{query}" if owned.next else None,
+        total=owned.total,
     )
 
 
@@ -152,10 +152,10 @@ def get_my_movies(context: Here, owner: ListingOwner) -> MoviesMade:
     openapi_extra=described(KeyWanted),
 )
 def post_my_key(
-    context: Here, owner: ListingOwner, wanted: Annotated[KeyWanted, json_body(KeyWanted)]
+    context: Here, owner: ListingOwner, wanted_key: Annotated[KeyWanted, json_body(KeyWanted)]
 ) -> KeyReplaced:
     """Move everything that belongs to this token to another token. This token stops working."""
-    token = wanted.owner_token
+    token = wanted_key.owner_token
     claim = Claim.new() if token is None else Claim(token)
     if claim.owner == owner:
         raise Malformed(

@@ -58,10 +58,10 @@ class ValuesBody(Body):
 )
 def get_values(fold_id: str, context: Here) -> JSONResponse:
     """Return the numbers that colour the modules; 404 if the owner has stored none."""
-    found = context.store.find(fold_id)
-    if found is None:
+    located = context.store.find(fold_id)
+    if located is None:
         raise NoSuchFoldError(fold_id)
-    values = values_of(context.store, found)
+    values = values_of(context.store, located)
     if values is None:
         raise NotFound("no-values", "No numbers are stored with this fold.")
     return JSONResponse(values, headers={"Cache-Control": "private, no-cache"})
@@ -84,10 +84,10 @@ def put_values(
 
     Send one number per module for the whole fold, or one per module for each of several frames.
     """
-    told = checked_values(body, fold.modules)
-    if not write_beside(context.store, fold.id, owner, ValuesRow, told):
+    checked = checked_values(body, fold.modules)
+    if not write_beside(context.store, fold.id, owner, ValuesRow, checked):
         raise not_owner(NOT_FOLD_OWNER)
-    return ValuesBody.model_validate(told)
+    return ValuesBody.model_validate(checked)
 
 
 @router.delete(

@@ -107,7 +107,7 @@ class MovieBody(Body):
     @classmethod
     def of(cls, row: MovieRow, token: str | None = None) -> MovieBody:
         """Return the API's representation of a movie."""
-        here = f"/api/folds/{row.fold_id}/movies/{row.id}"
+        movie_path = f"/api/folds/{row.fold_id}/movies/{row.id}"
         movie = Movie.of(row.wishes)
         return cls(
             id=row.id,
@@ -117,7 +117,9 @@ class MovieBody(Body):
             **{name: getattr(movie, name) for name in SHOWN_OPTIONS},
             problem=Fault.model_validate(row.problem) if row.problem else None,
             token=token,
-            links=MovieLinks(self=here, file=f"{here}/file", fold=f"/api/folds/{row.fold_id}"),
+            links=MovieLinks(
+                self=movie_path, file=f"{movie_path}/file", fold=f"/api/folds/{row.fold_id}"
+            ),
         )
 
 
@@ -142,11 +144,11 @@ def post_movie(
     A fold keeps a limited number of movies: a new movie replaces the oldest finished one. A movie
     requested with the owner token is replaced only by a newer movie requested with this token.
     """
-    found = context.store.find(fold_id) if options.tour else None
-    tour = None if found is None else tour_of(context.store, found)
-    given = msgspec.structs.asdict(options)
-    del given["tour"]
-    movie = Movie.of(given, tour)
+    located = context.store.find(fold_id) if options.tour else None
+    tour = None if located is None else tour_of(context.store, located)
+    fields = msgspec.structs.asdict(options)
+    del fields["tour"]
+    movie = Movie.of(fields, tour)
     _check_format(movie.format)
     of_owner = context.store.owns(fold_id, claim.owner)
     visitor = context.visitor(request)
@@ -209,10 +211,10 @@ def delete_movie(fold_id: str, movie_id: str, context: Here, owner: OptionalOwne
     return Response(status_code=204)
 
 
-def _check_format(wanted: str) -> None:
+def _check_format(file_format: str) -> None:
     """Check that this service can make movies of a format."""
     possible = movie_formats()
-    if wanted in possible:
+    if file_format in possible:
         return
     if not possible:
         raise Unusable("no-gl", "This service cannot draw movies, because it has no OpenGL.")

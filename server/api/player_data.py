@@ -82,8 +82,8 @@ async def batch(
             all visitors.
     """
 
-    def answer(known: TimelineView | None = None) -> Response:
-        timeline = known or _view(request, fold_id)[1]
+    def answer(view: TimelineView | None = None) -> Response:
+        timeline = view or _view(request, fold_id)[1]
         if timeline is not None:
             with unless_replaced():
                 return _binary(request, cached_batch(timeline, start, stop, stride), timeline)
@@ -111,13 +111,13 @@ async def figures(
     """
 
     def answer() -> Response:
-        found = found_fold(request, fold_id)
-        if found.row.status in RUNNING_STATUSES:
+        located = found_fold(request, fold_id)
+        if located.row.status in RUNNING_STATUSES:
             return _nothing()
-        check(found.directory, TIMELINE, FIGURES)
-        mark(request, found.row)
+        check(located.directory, TIMELINE, FIGURES)
+        mark(request, located.row)
         with unless_replaced(OSError):
-            return _kept(request, cached_figures(found.directory, part))
+            return _kept(request, cached_figures(located.directory, part))
         return _nothing()
 
     return await asyncio.to_thread(answer)
@@ -138,16 +138,16 @@ async def values(request: Request, fold_id: str) -> Response:
 @router.get("/folds/{fold_id}/steps.json")
 async def steps(request: Request, fold_id: str) -> Response:
     """Return the steps of a fold for its pages; 204 if its plan does not rest between steps."""
-    return await asyncio.to_thread(_stored, request, fold_id, lambda _, found: steps_in(found))
+    return await asyncio.to_thread(_stored, request, fold_id, lambda _, located: steps_in(located))
 
 
 def _stored(request: Request, fold_id: str, of: Callable[[FoldSource, Found], object]) -> Response:
     """Return the values stored with a fold; 204 if there are none."""
-    found = found_fold(request, fold_id)
-    told = of(viewing_of(request).store, found)
-    if told is None:
+    located = found_fold(request, fold_id)
+    notes = of(viewing_of(request).store, located)
+    if notes is None:
         return _nothing()
-    return JSONResponse(told, headers={"Cache-Control": "private, no-cache"})
+    return JSONResponse(notes, headers={"Cache-Control": "private, no-cache"})
 
 
 def _binary(request: Request, data: bytes, timeline: TimelineView) -> Response:
@@ -167,10 +167,10 @@ def _nothing() -> Response:
 
 
 def _view(request: Request, fold_id: str) -> tuple[ShownFold, TimelineView | None]:
-    found = found_fold(request, fold_id)
-    if found.row.status not in RUNNING_STATUSES:
-        check(found.directory, TIMELINE)
-    timeline = viewing_of(request).timelines.get(result_path(found.directory, TIMELINE))
+    located = found_fold(request, fold_id)
+    if located.row.status not in RUNNING_STATUSES:
+        check(located.directory, TIMELINE)
+    timeline = viewing_of(request).timelines.get(result_path(located.directory, TIMELINE))
     if timeline is not None and not timeline.growing:
-        mark(request, found.row)
-    return found.row, timeline if timeline is not None and len(timeline) else None
+        mark(request, located.row)
+    return located.row, timeline if timeline is not None and len(timeline) else None

@@ -73,15 +73,15 @@ async def get_frames(
         )
     numbers = 2 * len(timeline.chain.joint_names) + (7 * len(timeline.chain) if poses else 0)
     settings = context.settings
-    most = max(1, min(settings.frames_per_answer, settings.numbers_per_answer // numbers))
-    until = min(end, start + most * stride)
-    rest = f"/api/folds/{fold_id}/frames?from={until}&to={end}&stride={stride}"
+    max_frames = max(1, min(settings.frames_per_answer, settings.numbers_per_answer // numbers))
+    until = min(end, start + max_frames * stride)
+    next_path = f"/api/folds/{fold_id}/frames?from={until}&to={end}&stride={stride}"
     if poses:
-        rest += "&poses=true"
+        next_path += "&poses=true"
 
     def make() -> str:
         body = _frames(timeline, start, until, stride, poses=poses)
-        body.next = rest if until < end else None
+        body.next = next_path if until < end else None
         return body.model_dump_json(by_alias=True)
 
     # larger answers wait in the queue of derived files
@@ -120,8 +120,8 @@ def _frames(timeline: Timeline, start: int, until: int, stride: int, *, poses: b
     largest = frames.largest_errors
     positions = wxyzs = None
     if poses:
-        found = frames.poses(chain)
-        positions, wxyzs = _short(found.positions), _short(found.wxyzs)
+        frame_poses = frames.poses(chain)
+        positions, wxyzs = _short(frame_poses.positions), _short(frame_poses.wxyzs)
     return FramesBody(
         status=timeline.status,
         total=len(timeline),

@@ -119,9 +119,9 @@ async def get_trajectory(
     from foldback.planner.exports.trajectory import export
 
     visitor = address_of(request)
-    _, wanted = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
-    found = await context.trajectories.of(wanted, visitor)
-    trajectory = found.trajectory
+    _, timing = await asyncio.to_thread(_wanted, context, fold_id, max_speed, max_acceleration)
+    retimed = await context.trajectories.of(timing, visitor)
+    trajectory = retimed.trajectory
     moments = len(trajectory.time_s) if rate is None else rate * trajectory.duration_s + 2
     numbers = 2.0 * moments * len(trajectory.joint_names)
     if numbers > MAX_TRAJECTORY_NUMBERS:
@@ -132,13 +132,13 @@ async def get_trajectory(
             where="query.rate",
         )
     clear = None
-    if found.verified:
-        clear = await context.trajectories.clearance(wanted, rate, visitor)
+    if retimed.verified:
+        clear = await context.trajectories.clearance(timing, rate, visitor)
     parts = export(
         trajectory,
         form,
-        name=found.name,
-        plan_verified=found.verified,
+        name=retimed.name,
+        plan_verified=retimed.verified,
         clear=clear,
         rate_hz=rate,
     )
@@ -212,14 +212,14 @@ async def get_motors(
 ) -> Response:
     """Compute the torques by inverse dynamics for the motion that `trajectory` returns."""
     speed, acceleration, motors = query
-    row, wanted = await asyncio.to_thread(_wanted, context, fold_id, speed, acceleration)
+    row, timing = await asyncio.to_thread(_wanted, context, fold_id, speed, acceleration)
     if row.modules > MAX_MOTOR_MODULES:
         raise TooLarge(
             "too-large",
             f"got {row.modules} modules, expected at most {MAX_MOTOR_MODULES}; use "
             "`foldback retime`.",
         )
-    data = await context.trajectories.motors(wanted, motors, address_of(request))
+    data = await context.trajectories.motors(timing, motors, address_of(request))
     csv = motors.form == "csv"
     headers = {"Content-Disposition": 'attachment; filename="motors.csv"'} if csv else {}
     return Response(data, media_type=TRAJECTORY_MEDIA_TYPES[motors.form], headers=headers)
@@ -254,14 +254,14 @@ async def play(websocket: WebSocket, fold_id: str) -> None:
     except msgspec.ValidationError as error:
         raise Unusable("bad-request", f"{error}.", where="query") from error
     with context.target_streams.enter(visitor):
-        wanted = await asyncio.to_thread(_playable, context, fold_id, ask)
+        timing = await asyncio.to_thread(_playable, context, fold_id, ask)
         await websocket.accept()
         try:
-            found = await context.trajectories.of(wanted, visitor)
-            if not found.verified:
+            retimed = await context.trajectories.of(timing, visitor)
+            if not retimed.verified:
                 raise _not_verified()
             charge = partial(context.stream_rates.charge, visitor)
-            await _TargetStream(websocket, found, ask, fold_id, charge).play()
+            await _TargetStream(websocket, retimed, ask, fold_id, charge).play()
             await close(websocket, DONE)
         except (ServiceError, DamagedError, InputError) as error:
             refused = refusal_of(error)
@@ -288,10 +288,10 @@ def _playable(context: Context, fold_id: str, ask: Ask) -> Wanted:
     """Return the trajectory of a verified fold that a client requests."""
     if not ADDRESS_ID.fullmatch(fold_id):
         raise NoSuchFoldError(fold_id)
-    row, wanted = _wanted(context, fold_id, ask.max_speed, ask.max_acceleration)
+    row, timing = _wanted(context, fold_id, ask.max_speed, ask.max_acceleration)
     if row.status != "verified":
         raise _not_verified()
-    return wanted
+    return timing
 
 
 def _not_verified() -> Conflict:
@@ -304,19 +304,19 @@ class _TargetStream:
     def __init__(
         self,
         websocket: WebSocket,
-        found: Retimed,
+        retimed: Retimed,
         ask: Ask,
         fold_id: str,
         charge: Callable[[int], float],
     ) -> None:
         self._websocket = websocket
         self._charge = charge
-        self._trajectory = found.trajectory
+        self._trajectory = retimed.trajectory
         self._ask = ask
         self._fold_id = fold_id
         self._clock = asyncio.get_running_loop().time
         # Before the first target, the robot moves to the start of the motion.
-        first = found.trajectory.path.frames[0]
+        first = retimed.trajectory.path.frames[0]
         # more than can be unanswered
         self._sent: deque[tuple[int, NDArray[Any]]] = deque([(0, first)], maxlen=64)
         self._there = False
@@ -367,8 +367,8 @@ class _TargetStream:
 
         Late targets are skipped.
         """
-        pace, told = self._pace, -REMINDER_S
-        said: Reason | Literal["nothing"] | None = "nothing"
+        pace, last_sent = self._pace, -REMINDER_S
+        last_reason: Reason | Literal["nothing"] | None = "nothing"
         period = 1.0 / self._ask.rate_hz
         due = self._clock()
         while True:
@@ -379,8 +379,8 @@ class _TargetStream:
             if now - self._heard > STREAM_TIMEOUT_S:
                 raise TooSlow("gone", f"No message arrived for {STREAM_TIMEOUT_S:g} s.")
             reason = pace.waiting(now)
-            if reason != said:
-                said = reason
+            if reason != last_reason:
+                last_reason = reason
                 if reason is None:
                     await self._send(Going(time_s=pace.time_s))
                 else:
@@ -389,8 +389,10 @@ class _TargetStream:
                     )
             # A client that does not answer gets only one target per ``REMINDER_S``.
             wait_s = 0.0
-            if self._there and (reason not in ("silence", "behind") or now - told >= REMINDER_S):
-                told = now
+            if self._there and (
+                reason not in ("silence", "behind") or now - last_sent >= REMINDER_S
+            ):
+                last_sent = now
                 await self._send_target()
                 wait_s = self._charge(len(self._sent[-1][1]) * (2 if self._ask.speeds else 1))
             if pace.over(now):
@@ -467,8 +469,8 @@ class _TargetStream:
                 "bad-report", f"got {len(measured)} angles, expected {joints}, one for each joint"
             )
         number = self._number if isinstance(report.number, msgspec.UnsetType) else report.number
-        wanted = next((angles for n, angles in self._sent if n >= number), self._sent[-1][1])
-        return float(np.abs(np.asarray(measured) - wanted).max())
+        target_angles = next((angles for n, angles in self._sent if n >= number), self._sent[-1][1])
+        return float(np.abs(np.asarray(measured) - target_angles).max())
 
     async def _end(self, because: Literal["folded", "stop"]) -> None:
         error = self._pace.error_rad

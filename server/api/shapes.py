@@ -116,28 +116,28 @@ async def post_preview(
     bounded(options, context.settings.max_modules)
 
     def reported(asker: Asker) -> Preview:
-        known = origin.preview
-        if known is None or origin != Origin(preview=known):
+        preview = origin.preview
+        if preview is None or origin != Origin(preview=preview):
             if origin.fold is not None:
                 check_readable(context.store.fold(origin.fold), owner)
             with (
                 open_input(context, origin) as (stream, filename),
                 context.uploads.stored(stream, filename) as upload,
             ):
-                known = context.preview_reports.add(upload, asker.visitor, owner)
-        report = context.preview_reports.report(known, options, asker)
+                preview = context.preview_reports.add(upload, asker.visitor, owner)
+        report = context.preview_reports.report(preview, options, asker)
         answered = options.complete if report.get("final", True) else options
         if owner is not None:
-            context.previews.note_view(known, owner, viewed(answered, report))
+            context.previews.note_view(preview, owner, viewed(answered, report))
         times = expected_times(report, options.world, context.estimates.total_s)
         compilation = context.leases.compilation()
-        most = context.settings.max_modules
+        max_modules = context.settings.max_modules
         reach = [
-            {**each, "modules": None} if (each["modules"] or 0) > most else each
-            for each in report.get("reach", [])
+            {**row, "modules": None} if (row["modules"] or 0) > max_modules else row
+            for row in report.get("reach", [])
         ]
         report = {**report, "reach": reach}
-        return Preview.of(known, answered.key, report, times, compilation=compilation, full=full)
+        return Preview.of(preview, answered.key, report, times, compilation=compilation, full=full)
 
     async with asking(request, context) as asker:
         return await run_in_threadpool(reported, asker)
@@ -164,8 +164,8 @@ async def post_offers(
     options = replace(options, seed=seed)
     bounded(options, context.settings.max_modules)
     async with asking(request, context) as asker:
-        found = await run_in_threadpool(context.preview_reports.offers, preview, options, asker)
-    return TableOffers.model_validate(found)
+        offers = await run_in_threadpool(context.preview_reports.offers, preview, options, asker)
+    return TableOffers.model_validate(offers)
 
 
 def bounded(options: PreviewRequest, max_modules: int) -> None:
@@ -210,16 +210,16 @@ def texts_of(options: Mapping[str, Any]) -> dict[str, str]:
 @asynccontextmanager
 async def asking(request: Request, context: Context) -> AsyncGenerator[Asker]:
     """Yield the client that waits for a report, and watch whether it disconnects."""
-    gone = threading.Event()
+    disconnected = threading.Event()
 
     async def watch() -> None:
         while not await request.is_disconnected():
             await asyncio.sleep(0.1)
-        gone.set()
+        disconnected.set()
 
     watching = asyncio.create_task(watch())
     try:
-        yield Asker(visitor=context.visitor(request), gone=gone.is_set)
+        yield Asker(visitor=context.visitor(request), gone=disconnected.is_set)
     finally:
         watching.cancel()
 

@@ -82,10 +82,10 @@ def get_tour(
 
     A draft is written automatically. Its numbers come from the fold's certificate.
     """
-    found = context.store.find(fold_id)
-    if found is None:
+    located = context.store.find(fold_id)
+    if located is None:
         raise NoSuchFoldError(fold_id)
-    tour = tour_of(context.store, found, draft=draft)
+    tour = tour_of(context.store, located, draft=draft)
     if tour is None:
         raise not_there(context.store.fold(fold_id), "tour")
     return JSONResponse(tour, headers={"Cache-Control": "private, no-cache"})

@@ -98,15 +98,15 @@ def show(fold_id: str, as_json: AsJson = False, data_dir: DataDir = None) -> Non
     """Show the details of a fold."""
     with _tasks(data_dir) as tasks:
         row = tasks.fold(fold_id)
-    known = {column.key: getattr(row, column.key) for column in row.__table__.columns} | {
+    values = {column.key: getattr(row, column.key) for column in row.__table__.columns} | {
         "visitor": row.visitor[:PSEUDONYM_CHARACTERS],
         "owner": row.owner is not None,
         "job": None if row.over else row.status,
     }
     if as_json:
-        typer.echo(json.dumps(known, indent=2))
+        typer.echo(json.dumps(values, indent=2))
         return
-    for name, value in known.items():
+    for name, value in values.items():
         typer.echo(f"{name:<16} {json.dumps(value)}")
 
 
@@ -182,10 +182,10 @@ def damaged(data_dir: DataDir = None) -> None:
 @admin.command()
 def workers(as_json: AsJson = False, data_dir: DataDir = None) -> None:
     """List the workers."""
-    shown = ("name", "host", "pid", "folds_at_once", "version", "beat")
+    column_names = ("name", "host", "pid", "folds_at_once", "version", "beat")
     with _tasks(data_dir) as tasks:
         rows: list[dict[str, Any]] = [
-            {name: getattr(row, name) for name in shown}
+            {name: getattr(row, name) for name in column_names}
             | {"age_s": round(time.time() - row.started_at, 1)}
             for row in tasks.workers()
         ]
@@ -296,9 +296,9 @@ def _shown(row: FoldRow) -> dict[str, Any]:
 
 
 def _words(row: dict[str, Any]) -> list[str]:
-    kept = [word for word in ("pinned", "gallery") if row[word]]
-    shown = {**row, "age": _age(row["age_s"]), "kept": ", ".join(kept)}
-    return ["" if shown[name] is None else str(shown[name]) for name in FOLD_LIST_COLUMNS]
+    marks = [word for word in ("pinned", "gallery") if row[word]]
+    cells = {**row, "age": _age(row["age_s"]), "kept": ", ".join(marks)}
+    return ["" if cells[name] is None else str(cells[name]) for name in FOLD_LIST_COLUMNS]
 
 
 def _age(seconds: float) -> str:

@@ -73,8 +73,8 @@ class LazyCommands(TyperGroup):
         self, ctx: Context, args: list[str]
     ) -> tuple[str | None, Command | None, list[str]]:
         """Import the command that is called and return it with its arguments."""
-        name, command, rest = super().resolve_command(ctx, args)
-        return name, command if name is None else imported(name), rest
+        name, command, remaining_args = super().resolve_command(ctx, args)
+        return name, command if name is None else imported(name), remaining_args
 
     def main(self, *args: Any, **kwargs: Any) -> Any:
         """Run the command line; report an error of the operating system in one sentence."""
@@ -129,8 +129,8 @@ def imported(name: str) -> Command:
     return get_command(alone)
 
 
-def _version(asked: bool) -> None:
-    if asked:
+def _version(is_asked: bool) -> None:
+    if is_asked:
         from importlib.metadata import version  # this import would double the time of `--help`
 
         typer.echo(f"foldback {version('foldback')}")
@@ -239,7 +239,7 @@ def _leave(code: int) -> None:
 
     Otherwise Python would first deallocate all imported modules, which takes 0.2 s.
     """
-    if any(not each.daemon for each in threading.enumerate()[1:]):
+    if any(not thread.daemon for thread in threading.enumerate()[1:]):
         return
     atexit._run_exitfuncs()  # pyright: ignore[reportPrivateUsage]
     for stream in (sys.stdout, sys.stderr):

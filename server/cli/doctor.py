@@ -21,11 +21,11 @@ def doctor(
     """Check that this machine meets the requirements; exits with 1 if there is a problem."""
     from foldback.server.doctor.doctor import examined
 
-    found = examined({"host": host, "port": port, "data_dir": data_dir})
+    results = examined({"host": host, "port": port, "data_dir": data_dir})
     if as_json:
-        typer.echo(json.dumps([asdict(finding) for finding in found], indent=2))
+        typer.echo(json.dumps([asdict(finding) for finding in results], indent=2))
     else:
-        for finding in found:
+        for finding in results:
             typer.echo(escaped(finding.line))
-    if any(finding.verdict == "problem" for finding in found):
+    if any(finding.verdict == "problem" for finding in results):
         raise typer.Exit(1)

@@ -60,7 +60,7 @@ MOVIE_OPTIONS: Final[dict[str, tuple[str, type, str]]] = {
 
 def _with_movie_options(command: Callable[..., None]) -> Callable[..., None]:
     """Replace the parameter ``options`` of a command by an option for each of ``MOVIE_OPTIONS``."""
-    *own, _, last = signature(command, eval_str=True).parameters.values()
+    *own_parameters, _, last = signature(command, eval_str=True).parameters.values()
     added = (
         Parameter(
             name,
@@ -75,7 +75,7 @@ def _with_movie_options(command: Callable[..., None]) -> Callable[..., None]:
     def call(*, directory: Path, out: Path, tour: bool, as_json: bool, **options: Any) -> None:
         command(directory=directory, out=out, tour=tour, options=options, as_json=as_json)
 
-    return with_parameters(call, [*own, *added, last])
+    return with_parameters(call, [*own_parameters, *added, last])
 
 
 @_with_movie_options
@@ -97,8 +97,8 @@ def movie(
     """Make a movie of a fold: the straight chain folds into its shape."""
     try:
         check_fold(directory)
-        told = _tour_of(directory) if tour else None
-        movie = Movie.of({"format": _format_of(out), **options}, told)
+        tour_values = _tour_of(directory) if tour else None
+        movie = Movie.of({"format": _format_of(out), **options}, tour_values)
         check_movie(movie.format)
         _make(movie, _timeline_of(directory), out, on_table=is_on_table(directory))
     except InputError as error:
@@ -172,5 +172,5 @@ def _make(movie: Movie, timeline: Path, out: Path, *, on_table: bool) -> None:
             on_progress=report,
             cancelled=lambda: False,
         )
-        with written_aside(out) as aside:  # on another disk, it is copied
-            shutil.move(place / "movie", aside)
+        with written_aside(out) as partial_path:  # on another disk, it is copied
+            shutil.move(place / "movie", partial_path)

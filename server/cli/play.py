@@ -82,22 +82,22 @@ def row_of(directory: Path) -> ShownFold:
     certificate = plan.get("certificate") or json_of(result_path(directory, CERTIFICATE))
     verified, reason = certificate.get("verified"), certificate.get("reason")
     no_plan = None if verified else "the fold has no plan"
-    told: dict[str, Any] = {
+    values: dict[str, Any] = {
         "status": "verified" if verified else "failed",
         "reason": from_plain(reason, Reason).text() if reason else no_plan,
         "certificate": certificate,
         **{k: plan[k] for k in ("explosion", "playback", "seed", "smoothing") if k in plan},
     }
     if plan:
-        told["stuck"] = stuck_of(plan.get("explosion"), plan.get("attempts") or ())
+        values["stuck"] = stuck_of(plan.get("explosion"), plan.get("attempts") or ())
     elif not certificate:
-        told |= Workspace(directory).stopped_where()
+        values |= Workspace(directory).stopped_where()
     if plan.get("start"):
-        told["refold"] = {"start": plan["start"]["name"]}
+        values["refold"] = {"start": plan["start"]["name"]}
     return ShownFold(
         id=PLAYED_FOLD_ID,
         name=chain.name,
-        status=told["status"],
+        status=values["status"],
         modules=len(chain),
         module=chain.module.name,
         preset=str(request.get("preset") or plan.get("preset") or ""),
@@ -106,7 +106,7 @@ def row_of(directory: Path) -> ShownFold:
         world=str(request.get("world") or FLOATING),
         refold=start["name"] if (start := plan.get("start")) else None,
         smooths=PLAYED_FOLD_ID if plan.get("smoothing") else None,
-        summary=cast(FoldSummary, told),
+        summary=cast(FoldSummary, values),
     )
 
 
@@ -213,9 +213,9 @@ def _play_in_viser(directory: Path, name: str, host: str, port: int, browser: bo
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda number, frame: ended.set())
     with quiet():
-        shown = show(directory, host=host, port=port, open_browser=browser)
-    with shown:
-        typer.echo(f"{name} is at {shown.url} (Ctrl-C stops it)")
+        address = show(directory, host=host, port=port, open_browser=browser)
+    with address:
+        typer.echo(f"{name} is at {address.url} (Ctrl-C stops it)")
         ended.wait()
 
 

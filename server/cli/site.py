@@ -64,15 +64,15 @@ def site(
                 "got the folder of a fold for the site. Choose another folder.",
                 where=str(out),
             )
-        with replacing_listed(out, None) as place, _shipped(finished) as shown:
+        with replacing_listed(out, None) as place, _shipped(finished) as shipped:
             for directory in folds or ():
-                for each in _folds_in(directory):
-                    check_fold(each)
-                    shown.append(_found(each, each.name))
-            shown = _named_apart(shown)
-            if not shown:
+                for folder in _folds_in(directory):
+                    check_fold(folder)
+                    shipped.append(_found(folder, folder.name))
+            shipped = _named_apart(shipped)
+            if not shipped:
                 raise InputError("no-folds", "got no folds, expected --folds or --finished.")
-            write_site(place, shown, service)
+            write_site(place, shipped, service)
     except InputError as error:
         refuse(error, as_json)
     except PlannerError as error:
@@ -82,9 +82,9 @@ def site(
         refuse(InputError("no-file", detail, where=str(error.filename or out)), as_json)
     size = sum(path.stat().st_size for path in out.rglob("*") if path.is_file())
     if as_json:
-        print(json.dumps({"directory": str(out), "folds": len(shown), "bytes": size}), flush=True)
+        print(json.dumps({"directory": str(out), "folds": len(shipped), "bytes": size}), flush=True)
         return
-    number = "1 fold" if len(shown) == 1 else f"{len(shown)} folds"
+    number = "1 fold" if len(shipped) == 1 else f"{len(shipped)} folds"
     Console(soft_wrap=True, highlight=False).print(
         f"{out}: {number}, {size / 1e6:.1f} MB; open {out / 'index.html'}", markup=False
     )
@@ -107,9 +107,9 @@ def _shipped(finished: bool) -> Generator[list[Found]]:
             directory = Path(place) / path.stem
             directory.mkdir()
             about = unpack(path.read_bytes(), directory)
-            found = _found(directory, path.stem)
-            row = replace(found.row, name=about["name"], refold=about["refold"])
-            folds.append(replace(found, row=row))
+            located = _found(directory, path.stem)
+            row = replace(located.row, name=about["name"], refold=about["refold"])
+            folds.append(replace(located, row=row))
         yield folds
 
 
@@ -118,7 +118,7 @@ def _folds_in(directory: Path) -> list[Path]:
     if result_path(directory, TIMELINE).exists():
         return [directory]
     inside = sorted(directory.iterdir()) if directory.is_dir() else []
-    if not (folds := [each for each in inside if result_path(each, TIMELINE).exists()]):
+    if not (folds := [folder for folder in inside if result_path(folder, TIMELINE).exists()]):
         detail = (
             "found no fold at this path; expected a folder that `foldback fold` wrote, or a "
             "folder with several such folders."
@@ -138,19 +138,19 @@ def _named_apart(folds: list[Found]) -> list[Found]:
     apart: dict[str, Found] = {}
     for fold in sorted(folds, key=lambda fold: (fold.row.modules, fold.row.name)):
         ids = (fold.row.id if k == 1 else f"{fold.row.id}-{k}" for k in count(1))
-        fold_id = next(each for each in ids if each not in apart)
+        fold_id = next(candidate for candidate in ids if candidate not in apart)
         apart[fold_id] = replace(fold, row=replace(fold.row, id=fold_id))
     return _titled_apart(list(apart.values()))
 
 
 def _titled_apart(folds: list[Found]) -> list[Found]:
     """Return the folds with different titles: equal ones get their size or, if equal, their id."""
-    for more in ("{title}, {row.modules} modules", "{row.id}"):
+    for suffix in ("{title}, {row.modules} modules", "{row.id}"):
         titles = Counter(fold.row.title for fold in folds)
         folds = [
             replace(
                 fold,
-                row=replace(row, renamed=True, name=more.format(title=row.title, row=row)),
+                row=replace(row, renamed=True, name=suffix.format(title=row.title, row=row)),
             )
             if titles[(row := fold.row).title] > 1
             else fold

@@ -30,17 +30,17 @@ UNKNOWN_FIELD: Final = re.compile(r"unknown field `(\w{1,40})`")
 def form_of(request: type[RequestT]) -> Callable[..., Awaitable[RequestT]]:
     """Return the dependency that reads a request from a form with a field for each option."""
 
-    async def read(**given: Any) -> RequestT:
-        return request.of(**given)
+    async def read(**fields: Any) -> RequestT:
+        return request.of(**fields)
 
     parameters = [
         Parameter(
             name,
             Parameter.KEYWORD_ONLY,
-            default=each.default,
-            annotation=Annotated[each.annotation, field(each)],
+            default=option.default,
+            annotation=Annotated[option.annotation, field(option)],
         )
-        for name, each in options_of(request).items()
+        for name, option in options_of(request).items()
     ]
     vars(read)["__signature__"] = Signature(parameters)
     return read
@@ -107,8 +107,8 @@ def _refusal(message: str) -> ServiceError:
     """Return the refusal with the words of msgspec, such as "Expected `int`, got `str`"."""
     place = PLACE.search(message)
     assert place is not None
-    where = "body" + (place["place"] or "")
+    place_text = "body" + (place["place"] or "")
     if (unknown := UNKNOWN_FIELD.search(message)) is not None:
-        where = f"{where}.{unknown[1]}"
+        place_text = f"{place_text}.{unknown[1]}"
     detail = message[: place.start()].replace("`", "")
-    return Unusable("bad-request", f"{detail}.", where=where)
+    return Unusable("bad-request", f"{detail}.", where=place_text)

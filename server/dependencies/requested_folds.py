@@ -45,17 +45,17 @@ def check_private(fold: FoldRow, denied: str) -> None:
         raise Forbidden("public", detail)
 
 
-def not_there(row: FoldRow, what: str) -> NotFound | Conflict:
+def not_there(row: FoldRow, part: str) -> NotFound | Conflict:
     """Return the problem that a fold does not have a file, or not yet."""
     if row.over:
         reason = f" ({row.error['detail']})" if row.error else ""
         return NotFound(
             "no-such-artifact",
-            f"This fold has ended with the status '{row.status}' and has no {what}{reason}.",
+            f"This fold has ended with the status '{row.status}' and has no {part}{reason}.",
         )
     return Conflict(
         "not-ready",
-        f"The {what} does not exist yet: the fold is {row.status}. Try again later.",
+        f"The {part} does not exist yet: the fold is {row.status}. Try again later.",
         retry_after_s=1,
     )
 

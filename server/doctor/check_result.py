@@ -35,29 +35,29 @@ class CheckResult:
         return words if self.remedy is None else f"{words}. {self.remedy}"
 
 
-def ok(found: str) -> CheckResult:
+def ok(text: str) -> CheckResult:
     """Return the result of a successful check."""
-    return CheckResult(verdict="ok", found=found)
+    return CheckResult(verdict="ok", found=text)
 
 
-def warning(found: str, remedy: str) -> CheckResult:
+def warning(text: str, remedy: str) -> CheckResult:
     """Return the result of a failed check without which the service still works."""
-    return CheckResult(verdict="warning", found=found, remedy=remedy)
+    return CheckResult(verdict="warning", found=text, remedy=remedy)
 
 
-def problem(found: str, remedy: str) -> CheckResult:
+def problem(text: str, remedy: str) -> CheckResult:
     """Return the result of a failed check without which the service cannot work."""
-    return CheckResult(verdict="problem", found=found, remedy=remedy)
+    return CheckResult(verdict="problem", found=text, remedy=remedy)
 
 
 def examine(checks: Sequence[tuple[str, Check]], settings: Settings) -> list[CheckResult]:
     """Run checks; one that raises an error is a problem and does not stop the others."""
-    found: list[CheckResult] = []
+    results: list[CheckResult] = []
     for name, check in checks:
         try:
             finding = check(settings)
         except Exception as error:
             words = f"the check itself failed ({type(error).__name__}: {error})"
             finding = problem(words, "Please report this error.")
-        found.append(replace(finding, name=name))
-    return found
+        results.append(replace(finding, name=name))
+    return results

@@ -58,9 +58,9 @@ def confinement(settings: Settings) -> CheckResult:
     """Check that processes that read uploads reach no other programs, files and networks."""
     code, words = run_python(_CONFINE, str(settings.root / "foldback.db"))
     if code or not words.startswith("["):
-        found = f"the sandbox could not be tested ({words})"
+        text = f"the sandbox could not be tested ({words})"
     elif free := json.loads(words):
-        found = (
+        text = (
             "on this system, processes that read uploads are not isolated: they may use "
             f"{' and '.join(free)}"
         )
@@ -70,7 +70,7 @@ def confinement(settings: Settings) -> CheckResult:
             "other programs, sockets, shared memory, links and namespaces"
         )
     return warning(
-        found,
+        text,
         "Use Linux 5.19 or newer with Landlock and seccomp (allow both in a container) on x86_64 "
         "or ARM64, or run the service as a separate user with the sandbox options of systemd.",
     )

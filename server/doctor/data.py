@@ -32,39 +32,39 @@ VOLATILE_FILESYSTEMS: Final = frozenset({"tmpfs", "ramfs"})
 def directory(settings: Settings) -> CheckResult:
     """Check that the data directory is writable; report its disk and free space."""
     root = settings.root
-    there = _nearest(root)
+    existing = _nearest(root)
     try:
-        check_folder(there)
+        check_folder(existing)
     except OSError as error:
-        found = f"{there} cannot be written ({error.strerror})"
+        text = f"{existing} cannot be written ({error.strerror})"
         if error.errno in READ_ONLY_ERRORS:
-            found += f". {READ_ONLY_WORDS[:-1]}"
+            text += f". {READ_ONLY_WORDS[:-1]}"
         return problem(
-            found,
+            text,
             "Make the directory writable for the user that runs foldback, or set FOLDBACK_DATA_DIR "
             "to another directory.",
         )
-    kind = _kind_of_disk(there)
-    free = free_space(there)
-    found = f"{root} on {kind}, {free // 2**20} MiB free"
-    if root != there:
-        found += "; it will be created"
+    kind = _kind_of_disk(existing)
+    free = free_space(existing)
+    text = f"{root} on {kind}, {free // 2**20} MiB free"
+    if root != existing:
+        text += "; it will be created"
     if free < settings.min_free_disk_bytes:
         return problem(
-            f"{found}, expected at least {settings.min_free_disk_bytes // 2**20} MiB",
+            f"{text}, expected at least {settings.min_free_disk_bytes // 2**20} MiB",
             "Free some space (`foldback admin expire --older DAYS`), or use a larger disk.",
         )
     if kind in NETWORK_FILESYSTEMS and settings.database_url is None:
         return warning(
-            f"{found}; SQLite is not safe on a network disk",
+            f"{text}; SQLite is not safe on a network disk",
             "Use a local disk, or PostgreSQL with FOLDBACK_DATABASE_URL.",
         )
     if kind in VOLATILE_FILESYSTEMS:
         return warning(
-            f"{found}; its content is lost when the machine restarts",
+            f"{text}; its content is lost when the machine restarts",
             "Set FOLDBACK_DATA_DIR to a directory on a disk.",
         )
-    return ok(found)
+    return ok(text)
 
 
 def _nearest(path: Path) -> Path:
@@ -99,31 +99,31 @@ def database(settings: Settings) -> CheckResult:
 def _tables(url: str, connection: sa.Connection) -> CheckResult:
     schema = Schema.of(connection)
     ahead_s = _ahead_s(connection, schema)
-    found = f"{_shown(url)}, tables of version {schema.found}"
+    text = f"{_shown(url)}, tables of version {schema.found}"
     if schema.newer:
         return problem(
-            f"{found}, from a newer foldback; this foldback supports versions up to {schema.head}",
+            f"{text}, from a newer foldback; this foldback supports versions up to {schema.head}",
             "Install the newer version again, or restore an older backup.",
         )
     if schema.found is None:
         return ok(f"{_shown(url)}, empty; tables will be created")
     if schema.missing:
         return warning(
-            f"{found}, expected {schema.head}",
+            f"{text}, expected {schema.head}",
             "Back up the database before you start `foldback serve`, which updates the tables.",
         )
     if restored_number(connection) is not None:
         return warning(
-            f"{found}, with an unfinished restore",
+            f"{text}, with an unfinished restore",
             "Start the service or run `foldback admin list` to finish it. If the restored files "
             "are lost, restore the backup again.",
         )
     if ahead_s > 5.0:
         return warning(
-            f"{found}; its times and this machine's clock are {ahead_s:.0f} s apart",
+            f"{text}; its times and this machine's clock are {ahead_s:.0f} s apart",
             "Set this machine's clock and the database's clock with NTP.",
         )
-    return ok(found)
+    return ok(text)
 
 
 def storage(settings: Settings) -> CheckResult:
@@ -155,8 +155,8 @@ def _check_storage(settings: Settings) -> None:
 def _ahead_s(connection: sa.Connection, schema: Schema) -> float:
     """Return the seconds by which the database's clock differs, or its newest row is ahead."""
     if connection.dialect.name == "postgresql":
-        theirs = connection.scalar(sa.text("SELECT extract(epoch FROM clock_timestamp())"))
-        return abs(float(theirs) - time.time())
+        database_s = connection.scalar(sa.text("SELECT extract(epoch FROM clock_timestamp())"))
+        return abs(float(database_s) - time.time())
     if schema.found is None:
         return 0.0
     newest = connection.scalar(sa.text("SELECT max(created_at) FROM folds"))
@@ -169,8 +169,8 @@ def _shown(url: str) -> str:
 
 
 def _unusable(url: str, error: Exception) -> CheckResult:
-    said = getattr(error, "orig", None) or error
-    words = str(said).strip().partition("\n")[0][:200]
+    cause = getattr(error, "orig", None) or error
+    words = str(cause).strip().partition("\n")[0][:200]
     if "not a database" in words or "malformed" in words:
         remedy = "Move the file away and restore a backup, or start with an empty database."
     else:

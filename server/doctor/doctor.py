@@ -31,15 +31,15 @@ CHECKS: Final[tuple[tuple[str, Check], ...]] = (
 )
 
 
-def examined(given: Mapping[str, Any]) -> list[CheckResult]:
+def examined(fields: Mapping[str, Any]) -> list[CheckResult]:
     """Return the results of all checks, or the errors of the settings.
 
     Args:
-        given: Settings from the command line, by name; None if not given.
+        fields: Settings from the command line, by name; None if not given.
     """
     try:
-        settings = Settings(**{name: value for name, value in given.items() if value is not None})
+        settings = Settings(**{name: value for name, value in fields.items() if value is not None})
     except ValidationError as error:
-        found = settings_words(error)
-        return [CheckResult(name="settings", verdict="problem", found=found, remedy=REMEDY)]
+        fault = settings_words(error)
+        return [CheckResult(name="settings", verdict="problem", found=fault, remedy=REMEDY)]
     return examine(CHECKS, settings)

@@ -51,16 +51,17 @@ print(f"MuJoCo {loaded} computes")
 
 def gl(_: Settings) -> CheckResult:
     """Check that an OpenGL backend can draw movies without a screen."""
-    tried = backends()
-    said: list[str] = []
-    for backend in tried:
+    backend_names = backends()
+    messages: list[str] = []
+    for backend in backend_names:
         code, words = run_python(_DRAW, backend, environment={GL_SETTING: backend})
         if code == 0:
             return ok(f"{backend} can draw without a screen")
-        said.append(f"{backend}: {words}")
+        messages.append(f"{backend}: {words}")
     return warning(
-        f"movies cannot be made: {'; '.join(said) or f'drawing is switched off by {GL_SETTING}'}",
-        f"{NO_GL[0].upper()}{NO_GL[1:]}." if tried else f"Unset {GL_SETTING}.",
+        "movies cannot be made: "
+        f"{'; '.join(messages) or f'drawing is switched off by {GL_SETTING}'}",
+        f"{NO_GL[0].upper()}{NO_GL[1:]}." if backend_names else f"Unset {GL_SETTING}.",
     )
 
 
@@ -114,5 +115,5 @@ def run_python(
         return 1, f"no answer within {DRAWING_TIMEOUT_S:.0f} s"
     if done.returncode < 0:
         return done.returncode, f"it crashed (signal {-done.returncode})"
-    said = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
-    return done.returncode, said[-1][:200] if said else f"exit code {done.returncode}"
+    lines = (done.stdout if done.returncode == 0 else done.stderr).strip().splitlines()
+    return done.returncode, lines[-1][:200] if lines else f"exit code {done.returncode}"

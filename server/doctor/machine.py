@@ -44,25 +44,25 @@ def python(_: Settings) -> CheckResult:
             continue
         count += 1
         try:
-            found = version(needed.name)
+            installed = version(needed.name)
         except PackageNotFoundError:
             wrong.append(f"{needed.name} is missing")
             expected.append(str(needed))
             continue
-        if not needed.specifier.contains(found, prereleases=True):
-            wrong.append(f"{needed.name} has version {found}, expected {needed.specifier}")
+        if not needed.specifier.contains(installed, prereleases=True):
+            wrong.append(f"{needed.name} has version {installed}, expected {needed.specifier}")
             expected.append(str(needed))
-    here = f"Python {platform.python_version()}, foldback {version('foldback')}"
+    versions = f"Python {platform.python_version()}, foldback {version('foldback')}"
     if sys.version_info < MIN_PYTHON:
-        return problem(here, "Install Python 3.11 or newer.")
+        return problem(versions, "Install Python 3.11 or newer.")
     if wrong:
         command = " ".join(["pip install", *(f"'{needed}'" for needed in expected)])
         return problem(
-            f"{here}; {'; '.join(wrong)}",
+            f"{versions}; {'; '.join(wrong)}",
             f"Run `{command}`, or reinstall foldback into its own virtual environment.",
         )
-    where = Path(str(distribution("foldback").locate_file(""))).resolve()
-    return ok(f"{here} in {where}; {count} packages have the right versions")
+    directory = Path(str(distribution("foldback").locate_file(""))).resolve()
+    return ok(f"{versions} in {directory}; {count} packages have the right versions")
 
 
 def variables(settings: Settings) -> CheckResult:
@@ -110,10 +110,10 @@ def _foldback_answers(settings: Settings) -> bool:
     try:
         with closing(HTTPConnection(host, settings.port, timeout=5.0)) as connection:
             connection.request("GET", "/ready")
-            found = json.loads(connection.getresponse().read(65536))
+            health = json.loads(connection.getresponse().read(65536))
     except (OSError, HTTPException, ValueError):
         return False
-    return isinstance(found, dict) and {"ready", "database", "disk", "workers"} <= found.keys()
+    return isinstance(health, dict) and {"ready", "database", "disk", "workers"} <= health.keys()
 
 
 def files(settings: Settings) -> CheckResult:
@@ -135,19 +135,19 @@ def files(settings: Settings) -> CheckResult:
 
 def memory(settings: Settings) -> CheckResult:
     """Check that all folds, the web process and its children together fit into memory."""
-    there = min(psutil.virtual_memory().total, *_allowed_bytes())
+    memory_bytes = min(psutil.virtual_memory().total, *_allowed_bytes())
     folds = settings.workers * settings.folds_per_worker
     # measured: the web process, and each of its idle children
     besides = 2**20 * (384 + 272 * INTERACTIVE_CHILDREN)
     needed = folds * settings.child_memory_bytes + besides
-    found = (
-        f"this machine has {_mib(there)}; {folds} simultaneous folds need up to "
+    text = (
+        f"this machine has {_mib(memory_bytes)}; {folds} simultaneous folds need up to "
         f"{_mib(settings.child_memory_bytes)} each"
     )
-    if there >= needed:
-        return ok(found)
+    if memory_bytes >= needed:
+        return ok(text)
     return warning(
-        f"{found}; web pages and {INTERACTIVE_CHILDREN} processes that read uploads, prepare "
+        f"{text}; web pages and {INTERACTIVE_CHILDREN} processes that read uploads, prepare "
         f"previews, compute trajectories and draw pictures need {_mib(besides)} more",
         "Lower FOLDBACK_CHILD_MEMORY_BYTES, FOLDBACK_WORKERS or FOLDBACK_FOLDS_PER_WORKER.",
     )
@@ -193,14 +193,14 @@ def clock(settings: Settings) -> CheckResult:
     if newest.exists():
         past = max(past, newest.stat().st_mtime)
     now = time.time()
-    shown = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(now))
+    clock_text = time.strftime("%Y-%m-%d %H:%M:%S UTC", time.gmtime(now))
     if now < past - 60.0:
         return warning(
-            f"the clock shows {shown}, but some files have times that are "
+            f"the clock shows {clock_text}, but some files have times that are "
             f"{_hours(past - now)} later",
             "Set the clock and synchronise it with NTP; the clock decides when folds expire.",
         )
-    return ok(shown)
+    return ok(clock_text)
 
 
 def _hours(seconds: float) -> str:

@@ -92,10 +92,10 @@ class Artifacts:
             before = _size(path)
             self._keep(fold_id, directory, path, data)
             if edition:
-                for other in plain.parent.glob(f"{plain.stem}-*{plain.suffix}"):
-                    if other != path:
-                        before += _size(other)
-                        other.unlink(missing_ok=True)
+                for sibling in plain.parent.glob(f"{plain.stem}-*{plain.suffix}"):
+                    if sibling != path:
+                        before += _size(sibling)
+                        sibling.unlink(missing_ok=True)
             if self._store is not None:
                 self._store.add_derived(fold_id, len(data) - before)
 

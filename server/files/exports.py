@@ -41,9 +41,9 @@ async def export_file(
     """
     directory = await asyncio.to_thread(store.directory, fold_id)
     await asyncio.to_thread(check, directory, PLAN, export.filename)
-    kept = directory / export.filename
-    if await asyncio.to_thread(kept.is_file):
-        return kept  # the fold's own stages have written it
+    stored_path = directory / export.filename
+    if await asyncio.to_thread(stored_path.is_file):
+        return stored_path  # the fold's own stages have written it
     return await artifacts.file(
         fold_id,
         directory,

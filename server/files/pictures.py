@@ -40,12 +40,12 @@ def moment_of(
     frame = None
     if view is not None and timeline is not None and len(timeline):
         index = min(max(int(view.partition(",")[0]) - 1, 0), len(timeline) - 1)
-        told = timeline.motion(index, index + 1).dense(timeline.chain)
-        errors = told.joint_error_rad[0]
+        dense = timeline.motion(index, index + 1).dense(timeline.chain)
+        errors = dense.joint_error_rad[0]
         frame = {
-            "angles_rad": told.joint_angles_rad[0].tolist(),
-            "position": told.root_position[0].tolist(),
-            "wxyz": told.root_wxyz[0].tolist(),
+            "angles_rad": dense.joint_angles_rad[0].tolist(),
+            "position": dense.root_position[0].tolist(),
+            "wxyz": dense.root_wxyz[0].tolist(),
             "errors_rad": [None if np.isnan(error) else float(error) for error in errors],
             "scale_rad": timeline.error_scale_rad,
         }

@@ -112,8 +112,8 @@ class PreviewReports:
         if options.quick:
             complete = self._previews.place(preview_id, options.complete.key)
         self._previews.touch(row)
-        if (known := read_report(complete) or read_report(place)) is not None:
-            return known
+        if (stored_report := read_report(complete) or read_report(place)) is not None:
+            return stored_report
         foreign = asker.visitor != row.visitor
         if self._previews.reports(preview_id, foreign=foreign) >= MAX_OPTION_SETS:
             raise TooMany(
@@ -133,12 +133,12 @@ class PreviewReports:
                 place = _moved(place, complete)
         finally:
             self._previews.keep_report(place, foreign=foreign)
-        found = read_report(place)
-        if found is None and asker.gone():
+        stored_report = read_report(place)
+        if stored_report is None and asker.gone():
             raise Unavailable("gone", "The preview was cancelled, because its client disconnected.")
-        if found is None:
+        if stored_report is None:
             raise NoSuchPreviewError(preview_id)
-        return found
+        return stored_report
 
     def offers(self, preview_id: str, options: PreviewRequest, asker: Asker) -> dict[str, Any]:
         """Return versions of an upload that can fold on a table; searched once.
@@ -158,19 +158,19 @@ class PreviewReports:
         if options.world != "table" or report["has_path"]:
             return {"offers": []}
         place = self._previews.place(preview_id, options.key)
-        if known := sealed_json_of(place / OFFERS_FILE):
-            return known
+        if sealed_json := sealed_json_of(place / OFFERS_FILE):
+            return sealed_json
         try:
             self._compute("offers", place, asker)
         except (TooSlow, Unavailable):
             if not (place / OFFERS_FILE).is_file():
                 raise
-        found = sealed_json_of(place / OFFERS_FILE)
-        if not found:
+        sealed_json = sealed_json_of(place / OFFERS_FILE)
+        if not sealed_json:
             raise Unavailable("gone", "The search was cancelled, because its client disconnected.")
         foreign = asker.visitor != self._previews.row(preview_id).visitor
         self._previews.keep_report(place, foreign=foreign)
-        return found
+        return sealed_json
 
     def _compute(self, task: str, place: Path, asker: Asker) -> None:
         """Run a task in the directory of a report.

@@ -63,18 +63,18 @@ class Wanted:
             OSError: If there is no such file.
             TooLarge: If it is too large.
         """
-        found = plan.stat()
-        if found.st_size > MAX_RETIMED_PLAN_BYTES:
+        stat = plan.stat()
+        if stat.st_size > MAX_RETIMED_PLAN_BYTES:
             raise TooLarge(
                 "too-large",
-                f"got a plan of {megabytes(found.st_size)}, expected at most "
+                f"got a plan of {megabytes(stat.st_size)}, expected at most "
                 f"{megabytes(MAX_RETIMED_PLAN_BYTES)}; download plan.npz and "
                 "use `foldback retime`.",
             )
         return cls(
             plan=plan,
-            changed_ns=found.st_mtime_ns,
-            size=found.st_size,
+            changed_ns=stat.st_mtime_ns,
+            size=stat.st_size,
             max_speed=max_speed,
             max_acceleration=max_acceleration,
         )
@@ -142,7 +142,7 @@ class Trajectories:
             per_visitor=settings.answers_waiting_of_visitor,
         )
         self._streams = Quota("motions", total=STREAMS, per_visitor=STREAMS_OF_ADDRESS)
-        self._cache: Cache[Retimed] = Cache(kept_bytes, lambda kept: kept.trajectory.nbytes)
+        self._cache: Cache[Retimed] = Cache(kept_bytes, lambda retimed: retimed.trajectory.nbytes)
         self._clearances: Cache[dict[str, Any]] = Cache(1024, lambda _: 1)
         self._used: weakref.WeakValueDictionary[Wanted, Retimed] = weakref.WeakValueDictionary()
         self._used_bytes = used_bytes
@@ -150,16 +150,16 @@ class Trajectories:
     @property
     def nbytes(self) -> int:
         """Total size of all trajectories that are cached or in use, bytes."""
-        found = [retimed.trajectory for retimed in self._used.values()]
-        shared = {id(t.path.frames): t.path.frames.nbytes for t in found}
-        return sum(shared.values()) + sum(t.nbytes - t.path.frames.nbytes for t in found)
+        trajectories = [retimed.trajectory for retimed in self._used.values()]
+        shared = {id(t.path.frames): t.path.frames.nbytes for t in trajectories}
+        return sum(shared.values()) + sum(t.nbytes - t.path.frames.nbytes for t in trajectories)
 
     def close(self) -> None:
         """End the children."""
         self._flight.close()
         self._pool.close()
 
-    async def of(self, wanted: Wanted, visitor: str) -> Retimed:
+    async def of(self, timing: Wanted, visitor: str) -> Retimed:
         """Return the requested trajectory; it is computed once for all concurrent requests.
 
         Raises:
@@ -167,13 +167,13 @@ class Trajectories:
                 disk is full.
             InputError: If the plan cannot be retimed.
         """
-        known = self._used.get(wanted)
-        if known is None:
-            known = await self._flight.get_or_make(
-                wanted, lambda: self._retimed(wanted), visitor=visitor
+        used = self._used.get(timing)
+        if used is None:
+            used = await self._flight.get_or_make(
+                timing, lambda: self._retimed(timing), visitor=visitor
             )
-            known = self._used.setdefault(wanted, self._shared(wanted, known))
-        self._cache.keep(wanted, known)
+            used = self._used.setdefault(timing, self._shared(timing, used))
+        self._cache.keep(timing, used)
         if self.nbytes > self._used_bytes:
             self._cache.clear()
         if self.nbytes > self._used_bytes:
@@ -182,9 +182,9 @@ class Trajectories:
                 "The service is busy with other long trajectories; try again in a moment.",
                 retry_after_s=30,
             )
-        return known
+        return used
 
-    async def motors(self, wanted: Wanted, motors: MotorsWanted, visitor: str) -> bytes:
+    async def motors(self, timing: Wanted, motors: MotorsWanted, visitor: str) -> bytes:
         """Return the torques that a trajectory needs, as ``MotorTable`` writes them.
 
         Raises:
@@ -194,17 +194,17 @@ class Trajectories:
 
         def made() -> bytes:
             with self._motions.directory() as place:
-                self._call("motors", place, wanted, {**wanted.request(), **asdict(motors)})
+                self._call("motors", place, timing, {**timing.request(), **asdict(motors)})
                 with open(place / MOTORS_FILE, "rb") as table:
-                    found = table.read(MAX_MOTOR_TABLE_BYTES + 1)
-                if len(found) > MAX_MOTOR_TABLE_BYTES:
+                    data = table.read(MAX_MOTOR_TABLE_BYTES + 1)
+                if len(data) > MAX_MOTOR_TABLE_BYTES:
                     raise _too_large()
-                return found
+                return data
 
-        return await self._flight.get_or_make((wanted, motors), made, visitor=visitor)
+        return await self._flight.get_or_make((timing, motors), made, visitor=visitor)
 
     async def clearance(
-        self, wanted: Wanted, rate_hz: float | None, visitor: str
+        self, timing: Wanted, rate_hz: float | None, visitor: str
     ) -> tuple[float, float]:
         """Return the minimum clearance and its bound for straight motions between rows, pitches.
 
@@ -215,22 +215,23 @@ class Trajectories:
 
         def made() -> dict[str, Any]:
             with self._motions.directory() as place:
-                request = {**wanted.request(), "rate_hz": rate_hz}
-                return self._call("clearance", place, wanted, request)
+                request = {**timing.request(), "rate_hz": rate_hz}
+                return self._call("clearance", place, timing, request)
 
-        told = await self._flight.get_or_make(
-            (wanted, rate_hz), made, visitor=visitor, cache=self._clearances
+        clearances = await self._flight.get_or_make(
+            (timing, rate_hz), made, visitor=visitor, cache=self._clearances
         )
-        if told["overlap"]:
-            enough = told["sufficient_rate_hz"]
+        if clearances["overlap"]:
+            enough = clearances["sufficient_rate_hz"]
             advice = f"use rate={enough:g}" if enough else "request a higher rate, or omit rate"
             raise Unusable(
                 "rows-overlap",
-                f"got a rate so low that modules overlap by {-told['min_clearance']:.2g} pitch "
+                f"got a rate so low that modules overlap by {-clearances['min_clearance']:.2g} "
+                "pitch "
                 f"between two consecutive rows, expected no overlap; {advice}.",
                 where="query.rate",
             )
-        return told["min_clearance"], told["clearance_bound"]
+        return clearances["min_clearance"], clearances["clearance_bound"]
 
     def stream(self, address: str) -> Permit:
         """Return a permit to send a trajectory.
@@ -240,37 +241,37 @@ class Trajectories:
         """
         return self._streams.enter(address)
 
-    def _shared(self, wanted: Wanted, made: Retimed) -> Retimed:
+    def _shared(self, timing: Wanted, retimed: Retimed) -> Retimed:
         """Return a trajectory that shares its frames with others of the same plan, if any."""
-        for other, known in self._used.items():
-            if (other.plan, other.changed_ns) == (wanted.plan, wanted.changed_ns):
-                path = replace(made.trajectory.path, frames=known.trajectory.path.frames)
-                return replace(made, trajectory=replace(made.trajectory, path=path))
-        return made
+        for used_timing, used in self._used.items():
+            if (used_timing.plan, used_timing.changed_ns) == (timing.plan, timing.changed_ns):
+                path = replace(retimed.trajectory.path, frames=used.trajectory.path.frames)
+                return replace(retimed, trajectory=replace(retimed.trajectory, path=path))
+        return retimed
 
-    def _retimed(self, wanted: Wanted) -> Retimed:
+    def _retimed(self, timing: Wanted) -> Retimed:
         from foldback.planner.robot.trajectory import FRAMES_FILE, REST_FILE
 
-        with self._motions.directory() as place, self._scratch.directory() as kept:
-            told = self._call("retime", place, wanted, wanted.request())
+        with self._motions.directory() as place, self._scratch.directory() as directory:
+            summary = self._call("retime", place, timing, timing.request())
             # Copied, because the child may still change or truncate its own files, and this process
             # reads from them for as long as the trajectory is used.
             for name in (FRAMES_FILE, REST_FILE):
-                _copy(place / name, kept / name, self._used_bytes)
+                _copy(place / name, directory / name, self._used_bytes)
             return Retimed(
-                name=told["name"],
-                verified=told["verified"],
-                trajectory=_loaded(kept, self._used_bytes),
+                name=summary["name"],
+                verified=summary["verified"],
+                trajectory=_loaded(directory, self._used_bytes),
             )
 
     def _call(
-        self, task: str, place: Path, wanted: Wanted, request: dict[str, Any]
+        self, task: str, place: Path, timing: Wanted, request: dict[str, Any]
     ) -> dict[str, Any]:
         (place / "request.json").write_text(json.dumps(request))
         # The child can access only this directory. It gets a copy of the plan, because through a
         # link it could change the plan itself.
         try:
-            shutil.copyfile(wanted.plan, place / PLAN)
+            shutil.copyfile(timing.plan, place / PLAN)
         except FileNotFoundError as error:
             raise NotFound("no-such-fold", "This fold has just been deleted.") from error
         try:
@@ -279,30 +280,30 @@ class Trajectories:
             raise _problem(error) from error
 
 
-def _copy(source: Path, target: Path, most: int) -> None:
+def _copy(source: Path, target: Path, max_bytes: int) -> None:
     """Copy a file that may still grow.
 
     Raises:
-        TooLarge: If it has more bytes than ``most``.
+        TooLarge: If it has more bytes than ``max_bytes``.
     """
     with open(source, "rb") as read, open(target, "wb") as written:
         while piece := read.read(2**20):
-            if written.tell() + len(piece) > most:
+            if written.tell() + len(piece) > max_bytes:
                 raise _too_large()
             written.write(piece)
 
 
-def _loaded(directory: Path, most: int) -> Trajectory:
+def _loaded(directory: Path, max_bytes: int) -> Trajectory:
     """Return the trajectory in a directory.
 
     Raises:
-        ServiceError: If it unpacks to more bytes than ``most``, or is invalid.
+        ServiceError: If it unpacks to more bytes than ``max_bytes``, or is invalid.
     """
     from foldback.planner.robot.trajectory import REST_FILE, Trajectory
 
     try:
         with ZipFile(directory / REST_FILE) as parts:
-            if sum(part.file_size for part in parts.infolist()) > most:
+            if sum(part.file_size for part in parts.infolist()) > max_bytes:
                 raise _too_large()
         return Trajectory.load(directory)
     except (BadZipFile, OSError, ValueError, KeyError, TypeError, MemoryError) as error:

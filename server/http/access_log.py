@@ -89,11 +89,11 @@ class Access:
 
 def route_of(scope: Scope) -> str:
     """Return the template of the answering route, as ``/folds/{fold_id}``, or unknown."""
-    found = getattr(scope.get("route"), "path", None)
-    return found if isinstance(found, str) else UNKNOWN_ROUTE
+    route_path = getattr(scope.get("route"), "path", None)
+    return route_path if isinstance(route_path, str) else UNKNOWN_ROUTE
 
 
 def request_id_of(scope: Scope) -> dict[str, str]:
     """Return the header with a request's id, for responses created outside of ``Access``."""
-    found = scope.get("state", {}).get("request_id")
-    return {REQUEST_ID_HEADER: found} if found else {}
+    request_id = scope.get("state", {}).get("request_id")
+    return {REQUEST_ID_HEADER: request_id} if request_id else {}

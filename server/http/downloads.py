@@ -84,10 +84,10 @@ def revalidated(
         etag: Entity tag of the data; computed if None.
     """
     tag = f'"{etag or etag_of(data)}"'
-    told = {"ETag": tag, "Cache-Control": "no-cache", **(headers or {})}
+    header_fields = {"ETag": tag, "Cache-Control": "no-cache", **(headers or {})}
     if request.headers.get("if-none-match") == tag:
-        return Response(status_code=304, headers=told)
-    return Response(data, media_type=media_type, headers=told)
+        return Response(status_code=304, headers=header_fields)
+    return Response(data, media_type=media_type, headers=header_fields)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,10 +122,10 @@ class Asset:
         takes = "gzip" in request.headers.get("accept-encoding", "")
         packed = self.packed if takes else None
         vary = {} if self.packed is None else {"Vary": "Accept-Encoding"}
-        told = {**vary, **(headers or {})}
+        header_fields = {**vary, **(headers or {})}
         if packed is None:
-            return revalidated(request, self.data, self.kind, told, etag=self.etag)
-        answer = revalidated(request, packed, self.kind, told, etag=f"{self.etag}-gzip")
+            return revalidated(request, self.data, self.kind, header_fields, etag=self.etag)
+        answer = revalidated(request, packed, self.kind, header_fields, etag=f"{self.etag}-gzip")
         if answer.status_code == 200:
             answer.headers["Content-Encoding"] = "gzip"
         return answer

@@ -24,12 +24,14 @@ class HeadAsGet:
             await self._app(scope, receive, send)
             return
         answered = asyncio.get_running_loop().create_future()
-        asked = {**scope, "method": "GET"}
+        get_scope = {**scope, "method": "GET"}
 
         async def send_head(message: Message) -> None:
             if message["type"] == "http.response.start":
-                if "route" in asked:  # the log contains routes, because addresses may be secrets
-                    scope["route"] = asked["route"]
+                if (
+                    "route" in get_scope
+                ):  # the log contains routes, because addresses may be secrets
+                    scope["route"] = get_scope["route"]
                 await send(message)
                 return
             if not answered.done():
@@ -37,7 +39,7 @@ class HeadAsGet:
                 answered.set_result(None)
             await asyncio.Event().wait()  # until it is cancelled
 
-        making = asyncio.ensure_future(self._app(asked, receive, send_head))
+        making = asyncio.ensure_future(self._app(get_scope, receive, send_head))
         try:
             await asyncio.wait({making, answered}, return_when=asyncio.FIRST_COMPLETED)
         finally:

@@ -107,7 +107,7 @@ class Problem:
     def of(cls, error: ServiceError) -> Problem:
         """Return the HTTP representation of a service error."""
         status = next(HTTP_STATUSES[kind] for kind in type(error).__mro__ if kind in HTTP_STATUSES)
-        again = error.retry_after_s
+        retry_after_s = error.retry_after_s
         return cls(
             status=status,
             code=error.code,
@@ -117,7 +117,7 @@ class Problem:
             message=error.message,
             headers={
                 **STATUS_HEADERS.get(status, {}),
-                **({} if again is None else {"Retry-After": str(again)}),
+                **({} if retry_after_s is None else {"Retry-After": str(retry_after_s)}),
             },
         )
 
@@ -180,8 +180,8 @@ def answer_of(
     request: HTTPConnection, problem: Problem, page: Callable[[Problem], Response]
 ) -> Response:
     """Return the response for a problem: a page if the client accepts HTML, else JSON."""
-    asked = request.headers.get("accept", "")
-    if request.url.path.startswith("/api/") or "text/html" not in asked:
+    accepted = request.headers.get("accept", "")
+    if request.url.path.startswith("/api/") or "text/html" not in accepted:
         return problem.response()
     return page(problem)
 
@@ -279,8 +279,8 @@ def _refusal(error: Any) -> Unusable:
                 FoldRequest.of(**{name: error["input"]}).check()
         except InputError as refusal:
             return Unusable.of(refusal)
-    where = ".".join(str(part) for part in error["loc"])
+    location = ".".join(str(part) for part in error["loc"])
     if error["type"] == "value_error":  # text for a file; FastAPI's message names classes
         detail = "got text, expected a file; send this form field as a file with a file name."
-        return Unusable("bad-request", detail, where=where)
-    return Unusable("bad-request", f"{error['msg']}.", where=where)
+        return Unusable("bad-request", detail, where=location)
+    return Unusable("bad-request", f"{error['msg']}.", where=location)

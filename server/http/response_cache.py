@@ -78,19 +78,21 @@ class ResponseCache:
                 self._forget(scope.get("path_params", {}).get("fold_id"))
 
     async def _get(self, scope: Scope, receive: Receive, send: Send) -> None:
-        asked = Headers(scope=scope)
-        key = (scope["scheme"], asked.get("host", ""), scope["path"], scope["query_string"])
-        found = self._answers.get(key)
-        if found is not None and self._clock() < found.until:
-            scope.update(found.known)
-            tag = found.headers.get("etag")
-            same = tag is not None and asked.get("if-none-match") == tag
-            body, status = (b"", 304) if same else (found.body, 200)
-            headers = {k: v for k, v in found.headers.items() if not same or k != "content-length"}
+        fields = Headers(scope=scope)
+        key = (scope["scheme"], fields.get("host", ""), scope["path"], scope["query_string"])
+        stored = self._answers.get(key)
+        if stored is not None and self._clock() < stored.until:
+            scope.update(stored.known)
+            tag = stored.headers.get("etag")
+            is_same = tag is not None and fields.get("if-none-match") == tag
+            body, status = (b"", 304) if is_same else (stored.body, 200)
+            headers = {
+                k: v for k, v in stored.headers.items() if not is_same or k != "content-length"
+            }
             await Response(body, status, headers)(scope, receive, send)
             return
-        if found is not None:  # only the first request computes it again; others get the old one
-            self._answers[key] = replace(found, until=self._clock() + RESPONSE_CACHE_S)
+        if stored is not None:  # only the first request computes it again; others get the old one
+            self._answers[key] = replace(stored, until=self._clock() + RESPONSE_CACHE_S)
         start: Message = {}
 
         async def send_watched(message: Message) -> None:
@@ -102,17 +104,17 @@ class ResponseCache:
             await send(message)
 
         await self._app(scope, receive, send_watched)
-        if found is not None and self._answers.get(key, found).body is found.body:
+        if stored is not None and self._answers.get(key, stored).body is stored.body:
             self._answers.pop(key, None)
 
     def _keep(self, key: Key, scope: Scope, start: Message, body: bytes) -> None:
         fold_id = scope.get("state", {}).get(CACHEABLE_FOLD)
         headers = {k.decode("latin-1"): v.decode("latin-1") for k, v in start["headers"]}
-        whole = headers.get("content-length") == str(len(body))  # not the last part of a stream
+        is_whole = headers.get("content-length") == str(len(body))  # not the last part of a stream
         if (
             fold_id is None
             or start["status"] != 200
-            or not whole
+            or not is_whole
             or len(body) > MAX_RESPONSE_CACHE_BYTES
         ):
             return

@@ -95,8 +95,8 @@ class AllowedHosts(Guard):
     def refusal(self, scope: Scope) -> ServiceError | None:
         """Return the refusal of a foreign name."""
         host = host_name(Headers(scope=scope).get("host", ""))
-        own, _ = scope.get("server") or (None, None)
-        if self._any or host == own or self._allowed(host):
+        own_host, _ = scope.get("server") or (None, None)
+        if self._any or host == own_host or self._allowed(host):
             return None
         return Malformed(
             "unknown-host",
@@ -185,7 +185,7 @@ class SameOrigin(Guard):
             return True
         host = headers.get("host", "").lower()
         try:
-            found = urlsplit(origin)
+            address = urlsplit(origin)
         except ValueError:
             return False
-        return found.scheme in ("http", "https") and bool(host) and found.netloc.lower() == host
+        return address.scheme in ("http", "https") and bool(host) and address.netloc.lower() == host

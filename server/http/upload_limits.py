@@ -61,26 +61,27 @@ class BodyLimit:
         headers = Headers(scope=scope)
         upload = headers.get("content-type", "").lower().startswith("multipart/form-data")
         # such bodies are held in memory
-        most = self._most_bytes if upload else min(self._most_bytes, 64 * 1024)
+        max_bytes = self._most_bytes if upload else min(self._most_bytes, 64 * 1024)
         words = (
-            f"the upload is larger than the limit of {megabytes(most)}; use a coarser shape or a "
+            f"the upload is larger than the limit of {megabytes(max_bytes)}; use a coarser shape "
+            "or a "
             "smaller file."
         )
-        told = announced(headers)
-        got = 0
-        more = True
+        announced_bytes = announced(headers)
+        received = 0
+        has_more = True
         loop = asyncio.get_running_loop()
         deadline = loop.time() + self._seconds
 
         async def receive_counted() -> Message:
-            nonlocal got, more
-            if not more:  # the only message after the body is the disconnection
+            nonlocal received, has_more
+            if not has_more:  # the only message after the body is the disconnection
                 return await receive()
-            left = min(self._idle_s, deadline - loop.time())
-            message = await asyncio.wait_for(receive(), max(0.0, left))
+            left_s = min(self._idle_s, deadline - loop.time())
+            message = await asyncio.wait_for(receive(), max(0.0, left_s))
             if message["type"] == "http.request":
-                got += len(message.get("body", b""))
-                more = message.get("more_body", False)
+                received += len(message.get("body", b""))
+                has_more = message.get("more_body", False)
             return message
 
         async def receive_bounded() -> Message:
@@ -88,8 +89,8 @@ class BodyLimit:
                 message = await receive_counted()
                 # The stated length counts at once; otherwise a parser that reaches its own limit
                 # in the first part would cause a different response.
-                if max(got, told) > most + FORM_OVERHEAD_BYTES:
-                    if more:
+                if max(received, announced_bytes) > max_bytes + FORM_OVERHEAD_BYTES:
+                    if has_more:
                         await forget(receive)
                     raise HTTPException(413, words)
             except TimeoutError:
@@ -110,12 +111,12 @@ async def forget(receive: Receive) -> None:
 
     Many clients read the response only after they have sent the whole body.
     """
-    got = 0
+    received = 0
     try:
         async with asyncio.timeout(MAX_DRAIN_S):
-            while got <= 64 * 2**20:  # so that the client gets the answer
+            while received <= 64 * 2**20:  # so that the client gets the answer
                 message = await receive()
-                got += len(message.get("body", b""))
+                received += len(message.get("body", b""))
                 if not message.get("more_body", False):
                     return
     except TimeoutError:

@@ -40,8 +40,8 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
         more: Arguments of uvicorn's protocol.
     """
 
-    def __init__(self, *, permit: Permit, pace: Pace, visitor: str | None, **more: Any) -> None:
-        super().__init__(**more)
+    def __init__(self, *, permit: Permit, pace: Pace, visitor: str | None, **options: Any) -> None:
+        super().__init__(**options)
         self._permit = permit
         self._pace = pace
         self._visitor = visitor
@@ -117,8 +117,8 @@ class BoundedWebSocket(WebSocketsSansIOProtocol):
             first = False
 
     def _charge(self, events: float) -> None:
-        known = getattr(self, "scope", None)
+        connection_scope = getattr(self, "scope", None)
         # Behind a proxy the visitor is known only once the application has been called.
-        client = known["client"] if known is not None else None
+        client = connection_scope["client"] if connection_scope is not None else None
         visitor = visitor_at(client[0]) if self._visitor is None and client else self._visitor
         self._pace.charge(visitor, events)

@@ -31,9 +31,9 @@ async def first_of(*works: Coroutine[Any, Any, object]) -> None:
         for task in tasks:
             task.cancel()
         ended = await asyncio.gather(*tasks, return_exceptions=True)
-    gone = (asyncio.CancelledError, WebSocketDisconnect, TimeoutError, RuntimeError)
+    disconnections = (asyncio.CancelledError, WebSocketDisconnect, TimeoutError, RuntimeError)
     for error in ended:
-        if isinstance(error, Exception) and not isinstance(error, gone):
+        if isinstance(error, Exception) and not isinstance(error, disconnections):
             raise error
 
 

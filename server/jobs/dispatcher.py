@@ -74,20 +74,20 @@ class Dispatcher:
         return self._total - sum(self._free.values())
 
     def _take_jobs(self) -> None:
-        told = False
+        is_logged = False
         while not self._closed:
             took = False
             try:
                 if self._queue.has_work():
                     for lane in Lane:
                         took |= self._take(lane)
-                told = False
+                is_logged = False
             except Exception as error:
                 if not (isinstance(error, SQLAlchemyError) and passes(error)):
                     log.exception("the queue cannot be read")
-                elif not told:
+                elif not is_logged:
                     log.warning("the queue does not answer: %s", error)
-                told = True
+                is_logged = True
             if not took:
                 with self._changed:
                     self._changed.wait(QUEUE_POLL_S)

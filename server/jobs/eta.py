@@ -95,14 +95,14 @@ class EtaEstimator:
             compilation = Compilation(fraction=compiling, remaining_s=None)
         compilation_s = 0.0 if compilation is None else compilation.remaining_s
         wait = None if wait is None or compilation_s is None else round(wait + compilation_s, 1)
-        left = None if row.over or compilation_s is None else self._left_s(row, wait)
-        if left and compilation_s and row.status == "running":
-            left += compilation_s
+        remaining_s = None if row.over or compilation_s is None else self._left_s(row, wait)
+        if remaining_s and compilation_s and row.status == "running":
+            remaining_s += compilation_s
         return QueueEstimate(
             place=place,
             running=running,
             wait_s=wait,
-            remaining_s=self._smoothed(row.id, left),
+            remaining_s=self._smoothed(row.id, remaining_s),
             compilation=compilation,
         )
 
@@ -115,33 +115,35 @@ class EtaEstimator:
             # A paused fold repeats its interrupted stage, but none before it.
             ahead = STAGES[STAGES.index(row.stage or STAGES[0]) :]
             return None if wait is None else wait + sum(usual.get(stage, 0.0) for stage in ahead)
-        told, now = row.progress, self._clock()
-        begun = told.get("stage") == row.stage  # otherwise the report is of the previous stage
+        progress, now = row.progress, self._clock()
+        is_current = (
+            progress.get("stage") == row.stage
+        )  # otherwise the report is of the previous stage
         return left_s(
             usual,
             stage=row.stage or STAGES[0],
-            fraction=float(told.get("fraction", 0.0)) if begun else 0.0,
-            spent_s=told.get("stage_s", {}),
-            elapsed_s=max(0.0, now - float(told.get("began_at", now))) if begun else 0.0,
+            fraction=float(progress.get("fraction", 0.0)) if is_current else 0.0,
+            spent_s=progress.get("stage_s", {}),
+            elapsed_s=max(0.0, now - float(progress.get("began_at", now))) if is_current else 0.0,
             chooses=row.prefer != COMPUTING,
         )
 
-    def _smoothed(self, fold_id: str, left: float | None) -> int | None:
+    def _smoothed(self, fold_id: str, left_s: float | None) -> int | None:
         """Return the displayed time: it counts down and approaches the estimate gradually."""
         now = self._clock()
         with self._lock:
-            if not left:
+            if not left_s:
                 self._told.pop(fold_id, None)
-                return None if left is None else 0
+                return None if left_s is None else 0
             before = self._told.get(fold_id)
             if before is not None:
-                at, told = before
+                at, last_s = before
                 passed_s = max(0.0, now - at)  # the time of day may have been set back
-                down = max(0.0, told - passed_s)
+                down = max(0.0, last_s - passed_s)
                 settling_s = min(max(SETTLING_RANGE_S[0], down / 4.0), SETTLING_RANGE_S[1])
-                left = down + (left - down) * (1.0 - math.exp(-passed_s / settling_s))
-            self._told[fold_id] = (now, left)
-        return max(1, round(left))
+                left_s = down + (left_s - down) * (1.0 - math.exp(-passed_s / settling_s))
+            self._told[fold_id] = (now, left_s)
+        return max(1, round(left_s))
 
 
 def left_s(
@@ -166,22 +168,28 @@ def left_s(
     place = STAGES.index(stage)
     # The first stage does not show the machine's pace: it may have waited for compilation.
     before = STAGES[1:place]
-    least = 0.2 * sum(usual.values())  # so long it counts as running at the typical pace
-    known = least + sum(usual.get(other, 0.0) for other in before)
-    took = least + sum(spent_s.get(other, 0.0) for other in before)
-    typical = usual.get(stage, 0.0) * (1.0 if chooses else took / known)
-    taken = spent_s.get(stage, 0.0) + elapsed_s
-    if taken > 2.0 * typical + 3.0:  # s; short stages are not late at once
+    prior_s = 0.2 * sum(usual.values())  # so long it counts as running at the typical pace
+    known_s = prior_s + sum(usual.get(stage_before, 0.0) for stage_before in before)
+    took = prior_s + sum(spent_s.get(stage_before, 0.0) for stage_before in before)
+    typical = usual.get(stage, 0.0) * (1.0 if chooses else took / known_s)
+    taken_s = spent_s.get(stage, 0.0) + elapsed_s
+    if taken_s > 2.0 * typical + 3.0:  # s; short stages are not late at once
         return 0.0
-    left = max(typical - taken, 0.1 * typical)
+    stage_left_s = max(typical - taken_s, 0.1 * typical)
     if chooses:
-        others = REPEATED_STAGES if stage in REPEATED_STAGES else ()
-        later = {other for other in (*others, *STAGES[place + 1 :]) if other != stage}
-        left += sum(max(0.0, usual.get(s, 0.0) - spent_s.get(s, 0.0)) for s in later)
+        repeated_stages = REPEATED_STAGES if stage in REPEATED_STAGES else ()
+        later = {
+            later_stage
+            for later_stage in (*repeated_stages, *STAGES[place + 1 :])
+            if later_stage != stage
+        }
+        stage_left_s += sum(max(0.0, usual.get(s, 0.0) - spent_s.get(s, 0.0)) for s in later)
     else:
         if fraction > 0.0:
-            left += fraction * (elapsed_s * (1.0 - fraction) / fraction - left)
-        done = max(fraction, elapsed_s / (elapsed_s + left)) if elapsed_s else fraction
-        pace = (took + elapsed_s) / (known + done * usual.get(stage, 0.0))
-        left += pace * sum(usual.get(other, 0.0) for other in STAGES[place + 1 :])
-    return max(left, 0.1)  # 0 means that it takes longer than usual
+            stage_left_s += fraction * (elapsed_s * (1.0 - fraction) / fraction - stage_left_s)
+        done = max(fraction, elapsed_s / (elapsed_s + stage_left_s)) if elapsed_s else fraction
+        pace = (took + elapsed_s) / (known_s + done * usual.get(stage, 0.0))
+        stage_left_s += pace * sum(
+            usual.get(later_stage, 0.0) for later_stage in STAGES[place + 1 :]
+        )
+    return max(stage_left_s, 0.1)  # 0 means that it takes longer than usual

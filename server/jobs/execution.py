@@ -187,7 +187,7 @@ class Execution:
                 summary=outcome.summary,
                 error=outcome.error,
                 repeatable=outcome.repeatable,
-                kept=outcome.files,
+                kept_epoch=outcome.files,
                 size=outcome.size,
                 execution=self._claim.execution,
             )

@@ -98,13 +98,13 @@ class Housekeeping:
         """Sweep once; return the number of expired folds."""
         self.remove_cancelled()
         self._make_room()
-        gone = self._forget_superseded() + self._expire()
+        removed = self._forget_superseded() + self._expire()
         now = time.monotonic()
         if self._names is not None or now - self._orphans_at >= ORPHAN_SWEEP_S:
             if self._names is None:
                 self._orphans_at = now
             self.sweep_orphans()
-        return gone
+        return removed
 
     def remove_cancelled(self) -> None:
         """Delete cancelled folds without access for an hour."""
@@ -116,11 +116,13 @@ class Housekeeping:
         lacking = 0
         if settings.storage_bytes is not None:
             with self._store.reading() as session:
-                own, files = session.execute(
+                own_bytes, files = session.execute(
                     sa.select(sa.func.sum(FoldRow.bytes), sa.func.sum(FoldRow.derived_bytes))
                 ).one()
                 movies = session.scalar(sa.select(sa.func.sum(MovieRow.bytes)))
-            lacking = int(own or 0) + int(files or 0) + int(movies or 0) - settings.storage_bytes
+            lacking = (
+                int(own_bytes or 0) + int(files or 0) + int(movies or 0) - settings.storage_bytes
+            )
         if self._store.folders.storage is None:
             lacking = max(lacking, settings.min_free_disk_bytes - free_space(settings.root))
         if lacking > 0:
@@ -146,12 +148,12 @@ class Housekeeping:
         for fold_id in names:
             if freed >= lacking:
                 break
-            gone, left = self._store.folders.remove_exports(fold_id, before=before)
-            if gone:
+            removed_bytes, left_bytes = self._store.folders.remove_exports(fold_id, before=before)
+            if removed_bytes:
                 log.info("deleting exports of fold %s", fold_id, extra={"fold": fold_id})
-                freed += gone
+                freed += removed_bytes
             # Several processes may have created the same file, and each of them has counted it.
-            self._store.set_derived(fold_id, left)
+            self._store.set_derived(fold_id, left_bytes)
         return freed
 
     def _drop_movies(self, lacking: int) -> None:
@@ -174,9 +176,9 @@ class Housekeeping:
         for job in jobs:
             if lacking <= 0:
                 return
-            gone = sa.delete(MovieRow).where(MovieRow.job == job, finished)
+            deletion = sa.delete(MovieRow).where(MovieRow.job == job, finished)
             with self._store.changing() as session:
-                row = session.execute(gone.returning(MovieRow.fold_id, MovieRow.bytes)).first()
+                row = session.execute(deletion.returning(MovieRow.fold_id, MovieRow.bytes)).first()
             if row is not None:
                 log.info("deleting a movie of fold %s", row.fold_id, extra={"fold": row.fold_id})
                 self._store.folders.remove_movie(row.fold_id, movie_file(job))
@@ -197,16 +199,16 @@ class Housekeeping:
             ),
         )
         rows = self._store.rows(failed)
-        return sum(_forget(self._store, fold_id, seen) for fold_id, seen in rows)
+        return sum(_forget(self._store, fold_id, seen_at) for fold_id, seen_at in rows)
 
     def _expire(self) -> int:
         """Delete folds that have expired or exceed the limits of disk space."""
         settings = self._settings
-        gone = 0
+        removed = 0
         if settings.keep_days is not None:
-            gone += self._forget_unused(self._clock() - settings.keep_days * DAY_S, *_EXPIRING)
+            removed += self._forget_unused(self._clock() - settings.keep_days * DAY_S, *_EXPIRING)
         if settings.storage_bytes is not None:
-            gone += self._forget_until(settings.storage_bytes)
+            removed += self._forget_until(settings.storage_bytes)
         if settings.storage_of_visitor_bytes is not None:
             size = sa.func.sum(FoldRow.bytes)
             beyond = (
@@ -216,20 +218,20 @@ class Housekeeping:
             )
             visitors = self._store.scalars(beyond)
             for visitor in visitors:
-                gone += self._forget_until(
+                removed += self._forget_until(
                     settings.storage_of_visitor_bytes, FoldRow.visitor == visitor
                 )
-        return gone
+        return removed
 
-    def _forget_unused(self, since: float, *which: sa.ColumnElement[bool]) -> int:
+    def _forget_unused(self, since: float, *conditions: sa.ColumnElement[bool]) -> int:
         """Delete folds without access since a time; return their number."""
-        gone = 0
+        removed = 0
         for _ in range(20):
-            batch = self._unused(since, *which)
-            gone += sum(_forget(self._store, fold_id, seen) for fold_id, seen, _ in batch)
+            batch = self._unused(since, *conditions)
+            removed += sum(_forget(self._store, fold_id, seen_at) for fold_id, seen_at, _ in batch)
             if len(batch) < DELETION_BATCH_ROWS:
                 break
-        return gone
+        return removed
 
     def _forget_until(self, limit: int, *whose: sa.ColumnElement[bool]) -> int:
         """Delete the least recently used folds until the rest take at most ``limit`` bytes.
@@ -238,23 +240,23 @@ class Housekeeping:
             Number of deleted folds.
         """
         total = int(self._store.scalar(sa.select(sa.func.sum(FoldRow.bytes)).where(*whose)) or 0)
-        gone = 0
+        removed = 0
         unused_since = self._clock() - MIN_UNUSED_S
         while total > limit:
-            before = gone
-            for fold_id, seen, size in self._unused(unused_since, *_EXPIRING, *whose):
-                if total > limit and _forget(self._store, fold_id, seen):
+            before = removed
+            for fold_id, seen_at, size in self._unused(unused_since, *_EXPIRING, *whose):
+                if total > limit and _forget(self._store, fold_id, seen_at):
                     total -= size
-                    gone += 1
-            if gone == before:
+                    removed += 1
+            if removed == before:
                 break
-        return gone
+        return removed
 
-    def _unused(self, since: float, *which: sa.ColumnElement[bool]) -> Sequence[_Unused]:
+    def _unused(self, since: float, *conditions: sa.ColumnElement[bool]) -> Sequence[_Unused]:
         """Return folds without access since a time, least recently used first."""
         return self._store.rows(
             sa.select(FoldRow.id, FoldRow.seen_at, FoldRow.bytes)
-            .where(*which, FoldRow.seen_at < since)
+            .where(*conditions, FoldRow.seen_at < since)
             .order_by(FoldRow.seen_at)
             .limit(DELETION_BATCH_ROWS)
         )
@@ -327,9 +329,9 @@ def limit_cancelled(store: Store, visitor: str) -> None:
             total += row.bytes if k > 0 else 0
 
 
-def _forget(store: Store, fold_id: str, seen: float | None) -> bool:
+def _forget(store: Store, fold_id: str, seen_at: float | None) -> bool:
     """Delete a fold with its files, unless it has changed since its row was read."""
-    if not store.expire(fold_id, seen):
+    if not store.expire(fold_id, seen_at):
         return False
     log.info("fold %s expires", fold_id, extra={"fold": fold_id})
     _remove_files(store, fold_id)
@@ -340,9 +342,9 @@ def _drop_files(store: Store, row: _Unused) -> None:
     """Delete the files and movies of a cancelled fold, but not its row."""
     if not row.bytes:
         return
-    same = (FoldRow.id == row.id, *_CANCELLED, FoldRow.seen_at == row.seen_at)
+    unchanged = (FoldRow.id == row.id, *_CANCELLED, FoldRow.seen_at == row.seen_at)
     with store.changing() as session:
-        emptied = sa.update(FoldRow).where(*same).values(bytes=0, derived_bytes=0)
+        emptied = sa.update(FoldRow).where(*unchanged).values(bytes=0, derived_bytes=0)
         swept = rows_of(session.execute(emptied))
         if swept:
             session.execute(sa.delete(MovieRow).where(MovieRow.fold_id == row.id))

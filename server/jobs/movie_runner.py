@@ -55,8 +55,8 @@ class MovieJobs:
         try:
             self._make(fold_id, job)
         except (InputError, ChildError) as error:
-            where = error.where if isinstance(error, InputError) else None
-            self._fail(job, error.code, error.detail, where)
+            place = error.where if isinstance(error, InputError) else None
+            self._fail(job, error.code, error.detail, place)
         except DamagedError as error:
             damaged = Damaged.of(error)
             self._fail(job, damaged.code, damaged.detail, str(error.path))
@@ -87,14 +87,14 @@ class MovieJobs:
                 with contextlib.suppress(OSError):
                     os.utime(files)  # so that the copy in use is not deleted
 
-            whole = run_movie(
+            is_complete = run_movie(
                 place,
                 ChildLimits.of(self._settings),
                 wall_s=self._settings.movie_seconds,
                 on_progress=take,
                 cancelled=progress.cancelled,
             )
-            if whole and self._kept(fold_id, job, movie, place / MOVIE_FILE):
+            if is_complete and self._kept(fold_id, job, movie, place / MOVIE_FILE):
                 log.info("created a movie of %d images", movie.count)
 
     def _report(self, job: str, fields: dict[str, Any] | None) -> bool:
@@ -120,9 +120,9 @@ class MovieJobs:
             lambda: self._update(job, problem=None, **ready)
         )
 
-    def _fail(self, job: str, code: str, detail: str, where: str | None) -> None:
+    def _fail(self, job: str, code: str, detail: str, place: str | None) -> None:
         log.warning("a movie failed: %s", detail)
-        problem = {"code": code, "detail": detail, "where": where}
+        problem = {"code": code, "detail": detail, "where": place}
         retry_until_available(lambda: self._update(job, status="failed", problem=problem))
 
     def _update(self, job: str, **values: Any) -> bool:

@@ -97,7 +97,7 @@ class Movies:
             raise NotFound(
                 "no-such-artifact", "This fold has no frames, so it cannot have a movie."
             )
-        wanted = MovieRow(
+        new_row = MovieRow(
             fold_id=fold_id,
             id=movie.key,
             job=f"{fold_id}.{movie.key}.{new_id()}.{movie.format}",
@@ -110,13 +110,13 @@ class Movies:
             of_owner=of_owner,
         )
         try:
-            self._add(wanted)
+            self._add(new_row)
         except IntegrityError:  # it exists already, or the fold was deleted
             self._store.fold(fold_id)
             if of_owner:
                 self._take_over(fold_id, movie.key)
             return self.state(fold_id, movie.key), False
-        return wanted, True
+        return new_row, True
 
     def state(self, fold_id: str, movie_id: str) -> MovieRow:
         """Return the row of a movie.
@@ -132,7 +132,7 @@ class Movies:
     def made(self, owner: Owner) -> list[tuple[MovieRow, FoldRow]]:
         """Return the movies that an owner has requested, each with its fold, newest first."""
         of_own_fold = sa.and_(owned_by(owner), MovieRow.of_owner)
-        wanted = (
+        query = (
             sa.select(MovieRow, FoldRow)
             .join(FoldRow, FoldRow.id == MovieRow.fold_id)
             .where(sa.or_(owned_by(owner, MovieRow.token_hash), of_own_fold))
@@ -140,7 +140,7 @@ class Movies:
             .limit(100)
         )
         with self._store.reading() as session:
-            return [(movie, fold) for movie, fold in session.execute(wanted)]
+            return [(movie, fold) for movie, fold in session.execute(query)]
 
     def file(self, fold_id: str, movie_id: str) -> Path | None:
         """Return the path of a movie; None if it is not finished or its file is missing.
@@ -170,33 +170,33 @@ class Movies:
         """
         row = self.state(fold_id, movie_id)
         with self._store.changing() as session:
-            gone = self._delete(session, MovieRow.job == row.job)
-        self._clear(gone)
+            deleted = self._delete(session, MovieRow.job == row.job)
+        self._clear(deleted)
 
-    def _add(self, wanted: MovieRow) -> None:
+    def _add(self, new_row: MovieRow) -> None:
         with self._store.changing() as session:
             failed = self._delete(
                 session,
-                MovieRow.fold_id == wanted.fold_id,
-                MovieRow.id == wanted.id,
+                MovieRow.fold_id == new_row.fold_id,
+                MovieRow.id == new_row.id,
                 MovieRow.status == "failed",
             )
-            session.add(wanted)
+            session.add(new_row)
             session.flush()
-            self._check_room(session, wanted.visitor)
+            self._check_room(session, new_row.visitor)
             old = session.scalars(
                 sa.select(MovieRow.job)
                 .where(
-                    MovieRow.fold_id == wanted.fold_id,
-                    MovieRow.of_owner.is_(wanted.of_owner),
+                    MovieRow.fold_id == new_row.fold_id,
+                    MovieRow.of_owner.is_(new_row.of_owner),
                     MovieRow.status.not_in(UNFINISHED_MOVIE_STATUSES),
                 )
                 .order_by(MovieRow.created_at.desc())
                 .offset(self._settings.movies_of_fold - 1)
             ).all()
-            gone = self._delete(session, MovieRow.job.in_(old))
+            deleted = self._delete(session, MovieRow.job.in_(old))
         try:
-            self._clear([*failed, *gone])
+            self._clear([*failed, *deleted])
         except StorageError as error:  # the requested movie is queued all the same
             log.warning("files of older movies could not be deleted: %s", error)
 
@@ -206,25 +206,25 @@ class Movies:
         making = session.scalars(
             sa.select(MovieRow.visitor).where(MovieRow.status.in_(UNFINISHED_MOVIE_STATUSES))
         ).all()
-        others = len(making) - 1
+        other_movies = len(making) - 1
         share = network_share(settings.movies_waiting, settings.movies_waiting_of_visitor)
         bounds = {
             visitor: (Holder.VISITOR, settings.movies_waiting_of_visitor),
             **dict.fromkeys(networks_of(visitor), (Holder.NETWORK, share)),
         }
-        for group, (holder, most) in bounds.items():
+        for group, (holder, max_movies) in bounds.items():
             count = sum(group in (name, *networks_of(name)) for name in making) - 1
-            if most is not None and count >= most:
+            if max_movies is not None and count >= max_movies:
                 raise TooMany(
                     "too-many-movies",
                     f"{count} movies {holder} are being created, which is the limit; wait until "
                     "one is finished, or delete one.",
                     retry_after_s=MOVIE_RETRY_S,
                 )
-        if others >= settings.movies_waiting:
+        if other_movies >= settings.movies_waiting:
             raise Unavailable(
                 "busy",
-                f"{others} movies for other people are being created; try again in "
+                f"{other_movies} movies for other people are being created; try again in "
                 f"{MOVIE_RETRY_S} s.",
                 retry_after_s=MOVIE_RETRY_S,
             )
@@ -238,12 +238,14 @@ class Movies:
             .values(of_owner=True, token_hash="")  # the digest of no token
         )
 
-    def _delete(self, session: Session, *which: sa.ColumnElement[bool]) -> list[tuple[str, str]]:
+    def _delete(
+        self, session: Session, *conditions: sa.ColumnElement[bool]
+    ) -> list[tuple[str, str]]:
         """Delete rows; return the fold and job of each."""
-        deleted = sa.delete(MovieRow).where(*which).returning(MovieRow.fold_id, MovieRow.job)
+        deleted = sa.delete(MovieRow).where(*conditions).returning(MovieRow.fold_id, MovieRow.job)
         return [(fold_id, job) for fold_id, job in session.execute(deleted)]
 
-    def _clear(self, gone: Iterable[tuple[str, str]]) -> None:
+    def _clear(self, deleted: Iterable[tuple[str, str]]) -> None:
         """Remove the files of deleted rows."""
-        for fold_id, job in gone:
+        for fold_id, job in deleted:
             self._store.folders.remove_movie(fold_id, movie_file(job))

@@ -108,16 +108,16 @@ class Queue:
             # Another worker was faster, or the job has just been cancelled.
 
     def _claim_fold(self, session: Session, row: sa.Row[Any], execution: str) -> FoldClaim | None:
-        kept = row.checkpoint or {"stage": STAGES[0], "files": 0}
-        stage, files = str(kept["stage"]), int(kept["files"])
+        checkpoint = row.checkpoint or {"stage": STAGES[0], "files": 0}
+        stage, files = str(checkpoint["stage"]), int(checkpoint["files"])
         if self._store.begin_in(session, row.id, stage, execution) is None:
             return None
         return FoldClaim(row.id, execution, stage, files, row.losses)
 
     @staticmethod
     def _claim_movie(session: Session, row: sa.Row[Any], execution: str) -> MovieClaim | None:
-        mine = sa.update(MovieRow).where(MovieRow.job == row.job, _MOVIE_WAITS)
-        claimed = session.execute(mine.values(status="running", worker=execution))
+        claim_update = sa.update(MovieRow).where(MovieRow.job == row.job, _MOVIE_WAITS)
+        claimed = session.execute(claim_update.values(status="running", worker=execution))
         if not rows_of(claimed):
             return None
         return MovieClaim(row.fold_id, row.id, row.job, execution, row.losses)
@@ -128,12 +128,12 @@ class Queue:
         Returns:
             False if another execution has the fold, or it was deleted.
         """
-        kept = (
+        kept_query = (
             sa.update(FoldRow)
             .where(*_held_by(claim))
             .values(checkpoint={"stage": stage, "files": files}, losses=0)
         )
-        return bool(self._store.change(kept))
+        return bool(self._store.change(kept_query))
 
     def hand_back(self, claim: Claim) -> None:
         """Put an unfinished job back into the queue."""
@@ -148,11 +148,11 @@ class Queue:
 
     def holders(self) -> set[str]:
         """Return the names of the workers that have jobs."""
-        held = [
+        rows = [
             *self._store.scalars(sa.select(FoldRow.worker).where(FoldRow.worker.is_not(None))),
             *self._store.scalars(sa.select(MovieRow.worker).where(MovieRow.status == "running")),
         ]
-        return {name.rpartition(":")[0] for name in held if name}
+        return {name.rpartition(":")[0] for name in rows if name}
 
     def hand_back_all(self, worker: str, *, lost: bool) -> list[tuple[str, int]]:
         """Put all jobs of a worker back into the queue.
@@ -164,17 +164,19 @@ class Queue:
         Returns:
             Folds that it has ended but not released, each with the epoch of the files that stay.
         """
-        more = int(lost)
-        theirs = FoldRow.worker.startswith(f"{worker}:", autoescape=True)
+        new_losses = int(lost)
+        is_theirs = FoldRow.worker.startswith(f"{worker}:", autoescape=True)
         with self._store.changing() as session:
-            session.execute(_FOLD_BACK.where(theirs).values(losses=FoldRow.losses + more))
+            session.execute(_FOLD_BACK.where(is_theirs).values(losses=FoldRow.losses + new_losses))
             session.execute(
                 _MOVIE_BACK.where(MovieRow.worker.startswith(f"{worker}:", autoescape=True)).values(
-                    losses=MovieRow.losses + more
+                    losses=MovieRow.losses + new_losses
                 )
             )
-            gone = sa.update(FoldRow).where(theirs, FoldRow.status.in_(ENDED)).values(worker=None)
-            ended = session.execute(gone.returning(FoldRow.id, FoldRow.kept)).all()
+            release = (
+                sa.update(FoldRow).where(is_theirs, FoldRow.status.in_(ENDED)).values(worker=None)
+            )
+            ended = session.execute(release.returning(FoldRow.id, FoldRow.kept)).all()
         return [(row.id, row.kept) for row in ended]
 
 

@@ -34,7 +34,7 @@ def retry_until_available(
         do: Function that may be called any number of times.
         wait: Waits for the given seconds before the next attempt.
     """
-    told = False
+    is_logged = False
     while True:
         try:
             return do()
@@ -43,7 +43,7 @@ def retry_until_available(
                 raise
             if isinstance(error, SQLAlchemyError) and not passes(error):
                 raise
-            if not told:
+            if not is_logged:
                 log.warning("database or storage does not answer, waiting: %s", error)
-            told = True
+            is_logged = True
         wait(RETRY_INTERVAL_S)

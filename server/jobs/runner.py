@@ -39,10 +39,10 @@ class Runner:
 
         It is 0 while the fork server starts, because it is not yet known if kernels must compile.
         """
-        told = self._fork_server.told
-        if told is None:
+        message = self._fork_server.told
+        if message is None:
             return 0.0 if self._fork_server.starting else None
-        return float(told["fraction"]) if told["message"] == COMPILING else None
+        return float(message["fraction"]) if message["message"] == COMPILING else None
 
     def execution(self, claim: FoldClaim) -> Execution:
         """Return the execution of a claimed fold."""

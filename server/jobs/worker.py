@@ -74,8 +74,8 @@ class _LeaseMonitor:
 
     def take_back(self, worker: str) -> None:
         """Put the jobs of a worker that has died back into the queue."""
-        for fold_id, kept in self._queue.hand_back_all(worker, lost=True):
-            self._store.folders.leave(fold_id, kept)
+        for fold_id, epoch in self._queue.hand_back_all(worker, lost=True):
+            self._store.folders.leave(fold_id, epoch)
 
     def recover_and_sweep(self) -> None:
         """Put jobs of expired workers back into the queue; sweep if due."""
@@ -90,7 +90,7 @@ class _LeaseMonitor:
             self._housekeeping.sweep()
 
 
-def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], what: str) -> None:
+def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], task: str) -> None:
     """Repeat a call in a thread; log its errors."""
 
     def loop() -> None:
@@ -98,9 +98,9 @@ def _repeat(stopping: threading.Event, every_s: float, do: Callable[[], None], w
             try:
                 do()
             except Exception:
-                log.exception("%s failed", what)
+                log.exception("%s failed", task)
 
-    threading.Thread(target=loop, name=what, daemon=True).start()
+    threading.Thread(target=loop, name=task, daemon=True).start()
 
 
 def work(settings: Settings, *, leash: Leash | None = None) -> None:
@@ -129,7 +129,7 @@ def work(settings: Settings, *, leash: Leash | None = None) -> None:
         queue = Queue(store)
         monitor = _LeaseMonitor(settings, store, queue, runner, identity.name)
         monitor.take_back(identity.name)  # jobs of an earlier process of this name
-    told = _signals(leash)
+    signal_count = _signals(leash)
     dispatcher = Dispatcher(
         queue,
         runner,
@@ -151,10 +151,12 @@ def work(settings: Settings, *, leash: Leash | None = None) -> None:
     recovery_poll_s = min(2.0, settings.lease_s / 8)
     _repeat(stopping, recovery_poll_s, monitor.recover_and_sweep, "checking for expired workers")
     log.info("worker %s is ready", identity.name)
-    told.acquire()
+    signal_count.acquire()
     dispatcher.close()
     deadline = time.monotonic() + settings.drain_s
-    while dispatcher.active and time.monotonic() < deadline and not told.acquire(timeout=0.1):
+    while (
+        dispatcher.active and time.monotonic() < deadline and not signal_count.acquire(timeout=0.1)
+    ):
         pass
     log.info("worker %s ends; %d jobs go back to the queue", identity.name, dispatcher.active)
     stopping.set()
@@ -170,12 +172,12 @@ def work(settings: Settings, *, leash: Leash | None = None) -> None:
 
 def _signals(leash: Leash | None) -> threading.Semaphore:
     """Return a semaphore, released once per stop signal, and twice if the leash ends."""
-    told = threading.Semaphore(0)
+    signal_count = threading.Semaphore(0)
 
     def tell(_number: int, _frame: FrameType | None) -> None:
-        told.release()
+        signal_count.release()
 
     on_stop_signals(tell)
     if leash is not None:
-        leash.on_end = lambda: told.release(2)
-    return told
+        leash.on_end = lambda: signal_count.release(2)
+    return signal_count

@@ -52,14 +52,14 @@ class Permit:
         self,
         quota: Quota,
         visitor: str | None,
-        begin: Callable[[Permit], object],
+        start: Callable[[Permit], object],
         end: Callable[[], object] | None,
     ) -> None:
         self._quota = quota
         self.visitor = visitor
         self.groups = () if visitor is None else (*networks_of(visitor), visitor)
         self.site = self.groups[0] if self.groups else None
-        self.begin = begin
+        self.begin = start
         self.end = end
         self.going = False
         self.held = True
@@ -92,7 +92,7 @@ class Quota:
 
     def __init__(
         self,
-        what: str,
+        subject: str,
         *,
         total: int | None,
         per_visitor: int,
@@ -101,7 +101,7 @@ class Quota:
         timeout_s: float = 10.0,
         refuse: Callable[[int, Holder], ServiceError] | None = None,
     ) -> None:
-        self._what = what
+        self._what = subject
         self._total = total
         self._per_visitor = per_visitor
         self._per_network = network_share(total, per_visitor)
@@ -126,7 +126,7 @@ class Quota:
     def enter(
         self,
         visitor: str | None,
-        begin: Callable[[Permit], object] = lambda permit: None,
+        start: Callable[[Permit], object] = lambda permit: None,
         *,
         end: Callable[[], object] | None = None,
     ) -> Permit:
@@ -134,7 +134,7 @@ class Quota:
 
         Args:
             visitor: Its holder.
-            begin: Called with the permit when it becomes active; must not block.
+            start: Called with the permit when it becomes active; must not block.
             end: Called when a newcomer displaces the permit; must not block, and may be called in
                 another thread. Without it a permit is never displaced. If ``at_once`` is set,
                 active permits are never displaced.
@@ -142,7 +142,7 @@ class Quota:
         Raises:
             ServiceError: If the quota is full.
         """
-        permit = Permit(self, visitor, begin, end)
+        permit = Permit(self, visitor, start, end)
         with self._lock:
             victim = self._check(permit)
             if victim is not None:
@@ -171,10 +171,10 @@ class Quota:
             ServiceError: If the quota is full, the wait takes too long or is no longer wanted, or
                 a visitor of another network has displaced the permit.
         """
-        begun = threading.Event()
-        with self.enter(visitor, lambda _: begun.set(), end=begun.set) as permit:
+        started = threading.Event()
+        with self.enter(visitor, lambda _: started.set(), end=started.set) as permit:
             deadline = time.monotonic() + self._timeout_s
-            while not begun.wait(min(0.1, self._timeout_s)):
+            while not started.wait(min(0.1, self._timeout_s)):
                 if unwanted is not None and unwanted():
                     raise Unavailable("gone", "Cancelled, because the client disconnected.")
                 if time.monotonic() >= deadline:
@@ -197,9 +197,9 @@ class Quota:
             ServiceError: If the quota is full and no permit may be displaced.
         """
         if newcomer.groups:
-            own = self._held[newcomer.groups[-1]]
-            if own >= self._per_visitor:
-                raise self._refuse(own, Holder.VISITOR)
+            own_held = self._held[newcomer.groups[-1]]
+            if own_held >= self._per_visitor:
+                raise self._refuse(own_held, Holder.VISITOR)
         full, holder = self._full_group(newcomer)
         if holder is None:
             return None
@@ -232,8 +232,8 @@ class Quota:
             apart = _first_difference(permit.groups, newcomer.groups)
             if apart is None:
                 continue
-            own = self._held[newcomer.groups[apart]] if apart < len(newcomer.groups) else 0
-            if self._held[permit.groups[apart]] <= own + 1:
+            own_held = self._held[newcomer.groups[apart]] if apart < len(newcomer.groups) else 0
+            if self._held[permit.groups[apart]] <= own_held + 1:
                 continue
             weight = tuple(self._held[group] for group in permit.groups)
             if heaviest is None or weight > heaviest[0]:
@@ -297,12 +297,14 @@ class Quota:
             del self._line[permit.site]
 
     def _may_begin(self, permit: Permit) -> bool:
-        most = self._at_once_per_visitor
-        if most is None or self._at_once is None or not permit.groups:
+        max_of_visitor = self._at_once_per_visitor
+        if max_of_visitor is None or self._at_once is None or not permit.groups:
             return True
         *networks, visitor = permit.groups
-        share = max(most, self._at_once - 1)
-        return self._going[visitor] < most and all(self._going[n] < share for n in networks)
+        share = max(max_of_visitor, self._at_once - 1)
+        return self._going[visitor] < max_of_visitor and all(
+            self._going[n] < share for n in networks
+        )
 
     def _too_many(self, count: int, holder: Holder) -> TooMany:
         return TooMany(
@@ -324,13 +326,13 @@ def network_share(total: int | None, per_visitor: int) -> int | None:
     return None if total is None else max(per_visitor, total // 2)
 
 
-def _first_difference(one: tuple[str, ...], other: tuple[str, ...]) -> int | None:
+def _first_difference(first: tuple[str, ...], second: tuple[str, ...]) -> int | None:
     """Return the index of the first group that two visitors do not share; None if none."""
-    for k, group in enumerate(one):
-        if k >= len(other) or group != other[k]:
+    for k, group in enumerate(first):
+        if k >= len(second) or group != second[k]:
             return k
     return None
 
 
-def _busy(kind: type[ServiceError], why: str) -> ServiceError:
-    return kind("busy", f"{why}; try again in {BUSY_RETRY_S} s.", retry_after_s=BUSY_RETRY_S)
+def _busy(kind: type[ServiceError], reason: str) -> ServiceError:
+    return kind("busy", f"{reason}; try again in {BUSY_RETRY_S} s.", retry_after_s=BUSY_RETRY_S)

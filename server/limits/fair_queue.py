@@ -43,9 +43,9 @@ def slice_s(cost_s: float, pauses: int, first_s: float, *, for_cheaper: bool = F
         first_s: Length of the first slice before a pause for cheaper folds, s.
         for_cheaper: True for a pause for cheaper folds; False for any.
     """
-    whole = max(first_s / 3.0, 3.0 * cost_s)
+    whole_s = max(first_s / 3.0, 3.0 * cost_s)
     # so that pauses waste at most half of the work since the last one
-    return min(whole, first_s * 3.0**pauses) if for_cheaper else whole
+    return min(whole_s, first_s * 3.0**pauses) if for_cheaper else whole_s
 
 
 def network_of(visitor: str) -> str:
@@ -53,16 +53,16 @@ def network_of(visitor: str) -> str:
     return (*networks_of(visitor), visitor)[0]
 
 
-def admits(held: float, wanted: float, *, total: float, limit: float) -> bool:
+def admits(held_s: float, cost_s: float, *, total: float, limit: float) -> bool:
     """Return True if a network may hold more of a queue.
 
     Args:
-        held: Amount that the network holds, in folds or in seconds.
-        wanted: Amount that it requests.
+        held_s: Amount that the network holds, in folds or in seconds.
+        cost_s: Amount that it requests.
         total: Amount that all networks hold.
         limit: Size of the queue. All four have the same unit.
     """
-    return held + wanted <= limit - total
+    return held_s + cost_s <= limit - total
 
 
 def virtual_finish_time(
@@ -79,9 +79,9 @@ def virtual_finish_time(
     """
     if first:
         return now
-    begin = now if last_own is None else max(now, last_own)
+    start = now if last_own is None else max(now, last_own)
     # fits into 32 bits; at full load it takes years
-    return min(2**31 - 2, begin + ticks(cost_s * sharers))
+    return min(2**31 - 2, start + ticks(cost_s * sharers))
 
 
 def wait_s(*, ahead_s: float, running_s: float, at_once: int) -> float | None:

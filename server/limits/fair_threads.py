@@ -47,22 +47,22 @@ class FairThreads(ThreadPoolExecutor):
         self, fn: Callable[Given, Result], /, *args: Given.args, **kwargs: Given.kwargs
     ) -> Future[Result]:
         """Return the future of a call, made when it is the turn of ``CURRENT_VISITOR``."""
-        made: Future[Result] = Future()
+        future: Future[Result] = Future()
 
         def work(permit: Permit) -> None:
             with permit:
-                if not made.set_running_or_notify_cancel():
+                if not future.set_running_or_notify_cancel():
                     return
                 try:
-                    made.set_result(fn(*args, **kwargs))
+                    future.set_result(fn(*args, **kwargs))
                 except BaseException as error:
-                    made.set_exception(error)
+                    future.set_exception(error)
 
         def begin(permit: Permit) -> None:
             try:
                 super(FairThreads, self).submit(work, permit)
             except RuntimeError:  # the pool is shut down
-                made.cancel()
+                future.cancel()
 
         self._turns.enter(CURRENT_VISITOR.get(), begin)
-        return made
+        return future

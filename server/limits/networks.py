@@ -62,5 +62,5 @@ def hidden(visitor: str, secret: bytes) -> str:
 
     networks = [digest(name, 12) for name in networks_of(visitor)]
     # 58 of the 64 characters of the column, with the digits of two networks
-    own = digest(visitor.rpartition(PSEUDONYM_SEPARATOR)[2], 32)
-    return PSEUDONYM_SEPARATOR.join((*networks, own))
+    own_digest = digest(visitor.rpartition(PSEUDONYM_SEPARATOR)[2], 32)
+    return PSEUDONYM_SEPARATOR.join((*networks, own_digest))

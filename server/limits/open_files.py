@@ -41,15 +41,15 @@ class OpenFiles:
         needed = settings.max_connections + OTHER_FILES + BACKLOG
         if hard == resource.RLIM_INFINITY or hard >= needed:
             return cls(files=needed, connections=settings.max_connections, backlog=BACKLOG)
-        most = max(hard - OTHER_FILES - MIN_BACKLOG, MIN_CONNECTIONS)
-        connections = min(settings.max_connections, most)
+        max_connections = max(hard - OTHER_FILES - MIN_BACKLOG, MIN_CONNECTIONS)
+        connections = min(settings.max_connections, max_connections)
         return cls(files=hard, connections=connections, backlog=MIN_BACKLOG)
 
     @classmethod
     def take(cls, settings: Settings) -> Self:
         """Raise this process's limit of open files as far as permitted; return the numbers."""
         soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-        found = cls.of(settings, hard)
-        if soft != resource.RLIM_INFINITY and soft < found.files:
-            resource.setrlimit(resource.RLIMIT_NOFILE, (found.files, hard))
-        return found
+        budget = cls.of(settings, hard)
+        if soft != resource.RLIM_INFINITY and soft < budget.files:
+            resource.setrlimit(resource.RLIMIT_NOFILE, (budget.files, hard))
+        return budget

@@ -29,7 +29,7 @@ class Waiting(NamedTuple):
     cost_s: float
 
 
-def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) -> None:
+def check_room(waiting: Sequence[Waiting], newcomer: Waiting, settings: Settings) -> None:
     """Refuse a fold for which the queue has no room.
 
     A visitor without folds in the queue may add one of any cost, if the queue has room for it.
@@ -37,34 +37,38 @@ def check_room(waiting: Sequence[Waiting], wanted: Waiting, settings: Settings) 
     Raises:
         TooMany: If a limit is exceeded (``queue-full``).
     """
-    own = [fold.cost_s for fold in waiting if fold.visitor == wanted.visitor]
-    if len(own) >= settings.largest_queue_of_visitor:
-        raise _full(f"{len(own)} of your folds are waiting or running, which is the limit")
-    if own and sum(own) + wanted.cost_s > settings.largest_queue_seconds_of_visitor:
+    own_costs_s = [fold.cost_s for fold in waiting if fold.visitor == newcomer.visitor]
+    if len(own_costs_s) >= settings.largest_queue_of_visitor:
+        raise _full(f"{len(own_costs_s)} of your folds are waiting or running, which is the limit")
+    if (
+        own_costs_s
+        and sum(own_costs_s) + newcomer.cost_s > settings.largest_queue_seconds_of_visitor
+    ):
         raise _full(
-            f"your waiting folds ({len(own)}) take about {sum(own):.0f} s, and this fold takes "
-            f"{wanted.cost_s:.0f} s. Together they may take at most "
+            f"your waiting folds ({len(own_costs_s)}) take about {sum(own_costs_s):.0f} s, and "
+            "this fold takes "
+            f"{newcomer.cost_s:.0f} s. Together they may take at most "
             f"{settings.largest_queue_seconds_of_visitor:g} s"
         )
-    network = network_of(wanted.visitor)
+    network = network_of(newcomer.visitor)
     near = [fold.cost_s for fold in waiting if network_of(fold.visitor) == network]
     all_s = sum(fold.cost_s for fold in waiting)
     if not (
         admits(len(near), 1, total=len(waiting), limit=settings.largest_queue)
-        and admits(sum(near), wanted.cost_s, total=all_s, limit=settings.largest_queue_seconds)
+        and admits(sum(near), newcomer.cost_s, total=all_s, limit=settings.largest_queue_seconds)
     ):
         raise _full(
             f"{len(waiting)} folds are waiting ({len(near)} of them from your network). They take "
-            f"about {all_s:.0f} s, and this fold takes {wanted.cost_s:.0f} s. The queue holds "
+            f"about {all_s:.0f} s, and this fold takes {newcomer.cost_s:.0f} s. The queue holds "
             f"at most {settings.largest_queue} folds, which may take "
             f"{settings.largest_queue_seconds:g} s in total. One network may use at most half of "
             "the places and of the time that other networks do not use"
         )
 
 
-def _full(why: str) -> TooMany:
+def _full(reason: str) -> TooMany:
     return TooMany(
         "queue-full",
-        f"{why}; try again in {QUEUE_RETRY_S} s.",
+        f"{reason}; try again in {QUEUE_RETRY_S} s.",
         retry_after_s=QUEUE_RETRY_S,
     )

@@ -29,20 +29,20 @@ class SingleFlight:
         per_visitor: Maximum number of these for one visitor.
     """
 
-    def __init__(self, what: str, *, at_once: int, total: int, per_visitor: int) -> None:
+    def __init__(self, subject: str, *, at_once: int, total: int, per_visitor: int) -> None:
         def busy(count: int, holder: Holder) -> ServiceError:
             whose = "" if holder is Holder.ALL else f" {holder}"
             return (Unavailable if holder is Holder.ALL else TooMany)(
                 "busy",
-                f"{count} other {what}{whose} are being created; try again in a moment.",
+                f"{count} other {subject}{whose} are being created; try again in a moment.",
                 retry_after_s=3,
             )
 
         self._busy = busy
         self._quota = Quota(
-            what, total=total, per_visitor=per_visitor, at_once=at_once, refuse=busy
+            subject, total=total, per_visitor=per_visitor, at_once=at_once, refuse=busy
         )
-        self._threads = ThreadPoolExecutor(at_once, thread_name_prefix=what.replace(" ", "-"))
+        self._threads = ThreadPoolExecutor(at_once, thread_name_prefix=subject.replace(" ", "-"))
         self._making: dict[Hashable, asyncio.Future[Any]] = {}
 
     def close(self) -> None:
@@ -71,8 +71,8 @@ class SingleFlight:
             ServiceError: If too many results wait, of the visitor or in total.
         """
         if cache is not None:
-            if (known := cache.get(key)) is not None:
-                return known
+            if (stored := cache.get(key)) is not None:
+                return stored
             make = partial(cache.get_or_make, key, make)
         if key not in self._making:
             making = self._making[key] = asyncio.ensure_future(self._made(make, visitor))

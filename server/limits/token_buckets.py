@@ -33,13 +33,13 @@ class TokenBuckets:
         rate: float,
         burst: float,
         *,
-        most: int = 50_000,
+        max_buckets: int = 50_000,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         self._rate = rate
         self._burst = burst
         self._clock = clock
-        self._buckets: LRUCache[str, tuple[float, float]] = LRUCache(most)
+        self._buckets: LRUCache[str, tuple[float, float]] = LRUCache(max_buckets)
         """Tokens and the time of their count, by visitor and network."""
 
     def __len__(self) -> int:
@@ -78,12 +78,12 @@ class TokenBuckets:
     def _tokens(self, visitor: str, now: float) -> list[tuple[str, float, float]]:
         """Return the name, tokens and rate of a visitor's bucket and those of its networks."""
         factors = {visitor: 1.0, **dict.fromkeys(networks_of(visitor), NETWORK_RATE_FACTOR)}
-        found: list[tuple[str, float, float]] = []
+        buckets: list[tuple[str, float, float]] = []
         for name, factor in factors.items():
             burst, rate = factor * self._burst, factor * self._rate
             tokens, at = self._buckets.get(name, (burst, now))
-            found.append((name, min(burst, tokens + (now - at) * rate), rate))
-        return found
+            buckets.append((name, min(burst, tokens + (now - at) * rate), rate))
+        return buckets
 
 
 class SharedBuckets:

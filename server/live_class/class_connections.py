@@ -47,51 +47,54 @@ async def join(request: Request, code: str) -> Response:
 @router.websocket("/api/class/lead")
 async def lead(websocket: WebSocket) -> None:
     """Receive what a class's leader sees, and report the number of followers."""
-    classes, asked = classes_of(websocket), websocket.query_params
-    if "key" in asked:
-        await _lead(websocket, classes.find_led(asked.get("code", ""), asked["key"]))
+    classes, query_params = classes_of(websocket), websocket.query_params
+    if "key" in query_params:
+        await _lead(websocket, classes.find_led(query_params.get("code", ""), query_params["key"]))
         return
-    fold_id = asked.get("fold", "")
+    fold_id = query_params.get("fold", "")
     with classes.leaders.enter(address_of(websocket)):
         if not ADDRESS_ID.fullmatch(fold_id):
             raise NoSuchFoldError(fold_id)
         if await asyncio.to_thread(viewing_of(websocket).store.find, fold_id) is None:
             raise NoSuchFoldError(fold_id)
         # The class counts for this visitor until it ends, even if its leader reconnects.
-        with classes.begun(fold_id) as begun, contextlib.suppress(TimeoutError):
+        with classes.begun(fold_id) as new_class, contextlib.suppress(TimeoutError):
             async with asyncio.timeout(8 * 3600.0):
-                await _lead(websocket, begun)
-                await begun.wait_abandoned(60.0)
+                await _lead(websocket, new_class)
+                await new_class.wait_abandoned(60.0)
 
 
 @router.websocket("/api/class/follow")
 async def follow(websocket: WebSocket) -> None:
     """Send a follower the leader's views of a class, a shared session."""
     classes = classes_of(websocket)
-    shown = classes.find(websocket.query_params.get("code", ""))
-    with classes.followers.enter(address_of(websocket)), shown.joined():
+    followed_class = classes.find(websocket.query_params.get("code", ""))
+    with classes.followers.enter(address_of(websocket)), followed_class.joined():
         await websocket.accept()
-        await first_of(_send_changes(websocket, shown, lambda: shown.view), receive(websocket))
-    await close(websocket, *((DONE, OVER) if shown.over else (REFUSED, "")))
+        await first_of(
+            _send_changes(websocket, followed_class, lambda: followed_class.view),
+            receive(websocket),
+        )
+    await close(websocket, *((DONE, OVER) if followed_class.over else (REFUSED, "")))
 
 
-async def _lead(websocket: WebSocket, shown: LiveClass) -> None:
+async def _lead(websocket: WebSocket, live_class: LiveClass) -> None:
     """Let a connection lead a class until it is lost or replaced, or ends the class."""
-    shown.change(leader=websocket)
+    live_class.change(leader=websocket)
     try:
         await websocket.accept()
         await first_of(
-            _report(websocket, shown),
-            _take_views(websocket, shown),
-            shown.wait_without(websocket),
+            _report(websocket, live_class),
+            _take_views(websocket, live_class),
+            live_class.wait_without(websocket),
         )
     finally:
-        if shown.leader is websocket:
-            shown.change(leader=None, lost_at=asyncio.get_running_loop().time())
+        if live_class.leader is websocket:
+            live_class.change(leader=None, lost_at=asyncio.get_running_loop().time())
         await close(websocket, DONE)
 
 
-async def _take_views(websocket: WebSocket, shown: LiveClass) -> None:
+async def _take_views(websocket: WebSocket, live_class: LiveClass) -> None:
     """Receive views; an invalid view, too many views, or leaving the page end the class."""
     clock = asyncio.get_running_loop().time
     second, count = 0, 0
@@ -101,31 +104,34 @@ async def _take_views(websocket: WebSocket, shown: LiveClass) -> None:
             second, count = now, (count + 1 if now == second else 1)
             if count > MAX_VIEWS_PER_SECOND:
                 break
-            if text != shown.view:
-                shown.change(view=text)
-    except WebSocketDisconnect as gone:
-        if gone.code not in LEFT:
+            if text != live_class.view:
+                live_class.change(view=text)
+    except WebSocketDisconnect as disconnection:
+        if disconnection.code not in LEFT:
             return
-    shown.change(over=True)
+    live_class.change(over=True)
 
 
-async def _report(websocket: WebSocket, shown: LiveClass) -> None:
+async def _report(websocket: WebSocket, live_class: LiveClass) -> None:
     """Send a leader the link, the key for reconnecting, and the number of followers."""
-    link = f"http{str(websocket.base_url)[2:].rstrip('/')}{BASE_PATH.get()}/c/{shown.code}"
+    link = f"http{str(websocket.base_url)[2:].rstrip('/')}{BASE_PATH.get()}/c/{live_class.code}"
     picture = segno.make_qr(link, error="m").svg_data_uri(scale=4, border=4, light="#fff")
-    back = {"code": shown.code, "key": shown.key}
-    await websocket.send_json({"link": link, "picture": picture, "back": back})
+    handle = {"code": live_class.code, "key": live_class.key}
+    await websocket.send_json({"link": link, "picture": picture, "back": handle})
     await _send_changes(
-        websocket, shown, lambda: f'{{"followers": {shown.followers}}}', sent='{"followers": 0}'
+        websocket,
+        live_class,
+        lambda: f'{{"followers": {live_class.followers}}}',
+        sent='{"followers": 0}',
     )
 
 
 async def _send_changes(
-    websocket: WebSocket, shown: LiveClass, text: Callable[[], str], *, sent: str | None = None
+    websocket: WebSocket, live_class: LiveClass, text: Callable[[], str], *, sent: str | None = None
 ) -> None:
     """Send a text after each change, until the class is over; skip all but the latest."""
-    while not shown.over:
-        changed = shown.changed
+    while not live_class.over:
+        changed = live_class.changed
         if (now := text()) == sent:
             await changed.wait()
             continue

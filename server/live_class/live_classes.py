@@ -121,12 +121,12 @@ class LiveClasses:
     def begun(self, fold_id: str) -> Generator[LiveClass]:
         """Start a class that ends with the context."""
         code = "".join(secrets.choice(CODE_LETTERS) for _ in range(CODE_LENGTH))
-        begun = self._by_code[code] = LiveClass(fold_id, code)
+        live_class = self._by_code[code] = LiveClass(fold_id, code)
         try:
-            yield begun
+            yield live_class
         finally:
             del self._by_code[code]
-            begun.change(over=True)
+            live_class.change(over=True)
 
     def find(self, code: str) -> LiveClass:
         """Return the class with a code.
@@ -134,13 +134,13 @@ class LiveClasses:
         Raises:
             NoSuch: If there is none.
         """
-        found = self._by_code.get(code.upper())
-        if found is None:
+        live_class = self._by_code.get(code.upper())
+        if live_class is None:
             raise NoSuch(
                 "no-class",
                 "This class has ended, or its link is incomplete; ask the teacher for a new link.",
             )
-        return found
+        return live_class
 
     def find_led(self, code: str, key: str) -> LiveClass:
         """Return the class that a leader reconnects to.
@@ -148,10 +148,10 @@ class LiveClasses:
         Raises:
             NoSuch: If there is none, or it has another key.
         """
-        found = self.find(code)
-        if not secrets.compare_digest(found.key.encode(), key.encode()):
+        live_class = self.find(code)
+        if not secrets.compare_digest(live_class.key.encode(), key.encode()):
             raise NoSuch("no-class", "This class has ended.")
-        return found
+        return live_class
 
 
 def is_view(text: str | bytes) -> TypeGuard[str]:

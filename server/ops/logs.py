@@ -68,8 +68,8 @@ class _Formatter(logging.Formatter):
         self._always = always
 
     def _facts(self, record: logging.LogRecord, names: tuple[str, ...]) -> dict[str, Any]:
-        known = {**self._always, **_about.get(), **vars(record)}
-        return {name: known[name] for name in names if known.get(name) is not None}
+        fields = {**self._always, **_about.get(), **vars(record)}
+        return {name: fields[name] for name in names if fields.get(name) is not None}
 
     @staticmethod
     def _trace(record: logging.LogRecord) -> str:
@@ -104,9 +104,9 @@ class TextLines(_Formatter):
     def format(self, record: logging.LogRecord) -> str:
         """Return the line, and those of a traceback."""
         facts = self._facts(record, CONTEXT_FIELDS)
-        shown = " ".join(f"{name}={escaped(str(value))}" for name, value in facts.items())
+        pairs = " ".join(f"{name}={escaped(str(value))}" for name, value in facts.items())
         head = f"{self._time(record)} {record.levelname.lower()} {record.name}"
-        line = f"{head}{f' [{shown}]' if shown else ''}: {escaped(record.getMessage())}"
+        line = f"{head}{f' [{pairs}]' if pairs else ''}: {escaped(record.getMessage())}"
         trace = "".join(f"\n  {escaped(part)}" for part in self._trace(record).splitlines())
         return line + trace
 
@@ -144,9 +144,11 @@ def set_up_logs(settings: Settings, *, worker: str | None = None) -> None:
     handler.setFormatter(lines({"worker": worker} if worker else {}))
     logging.basicConfig(level=settings.log_level.upper(), handlers=[handler], force=True)
     asyncio_log = logging.getLogger("asyncio")
-    for known in [each for each in asyncio_log.filters if isinstance(each, AcceptErrors)]:
-        asyncio_log.removeFilter(known)
+    for old_filter in [
+        log_filter for log_filter in asyncio_log.filters if isinstance(log_filter, AcceptErrors)
+    ]:
+        asyncio_log.removeFilter(old_filter)
     asyncio_log.addFilter(AcceptErrors())
     for name in QUIET_LOGGERS:
-        least = max(logging.WARNING, logging.getLogger().level)
-        logging.getLogger(name).setLevel(least)
+        min_level = max(logging.WARNING, logging.getLogger().level)
+        logging.getLogger(name).setLevel(min_level)

@@ -76,26 +76,26 @@ def _set_places(rows: CollectorRegistry, places: Places) -> None:
         _set(rows, "disk_free_bytes", words, places.free_bytes)
 
 
-def _set_service_counts(rows: CollectorRegistry, found: ServiceCounts) -> None:
-    _set_counts(rows, "folds", "Folds by status.", "status", found.folds)
-    _set_counts(rows, "movies", "Movies by status.", "status", found.movies)
-    _set(rows, "queue_length", "Folds that wait for a worker.", found.folds["queued"])
+def _set_service_counts(rows: CollectorRegistry, counts: ServiceCounts) -> None:
+    _set_counts(rows, "folds", "Folds by status.", "status", counts.folds)
+    _set_counts(rows, "movies", "Movies by status.", "status", counts.movies)
+    _set(rows, "queue_length", "Folds that wait for a worker.", counts.folds["queued"])
     words = "Waiting time of the fold that waits longest, s."
-    _set(rows, "queue_oldest_seconds", words, found.oldest_queued_s)
-    _set(rows, "workers", "Live workers.", found.workers)
-    _set(rows, "storage_bytes", "Size of the files of all folds.", found.storage_bytes)
+    _set(rows, "queue_oldest_seconds", words, counts.oldest_queued_s)
+    _set(rows, "workers", "Live workers.", counts.workers)
+    _set(rows, "storage_bytes", "Size of the files of all folds.", counts.storage_bytes)
     words = "Quantiles of the computing time of folds that ended within the last hour, s."
-    last = len(found.computed_s) - 1
+    last = len(counts.computed_s) - 1
     seconds = {
-        f"{quantile:g}": found.computed_s[min(int(quantile * (last + 1)), last)]
+        f"{quantile:g}": counts.computed_s[min(int(quantile * (last + 1)), last)]
         for quantile in (0.5, 0.9, 1.0)
-        if found.computed_s
+        if counts.computed_s
     }
     _set_counts(rows, "fold_seconds_lately", words, "quantile", seconds)
     words = "Number of folds that ended within the last hour; at most 500 are counted."
-    _set(rows, "folds_ended_lately", words, len(found.computed_s))
+    _set(rows, "folds_ended_lately", words, len(counts.computed_s))
     words = "Number of folds that failed within the last hour, by error code."
-    _set_counts(rows, "failures_lately", words, "code", found.failures)
+    _set_counts(rows, "failures_lately", words, "code", counts.failures)
 
 
 def _set(rows: CollectorRegistry, name: str, words: str, value: float) -> None:

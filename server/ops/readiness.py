@@ -94,13 +94,13 @@ class Readiness:
         places = self.places()
         compiled = compiling_fraction(self._settings.root)
         reasons = [
-            f"the {name} {found}" if found.startswith(("does", "can")) else f"{name}: {found}"
-            for name, found in (
+            f"the {name} {state}" if state.startswith(("does", "can")) else f"{name}: {state}"
+            for name, state in (
                 ("database", database),
                 ("disk", places.disk),
                 ("storage", places.storage),
             )
-            if found != OK
+            if state != OK
         ]
         if self._settings.read_only:
             reasons.insert(0, READ_ONLY_WORDS)

@@ -34,13 +34,13 @@ MAX_QUOTED_CHARACTERS: Final = 60
 off."""
 
 
-def settings_of(**given: Any) -> Settings:
+def settings_of(**fields: Any) -> Settings:
     """Return the settings of the environment, with those given on the command line.
 
     Invalid settings end the program with a message of one line and the exit code 1.
     """
     try:
-        return Settings(**{name: value for name, value in given.items() if value is not None})
+        return Settings(**{name: value for name, value in fields.items() if value is not None})
     except ValidationError as error:
         print(f"{settings_words(error)}. {REMEDY}", file=sys.stderr)
         raise SystemExit(1) from None
@@ -49,19 +49,20 @@ def settings_of(**given: Any) -> Settings:
 def settings_words(error: ValidationError) -> str:
     """Return the errors of the settings: the values found and expected."""
     wrong = [
-        f"{VARIABLE_PREFIX}{str(one['loc'][0]).upper()}: {_fault(one)}" for one in error.errors()
+        f"{VARIABLE_PREFIX}{str(fault['loc'][0]).upper()}: {_fault(fault)}"
+        for fault in error.errors()
     ]
     return "; ".join(wrong)
 
 
-def _fault(one: Mapping[str, Any]) -> str:
-    if one["type"] == "value_error":
-        return str(one["ctx"]["error"]).removesuffix(".")
-    expected = str(EXPECTED_WORDS.get(one["type"], one["msg"])).format(**one.get("ctx", {}))
-    got = str(one["input"])
-    if len(got) > MAX_QUOTED_CHARACTERS:
-        got = got[:MAX_QUOTED_CHARACTERS] + "…"
-    return f"got {got!r}, expected {expected}"
+def _fault(fault: Mapping[str, Any]) -> str:
+    if fault["type"] == "value_error":
+        return str(fault["ctx"]["error"]).removesuffix(".")
+    expected = str(EXPECTED_WORDS.get(fault["type"], fault["msg"])).format(**fault.get("ctx", {}))
+    input_text = str(fault["input"])
+    if len(input_text) > MAX_QUOTED_CHARACTERS:
+        input_text = input_text[:MAX_QUOTED_CHARACTERS] + "…"
+    return f"got {input_text!r}, expected {expected}"
 
 
 def warn_of_unknown_names(log: logging.Logger) -> None:
@@ -71,11 +72,11 @@ def warn_of_unknown_names(log: logging.Logger) -> None:
 
 
 @contextmanager
-def starting(what: str) -> Generator[None]:
+def starting(service: str) -> Generator[None]:
     """Turn a missing resource into an error on one line and the exit code 1.
 
     Args:
-        what: Name of the starting program, for the message.
+        service: Name of the starting program, for the message.
     """
     # Imported here, because commands without a database use this module as well.
     from sqlalchemy.exc import DBAPIError
@@ -97,6 +98,7 @@ def starting(what: str) -> Generator[None]:
     else:
         return
     print(
-        f"The {what} does not start: {reason} Run `foldback doctor` for details.", file=sys.stderr
+        f"The {service} does not start: {reason} Run `foldback doctor` for details.",
+        file=sys.stderr,
     )
     raise SystemExit(1)

@@ -112,9 +112,9 @@ class SupervisedWorker:
     def _start(self, environment: dict[str, str], now: float) -> None:
         self._started = self._looked_at = now
         self._silent_s = 0.0
-        self.leash, theirs = socket.socketpair()
+        self.leash, child_end = socket.socketpair()
         self.leash.setblocking(False)
-        with theirs:
+        with child_end:
             self.process = subprocess.Popen(
                 [
                     sys.executable,
@@ -123,7 +123,7 @@ class SupervisedWorker:
                     "foldback.server.jobs.worker_process",
                     str(self._pulse_s),
                 ],
-                stdin=theirs.fileno(),
+                stdin=child_end.fileno(),
                 env=environment,
                 # Ctrl-C in the terminal must reach only the service, which stops its workers.
                 start_new_session=True,
@@ -145,8 +145,8 @@ class SupervisedWorker:
 
 def environment_of_worker(settings: Settings) -> dict[str, str]:
     """Return settings as environment variables, without the secret that workers do not use."""
-    given = settings.model_dump(mode="json", exclude={"metrics_token"}, exclude_none=True)
+    values = settings.model_dump(mode="json", exclude={"metrics_token"}, exclude_none=True)
     return {
         f"FOLDBACK_{name.upper()}": json.dumps(value) if isinstance(value, list) else str(value)
-        for name, value in given.items()
+        for name, value in values.items()
     }

@@ -128,12 +128,14 @@ class GalleryFilter:
     @classmethod
     def of(cls, query: Mapping[str, str]) -> GalleryFilter:
         """Return the filter in a query, ``?type=cube&modules=100-200``; ignore invalid parts."""
-        found = re.fullmatch(r"(\d{0,6})-(\d{0,6})", query.get("modules", ""))
-        least, most = found.groups() if found else (query.get("least", ""), query.get("most", ""))
+        match = re.fullmatch(r"(\d{0,6})-(\d{0,6})", query.get("modules", ""))
+        smallest, largest = (
+            match.groups() if match else (query.get("least", ""), query.get("most", ""))
+        )
 
-        def one_of(name: str, known: Mapping[str, str]) -> str:
+        def one_of(name: str, choices: Mapping[str, str]) -> str:
             value = query.get(name, "")
-            return value if value in known else ""
+            return value if value in choices else ""
 
         return cls(
             module=one_of("type", CHAIN_LABELS),
@@ -141,8 +143,8 @@ class GalleryFilter:
             status=one_of("status", CARD_STATUS_LABELS),
             world=one_of("world", WORLD_LABELS),
             words=" ".join(query.get("q", "")[:100].split()),
-            least=int(least) if re.fullmatch(r"\d{1,6}", least) else None,
-            most=int(most) if re.fullmatch(r"\d{1,6}", most) else None,
+            least=int(smallest) if re.fullmatch(r"\d{1,6}", smallest) else None,
+            most=int(largest) if re.fullmatch(r"\d{1,6}", largest) else None,
         )
 
     def lets(self, card: CardFacts) -> bool:

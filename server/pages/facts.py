@@ -160,31 +160,31 @@ def takes_by_cost(row: FoldRow) -> str:
 
 
 def fold_facts(
-    found: Found,
+    located: Found,
     *,
     api: bool = True,
     embed: bool = False,
-    kept: str | None = None,
+    lifetime_text: str | None = None,
     takes: Callable[[FoldRow], str] = takes_by_cost,
 ) -> FoldFacts:
     """Return everything that the page shows besides the timeline, as JSON values.
 
     Args:
-        found: The fold.
+        located: The fold.
         api: True if the service's API is available for downloads and events.
         embed: True if other sites may embed folds in a frame.
-        kept: Visibility and expiry of the fold in words.
+        lifetime_text: Visibility and expiry of the fold in words.
         takes: Returns the estimated time of another fold that is offered, in words.
     """
-    row, directory = found.row, found.directory
-    api = api and found.alternative_to is None
+    row, directory = located.row, located.directory
+    api = api and located.alternative_to is None
     summary = row.summary
     running = row.status in RUNNING_STATUSES
     damaged = [] if running else damaged_among(directory, SHOWN_FILES)
     done = row.status in ("verified", "failed")
     certificate = CertificateFigures() if running else _certificate(directory, summary, damaged)
     choice = choice_of(directory, preference_named(row.prefer), playable=api) if done else None
-    there = api and done and (directory / PLAN).is_file()
+    has_plan = api and done and (directory / PLAN).is_file()
     facts: FoldFacts = {
         "id": row.id,
         "name": row.title,
@@ -205,30 +205,30 @@ def fold_facts(
         "refoldable": api and row.status == "verified" and row.world == FLOATING,
         "refold": _published(row),
         "smoothable": api and _smoothable(row, summary),
-        "smoothing": _smoothing(found if api else None, summary),
+        "smoothing": _smoothing(located if api else None, summary),
         "comparable": api and not running,
         "options": _options(row) if api and not running else None,
-        "alternative_to": found.alternative_to,
-        "compare": _compare(found, takes) if api and not running else [],
+        "alternative_to": located.alternative_to,
+        "compare": _compare(located, takes) if api and not running else [],
         "embed": f"/embed/{row.id}" if embed else None,
-        "kept": kept,
+        "kept": lifetime_text,
         "made": origin_of(summary),
         "editable": (editable := api and not running and frames_promised(directory) > 0),
         "movies": list(movie_formats()) if editable else [],
         "robot": api and row.status == "verified",
-        "files": [] if running else _files(found),
+        "files": [] if running else _files(located),
         "properties": properties(row, summary, certificate, directory),
-        "downloads": _downloads(row, summary) if there else [],
+        "downloads": _downloads(row, summary) if has_plan else [],
         "downloads_hint": NO_DOWNLOADS_YET if running else NO_DOWNLOADS,
-        "checkable": bool(there) and row.status == "verified",
+        "checkable": bool(has_plan) and row.status == "verified",
     }
     return _with_damage(facts, damaged) if damaged else facts
 
 
 def _certificate(directory: Path, summary: FoldSummary, damaged: list[str]) -> CertificateFigures:
     """Return the certificate of a fold from its summary, or from its directory."""
-    if known := summary.get("certificate"):
-        return known
+    if certificate := summary.get("certificate"):
+        return certificate
     stored = {} if CERTIFICATE in damaged else json_of(result_path(directory, CERTIFICATE))
     return cast(CertificateFigures, stored)
 
@@ -241,12 +241,12 @@ def _downloads(row: ShownFold, summary: FoldSummary) -> list[Download]:
     ]
 
 
-def _files(found: Found) -> list[Download]:
+def _files(located: Found) -> list[Download]:
     """Return the files that show a fold's motion; none for an alternative to its plan."""
-    if not frames_promised(found.directory) or found.alternative_to is not None:
+    if not frames_promised(located.directory) or located.alternative_to is not None:
         return []
     return [
-        {"href": f"/folds/{found.row.id}/{name}", "label": label, "hint": hint}
+        {"href": f"/folds/{located.row.id}/{name}", "label": label, "hint": hint}
         for name, label, hint in VIEW_FILES
     ]
 
@@ -290,14 +290,14 @@ def _again(row: ShownFold) -> Suggestion | None:
     if row.status != "failed" or row.stage == "read":  # such an input fails again
         return None
     if row.preset != plain.preset:
-        change, other = "preset", replace(request, preset="default", settings="")
+        change, other_request = "preset", replace(request, preset="default", settings="")
     elif row.module_size is not None and row.module_size > plain.parameters().module_size:
-        change, other = "module_size", replace(request, module_size=None)
+        change, other_request = "module_size", replace(request, module_size=None)
     elif request.strategy in TURN_STRATEGIES:  # seeds hardly change turns
-        change, other = "strategy", replace(request, strategy=plain.strategy)
+        change, other_request = "strategy", replace(request, strategy=plain.strategy)
     else:
-        change, other = "seed", replace(request, seed=_next_seed(row))
-    return {"text": AGAIN_LABELS[change], "form": _form(row, other, "preset")}
+        change, other_request = "seed", replace(request, seed=_next_seed(row))
+    return {"text": AGAIN_LABELS[change], "form": _form(row, other_request, "preset")}
 
 
 def _next_seed(row: ShownFold) -> int:
@@ -312,56 +312,58 @@ def _options(row: ShownFold) -> Literal["all", "owner"] | None:
     return "all" if row.shape else "owner"
 
 
-def _compare(found: Found, takes: Callable[[FoldRow], str]) -> list[Suggestion]:
+def _compare(located: Found, takes: Callable[[FoldRow], str]) -> list[Suggestion]:
     """Return the labels and forms of the buttons that fold the same input by another method."""
-    row = found.row
+    row = located.row
     plain = FoldRequest(seed=row.seed, module_size=row.module_size)
     seed = _next_seed(row)
-    same = replace(request_of(row), strategy=plain.strategy, prefer=plain.prefer, seed=seed)
-    another = _suggestion(another_seed(seed), _form(row, same, "preset"))
+    comparable = replace(request_of(row), strategy=plain.strategy, prefer=plain.prefer, seed=seed)
+    another = _suggestion(another_seed(seed), _form(row, comparable, "preset"))
     if row.smooths:
-        if (before := found.recorded) is None:
+        if (before := located.recorded) is None:
             return [another]
         return [{"text": RECORDED.text, "hint": RECORDED.hint, "id": before}, another]
     if row.world != FLOATING:
         floating = replace(plain, settings=_floating_settings(row.settings))
         return [_suggestion(FLOATING_FOLD, _form(row, floating, "settings")), another]
-    return [*_other_methods(found, plain, takes), another]
+    return [*_other_methods(located, plain, takes), another]
 
 
 def _other_methods(
-    found: Found, plain: FoldRequest, takes: Callable[[FoldRow], str]
+    located: Found, plain: FoldRequest, takes: Callable[[FoldRow], str]
 ) -> list[Suggestion]:
     """Return the suggestions for a fold without a table: table, preference and presets.
 
     For chains so long that they usually stall on a table, the table comes after the other presets.
     ``settable`` states whether settings of the published method may or must be sent with it.
     """
-    row = found.row
+    row = located.row
     cube = FoldRequest(module=row.module)
 
     def time(request: FoldRequest) -> str:
         return takes(plain_fold(row.modules, request))
 
-    others: list[Suggestion] = []
+    suggestions: list[Suggestion] = []
     if row.preset == plain.preset:
         unlike: Preference = "time" if row.prefer == COMPUTING else COMPUTING
         button = preferring(unlike, time(replace(cube, prefer=unlike)))
-        others.append(_suggestion(button, _form(row, replace(plain, prefer=unlike), "prefer")))
+        suggestions.append(_suggestion(button, _form(row, replace(plain, prefer=unlike), "prefer")))
         if step_count(row.summary):  # it took turns
             explosion = replace(plain, strategy="simultaneous")
-            others.append(_suggestion(EXPLOSION, _form(row, explosion)))
+            suggestions.append(_suggestion(EXPLOSION, _form(row, explosion)))
     for preset, button in OTHER_PRESETS.items():
         if (preset, "") != (row.preset, row.settings):
-            others.append(_suggestion(button, _form(row, replace(plain, preset=preset), "preset")))
-    if _may_rest(row) and not ruled_out_on_table(result_path(found.directory, CHAIN)):
+            suggestions.append(
+                _suggestion(button, _form(row, replace(plain, preset=preset), "preset"))
+            )
+    if _may_rest(row) and not ruled_out_on_table(result_path(located.directory, CHAIN)):
         button = on_a_table(time(FoldRequest(world="table")), row.modules)
         table = _suggestion(button, _form(row, replace(plain, world="table")))
-        others.insert(0 if row.modules <= MAX_TABLE_MODULES else len(others), table)
+        suggestions.insert(0 if row.modules <= MAX_TABLE_MODULES else len(suggestions), table)
     by_paper = (row.preset, row.settings) == ("paper", "")
     button = PUBLISHED_CHANGED if by_paper else published(time(replace(cube, preset="paper")))
     last = _suggestion(button, _form(row, replace(plain, preset="paper")))
-    return [*others, {**last, "settable": "must" if by_paper else "may"}]
+    return [*suggestions, {**last, "settable": "must" if by_paper else "may"}]
 
 
 def _suggestion(button: Button, form: Form) -> Suggestion:
@@ -371,8 +373,8 @@ def _suggestion(button: Button, form: Form) -> Suggestion:
 def _may_rest(row: ShownFold) -> bool:
     """Return True if the same shape may be folded on a table."""
     plain = FoldRequest()
-    asked, usual = (row.preset, row.module), (plain.preset, plain.module)
-    return asked == usual and not row.refold and not row.settings
+    own_presets, usual = (row.preset, row.module), (plain.preset, plain.module)
+    return own_presets == usual and not row.refold and not row.settings
 
 
 def _floating_settings(settings: str) -> str:
@@ -405,16 +407,16 @@ def _smoothable(row: ShownFold, summary: FoldSummary) -> bool:
     return frames * int(summary.get("hinges") or 0) <= MAX_SMOOTHED_ANGLES
 
 
-def _smoothing(found: Found | None, summary: FoldSummary) -> Smoothing | None:
+def _smoothing(located: Found | None, summary: FoldSummary) -> Smoothing | None:
     """Return the changes by smoothing in words; None for a recorded plan.
 
-    Without ``found``, there is no link to both plans.
+    Without ``located``, there is no link to both plans.
     """
     if not (smoothing := summary.get("smoothing")):
         return None
-    of = found and found.recorded
+    of = located and located.recorded
     return {
         "rows": smoothing_rows(smoothing),
         "note": smoothing_note(smoothing),
-        "compare": f"/compare?a={of}&b={found.row.id}" if found and of else None,
+        "compare": f"/compare?a={of}&b={located.row.id}" if located and of else None,
     }

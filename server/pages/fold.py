@@ -44,19 +44,19 @@ async def fold_page(request: Request, fold_id: str) -> Response:
 
 
 def _fold_page(request: Request, fold_id: str) -> Response:
-    found = find_now(request, fold_id)
-    if found is None:
+    located = find_now(request, fold_id)
+    if located is None:
         return no_such_page(request, NO_FOLD)
-    mark(request, found.row)
-    facts = _facts(request, found)
-    over = found.row.status not in RUNNING_STATUSES
-    drawable = not (over and damaged_among(found.directory, [CHAIN]))
+    mark(request, located.row)
+    facts = _facts(request, located)
+    over = located.row.status not in RUNNING_STATUSES
+    drawable = not (over and damaged_among(located.directory, [CHAIN]))
     return page(
         "fold.html",
-        listed=found.row.public,
+        listed=located.row.public,
         facts=facts,
         facts_json=script_json(script_facts(facts)),
-        drawing=drawing_in(found.directory) if drawable else "",
+        drawing=drawing_in(located.directory) if drawable else "",
         details=True,
         service=viewing_of(request).settings is not None,
         origin=origin_of(request),
@@ -66,8 +66,8 @@ def _fold_page(request: Request, fold_id: str) -> Response:
 
 def _asked_view(request: Request) -> str:
     """Return the query string for a picture of the requested view; empty without one."""
-    asked = request.query_params.get("view", "")
-    return f"?view={asked}" if PictureView.from_short(asked) else ""
+    view = request.query_params.get("view", "")
+    return f"?view={view}" if PictureView.from_short(view) else ""
 
 
 @router.get("/folds/{fold_id}/facts")
@@ -75,10 +75,10 @@ async def facts_of_fold(request: Request, fold_id: str) -> Response:
     """Return the texts about a fold that an open page shows when the fold ends."""
 
     def answer() -> Response:
-        found = find_now(request, fold_id)
-        if found is None:
+        located = find_now(request, fold_id)
+        if located is None:
             return JSONResponse({"detail": "Fold not found."}, status_code=404)
-        return JSONResponse(_facts(request, found), headers={"Cache-Control": "no-store"})
+        return JSONResponse(_facts(request, located), headers={"Cache-Control": "no-store"})
 
     return await asyncio.to_thread(answer)
 
@@ -105,14 +105,14 @@ def _drawing_of(path: Path, is_chain: bool) -> str:
     return isometric_svg(cells) if 0 < len(cells) <= MAX_DRAWN_CELLS else ""
 
 
-def _facts(request: Request, found: Found) -> FoldFacts:
+def _facts(request: Request, located: Found) -> FoldFacts:
     if viewing_of(request).settings is None:
-        return fold_facts(found, api=False)
+        return fold_facts(located, api=False)
     context = context_of(request)
     return fold_facts(
-        found,
+        located,
         embed=bool(context.settings.embed_origins),
-        kept=visibility(context.settings, found.row),
+        lifetime_text=visibility(context.settings, located.row),
         takes=takes(context),
     )
 

@@ -51,14 +51,14 @@ async def gallery_page(request: Request) -> Response:
     finished = await asyncio.to_thread(included_folds, context.store)
     facts = {card.name: CardFacts.of_shape(card, status) for card, status in cards}
     facts |= {fold.id: CardFacts.of_fold(fold) for fold in finished}
-    wanted = {key for key, each in facts.items() if sieve.lets(each)}
+    keys = {key for key, fold_facts in facts.items() if sieve.lets(fold_facts)}
     return page(
         "gallery.html",
         listed=True,
         origin=origin_of(request),
         cards=cards,
         card_facts=facts,
-        wanted=wanted,
+        wanted=keys,
         sieve=sieve,
         kinds=kinds(context.gallery),
         chains=CHAIN_LABELS,
@@ -92,7 +92,7 @@ def fold_shape(request: Request, name: str, world: World = "floating") -> Respon
             context=context_of(request),
             claim=Claim.new(),
             origin=Origin(shape=name),
-            asked=FoldRequest(world=world),
+            fold_request=FoldRequest(world=world),
         )
     except (ServiceError, InputError) as error:
         problem = Problem.of(refusal_of(error))

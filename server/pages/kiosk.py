@@ -27,10 +27,10 @@ async def kiosk(
     request: Request, folds: Annotated[str, Query(pattern=CHOSEN_FOLDS)] = ""
 ) -> Response:
     """Return the kiosk page; if no folds are chosen, it plays those that come with foldback."""
-    shown = await asyncio.to_thread(_chosen, request, folds.split(",") if folds else [])
-    if not shown:
+    shown_folds = await asyncio.to_thread(_chosen, request, folds.split(",") if folds else [])
+    if not shown_folds:
         return not_found_page(*NO_FOLD, service=True)
-    return page("kiosk.html", exhibits=exhibits(shown, at("/embed/{}")))
+    return page("kiosk.html", exhibits=exhibits(shown_folds, at("/embed/{}")))
 
 
 def exhibits(folds: list[ShownFold], address: str) -> str:
@@ -51,5 +51,5 @@ def exhibits(folds: list[ShownFold], address: str) -> str:
 def _chosen(request: Request, ids: list[str]) -> list[ShownFold]:
     if not ids:
         return included_folds(context_of(request).store)
-    found = (find_now(request, fold_id) for fold_id in ids)
-    return [ShownFold.of(each.row) for each in found if each is not None]
+    located_folds = (find_now(request, fold_id) for fold_id in ids)
+    return [ShownFold.of(located.row) for located in located_folds if located is not None]

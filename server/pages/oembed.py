@@ -32,7 +32,7 @@ MIN_FRAME_SIDE_PX: Final = 200
 async def oembed(
     request: Request,
     url: Annotated[str, Query(max_length=2000)],
-    wanted: Annotated[str, Query(alias="format", max_length=10)] = "json",
+    answer_format: Annotated[str, Query(alias="format", max_length=10)] = "json",
     maxwidth: Annotated[int, Query(ge=1, le=10_000)] = FRAME_WIDTH_PX,
     maxheight: Annotated[int, Query(ge=1, le=10_000)] = FRAME_HEIGHT_PX,
 ) -> Response:
@@ -41,15 +41,15 @@ async def oembed(
     Sites that may embed folds get a frame; other sites get the name and a picture. The answer is
     404 if the link leads elsewhere, and 501 for formats other than JSON, as oEmbed requires.
     """
-    if wanted != "json":
-        answer = f"got the format {wanted!r}, expected 'json'."
+    if answer_format != "json":
+        answer = f"got the format {answer_format!r}, expected 'json'."
         return Response(answer, status_code=501, media_type="text/plain")
     origin = origin_of(request)
     link = re.fullmatch(re.escape(origin) + FOLD_PATH, url)
-    found = await find_fold(request, link[1]) if link else None
-    if found is None:
+    located = await find_fold(request, link[1]) if link else None
+    if located is None:
         return Response("No fold was found at this link.", status_code=404, media_type="text/plain")
-    row = found.row
+    row = located.row
     about = {
         "version": "1.0",
         "provider_name": "foldback",

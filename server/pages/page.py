@@ -67,8 +67,10 @@ def script_addresses(page_name: str) -> tuple[str, ...]:
 
 def entry(page_name: str) -> Markup:
     """Return the tags of a page's entry script and of all its static imports."""
-    first, *others = script_addresses(page_name)
-    preloads = (Markup('<link rel="modulepreload" href="{}">').format(at(name)) for name in others)
+    first, *later_addresses = script_addresses(page_name)
+    preloads = (
+        Markup('<link rel="modulepreload" href="{}">').format(at(name)) for name in later_addresses
+    )
     script = Markup('<script type="module" src="{}"></script>').format(at(first))
     return Markup("").join((*preloads, script))
 

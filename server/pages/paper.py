@@ -55,28 +55,28 @@ async def paper(request: Request) -> Response:
 @router.get("/paper/{name}/{part}")
 async def part_of_experiment(request: Request, name: str, part: str) -> Response:
     """Return a film, its scene bundle, or a still picture."""
-    found = (await asyncio.to_thread(paper_files)).get((name, part))
-    if found is None:
+    path = (await asyncio.to_thread(paper_files)).get((name, part))
+    if path is None:
         return not_found()
-    kind = PICTURE_MEDIA_TYPE if found.suffix == ".webp" else BINARY_MEDIA_TYPE
-    return revalidated(request, await asyncio.to_thread(paper_data, found), kind, INDEXED_HEADERS)
+    kind = PICTURE_MEDIA_TYPE if path.suffix == ".webp" else BINARY_MEDIA_TYPE
+    return revalidated(request, await asyncio.to_thread(paper_data, path), kind, INDEXED_HEADERS)
 
 
 @cache
 def paper_values() -> dict[str, object]:
     """Return the values of the page's template."""
-    told: PaperPage = json.loads((PAPER_DIR / "page.json").read_bytes())
-    cards = {card["id"]: card for section in told["sections"] for card in section["cards"]}
+    paper_page: PaperPage = json.loads((PAPER_DIR / "page.json").read_bytes())
+    cards = {card["id"]: card for section in paper_page["sections"] for card in section["cards"]}
     headline = next((c for c in cards.values() if c["film"] and c["tone"] == "good"), None)
-    return {**told, "cards": cards, "headline": headline}
+    return {**paper_page, "cards": cards, "headline": headline}
 
 
 @cache
 def paper_files() -> dict[tuple[str, str], Path]:
     """Return the files by experiment and part, so that no path is built from a request."""
-    found = {(path.parent.name, path.name): path for path in sorted(PAPER_DIR.glob("*/*"))}
+    paths = {(path.parent.name, path.name): path for path in sorted(PAPER_DIR.glob("*/*"))}
     return {
-        (name, "bundle" if part == CHAIN else part): path for (name, part), path in found.items()
+        (name, "bundle" if part == CHAIN else part): path for (name, part), path in paths.items()
     }
 
 

@@ -58,44 +58,44 @@ async def picture_of_fold(
     ] = None,
 ) -> Response:
     """Return a picture of 1200×630 pixels: the folded shape, or the view that ``view`` names."""
-    found = await find_fold(request, fold_id)
-    if found is None:
+    located = await find_fold(request, fold_id)
+    if located is None:
         return not_found()
-    context, row = context_of(request), found.row
+    context, row = context_of(request), located.row
     over = row.status not in RUNNING_STATUSES
     data = await context.artifacts.flight.get_or_make(
-        (row.id, row.title, row.status, view, await asyncio.to_thread(_changed_ns, found, view)),
-        lambda: _drawn(context, found, view),
+        (row.id, row.title, row.status, view, await asyncio.to_thread(_changed_ns, located, view)),
+        lambda: _drawn(context, located, view),
         visitor=address_of(request),
         cache=context.pictures.recent if over else None,
     )
     return not_found() if data is None else picture_answer(data, listed=row.public, over=over)
 
 
-def _changed_ns(found: Found, view: str | None) -> int:
+def _changed_ns(located: Found, view: str | None) -> int:
     """Return the time when the displayed chain was written, ns since 1970; 0 without a chain.
 
     Raises:
         DamagedError: If a file of a finished fold that the picture needs is damaged.
     """
-    if found.row.status not in RUNNING_STATUSES:
-        check(found.directory, CHAIN, *(() if view is None else (TIMELINE,)))
-    chain = result_path(found.directory, CHAIN)
+    if located.row.status not in RUNNING_STATUSES:
+        check(located.directory, CHAIN, *(() if view is None else (TIMELINE,)))
+    chain = result_path(located.directory, CHAIN)
     return chain.stat().st_mtime_ns if chain.exists() else 0
 
 
-def _drawn(context: Context, found: Found, view: str | None) -> bytes | None:
+def _drawn(context: Context, located: Found, view: str | None) -> bytes | None:
     """Return the picture of a fold in the view of a link; None if it cannot be drawn.
 
     Raises:
         DamagedError: If its frames are damaged.
         NoRoom: If nothing can be written.
     """
-    caption = caption_of(found.row.title, found.row.status)
+    caption = caption_of(located.row.title, located.row.status)
     try:
-        frames = result_path(found.directory, TIMELINE)
+        frames = result_path(located.directory, TIMELINE)
         moment = moment_of(caption, view, context.timelines.get(frames) if view else None)
-        return context.pictures.drawn(result_path(found.directory, CHAIN), moment)
+        return context.pictures.drawn(result_path(located.directory, CHAIN), moment)
     except DamagedError:
         raise
     except (InputError, ChildError, OSError, TimelineError) as error:

@@ -82,7 +82,7 @@ async def shape_page(request: Request, name: str) -> Response:
     return await _page(context, facts)
 
 
-async def _page(context: Context, given: Mapping[str, object]) -> Response:
+async def _page(context: Context, query: Mapping[str, object]) -> Response:
     """Return the page of a preview, or of an input that has no preview yet."""
     facts: dict[str, object] = {
         "origin": {},
@@ -90,7 +90,7 @@ async def _page(context: Context, given: Mapping[str, object]) -> Response:
         "most_modules": context.settings.max_modules,
         "table_modules": MAX_TABLE_MODULES,
         "next_scripts": _next_scripts(),
-        **given,
+        **query,
     }
     compilation = await asyncio.to_thread(context.leases.compilation)
     return page("preview.html", facts=facts, facts_json=script_json(facts), compilation=compilation)

@@ -56,12 +56,12 @@ async def embedded_view(request: Request) -> Response:
 @router.get("/embed/{fold_id}", response_class=HTMLResponse)
 async def embedded(request: Request, fold_id: str) -> Response:
     """Return the page of a fold for a frame on another site; it links to the full page."""
-    found = await find_fold(request, fold_id)
-    if found is None:
+    located = await find_fold(request, fold_id)
+    if located is None:
         answer = no_such_page(request, NO_FOLD)
     else:
         # A client that may see this fold need not have the link of the recorded one.
-        facts = await asyncio.to_thread(fold_facts, replace(found, recorded=None))
+        facts = await asyncio.to_thread(fold_facts, replace(located, recorded=None))
         answer = page(
             "embed.html", facts=facts, facts_json=script_json(script_facts(facts)), details=False
         )
@@ -93,16 +93,21 @@ async def compare(
 @router.get("/folds/{fold_id}/standalone.html")
 async def standalone(request: Request, fold_id: str) -> Response:
     """Return the fold as one HTML file that plays without a server; it is created once."""
-    found = await _finished(request, fold_id)
-    facts = await asyncio.to_thread(fold_facts, found, api=False)
-    kept = await asyncio.to_thread(_kept, viewing_of(request).store, found)
+    located = await _finished(request, fold_id)
+    facts = await asyncio.to_thread(fold_facts, located, api=False)
+    stored_parts = await asyncio.to_thread(_kept, viewing_of(request).store, located)
     path = await viewing_of(request).artifacts.file(
         fold_id,
-        found.directory,
+        located.directory,
         "standalone.html",
-        _of_view(found, lambda timeline: standalone_page(found, timeline, facts, _page, kept=kept)),
+        _of_view(
+            located,
+            lambda timeline: standalone_page(
+                located, timeline, facts, _page, stored_parts=stored_parts
+            ),
+        ),
         of=TIMELINE_HEAD,
-        edition=await asyncio.to_thread(_edition, facts, kept),
+        edition=await asyncio.to_thread(_edition, facts, stored_parts),
         visitor=address_of(request),
     )
     return _file(path, facts["name"], "html", "text/html")
@@ -111,24 +116,24 @@ async def standalone(request: Request, fold_id: str) -> Response:
 @router.get("/folds/{fold_id}/recording.viser")
 async def recording(request: Request, fold_id: str) -> Response:
     """Return the fold as a recording for viser's client; it is created once."""
-    found = await _finished(request, fold_id)
+    located = await _finished(request, fold_id)
     path = await viewing_of(request).artifacts.file(
         fold_id,
-        found.directory,
+        located.directory,
         "recording.viser",
-        _of_view(found, lambda timeline: recording_of(timeline, _table(found, timeline))),
+        _of_view(located, lambda timeline: recording_of(timeline, _table(located, timeline))),
         of=TIMELINE_HEAD,
         visitor=address_of(request),
     )
-    return _file(path, found.row.name, "viser", "application/octet-stream")
+    return _file(path, located.row.name, "viser", "application/octet-stream")
 
 
-def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[], bytes]:
+def _of_view(located: Found, make: Callable[[TimelineView], bytes]) -> Callable[[], bytes]:
     """Return a function that reads a separate view, because the shared one caches other frames."""
 
     def made() -> bytes:
         try:
-            return make(TimelineView(result_path(found.directory, TIMELINE)))
+            return make(TimelineView(result_path(located.directory, TIMELINE)))
         except DamagedError:
             raise
         except TimelineError as error:
@@ -138,51 +143,53 @@ def _of_view(found: Found, make: Callable[[TimelineView], bytes]) -> Callable[[]
 
 
 def standalone_page(
-    found: Found,
+    located: Found,
     timeline: TimelineView,
     facts: FoldFacts,
     render: Render,
     *,
     view: str | None = None,
-    kept: dict[str, Any],
+    stored_parts: dict[str, Any],
 ) -> bytes:
     """Return a fold's page that plays without a server: see ``standalone_html``."""
     curves = forces = None
     with unless_replaced(OSError):
-        curves, forces = curves_of(found.directory), table_forces(found.directory)
-    plan = found.directory / PLAN
-    check(found.directory, PLAN)
+        curves, forces = curves_of(located.directory), table_forces(located.directory)
+    plan = located.directory / PLAN
+    check(located.directory, PLAN)
     return standalone_html(
         timeline,
         render,
         facts,
-        plan=plan if found.row.status == "verified" and plan.exists() else None,
+        plan=plan if located.row.status == "verified" and plan.exists() else None,
         curves=curves,
         forces=forces,
-        table=_table(found, timeline),
+        table=_table(located, timeline),
         view=view,
-        kept=kept,
+        stored_parts=stored_parts,
     )
 
 
-def _table(found: Found, timeline: TimelineView) -> TableTop | None:
+def _table(located: Found, timeline: TimelineView) -> TableTop | None:
     """Return the table under a fold; None if it floats."""
-    return None if found.row.world == FLOATING else timeline.table()
+    return None if located.row.world == FLOATING else timeline.table()
 
 
-def _kept(store: FoldSource, found: Found) -> dict[str, Any]:
+def _kept(store: FoldSource, located: Found) -> dict[str, Any]:
     """Return the tour of a fold, the module values that are stored with it, and its steps."""
     return {
-        "tour": tour_of(store, found),
-        "values": values_of(store, found),
-        "steps": steps_in(found),
+        "tour": tour_of(store, located),
+        "values": values_of(store, located),
+        "steps": steps_in(located),
     }
 
 
-def _edition(facts: FoldFacts, kept: dict[str, Any]) -> str:
+def _edition(facts: FoldFacts, stored_parts: dict[str, Any]) -> str:
     """Return an edition that changes with a standalone page's content and scripts."""
-    told = json.dumps([version("foldback"), standalone_scripts(), facts, kept], sort_keys=True)
-    return hashlib.sha256(told.encode()).hexdigest()[:16]
+    content = json.dumps(
+        [version("foldback"), standalone_scripts(), facts, stored_parts], sort_keys=True
+    )
+    return hashlib.sha256(content.encode()).hexdigest()[:16]
 
 
 def _page(**values: object) -> str:
@@ -190,20 +197,20 @@ def _page(**values: object) -> str:
 
 
 async def _finished(request: Request, fold_id: str) -> Found:
-    found = await asyncio.to_thread(found_fold, request, fold_id)
-    if found.alternative_to is not None:
+    located = await asyncio.to_thread(found_fold, request, fold_id)
+    if located.alternative_to is not None:
         raise NoSuchFoldError(fold_id)
-    if found.row.status not in RUNNING_STATUSES:
-        await asyncio.to_thread(check, found.directory, TIMELINE, FIGURES)
+    if located.row.status not in RUNNING_STATUSES:
+        await asyncio.to_thread(check, located.directory, TIMELINE, FIGURES)
     timelines = viewing_of(request).timelines
-    timeline = await asyncio.to_thread(timelines.get, result_path(found.directory, TIMELINE))
-    if found.row.status in RUNNING_STATUSES or timeline is None or not len(timeline):
+    timeline = await asyncio.to_thread(timelines.get, result_path(located.directory, TIMELINE))
+    if located.row.status in RUNNING_STATUSES or timeline is None or not len(timeline):
         raise Conflict(
             "not-ready",
-            f"There is nothing to download yet: the fold is {found.row.status}.",
+            f"There is nothing to download yet: the fold is {located.row.status}.",
             retry_after_s=2,
         )
-    return found
+    return located
 
 
 def _file(path: Path, name: str, kind: str, media_type: str) -> Response:

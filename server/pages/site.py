@@ -138,9 +138,9 @@ def write_site(out: Path, folds: Sequence[Found], service: str | None = None) ->
     site.write("benchmarks.html", site.rendered("benchmarks.html"))
     films = site.rendered("paper.html", **paper_values(), origin="", entry=site.films)
     site.write("paper.html", films)
-    shown = exhibits([ShownFold.of(fold.row) for fold in folds], "folds/{}.html")
+    kiosk_folds = exhibits([ShownFold.of(fold.row) for fold in folds], "folds/{}.html")
     script = entry_of(KIOSK_SCRIPT)
-    site.write("kiosk.html", site.rendered("kiosk.html", exhibits=shown, script=script))
+    site.write("kiosk.html", site.rendered("kiosk.html", exhibits=kiosk_folds, script=script))
     _shared_files(site)
 
 
@@ -148,12 +148,14 @@ def _fold_page(site: Site, fold: Found) -> bytes:
     render = partial(site.rendered, "standalone.html", "../", details=True)
     timeline = TimelineView(result_path(fold.directory, TIMELINE))
     facts = fold_facts(fold, api=False)
-    kept = {
+    stored_parts = {
         "tour": draft_of(fold),
         "values": values_in(fold.directory, fold.row.modules),
         "steps": steps_in(fold),
     }
-    return standalone_page(fold, timeline, facts, render, view=f"../{VIEW_FILE}", kept=kept)
+    return standalone_page(
+        fold, timeline, facts, render, view=f"../{VIEW_FILE}", stored_parts=stored_parts
+    )
 
 
 def _shared_files(site: Site) -> None:
@@ -161,14 +163,16 @@ def _shared_files(site: Site) -> None:
     site.write(VIEW_FILE, client().html)
     site.write(ELEMENT, code_of(ELEMENT))
     for name in sorted(site.asked):
-        folder, _, rest = name.partition("/")
+        folder, _, file_name = name.partition("/")
         if name == SCRIPTS_FILE:
             site.write(name, packed_scripts(ENTRY_SCRIPT, FILMS_SCRIPT, KIOSK_SCRIPT))
         elif folder == "static":
-            site.write(name, (STATIC / rest).read_bytes())
-        elif folder == "paper" and "/" in rest:
-            experiment, _, picture = rest.partition("/")
+            site.write(name, (STATIC / file_name).read_bytes())
+        elif folder == "paper" and "/" in file_name:
+            experiment, _, picture = file_name.partition("/")
             site.write(name, paper_data(paper_files()[experiment, picture]))
         elif folder == "paper":
-            parts = {part: paper_data(paper_files()[rest, part]) for part in ("bundle", "batch")}
+            parts = {
+                part: paper_data(paper_files()[file_name, part]) for part in ("bundle", "batch")
+            }
             site.write(f"{name}.js", film_script(name, **parts))

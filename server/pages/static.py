@@ -98,10 +98,10 @@ async def static_file(request: Request, name: str) -> Response:
             headers["Cache-Control"] = IMMUTABLE_CACHE_CONTROL
     if name == ELEMENT:
         headers |= ELEMENT_HEADERS
-    found = _static(name) if name in _paths() else None
-    if found is None:
+    asset = _static(name) if name in _paths() else None
+    if asset is None:
         return not_found()
-    return found.response(request, headers)
+    return asset.response(request, headers)
 
 
 @cache
@@ -109,8 +109,8 @@ def _static(name: str) -> Asset:
     path = _paths()[name]
     kinds = {".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
     kind = kinds.get(path.suffix) or mimetypes.guess_type(path.name)[0]
-    ours = path.suffix == ".js" and path.is_relative_to(STATIC)
-    data = code_of(name).encode() if ours else path.read_bytes()
+    is_script = path.suffix == ".js" and path.is_relative_to(STATIC)
+    data = code_of(name).encode() if is_script else path.read_bytes()
     return Asset.of(data, kind or "application/octet-stream")
 
 
@@ -118,9 +118,11 @@ def _static(name: str) -> Asset:
 def _paths() -> dict[str, Path]:
     """Return the paths of the files by their names in addresses."""
     swagger_dir = Path(str(files("fastapi_offline"))) / "static"
-    ours = {path.relative_to(STATIC).as_posix(): path for path in sorted(STATIC.rglob("*.*"))}
+    static_paths = {
+        path.relative_to(STATIC).as_posix(): path for path in sorted(STATIC.rglob("*.*"))
+    }
     return {
-        **ours,
+        **static_paths,
         **{name: swagger_dir / name for name in SWAGGER_FILES},
         **{name: STATIC.parents[1] / name for name in CHECKERS},
     }

@@ -149,13 +149,13 @@ def _limit(memory_bytes: int, cpu_s: float) -> None:
     reserved = getattr(psutil.Process().memory_info(), "data", 0)  # only on Linux
     data = reserved + 2 * memory_bytes
     resource.setrlimit(resource.RLIMIT_DATA, (data, data))
-    for name, most in (
+    for name, max_value in (
         (resource.RLIMIT_FSIZE, 8 * 2**30),  # a faulty input must not fill the disk
         (resource.RLIMIT_NOFILE, 512),
     ):
         hard = resource.getrlimit(name)[1]
-        most = most if hard == resource.RLIM_INFINITY else min(most, hard)
-        resource.setrlimit(name, (most, most))
+        max_value = max_value if hard == resource.RLIM_INFINITY else min(max_value, hard)
+        resource.setrlimit(name, (max_value, max_value))
     no_new_rights()
 
 
@@ -199,8 +199,8 @@ def _stages(progress: Report, directory: Path | None, *, warm: bool) -> Task:
     def run(request: Request, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
         stage, directory, _ = request
         os.chdir(directory)  # some libraries write logs to the current directory
-        with _locked(request) as held:
-            if not held:
+        with _locked(request) as is_locked:
+            if not is_locked:
                 return {"status": "cancelled", "reason": "another process has taken over the fold"}
             result = dict(run_stage(stage, directory, progress=progress, cancelled=cancelled))
             # Once a stage is recorded as finished, its files must survive a power failure.
@@ -221,10 +221,10 @@ def _locked(request: Request) -> Generator[bool]:
     descriptor = os.open(request.directory / LOCK_FILE, os.O_RDWR | os.O_CREAT, 0o644)
     try:
         flock(descriptor, LOCK_EX)
-        held = request.epoch >= int(os.pread(descriptor, EPOCH_DIGITS, 0) or 0)
-        if held:
+        is_newest = request.epoch >= int(os.pread(descriptor, EPOCH_DIGITS, 0) or 0)
+        if is_newest:
             os.pwrite(descriptor, str(request.epoch).zfill(EPOCH_DIGITS).encode(), 0)
-        yield held
+        yield is_newest
     finally:
         os.close(descriptor)
 
@@ -300,14 +300,14 @@ def _movies(*, warm: bool) -> Task:
 
     def run_movie(request: Request, progress: Report, cancelled: Cancelled) -> dict[str, Any]:
         backend, directory, _ = request
-        wanted = request_in(directory)
-        movie = Movie.of(wanted["movie"])
+        movie_request = request_in(directory)
+        movie = Movie.of(movie_request["movie"])
         try:
-            whole = make_movie(
-                Path(wanted["timeline"]),
+            is_complete = make_movie(
+                Path(movie_request["timeline"]),
                 movie,
-                directory / wanted["part"],
-                on_table=wanted["on_table"],
+                directory / movie_request["part"],
+                on_table=movie_request["on_table"],
                 backend=backend,
                 progress=lambda done: progress(
                     Progress(stage="movie", fraction=done / movie.count, steps=done)
@@ -322,7 +322,7 @@ def _movies(*, warm: bool) -> Task:
             return {"status": "not-encoded", "reason": str(error)}
         except TimelineError as error:
             raise InputError("no-timeline", str(error)) from error
-        return {"status": "done" if whole else "cancelled"}
+        return {"status": "done" if is_complete else "cancelled"}
 
     return run_movie
 

@@ -194,7 +194,7 @@ class Child:
             return {"status": "cancelled", "reason": "cancelled"}
         self.calls += 1
         self._send({"task": task, "directory": str(directory), "epoch": epoch})
-        begun, begun_cpu_s = time.monotonic(), self._cpu_s()
+        started, begun_cpu_s = time.monotonic(), self._cpu_s()
         stop_at: float | None = None
         while True:
             self._check_memory()
@@ -212,9 +212,9 @@ class Child:
                         raise InputError.reported(*(event[name] for name in fields))
                     case _:
                         raise ChildError(event["code"], event["detail"])
-            if now > begun + wall_s:
+            if now > started + wall_s:
                 slowed = self._cpu_s() - begun_cpu_s < wall_s and busy_factor > 1.0
-                if not slowed or now > begun + busy_factor * wall_s:
+                if not slowed or now > started + busy_factor * wall_s:
                     self.kill()
                     raise _too_slow(task, wall_s, slowed=slowed)
             if stop_at is None:
@@ -255,12 +255,12 @@ class Child:
     ) -> bool:
         """Wait for imports and compiled kernels; return False if cancelled meanwhile."""
         deadline = time.monotonic() + MAX_START_S
-        told = None
+        last_told = None
         while not self._ready:
             event = self._next(2 * CHILD_POLL_S)
-            if (now := self._process.told) and now != told and on_progress is not None:
+            if (now := self._process.told) and now != last_told and on_progress is not None:
                 on_progress(now)
-            told = now
+            last_told = now
             if event is not None and event["event"] == "ready":
                 self._ready = True
             elif event is not None and event["event"] == "progress":
@@ -362,10 +362,12 @@ def _event(line: bytes) -> dict[str, Any] | None:
     """Return the event in a line; None if it is invalid, as from a compromised child."""
     try:
         event = json.loads(line)
-        told = isinstance(event.get("result", {}), dict) and EVENTS[event["event"]] <= event.keys()
+        is_event = (
+            isinstance(event.get("result", {}), dict) and EVENTS[event["event"]] <= event.keys()
+        )
     except (ValueError, RecursionError, AttributeError, KeyError, TypeError):
         return None
-    return event if told else None
+    return event if is_event else None
 
 
 class Children:
@@ -473,7 +475,7 @@ class Pool:
     def _run(
         self, task: str, directory: Path, cancelled: Callable[[], bool] | None
     ) -> dict[str, Any]:
-        for left in reversed(range(3)):
+        for remaining_attempts in reversed(range(3)):
             child = self._take()
             try:
                 result = child.call(
@@ -488,7 +490,9 @@ class Pool:
                 raise
             except BaseException as error:
                 self._children.release(child)
-                if not (isinstance(error, ChildError) and error.code == LOST and left):
+                if not (
+                    isinstance(error, ChildError) and error.code == LOST and remaining_attempts
+                ):
                     raise
             else:
                 self._keep(child)

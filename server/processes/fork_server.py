@@ -42,9 +42,9 @@ MAX_SILENCE_S: Final = 30.0
 another one replaces it. It answers in milliseconds, but loads compiled kernels for some seconds."""
 
 
-def environment_with(more: Mapping[str, str]) -> dict[str, str]:
-    """Return the environment of a computing process or fork server, extended by ``more``."""
-    return {**environment_of_child(os.environ), **CHILD_ENVIRONMENT, **more}
+def environment_with(extra: Mapping[str, str]) -> dict[str, str]:
+    """Return the environment of a computing process or fork server, extended by ``extra``."""
+    return {**environment_of_child(os.environ), **CHILD_ENVIRONMENT, **extra}
 
 
 class Forked:
@@ -127,21 +127,21 @@ class Forked:
 class _Running:
     """Running process of a fork server."""
 
-    def __init__(self, asked: Mapping[str, Any], environment: Mapping[str, str]) -> None:
-        mine, theirs = socket.socketpair()
-        with theirs:
+    def __init__(self, configuration: Mapping[str, Any], environment: Mapping[str, str]) -> None:
+        own_end, child_end = socket.socketpair()
+        with child_end:
             self._process = subprocess.Popen(
                 [
                     *(sys.executable, "-P", "-m", "foldback.server.processes.fork_server_process"),
-                    *(str(theirs.fileno()), json.dumps(asked)),
+                    *(str(child_end.fileno()), json.dumps(configuration)),
                 ],
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 env=environment_with(environment),
-                pass_fds=(theirs.fileno(),),
+                pass_fds=(child_end.fileno(),),
                 start_new_session=True,
             )
-        self._control = mine
+        self._control = own_end
         self._lock = threading.Lock()
         self._numbers = itertools.count()
         self._asked: dict[int, Forked] = {}
@@ -178,8 +178,8 @@ class _Running:
             number = next(self._numbers)
             child = Forked(self, os.fdopen(mine_in, "wb"), os.fdopen(mine_out, "rb"))
             self._asked[number] = child
-            asked = {"fork": number, "kind": kind, "limits": asdict(limits)}
-            line = json.dumps(asked).encode() + b"\n"
+            request = {"fork": number, "kind": kind, "limits": asdict(limits)}
+            line = json.dumps(request).encode() + b"\n"
             # If the server ends now, the end of the child's output reports this.
             with contextlib.suppress(OSError):
                 socket.send_fds(self._control, [line], [theirs_in, theirs_out])
@@ -225,10 +225,10 @@ class _Running:
             for child in self._asked.values():
                 child.lose()
 
-    def _hear(self, told: dict[str, Any]) -> None:
+    def _hear(self, message: dict[str, Any]) -> None:
         with self._lock:
             self._heard_at, self._pinged_at = time.monotonic(), None
-            match told:
+            match message:
                 case {"progress": progress}:
                     self.told = progress
                 case {"ready": _}:
@@ -246,7 +246,7 @@ class _Running:
                 case {"ended": pid, "code": code}:
                     self._forked.pop(pid).end(code)
                 case _:
-                    raise ValueError(f"got the unknown message {told!r} from the fork server")
+                    raise ValueError(f"got the unknown message {message!r} from the fork server")
 
 
 class ForkServer:

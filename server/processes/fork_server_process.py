@@ -71,13 +71,13 @@ class _Requests:
         """Send the progress of the start."""
         self.answer(progress=asdict(progress))
 
-    def refuse(self, why: str) -> NoReturn:
+    def refuse(self, reason: str) -> NoReturn:
         """Answer all requests, forever, with the reason why no child can be forked."""
-        self.answer(failed=why)
-        problem = {"event": "problem", "code": "no-start", "detail": why}
+        self.answer(failed=reason)
+        problem = {"event": "problem", "code": "no-start", "detail": reason}
         while True:
-            for asked in self.receive():
-                if "fork" not in asked:
+            for request in self.receive():
+                if "fork" not in request:
                     continue
                 stdin, stdout = self.pipes()
                 with suppress(BrokenPipeError):
@@ -137,11 +137,11 @@ class _Forks:
                 self._reap()
                 self._load_late()
             if control in ready:
-                for asked in self._requests.receive():
-                    self._do(asked)
+                for request in self._requests.receive():
+                    self._do(request)
 
-    def _do(self, asked: dict[str, Any]) -> None:
-        match asked:
+    def _do(self, request: dict[str, Any]) -> None:
+        match request:
             case {"fork": number, "kind": kind, "limits": limits}:
                 fork = partial(self._fork, number, kind, limits, self._requests.pipes())
                 if self._late is not None and self._late.kind == kind:
@@ -153,10 +153,10 @@ class _Forks:
             case {"kill": pid}:
                 if pid in self._running:
                     # Until the child has created its own process group, it is in this one.
-                    own = os.getpgid(pid) == pid
-                    (os.killpg if own else os.kill)(pid, signal.SIGKILL)
+                    is_leader = os.getpgid(pid) == pid
+                    (os.killpg if is_leader else os.kill)(pid, signal.SIGKILL)
             case _:
-                raise ValueError(f"got {asked!r}, expected a request to fork, to ping or to kill")
+                raise ValueError(f"got {request!r}, expected a request to fork, to ping or to kill")
 
     def _fork(self, number: int, kind: str, limits: dict[str, Any], pipes: tuple[int, int]) -> None:
         stdin, stdout = pipes
@@ -283,12 +283,14 @@ def _compact_before_fork() -> None:
 def main() -> None:
     """Load the tasks, and serve requests until the parent has ended."""
     control = socket.socket(fileno=int(sys.argv[1]))
-    asked = json.loads(sys.argv[2])
+    configuration = json.loads(sys.argv[2])
     requests = _Requests(control)
     try:
         with _ending_with(control):
-            directory = asked["directory"] and Path(asked["directory"])
-            tasks, late = _tasks(asked["kinds"], requests, warm=asked["warm"], directory=directory)
+            directory = configuration["directory"] and Path(configuration["directory"])
+            tasks, late = _tasks(
+                configuration["kinds"], requests, warm=configuration["warm"], directory=directory
+            )
             load_kernels()
         _compact_before_fork()
     except Exception:

@@ -80,10 +80,10 @@ def version() -> int:
     if sys.platform != "linux":
         return 0
     try:
-        found = _call(CREATE_RULESET, None, 0, VERSION_FLAG)
+        abi_version = _call(CREATE_RULESET, None, 0, VERSION_FLAG)
     except OSError:  # the kernel is older, or Landlock is disabled
         return 0
-    return found if found >= MIN_LANDLOCK_VERSION else 0
+    return abi_version if abi_version >= MIN_LANDLOCK_VERSION else 0
 
 
 def restrict(allowed: Allowed) -> None:
@@ -92,10 +92,12 @@ def restrict(allowed: Allowed) -> None:
     Raises:
         OSError: If the kernel refuses.
     """
-    found = version()
-    handled = max(rights for since, rights in ALL_FILE_RIGHTS.items() if since <= found)
-    ruleset = _Ruleset(handled, TCP_RIGHTS if found >= 4 else 0, SCOPES if found >= 6 else 0)
-    size = 8 if found < 4 else 16 if found < 6 else 24
+    abi_version = version()
+    handled = max(rights for since, rights in ALL_FILE_RIGHTS.items() if since <= abi_version)
+    ruleset = _Ruleset(
+        handled, TCP_RIGHTS if abi_version >= 4 else 0, SCOPES if abi_version >= 6 else 0
+    )
+    size = 8 if abi_version < 4 else 16 if abi_version < 6 else 24
     rules = _call(CREATE_RULESET, ctypes.byref(ruleset), size, 0)
     try:
         for path in allowed.readable:
@@ -131,7 +133,9 @@ def _allow(rules: int, path: Path, rights: int) -> None:
 def _call(number: int, *arguments: object) -> int:
     libc = ctypes.CDLL(None, use_errno=True)
     libc.syscall.restype = ctypes.c_long
-    plain = [ctypes.c_long(one) if isinstance(one, int) else one for one in arguments]
+    plain = [
+        ctypes.c_long(argument) if isinstance(argument, int) else argument for argument in arguments
+    ]
     answer = int(libc.syscall(ctypes.c_long(number), *plain))
     if answer < 0:
         code = ctypes.get_errno() or errno.ENOSYS

@@ -97,7 +97,7 @@ def run_movie(
         ChildError: If OpenGL (``no-gl``) or ffmpeg (``no-encoder``) is missing, or another error
             occurred.
     """
-    said: list[str] = []
+    messages: list[str] = []
     for backend in backends():
         child = Child("movies", limits, environment={GL_SETTING: backend})
         try:
@@ -112,17 +112,17 @@ def run_movie(
             case "cancelled":
                 return False
             case "no-gl":
-                said.append(str(result["reason"]))
+                messages.append(str(result["reason"]))
             case "no-encoder":
                 raise ChildError("no-encoder", f"{NO_FFMPEG}.")
             case code:
                 raise ChildError(code, f"the movie could not be created: {result['reason']}")
-    raise ChildError("no-gl", f"{NO_GL}. Reason: {'; '.join(said)[:300]}.")
+    raise ChildError("no-gl", f"{NO_GL}. Reason: {'; '.join(messages)[:300]}.")
 
 
 def backends() -> tuple[str, ...]:
     """Return the backends to try: the one that the operator has set, or all."""
-    chosen = os.environ.get(GL_SETTING, "").lower().strip()
-    if chosen in OFF_WORDS:
+    backend_name = os.environ.get(GL_SETTING, "").lower().strip()
+    if backend_name in OFF_WORDS:
         return ()
-    return (chosen,) if chosen in GL_BACKENDS else GL_BACKENDS
+    return (backend_name,) if backend_name in GL_BACKENDS else GL_BACKENDS

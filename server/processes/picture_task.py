@@ -42,8 +42,8 @@ def _picture(chain: Chain, path: Path) -> bytes:
     """Return the picture of a chain, with the options of ``server.files.pictures.moment_of``."""
     if not path.exists():
         return social_picture(chain)
-    asked = json.loads(path.read_bytes())
-    frame = asked["frame"]
+    request = json.loads(path.read_bytes())
+    frame = request["frame"]
     moment = None
     if frame is not None:
         errors = np.array(frame["errors_rad"], dtype=np.float64)  # None becomes NaN
@@ -53,7 +53,7 @@ def _picture(chain: Chain, path: Path) -> bytes:
         moment = Moment(poses=poses, errors_rad=errors, error_scale_rad=frame["scale_rad"])
     return social_picture(
         chain,
-        caption=Caption(**asked["caption"]),
-        view=PictureView.from_short(asked["view"] or "") or FOLDED_VIEW,
+        caption=Caption(**request["caption"]),
+        view=PictureView.from_short(request["view"] or "") or FOLDED_VIEW,
         moment=moment,
     )

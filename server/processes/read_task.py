@@ -48,35 +48,35 @@ def check(directory: Path) -> dict[str, Any]:
     if request.smooth:
         return _smoothed(directory, request)
     data = (directory / "input").read_bytes()
-    found = read(data, filename=request.filename, as_voxels=request.as_voxels)
+    contents = read(data, filename=request.filename, as_voxels=request.as_voxels)
     begins = _begins(directory) if request.refold else None
-    if isinstance(found, CellPath) and request.module == CUBE.name:
-        found = Chain.from_path(found)
-    if isinstance(found, Chain):
-        if found.module.fills_cell:
-            _note(directory, np.rint(found.folded_poses.positions))
+    if isinstance(contents, CellPath) and request.module == CUBE.name:
+        contents = Chain.from_path(contents)
+    if isinstance(contents, Chain):
+        if contents.module.fills_cell:
+            _note(directory, np.rint(contents.folded_poses.positions))
         if begins is not None:
-            check_fits(begins, found.module.name, len(found))
+            check_fits(begins, contents.module.name, len(contents))
         if request.world == "table":
             from foldback.planner.pipeline.prepare import check_for_table
 
-            check_for_table(found)
-        return {"name": found.name, "module": found.module.name, "modules": len(found)}
+            check_for_table(contents)
+        return {"name": contents.name, "module": contents.module.name, "modules": len(contents)}
     from foldback.planner.pathfinding.path_options import DEFAULT_MODULES
     from foldback.planner.pipeline.prepare import filling_of
 
     options = request.path_options()
     options.check()
     modules = options.modules or DEFAULT_MODULES
-    if isinstance(found, Shape | CellPath):
-        shape = Shape.from_cells(found.cells, name=found.name, pitch_m=found.pitch_m)
+    if isinstance(contents, Shape | CellPath):
+        shape = Shape.from_cells(contents.cells, name=contents.name, pitch_m=contents.pitch_m)
         filling = filling_of(options)
         _note(directory, shape.cells)
         filling.check(shape, options)
         modules = filling.modules_of(shape, options)
         if begins is not None and not options.repair and options.method != "blocks":
             check_fits(begins, options.module, modules)
-    return {"name": found.name, "module": options.module, "modules": modules}
+    return {"name": contents.name, "module": options.module, "modules": modules}
 
 
 def _begins(directory: Path) -> Chain:
@@ -118,12 +118,12 @@ def preview(directory: Path) -> dict[str, Any]:
     data = (directory.parent / "input").read_bytes()
     (directory / READ_CONTENT).unlink(missing_ok=True)
     options = request.path_options()
-    found, read_options, notes = read_in_any_order(data, about["filename"], options)
+    contents, read_options, notes = read_in_any_order(data, about["filename"], options)
     # What is said if the time runs out depends on what took it.
-    triangles = len(found) if isinstance(found, Solid) else 0
+    triangles = len(contents) if isinstance(contents, Solid) else 0
     (directory / READ_CONTENT).write_text(json.dumps({"triangles": triangles}))
-    made = prepare_found(
-        found,
+    preparation = prepare_found(
+        contents,
         read_options,
         seed=request.seed,
         time_limit_s=about["time_limit_s"],
@@ -131,12 +131,14 @@ def preview(directory: Path) -> dict[str, Any]:
         offering=True,
         quick=request.quick,
     )
-    made = replace(made, notes=(*notes, *made.notes))
-    if made.options == options and made.repeatable:  # only then a fold would get the same result
+    preparation = replace(preparation, notes=(*notes, *preparation.notes))
+    if (
+        preparation.options == options and preparation.repeatable
+    ):  # only then a fold would get the same result
         key = key_of(data, about["filename"], options, request.seed)
-        made.prepared().save(directory, key)
-    write_sealed_json(directory / "report.json", made.report())
-    return {"kind": made.kind}
+        preparation.prepared().save(directory, key)
+    write_sealed_json(directory / "report.json", preparation.report())
+    return {"kind": preparation.kind}
 
 
 def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
@@ -155,22 +157,22 @@ def offers(directory: Path, cancelled: Callable[[], bool]) -> dict[str, Any]:
     request = PreviewRequest.from_json(about)
     request.check()
     data = (directory.parent / "input").read_bytes()
-    found = read(data, filename=about["filename"], as_voxels=request.as_voxels)
-    made: list[dict[str, Any]] = []
-    if not isinstance(found, Chain | CellPath):
+    contents = read(data, filename=about["filename"], as_voxels=request.as_voxels)
+    offered: list[dict[str, Any]] = []
+    if not isinstance(contents, Chain | CellPath):
         search = table_offers(
-            found,
+            contents,
             request.path_options(),
             seed=request.seed,
             time_limit_s=2.0 * about["time_limit_s"],
             cancelled=cancelled,
         )
         for offer in search:  # stored one by one, because the search may be killed
-            made.append(offer.report())
-            write_sealed_json(directory / "offers.json", {"offers": made})
-    if not made and not cancelled():
+            offered.append(offer.report())
+            write_sealed_json(directory / "offers.json", {"offers": offered})
+    if not offered and not cancelled():
         write_sealed_json(directory / "offers.json", {"offers": []})
-    return {"offers": len(made)}
+    return {"offers": len(offered)}
 
 
 def _note(directory: Path, cells: NDArray[Any]) -> None:

@@ -31,9 +31,9 @@ def warm_up() -> None:
     frames = np.linspace(0.0, 1.0, 3)[:, None] * chain.folded_rad
     trajectory = retimed(frames, chain.joint_names, 1.0, 1.0)
     clearance_of_rows(trajectory, chain, module_size=DEFAULT_MODULE_SIZE)
-    for held in (True, False):
-        gravity_m_s2 = 9.81 if held else 0.0
-        build = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=gravity_m_s2, held=held)
+    for is_held in (True, False):
+        gravity_m_s2 = 9.81 if is_held else 0.0
+        build = Build(module_mass_kg=1.0, pitch_m=1.0, gravity_m_s2=gravity_m_s2, held=is_held)
         motor_table(chain, trajectory, build)
 
 
@@ -64,18 +64,18 @@ def clearance(directory: Path) -> dict[str, Any]:
     def late() -> bool:
         return time.process_time() > end
 
-    found = clearance_of_rows(
+    clearances = clearance_of_rows(
         trajectory, plan.chain, module_size=size, rate_hz=rate_hz, cancelled=late
     )
     enough = None
-    if found.clearance < -MAX_TOUCH_DEPTH_PITCH and rate_hz is not None:
+    if clearances.clearance < -MAX_TOUCH_DEPTH_PITCH and rate_hz is not None:
         enough = sufficient_rate(
             trajectory, plan.chain, module_size=size, rate_hz=rate_hz, cancelled=late
         )
     return {
-        "min_clearance": found.clearance,
-        "clearance_bound": found.bound,
-        "overlap": found.clearance < -MAX_TOUCH_DEPTH_PITCH,
+        "min_clearance": clearances.clearance,
+        "clearance_bound": clearances.bound,
+        "overlap": clearances.clearance < -MAX_TOUCH_DEPTH_PITCH,
         "sufficient_rate_hz": enough,
     }
 

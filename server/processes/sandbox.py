@@ -95,11 +95,12 @@ def end_threads() -> None:
             thread.join(THREAD_EXIT_S)
     tasks = Path("/proc/self/task")
     deadline = time.monotonic() + THREAD_EXIT_S
-    while tasks.is_dir() and (left := len(list(tasks.iterdir()))) > 1:
+    while tasks.is_dir() and (thread_count := len(list(tasks.iterdir()))) > 1:
         # After Python has joined a thread, the kernel needs another moment to end it.
         if time.monotonic() > deadline:
             raise RuntimeError(
-                f"got {left} threads, expected 1, because the sandbox confines only one thread."
+                f"got {thread_count} threads, expected 1, because the sandbox confines only one "
+                "thread."
             )
         time.sleep(0.001)
 
@@ -118,7 +119,7 @@ def _with_programs(work: Allowed, *, drawing: bool) -> Allowed:
 
 def _programs(work: Allowed) -> list[Path]:
     """Return the paths of Python, its packages, this service, and compiled kernels."""
-    ours = [
+    parents = [
         Path(str(sys.modules[name].__file__)).parent for name in OWN_PACKAGES if name in sys.modules
     ]
     prefixes = {sys.prefix, sys.exec_prefix, sys.base_prefix, sys.base_exec_prefix}
@@ -135,7 +136,7 @@ def _programs(work: Allowed) -> list[Path]:
         for place in map(Path, filter(None, (*sys.path, *named)))
         if place.name in PACKAGE_DIRS or not any(p.is_relative_to(place.resolve()) for p in closed)
     ]
-    return [*ours, *python, kernels, *added]
+    return [*parents, *python, kernels, *added]
 
 
 def _ffmpeg() -> list[Path]:

@@ -48,13 +48,13 @@ class Scratch:
         """
         self._root.mkdir(parents=True, exist_ok=True)
         with _locked(self._root):
-            made = Path(tempfile.mkdtemp(dir=self._root))
-            lock = os.open(made, os.O_RDONLY)
+            path = Path(tempfile.mkdtemp(dir=self._root))
+            lock = os.open(path, os.O_RDONLY)
             flock(lock, LOCK_EX)
         try:
-            yield made
+            yield path
         finally:
-            shutil.rmtree(made, ignore_errors=True)
+            shutil.rmtree(path, ignore_errors=True)
             os.close(lock)
 
     def sweep(self) -> None:
@@ -62,13 +62,13 @@ class Scratch:
         if not self._root.is_dir():
             return
         with _locked(self._root):
-            for left in list(self._root.iterdir()):
-                if left.is_symlink() or not left.is_dir():
-                    left.unlink(missing_ok=True)
+            for leftover in list(self._root.iterdir()):
+                if leftover.is_symlink() or not leftover.is_dir():
+                    leftover.unlink(missing_ok=True)
                     continue
                 try:
-                    with _locked(left, at_once=True):
-                        shutil.rmtree(left, ignore_errors=True)
+                    with _locked(leftover, at_once=True):
+                        shutil.rmtree(leftover, ignore_errors=True)
                 except OSError:  # it is in use, or has just been removed
                     continue
 

@@ -68,11 +68,11 @@ def restrict(*, drawing: bool) -> None:
         return
     mark, seccomp, column = architecture
     instructions = program(mark, column, os.getpid(), drawing=drawing)
-    given = _Program(len(instructions) // 8, instructions)
+    filter_program = _Program(len(instructions) // 8, instructions)
     no_new_rights()
     libc = ctypes.CDLL(None, use_errno=True)
     call = (ctypes.c_long(seccomp), ctypes.c_long(SET_FILTER), ctypes.c_long(ALL_THREADS))
-    if libc.syscall(*call, ctypes.byref(given)):
+    if libc.syscall(*call, ctypes.byref(filter_program)):
         code = ctypes.get_errno() or errno.EAGAIN
         raise OSError(code, os.strerror(code))
 

@@ -263,8 +263,8 @@ def _opened(argument: int) -> Condition:
     Before Linux 6.2, Landlock does not restrict truncation, and any file could be truncated that is
     opened for reading only, or for neither reading nor writing.
     """
-    kept = (O_RDONLY, O_WRONLY, O_RDWR, O_WRONLY | O_TRUNC, O_RDWR | O_TRUNC)
-    return Condition(argument, tuple((O_ACCMODE | O_TRUNC, flags) for flags in kept))
+    allowed_modes = (O_RDONLY, O_WRONLY, O_RDWR, O_WRONLY | O_TRUNC, O_RDWR | O_TRUNC)
+    return Condition(argument, tuple((O_ACCMODE | O_TRUNC, flags) for flags in allowed_modes))
 
 
 def conditions(pid: int, *, drawing: bool) -> dict[str, tuple[Condition, ...]]:

@@ -115,15 +115,15 @@ class Estimates:
             .order_by(FoldRow.created_at.desc())
             .limit(100)
         )
-        found = self._store.rows(query)
+        rows = self._store.rows(query)
         return [
             Duration(modules=modules, stage_s=progress["stage_s"])
-            for modules, progress in found
+            for modules, progress in rows
             if modules > 0 and progress.get("stage_s")
         ]
 
 
-def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | None:
+def typical_s(durations: Sequence[Duration], row: FoldRow) -> dict[str, float] | None:
     """Return the expected seconds of each stage; None if fewer than ``MIN_SIMILAR_FOLDS``.
 
     For each stage, this is the median over other folds, weighted by the similarity of their sizes.
@@ -133,7 +133,7 @@ def typical_s(known: Sequence[Duration], row: FoldRow) -> dict[str, float] | Non
         return None
     cost_s = cost_of(row, row.modules).expected_s
     weighed: list[tuple[float, Duration]] = []
-    for duration in known:
+    for duration in durations:
         apart = abs(math.log(row.modules / duration.modules))
         if apart <= math.log(4.0):
             # a Gaussian in the logarithm, of this standard deviation

@@ -122,10 +122,10 @@ class Folders:
             return self.place(row.id)
         copy = self._settings.cache_dir / f"{row.id}-{row.kept}"
         with self._lock_of(copy.name):
-            at, whole = self._looked.get(copy.name, (-COPY_CACHE_S, False))
+            at, is_whole = self._looked.get(copy.name, (-COPY_CACHE_S, False))
             now = time.monotonic()
             # A copy made before the end lacks files; for a running fold a recent copy suffices.
-            enough = whole if row.over else now - at < COPY_CACHE_S
+            enough = is_whole if row.over else now - at < COPY_CACHE_S
             if not (enough and (copy / FETCHED_INDEX).is_file()):
                 self.storage.fetch(_key(row.id, row.kept), copy)
                 self._looked[copy.name] = (now, row.over)
@@ -162,7 +162,7 @@ class Folders:
 
     # For uploads
 
-    def adopt(self, aside: Path, fold_id: str) -> None:
+    def adopt(self, new_dir: Path, fold_id: str) -> None:
         """Move the directory of a new fold into place, whole or not at all.
 
         Raises:
@@ -171,11 +171,11 @@ class Folders:
         """
         if self.storage is None:
             place = self.place(fold_id)
-            os.rename(aside, place)
+            os.rename(new_dir, place)
             sync(place.parent)
         else:
             key = _key(fold_id, 0)
-            self.storage.keep(key, aside)
+            self.storage.keep(key, new_dir)
             self.storage.forget(key)
 
     def remove(self, fold_id: str) -> None:
@@ -209,9 +209,9 @@ class Folders:
             raise NoSuchFoldError(fold_id)
         movies = place / MOVIES
         movies.mkdir(exist_ok=True)
-        with written_aside(movies / name) as aside:
-            shutil.copyfile(path, aside)
-            sync(aside)
+        with written_aside(movies / name) as partial_path:
+            shutil.copyfile(path, partial_path)
+            sync(partial_path)
 
     def remove_movie(self, fold_id: str, name: str) -> None:
         """Remove the file of a movie, if there is one.
@@ -237,27 +237,27 @@ class Folders:
         Returns:
             Total size of the removed files, and of the remaining ones, in bytes.
         """
-        gone = left = 0
+        removed_bytes = left_bytes = 0
         for path in (self.place(fold_id) / EXPORTS_DIR).glob("*"):
             with suppress(OSError):  # another process has just removed it
-                found = path.stat()
-                if found.st_mtime < before:
+                stat = path.stat()
+                if stat.st_mtime < before:
                     path.unlink()
-                    gone += found.st_size
+                    removed_bytes += stat.st_size
                 else:
-                    left += found.st_size
-        return gone, left
+                    left_bytes += stat.st_size
+        return removed_bytes, left_bytes
 
     # For workers
 
-    def bring(self, fold_id: str, known: int, epoch: int) -> Path:
+    def bring(self, fold_id: str, kept_epoch: int, epoch: int) -> Path:
         """Return a fold's work directory for an epoch, with all files of the earlier one.
 
         With an object store, directories of earlier epochs on this machine are removed.
 
         Args:
             fold_id: The fold.
-            known: Epoch of the last stage that has ended.
+            kept_epoch: Epoch of the last stage that has ended.
             epoch: Current epoch.
 
         Raises:
@@ -266,10 +266,10 @@ class Folders:
         place = self.work_place(fold_id, epoch)
         if self.storage is None or (place / WHOLE_FILE).exists():
             return place
-        for other in self.place(fold_id).glob("*"):
-            if other.name.isdecimal() and int(other.name) < epoch:
-                shutil.rmtree(other, ignore_errors=True)
-        self.storage.fetch(_key(fold_id, known), place)
+        for other_dir in self.place(fold_id).glob("*"):
+            if other_dir.name.isdecimal() and int(other_dir.name) < epoch:
+                shutil.rmtree(other_dir, ignore_errors=True)
+        self.storage.fetch(_key(fold_id, kept_epoch), place)
         place.mkdir(parents=True, exist_ok=True)
         (place / WHOLE_FILE).touch()
         return place

@@ -203,8 +203,10 @@ class Store:
         """Return the folds of an owner, newest first."""
         return self._newest(limit, owned_by(owner))
 
-    def _newest(self, limit: int, *which: sa.ColumnExpressionArgument[bool]) -> Sequence[FoldRow]:
-        newest_first = sa.select(FoldRow).where(*which).order_by(FoldRow.created_at.desc())
+    def _newest(
+        self, limit: int, *conditions: sa.ColumnExpressionArgument[bool]
+    ) -> Sequence[FoldRow]:
+        newest_first = sa.select(FoldRow).where(*conditions).order_by(FoldRow.created_at.desc())
         return self.scalars(newest_first.limit(limit))
 
     def kept_until(self, row: FoldRow) -> float | None:
@@ -272,7 +274,7 @@ class Store:
         with self.reading() as session:
             count, ahead_s = session.execute(queued).one()
             factor = self._duration_factor(session)
-            left = 0.0
+            left_s = 0.0
             computed = session.execute(running).all()
             for cost_s, pauses, since, _ in computed:
                 spent_s = now - (since or now)
@@ -280,12 +282,12 @@ class Store:
                 room_s = slice_s(cost_s, pauses, self._first_slice_s, for_cheaper=cheaper) - spent_s
                 expected_s = max(0.2 * factor * cost_s, factor * cost_s - spent_s)
                 # the check of the queue, and the end of a step
-                left += min(expected_s, max(1.0, room_s))
-        compiled = [compiled_fraction(told) for *_, told in computed]
+                left_s += min(expected_s, max(1.0, room_s))
+        compiled = [compiled_fraction(fold_progress) for *_, fold_progress in computed]
         return Ahead(
             place=count + 1,
             ahead_s=factor * float(ahead_s),
-            running_s=left,
+            running_s=left_s,
             running=len(computed),
             compiling=max((f for f in compiled if f is not None), default=None),
         )
@@ -299,11 +301,11 @@ class Store:
             .order_by(FoldRow.created_at.desc())
             .limit(40)
         )
-        taken = cost = 0.0
+        taken_s = cost = 0.0
         for took, expected in session.execute(recent_folds):
             if took is not None and took >= 0:
-                taken, cost = taken + took, cost + expected
-        return taken / cost if taken and cost else 1.0
+                taken_s, cost = taken_s + took, cost + expected
+        return taken_s / cost if taken_s and cost else 1.0
 
     def add(self, row: FoldRow, owner: Owner) -> bool:
         """Add a fold with its owner; return False if another fold has its content key.
@@ -317,8 +319,8 @@ class Store:
                 row.turn = self._turn(session, row)
                 session.add(row)
         except IntegrityError:
-            taken = sa.select(FoldRow.id).where(FoldRow.content_key == row.content_key)
-            if row.content_key is None or self.scalar(taken) is None:
+            used_key = sa.select(FoldRow.id).where(FoldRow.content_key == row.content_key)
+            if row.content_key is None or self.scalar(used_key) is None:
                 raise
             return False
         return True
@@ -346,25 +348,28 @@ class Store:
             )
         return virtual_finish_time(
             now=now,
-            last_own=max((turn for who, turn in waiting if who == row.visitor), default=None),
+            last_own=max(
+                (turn for waiting_visitor, turn in waiting if waiting_visitor == row.visitor),
+                default=None,
+            ),
             cost_s=row.cost_s,
             sharers=len(sharers | {row.visitor}),
             first=first,
         )
 
-    def secret(self, name: str, made: bytes) -> bytes:
-        """Return a secret of the service; store ``made`` if there is none yet."""
-        known = self.get(SecretRow, name)
-        if known is None:
+    def secret(self, name: str, new_secret: bytes) -> bytes:
+        """Return a secret of the service; store ``new_secret`` if there is none yet."""
+        stored = self.get(SecretRow, name)
+        if stored is None:
             try:
                 if is_read_only(self._engine):
-                    return made
+                    return new_secret
                 with self.changing() as session:
-                    session.add(SecretRow(name=name, value=made))
-                return made
+                    session.add(SecretRow(name=name, value=new_secret))
+                return new_secret
             except IntegrityError:  # another process was faster
-                return self.secret(name, made)
-        return known.value
+                return self.secret(name, new_secret)
+        return stored.value
 
     def looked(self, row: FoldRow) -> None:
         """Record an access to a fold, at a coarse resolution; errors are ignored."""
@@ -380,7 +385,7 @@ class Store:
         for the other. This counts as an access.
         """
         shared = sa.and_(FoldRow.public, sa.not_(owned_by(owner)))
-        wanted = (
+        query = (
             sa.update(FoldRow)
             .where(FoldRow.content_key == content_key)
             .values(owner=sa.case((shared, None), else_=FoldRow.owner), seen_at=time.time())
@@ -388,7 +393,7 @@ class Store:
             .execution_options(synchronize_session=False)
         )
         with self.changing() as session:
-            return session.scalar(wanted)
+            return session.scalar(query)
 
     def cancel(self, fold_id: str, owner: Owner) -> bool:
         """Cancel an unfinished fold; a running one stops as soon as its worker sees this.
@@ -396,12 +401,12 @@ class Store:
         Returns:
             False if the fold does not belong to the owner.
         """
-        own = (FoldRow.id == fold_id, owned_by(owner))
+        is_own = (FoldRow.id == fold_id, owned_by(owner))
         waits = FoldRow.worker.is_(None)
         with self.changing() as session:
             session.execute(
                 sa.update(FoldRow)
-                .where(*own, FoldRow.status.in_(RUNNING_STATUSES))
+                .where(*is_own, FoldRow.status.in_(RUNNING_STATUSES))
                 .values(
                     status=sa.case((waits, "cancelled"), else_=FoldRow.status),
                     ended_at=sa.case((waits, time.time()), else_=FoldRow.ended_at),
@@ -410,17 +415,17 @@ class Store:
                     cancel_requested=True,
                 )
             )
-            return session.scalar(sa.select(FoldRow.id).where(*own)) is not None
+            return session.scalar(sa.select(FoldRow.id).where(*is_own)) is not None
 
-    def expire(self, fold_id: str, seen: float | None) -> bool:
-        """Delete a fold that is unpinned, has ended and has not been accessed since ``seen``."""
-        gone = sa.delete(FoldRow).where(
+    def expire(self, fold_id: str, seen_at: float | None) -> bool:
+        """Delete a fold that is unpinned, has ended and has not been accessed since ``seen_at``."""
+        deletion = sa.delete(FoldRow).where(
             FoldRow.id == fold_id,
             FoldRow.pinned.is_(False),
             FoldRow.status.in_(ENDED),
-            FoldRow.seen_at == seen,
+            FoldRow.seen_at == seen_at,
         )
-        return bool(self.change(gone))
+        return bool(self.change(deletion))
 
     def delete(self, fold_id: str, owner: Owner | None = None) -> bool:
         """Delete a fold's row; the caller removes its directory.
@@ -432,10 +437,10 @@ class Store:
         Returns:
             True if it was deleted.
         """
-        gone = sa.delete(FoldRow).where(FoldRow.id == fold_id)
+        deletion = sa.delete(FoldRow).where(FoldRow.id == fold_id)
         if owner is not None:
-            gone = gone.where(owned_by(owner), FoldRow.public.is_(False))
-        return bool(self.change(gone))
+            deletion = deletion.where(owned_by(owner), FoldRow.public.is_(False))
+        return bool(self.change(deletion))
 
     def add_derived(self, fold_id: str, size: int) -> None:
         """Add to the size of a fold's derived files; those in a cache do not count."""
@@ -466,29 +471,31 @@ class Store:
     @staticmethod
     def begin_in(session: Session, fold_id: str, stage: str, execution: str) -> int | None:
         """Mark a stage as running, as ``begin`` does, in a transaction of the caller."""
-        same = FoldRow.worker == execution
-        begun = session.execute(
+        is_same_worker = FoldRow.worker == execution
+        first_start = session.execute(
             sa.update(FoldRow)
             .where(
                 FoldRow.id == fold_id,
                 FoldRow.status.in_(RUNNING_STATUSES),
                 FoldRow.cancel_requested.is_(False),
-                sa.or_(same, FoldRow.worker.is_(None)),
+                sa.or_(is_same_worker, FoldRow.worker.is_(None)),
             )
             .values(
                 status="running",
                 stage=stage,
                 started_at=sa.func.coalesce(FoldRow.started_at, time.time()),
-                epoch=sa.case((same, FoldRow.epoch), else_=FoldRow.epoch + 1),
-                resumed_at=sa.case((same, FoldRow.resumed_at), else_=time.time()),
+                epoch=sa.case((is_same_worker, FoldRow.epoch), else_=FoldRow.epoch + 1),
+                resumed_at=sa.case((is_same_worker, FoldRow.resumed_at), else_=time.time()),
                 worker=execution,
             )
             .returning(FoldRow.epoch, FoldRow.turn)
         ).first()
-        if begun is None:
+        if first_start is None:
             return None
-        session.execute(TURN_COUNTER.where(CounterRow.value < begun[1]).values(value=begun[1]))
-        return begun[0]
+        session.execute(
+            TURN_COUNTER.where(CounterRow.value < first_start[1]).values(value=first_start[1])
+        )
+        return first_start[0]
 
     def pause(self, fold_id: str, epoch: int, *, spent_s: float) -> bool:
         """Put a running fold back into the queue, with the turn of a fold that is requested now.
@@ -501,14 +508,14 @@ class Store:
         Returns:
             False if the fold is cancelled, over, deleted, or computed by another execution.
         """
-        ours = (
+        is_ours = (
             FoldRow.id == fold_id,
             FoldRow.epoch == epoch,
             FoldRow.status == "running",
             FoldRow.cancel_requested.is_(False),
         )
         with self.changing() as session:
-            row = session.scalar(sa.select(FoldRow).where(*ours))
+            row = session.scalar(sa.select(FoldRow).where(*is_ours))
             if row is None:
                 return False
             row.cost_s = max(row.cost_s, spent_s)
@@ -529,8 +536,8 @@ class Store:
     def describe(self, fold_id: str, *, name: str, modules: int, module: str) -> None:
         """Store the facts of a fold's chain; a name from the gallery or the owner stays."""
         unnamed = sa.and_(FoldRow.shape.is_(None), FoldRow.renamed.is_(False))
-        shown = sa.case((unnamed, name[:200]), else_=FoldRow.name)
-        self._change(fold_id, modules=modules, module=module, name=shown)
+        shown_name = sa.case((unnamed, name[:200]), else_=FoldRow.name)
+        self._change(fold_id, modules=modules, module=module, name=shown_name)
 
     def stage_s(self, fold_id: str) -> dict[str, float]:
         """Return the seconds of each stage of a fold so far; empty if it was deleted."""
@@ -557,7 +564,7 @@ class Store:
         summary: dict[str, Any],
         error: dict[str, Any] | None = None,
         repeatable: bool = True,
-        kept: int | None = None,
+        kept_epoch: int | None = None,
         size: int | None = None,
         execution: str | None = None,
     ) -> bool:
@@ -570,7 +577,7 @@ class Store:
             error: ``code``, ``detail`` and ``where`` of the error, or None.
             repeatable: True if the same upload would have the same result. If False, the next one
                 is computed again.
-            kept: Epoch whose files readers see from now on; unchanged if None.
+            kept_epoch: Epoch whose files readers see from now on; unchanged if None.
             size: Total size of its files, bytes; unchanged if None.
             execution: Name of the execution that must have the fold; any if None.
         """
@@ -583,8 +590,8 @@ class Store:
         }
         if size is not None:
             values["bytes"] = size
-        if kept is not None:
-            values["kept"] = kept
+        if kept_epoch is not None:
+            values["kept"] = kept_epoch
         if not repeatable:
             values["content_key"] = None
         going = sa.update(FoldRow).where(FoldRow.id == fold_id, FoldRow.status.not_in(ENDED))
@@ -592,8 +599,8 @@ class Store:
             going = going.where(FoldRow.worker == execution)
         with self.changing() as session:
             if status != "cancelled":
-                wanted = FoldRow.cancel_requested.is_(False)
-                session.execute(going.where(wanted).values(**values))
+                not_cancelled = FoldRow.cancel_requested.is_(False)
+                session.execute(going.where(not_cancelled).values(**values))
                 values |= {"status": "cancelled", "summary": {}, "error": None}
             session.execute(going.values(**values))
             return session.get(FoldRow, fold_id) is not None
@@ -607,9 +614,9 @@ def cost_of(row: FoldRow, modules: int | None = None) -> ExpectedCost:
     return expected_cost(row.modules if modules is None else modules, request_of(row))
 
 
-def compiled_fraction(told: Mapping[str, Any]) -> float | None:
+def compiled_fraction(progress: Mapping[str, Any]) -> float | None:
     """Return the compiled fraction of the kernels that a running fold reports; None if ready."""
-    return told.get("fraction") if told.get("message") == COMPILING else None
+    return progress.get("fraction") if progress.get("message") == COMPILING else None
 
 
 def in_lane(*, quick: bool) -> sa.ColumnElement[bool]:

@@ -99,8 +99,8 @@ class Leases:
         """Increment the heartbeat counter of a worker."""
         about = {"host": host, "pid": pid, "folds_at_once": folds_at_once}
         with self._store.changing() as session:
-            again = sa.update(WorkerRow).where(WorkerRow.name == name, WorkerRow.pid == pid)
-            if rows_of(session.execute(again.values(beat=WorkerRow.beat + 1, **about))):
+            update = sa.update(WorkerRow).where(WorkerRow.name == name, WorkerRow.pid == pid)
+            if rows_of(session.execute(update.values(beat=WorkerRow.beat + 1, **about))):
                 return
             # It has just started, or another process took it for dead and deleted its row.
             session.execute(sa.delete(WorkerRow).where(WorkerRow.name == name))
@@ -147,8 +147,8 @@ class Leases:
             return None
         best = max(rows, key=lambda row: row.value)
         fraction, spent_s = best.value / COMPILED_COUNT, time.time() - keys[best.name].started_at
-        told = fraction >= MIN_COMPILED_FRACTION and spent_s > 0.0
-        left_s = spent_s * (1.0 - fraction) / fraction if told else None
+        is_known = fraction >= MIN_COMPILED_FRACTION and spent_s > 0.0
+        left_s = spent_s * (1.0 - fraction) / fraction if is_known else None
         return Compilation(fraction=fraction, remaining_s=left_s)
 
     def workers(self) -> list[WorkerRow]:
@@ -184,10 +184,10 @@ class Leases:
         silent: set[str] = set()
         with self._lock:
             for name, beat in beats.items():
-                known = self._seen.get(name)
-                if known is None or known[0] != beat:
+                last_beat = self._seen.get(name)
+                if last_beat is None or last_beat[0] != beat:
                     self._seen[name] = (beat, now)
-                elif now - known[1] >= self._lease_s:
+                elif now - last_beat[1] >= self._lease_s:
                     silent.add(name)
             for name in self._seen.keys() - beats.keys():
                 del self._seen[name]

@@ -112,40 +112,40 @@ class Storage:
         """
         with self._lock:
             uploaded = self._uploaded.setdefault(key, _Uploaded())
-        known = uploaded.marks
-        unsure = None in known.values()  # the last call failed while it deleted files
+        marks = uploaded.marks
+        unsure = None in marks.values()  # the last call failed while it deleted files
         # Read first, so that all frames that it states are uploaded before it.
         head = _read(directory / TIMELINE_HEAD)
-        found = dict(_files(directory))
+        files = dict(_files(directory))
         changed = [
             name
-            for name, mark in found.items()
-            if known.get(name) != mark and name != TIMELINE_HEAD
+            for name, mark in files.items()
+            if marks.get(name) != mark and name != TIMELINE_HEAD
         ]
         with self._storage_errors():
             self._each(changed, lambda name: self._put(key, name, _read(directory / name)))
-            known.update({name: found[name] for name in changed})
-            if head is not None and known.get(TIMELINE_HEAD) != (mark := (hash(head), len(head))):
+            marks.update({name: files[name] for name in changed})
+            if head is not None and marks.get(TIMELINE_HEAD) != (mark := (hash(head), len(head))):
                 self._put(key, TIMELINE_HEAD, head)
-                known[TIMELINE_HEAD] = mark
+                marks[TIMELINE_HEAD] = mark
             spared = uploaded.settled if growing else frozenset[str]()
-            gone = [name for name in known if name not in found and name not in spared]
-            if gone or unsure:
-                self._delete_all(key, gone, known)
+            removed_names = [name for name in marks if name not in files and name not in spared]
+            if removed_names or unsure:
+                self._delete_all(key, removed_names, marks)
         if not growing:
-            uploaded.settled = frozenset(found)
-        return sum(size for _, size in found.values())
+            uploaded.settled = frozenset(files)
+        return sum(size for _, size in files.values())
 
     def _delete_all(
-        self, key: str, gone: list[str], known: dict[str, tuple[int, int] | None]
+        self, key: str, removed_names: list[str], marks: dict[str, tuple[int, int] | None]
     ) -> None:
         """Delete files of a directory, so that whoever fetches it sees all of them or none."""
-        known.update(dict.fromkeys(gone))
-        self._put(key, REMOVED_INDEX, json.dumps(gone).encode())
-        self._each(gone, lambda name: self._delete(f"{key}/{name}"))
+        marks.update(dict.fromkeys(removed_names))
+        self._put(key, REMOVED_INDEX, json.dumps(removed_names).encode())
+        self._each(removed_names, lambda name: self._delete(f"{key}/{name}"))
         self._delete(f"{key}/{REMOVED_INDEX}")
-        for name in gone:
-            del known[name]
+        for name in removed_names:
+            del marks[name]
 
     def forget(self, key: str) -> None:
         """Forget the uploaded state of a directory, so that the next ``keep`` uploads all of it."""
@@ -169,14 +169,14 @@ class Storage:
                 headless = TIMELINE_HEAD in removed
                 head = None if headless else head
                 directory.mkdir(parents=True, exist_ok=True)
-                wanted = [
+                missing_names = [
                     name
                     for name, mark in listed.items()
                     if name != TIMELINE_HEAD
                     and (marks.get(name) != mark or not (directory / name).exists())
                 ]
-                written = self._each(wanted, lambda name: self._write(key, name, directory))
-                marks.update({name: listed[name] for name in wanted})
+                written = self._each(missing_names, lambda name: self._write(key, name, directory))
+                marks.update({name: listed[name] for name in missing_names})
                 after = None if headless else self._get(f"{key}/{TIMELINE_HEAD}")
                 # If files are deleted meanwhile, a part of them may have been fetched.
                 if all(written) and _identity(head) == _identity(after):
@@ -200,12 +200,12 @@ class Storage:
         """
         with self._storage_errors():
             try:
-                found = self._obstore.get(self._store, key)
+                stored = self._obstore.get(self._store, key)
             except FileNotFoundError:
                 return False
             path.parent.mkdir(parents=True, exist_ok=True)
-            with written_aside(path) as aside, open(aside, "wb") as file:
-                for chunk in found.stream():
+            with written_aside(path) as partial_path, open(partial_path, "wb") as file:
+                for chunk in stored.stream():
                     file.write(chunk)
         return True
 
@@ -236,12 +236,14 @@ class Storage:
         with self._storage_errors():
             names = [f"{key}/{name}" for name in self._marks(key)]
             spared = None if but is None else f"{but}/"
-            gone = [name for name in names if spared is None or not name.startswith(spared)]
-            self._each(gone, self._delete)
+            removed_names = [
+                name for name in names if spared is None or not name.startswith(spared)
+            ]
+            self._each(removed_names, self._delete)
         with self._lock:
-            for known in [k for k in self._uploaded if k == key or k.startswith(f"{key}/")]:
-                if known != but:
-                    del self._uploaded[known]
+            for uploaded_key in [k for k in self._uploaded if k == key or k.startswith(f"{key}/")]:
+                if uploaded_key != but:
+                    del self._uploaded[uploaded_key]
 
     def copy_all(self, key: str, names: list[str]) -> None:
         """Copy files below a key to their names without it, inside the store.
@@ -268,8 +270,8 @@ class Storage:
             StorageError: If the storage does not answer.
         """
         with self._storage_errors():
-            found = self._obstore.list_with_delimiter(self._store, f"{key}/")
-        return [prefix.rstrip("/").rpartition("/")[2] for prefix in found["common_prefixes"]]
+            listing = self._obstore.list_with_delimiter(self._store, f"{key}/")
+        return [prefix.rstrip("/").rpartition("/")[2] for prefix in listing["common_prefixes"]]
 
     def names(self, key: str) -> list[str]:
         """Return the names of all files below a key, relative to it.

@@ -37,22 +37,22 @@ def folds_made(store: Store, owner: Owner, *, before: str | None, limit: int) ->
         before: Cursor ``created_at,id``: the ``next`` of the previous page; None for the first.
         limit: Maximum number to return.
     """
-    made = owned_by(owner, FoldRow.maker)
-    wanted = sa.select(FoldRow).where(made)
+    is_made_by_owner = owned_by(owner, FoldRow.maker)
+    query = sa.select(FoldRow).where(is_made_by_owner)
     if before is not None:
         at, _, last = before.partition(",")
         older = FoldRow.created_at < float(at)
-        wanted = wanted.where(
+        query = query.where(
             sa.or_(older, sa.and_(FoldRow.created_at == float(at), FoldRow.id < last))
         )
-    newest_first = wanted.order_by(FoldRow.created_at.desc(), FoldRow.id.desc())
+    newest_first = query.order_by(FoldRow.created_at.desc(), FoldRow.id.desc())
     with store.reading() as session:
-        total = session.scalar(sa.select(sa.func.count()).where(made)) or 0
+        total = session.scalar(sa.select(sa.func.count()).where(is_made_by_owner)) or 0
         rows = session.scalars(newest_first.limit(limit + 1)).all()
-    more = len(rows) > limit
+    has_more = len(rows) > limit
     rows = rows[:limit]
     return FoldsMade(
-        rows=rows, next=f"{rows[-1].created_at!r},{rows[-1].id}" if more else None, total=total
+        rows=rows, next=f"{rows[-1].created_at!r},{rows[-1].id}" if has_more else None, total=total
     )
 
 
@@ -73,10 +73,10 @@ def change_fold(
     }
     if not values:
         return store.owns(fold_id, owner)
-    own = sa.update(FoldRow).where(
+    update = sa.update(FoldRow).where(
         FoldRow.id == fold_id, owned_by(owner), FoldRow.public.is_(False)
     )
-    return bool(store.change(own.values(**values)))
+    return bool(store.change(update.values(**values)))
 
 
 def write_beside(
@@ -84,7 +84,7 @@ def write_beside(
     fold_id: str,
     owner: Owner,
     kind: type[TourRow | ValuesRow],
-    told: dict[str, Any] | None,
+    note: dict[str, Any] | None,
 ) -> bool:
     """Store, replace or remove a tour or module values of a fold.
 
@@ -93,19 +93,19 @@ def write_beside(
         fold_id: The fold.
         owner: Its owner.
         kind: Table: tours, or values of modules.
-        told: Plain values; None to remove them.
+        note: Plain values; None to remove them.
 
     Returns:
         False if the fold does not belong to the owner; gallery folds belong to none.
     """
-    own = (FoldRow.id == fold_id, owned_by(owner), FoldRow.public.is_(False))
+    is_own = (FoldRow.id == fold_id, owned_by(owner), FoldRow.public.is_(False))
     with store.changing() as session:
-        if session.scalar(sa.select(FoldRow.id).where(*own).with_for_update()) is None:
+        if session.scalar(sa.select(FoldRow.id).where(*is_own).with_for_update()) is None:
             return False
-        if told is None:
+        if note is None:
             session.execute(sa.delete(kind).where(kind.fold_id == fold_id))
         else:
-            session.merge(kind(fold_id=fold_id, told=told))
+            session.merge(kind(fold_id=fold_id, told=note))
         return True
 
 
@@ -118,9 +118,9 @@ def hand_over_all(store: Store, owner: Owner, heir: Owner) -> int:
     with store.changing() as session:
         session.execute(owned.where(FoldRow.public.is_(False)).values(content_key=None))
         session.execute(owned.values(owner=heir.digest))
-        made = sa.update(FoldRow).where(owned_by(owner, FoldRow.maker))
-        moved = rows_of(session.execute(made.values(maker=heir.digest)))
+        update = sa.update(FoldRow).where(owned_by(owner, FoldRow.maker))
+        moved = rows_of(session.execute(update.values(maker=heir.digest)))
         for rows, column in ((PreviewRow, PreviewRow.owner), (MovieRow, MovieRow.token_hash)):
-            theirs = sa.update(rows).where(owned_by(owner, column))
-            session.execute(theirs.values({column: heir.digest}))
+            update = sa.update(rows).where(owned_by(owner, column))
+            session.execute(update.values({column: heir.digest}))
     return moved

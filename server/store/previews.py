@@ -152,9 +152,9 @@ class Previews:
         now = time.time()
         most_s = min(60.0, self._settings.preview_keep_s / 8)
         if abs(now - row.seen_at) > most_s:
-            seen = sa.update(PreviewRow).where(PreviewRow.id == row.id).values(seen_at=now)
+            update = sa.update(PreviewRow).where(PreviewRow.id == row.id).values(seen_at=now)
             with suppress(SQLAlchemyError):
-                self._store.change(seen)
+                self._store.change(update)
 
     # Reports
 
@@ -206,33 +206,33 @@ class Previews:
             owner: Its owner.
             view: Columns of ``PreviewRow`` that describe the viewed shape and options.
         """
-        own = sa.update(PreviewRow).where(
+        update = sa.update(PreviewRow).where(
             PreviewRow.id == preview_id, owned_by(owner, PreviewRow.owner)
         )
         with suppress(SQLAlchemyError):
-            self._store.change(own.values(**view, seen_at=time.time()))
+            self._store.change(update.values(**view, seen_at=time.time()))
 
     def owned(self, owner: Owner) -> Sequence[PreviewRow]:
         """Return the previews that an owner has viewed, last viewed first."""
-        wanted = (
+        query = (
             sa.select(PreviewRow)
             .where(owned_by(owner, PreviewRow.owner), PreviewRow.key != "")
             .where(PreviewRow.seen_at > time.time() - self._settings.preview_keep_s)
             .order_by(PreviewRow.seen_at.desc(), PreviewRow.id)
             .limit(50)
         )
-        return self._store.scalars(wanted)
+        return self._store.scalars(query)
 
     def remove(self, preview_id: str, owner: Owner) -> bool:
         """Delete an owner's preview; return False if it is not the owner's.
 
         The next sweep deletes its files.
         """
-        gone = self._forget(PreviewRow.id == preview_id, owned_by(owner, PreviewRow.owner))
-        if gone:
+        was_deleted = self._forget(PreviewRow.id == preview_id, owned_by(owner, PreviewRow.owner))
+        if was_deleted:
             self._searched = -STORED_SWEEP_S
             self._sweep_due.set()
-        return gone
+        return was_deleted
 
     # Sweeps
 
@@ -278,23 +278,23 @@ class Previews:
 
     def _sizes(self) -> list[PreviewSize]:
         """Return the sizes of all previews, newest first."""
-        own, foreign = (
+        own_bytes, foreign = (
             sa.func.coalesce(
                 sa.func.sum(ReportRow.bytes).filter(ReportRow.foreign.is_(of_others)), 0
             )
             for of_others in (False, True)
         )
         query = (
-            sa.select(PreviewRow, own, foreign, sa.func.count(ReportRow.key))
+            sa.select(PreviewRow, own_bytes, foreign, sa.func.count(ReportRow.key))
             .outerjoin(ReportRow, ReportRow.preview_id == PreviewRow.id)
             .group_by(PreviewRow.id)
             .order_by(PreviewRow.created_at.desc())
         )
-        found = self._store.rows(query)
+        rows = self._store.rows(query)
         sizes: list[PreviewSize] = []
         unread: Counter[str] = Counter()
         since = time.time() - 60.0  # a process may still be reading it
-        for row, of_visitor, of_others, reports in found:
+        for row, of_visitor, of_others, reports in rows:
             being_read = reports == 0 and row.created_at > since
             unread[row.visitor] += being_read
             sizes.append(
@@ -316,9 +316,9 @@ class Previews:
             query = query.where(PreviewRow.created_at < before)
         return set(self._store.scalars(query))
 
-    def _forget(self, *which: sa.ColumnElement[bool]) -> bool:
+    def _forget(self, *conditions: sa.ColumnElement[bool]) -> bool:
         """Delete the row of a preview; return True if there was one."""
-        return bool(self._store.change(sa.delete(PreviewRow).where(*which)))
+        return bool(self._store.change(sa.delete(PreviewRow).where(*conditions)))
 
     def _note_written(self, size: int) -> None:
         self._written += size  # a race with another thread at most delays a sweep
@@ -338,13 +338,13 @@ class Previews:
         """Fetch an upload and its reports from the object store atomically."""
         if self._storage is None:
             return
-        aside = directory.with_name(f".{directory.name}.{new_id()}")
+        hidden_dir = directory.with_name(f".{directory.name}.{new_id()}")
         try:
-            if self._storage.fetch(f"{PREVIEWS_KEY}/{directory.name}", aside):
+            if self._storage.fetch(f"{PREVIEWS_KEY}/{directory.name}", hidden_dir):
                 with suppress(OSError):  # another request was faster
-                    aside.rename(directory)
+                    hidden_dir.rename(directory)
         finally:
-            shutil.rmtree(aside, ignore_errors=True)
+            shutil.rmtree(hidden_dir, ignore_errors=True)
 
 
 def superfluous(
@@ -365,11 +365,11 @@ def superfluous(
     for preview in oldest_first:
         sizes[preview.visitor] += preview.own
         counts[preview.visitor] += 1
-    gone: list[PreviewSize] = []
-    kept: dict[str, list[PreviewSize]] = {}
+    deleted: list[PreviewSize] = []
+    kept_sizes: dict[str, list[PreviewSize]] = {}
 
     def go(preview: PreviewSize) -> None:
-        gone.append(preview)
+        deleted.append(preview)
         sizes[preview.visitor] -= preview.own
         counts[preview.visitor] -= 1
 
@@ -379,18 +379,20 @@ def superfluous(
         if old or too_many or sizes[preview.visitor] > settings.previews_of_visitor_bytes:
             go(preview)
         else:
-            kept.setdefault(preview.visitor, []).append(preview)
-    total = sum(map(len, kept.values()))
-    total_bytes = sum(each.own + each.foreign for previews in kept.values() for each in previews)
-    while kept and (total_bytes > settings.previews_bytes or total > settings.most_previews):
+            kept_sizes.setdefault(preview.visitor, []).append(preview)
+    total = sum(map(len, kept_sizes.values()))
+    total_bytes = sum(
+        size.own + size.foreign for previews in kept_sizes.values() for size in previews
+    )
+    while kept_sizes and (total_bytes > settings.previews_bytes or total > settings.most_previews):
         weights = sizes if total_bytes > settings.previews_bytes else counts
-        most = max(kept, key=lambda name: weights[name])
-        oldest = kept[most].pop(0)
+        heaviest = max(kept_sizes, key=lambda name: weights[name])
+        oldest = kept_sizes[heaviest].pop(0)
         total_bytes, total = total_bytes - oldest.own - oldest.foreign, total - 1
         go(oldest)
-        if not kept[most]:
-            del kept[most]
-    return [preview for preview in gone if not preview.protected]
+        if not kept_sizes[heaviest]:
+            del kept_sizes[heaviest]
+    return [preview for preview in deleted if not preview.protected]
 
 
 def blocks_of(directory: Path) -> int:

@@ -44,10 +44,10 @@ class Schema:
         Raises:
             SQLAlchemyError: If the database does not answer.
         """
-        found = None
+        revision = None
         if connection is not None:
-            found = MigrationContext.configure(connection).get_current_revision()
-        return cls(found=found, known=known_versions())
+            revision = MigrationContext.configure(connection).get_current_revision()
+        return cls(found=revision, known=known_versions())
 
     @property
     def head(self) -> str:
@@ -90,7 +90,7 @@ def known_versions() -> tuple[str, ...]:
 
 def config() -> Config:
     """Return alembic's configuration, with the directory of the migrations."""
-    made = Config()
-    made.set_main_option("script_location", str(MIGRATIONS))
-    made.set_main_option("path_separator", "os")
-    return made
+    alembic_config = Config()
+    alembic_config.set_main_option("script_location", str(MIGRATIONS))
+    alembic_config.set_main_option("path_separator", "os")
+    return alembic_config

@@ -99,12 +99,12 @@ class Stats:
                 .order_by(FoldRow.ended_at.desc())
                 .limit(500)
             ).all()
-            taken = self._taken(session)
+            durations_s = self._taken(session)
         return ServiceCounts(
             folds=dict.fromkeys(STATUSES, 0) | {status: count for status, count in folds},
             movies={status: count for status, count in movies},
             oldest_queued_s=0.0 if oldest is None else max(0.0, now - oldest),
-            storage_bytes=taken,
+            storage_bytes=durations_s,
             workers=len(self._leases.workers()),
             computed_s=tuple(sorted(float(seconds or 0.0) for seconds, _, _ in ended)),
             failures=Counter(
@@ -118,4 +118,4 @@ class Stats:
     def _taken(self, session: Session) -> int:
         folds = sa.select(sa.func.sum(FoldRow.bytes + FoldRow.derived_bytes))
         movies = sa.select(sa.func.sum(MovieRow.bytes))
-        return sum(int(session.scalar(each) or 0) for each in (folds, movies))
+        return sum(int(session.scalar(query) or 0) for query in (folds, movies))

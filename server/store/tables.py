@@ -135,8 +135,12 @@ def columns_of(request: FoldRequest) -> dict[str, Any]:
 def request_of(row: FoldRow | ShownFold) -> FoldRequest:
     """Return the request of a fold, without the options that turn its shape into a path."""
     values = {name: getattr(row, name) for name in (*REQUESTED_COLUMNS, "module")}
-    given: dict[str, Any] = {name: each for name, each in values.items() if each is not None}
-    return FoldRequest(**given, refold=row.refold is not None, smooth=row.smooths is not None)
+    values_given: dict[str, Any] = {
+        name: value for name, value in values.items() if value is not None
+    }
+    return FoldRequest(
+        **values_given, refold=row.refold is not None, smooth=row.smooths is not None
+    )
 
 
 STATUSES = ("queued", "running", "verified", "failed", "cancelled")

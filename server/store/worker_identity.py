@@ -41,8 +41,8 @@ class WorkerIdentities:
                 flock(lock, LOCK_EX)
                 if not mark.exists():
                     write_whole(mark, secrets.token_hex(4).encode())
-        here = mark.read_text() if mark.exists() else ""
-        self._prefix = f"{socket.gethostname()[:100]}/{here}/"
+        stored_name = mark.read_text() if mark.exists() else ""
+        self._prefix = f"{socket.gethostname()[:100]}/{stored_name}/"
 
     def take(self) -> WorkerIdentity:
         """Take the identity of the lowest free number.
@@ -61,14 +61,14 @@ class WorkerIdentities:
 
     def dead(self, names: Iterable[str]) -> set[str]:
         """Return the names of this machine that no live worker holds."""
-        found: set[str] = set()
+        worker_names: set[str] = set()
         for name in names:
             number = name.removeprefix(self._prefix)
             if number == name or not number.isdecimal():
                 continue
             if not _locked(self._path(int(number))):
-                found.add(name)
-        return found
+                worker_names.add(name)
+        return worker_names
 
     def _path(self, number: int) -> Path:
         return self._directory / f"{number}.lock"
@@ -103,7 +103,7 @@ def _locked(path: Path) -> bool:
     """Return True if a live process holds the lock of a file; the lock is not taken."""
     try:
         with open(path) as file:
-            found = fcntl(file, F_OFD_GETLK, WHOLE_FILE_LOCK)
+            lock = fcntl(file, F_OFD_GETLK, WHOLE_FILE_LOCK)
     except FileNotFoundError:
         return False
-    return struct.unpack_from("h", found)[0] != F_UNLCK
+    return struct.unpack_from("h", lock)[0] != F_UNLCK

@@ -90,12 +90,12 @@ class Origin:
         Raises:
             Unusable: If there is none or several (``file-or-shape``, ``smooth-or-refold``).
         """
-        names = [each.name for each in fields(self) if each.name != "refold"]
-        given = [name for name in names if getattr(self, name) is not None]
-        if len(given) != 1:
+        names = [field.name for field in fields(self) if field.name != "refold"]
+        set_names = [name for name in names if getattr(self, name) is not None]
+        if len(set_names) != 1:
             raise Unusable(
                 "file-or-shape",
-                f"got {' and '.join(given) or 'none'} of the form fields 'file', 'shape', "
+                f"got {' and '.join(set_names) or 'none'} of the form fields 'file', 'shape', "
                 "'preview', 'fold' and 'smooth', expected exactly one of them.",
             )
         if self.smooth is not None and self.refold is not None:
@@ -180,14 +180,14 @@ def _opened(context: Context, origin: Origin) -> tuple[BinaryIO, str | None]:
         context.store.fold(earlier)
         return stored_input(context.store.directory(earlier))
     name = origin.shape or ""
-    found = context.gallery.shape(name)
-    if found is None:
+    gallery_shape = context.gallery.shape(name)
+    if gallery_shape is None:
         raise Unusable(
             "no-such-shape",
             f"got the shape {quote(name)!r}, expected one of "
             f"{context.gallery.nearest(name[:100])}; GET /api/shapes lists them.",
         )
-    return BytesIO(found.data), found.filename
+    return BytesIO(gallery_shape.data), gallery_shape.filename
 
 
 def _opened_preview(context: Context, preview_id: str) -> tuple[BinaryIO, str | None]:

@@ -80,8 +80,8 @@ def stored_parent(directory: Path, row: FoldRow) -> ParentFold | None:
     if row.refold is None and row.smooths is None:
         return None
     use: Use = "refold" if row.smooths is None else "smooth"
-    found = _parent(use, row.smooths, row, {name: directory / name for name in COPIED_FILES[use]})
-    return found if row.refold is None else replace(found, name=row.refold)
+    parent = _parent(use, row.smooths, row, {name: directory / name for name in COPIED_FILES[use]})
+    return parent if row.refold is None else replace(parent, name=row.refold)
 
 
 def _parent(use: Use, fold: str | None, row: FoldRow, files: dict[str, Path]) -> ParentFold:

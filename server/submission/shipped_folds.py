@@ -68,18 +68,18 @@ def _import(path: Path, store: Store, gallery: Gallery, scratch: Scratch) -> boo
         with store.changing() as session:
             session.add(CounterRow(name=mark, value=1))
             session.flush()
-            known = sa.select(FoldRow.id).where(FoldRow.content_key == key)
-            wanted = key is None or session.scalar(known) is None
-            if wanted:  # otherwise the same fold exists already
+            same_key = sa.select(FoldRow.id).where(FoldRow.content_key == key)
+            is_wanted = key is None or session.scalar(same_key) is None
+            if is_wanted:  # otherwise the same fold exists already
                 session.add(_row(fold_id, about, key))
     except IntegrityError:  # another process was faster
-        wanted = False
+        is_wanted = False
     except BaseException:
         store.folders.remove(fold_id)
         raise
-    if not wanted:
+    if not is_wanted:
         store.folders.remove(fold_id)
-    return wanted
+    return is_wanted
 
 
 def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str | None:
@@ -94,7 +94,7 @@ def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str |
     if (folder / "input").read_bytes() != shape.data:
         return None
     digest = sha256(shape.data).hexdigest()
-    asked = Submission(
+    submission = Submission(
         upload=Upload(directory=folder, filename=shape.filename, digest=digest),
         source=Source(
             request=FoldRequest(preset=about["summary"]["preset"], seed=about["summary"]["seed"]),
@@ -103,7 +103,7 @@ def _content_key(about: dict[str, Any], folder: Path, gallery: Gallery) -> str |
         visitor=SERVICE_VISITOR,
         owner=Owner(""),
     )
-    return asked.content_key
+    return submission.content_key
 
 
 def _row(fold_id: str, about: dict[str, Any], content_key: str | None) -> FoldRow:

@@ -105,8 +105,8 @@ def submit(context: Context, submission: Submission) -> Receipt:
     Raises:
         ServiceError: If the input cannot be used, or the queue or the disk is full.
     """
-    if (known := _known(context, submission)) is not None:
-        return known
+    if (existing := _known(context, submission)) is not None:
+        return existing
     _check_room(context, submission.visitor)
     directory, source = submission.upload.directory, submission.source
     try:
@@ -119,8 +119,8 @@ def submit(context: Context, submission: Submission) -> Receipt:
     except OSError as error:
         raise not_stored("upload", error) from error
     if not added:
-        if (known := _known(context, submission)) is not None:
-            return known
+        if (existing := _known(context, submission)) is not None:
+            return existing
         raise Conflict(
             "changed-meanwhile",
             "Another request for the same fold arrived first, but that fold has just ended; send "
@@ -155,15 +155,17 @@ def _row(submission: Submission, chain: dict[str, Any]) -> FoldRow:
 
 def _title(context: Context, shape: str | None) -> str | None:
     """Return the title of a gallery shape."""
-    found = None if shape is None else context.gallery.shape(shape)
-    return None if found is None else found.title
+    gallery_shape = None if shape is None else context.gallery.shape(shape)
+    return None if gallery_shape is None else gallery_shape.title
 
 
 def _known(context: Context, submission: Submission) -> Receipt | None:
     """Return the existing equal fold: the owner's, a gallery fold, or the repeated one."""
-    key, again = submission.content_key, submission.source.repeats
-    if again is not None and again.content_key == (theirs := submission.key_of(again.owner)):
-        key = theirs
+    key, repeated = submission.content_key, submission.source.repeats
+    if repeated is not None and repeated.content_key == (
+        their_key := submission.key_of(repeated.owner)
+    ):
+        key = their_key
     row = context.store.ask(key, submission.owner)
     if row is None:
         return None
@@ -189,8 +191,8 @@ def _add(context: Context, row: FoldRow, owner: Owner) -> bool:
     try:
         _check_limits(cost, context.settings)
         with store.admitting:
-            wanted = Waiting(row.visitor, cost.expected_s)
-            check_room(store.waiting(), wanted, context.settings)
+            newcomer = Waiting(row.visitor, cost.expected_s)
+            check_room(store.waiting(), newcomer, context.settings)
             added = store.add(row, owner)
     except Exception:
         with contextlib.suppress(Exception):
@@ -241,19 +243,19 @@ def _read(context: Context, directory: Path, source: Source, visitor: str) -> di
     """Check the input in a directory; return its name, and the kind and number of its modules."""
     parent = source.parent
     try:
-        found = context.reader.call("check", directory, visitor=visitor)
+        check = context.reader.call("check", directory, visitor=visitor)
     except InputError as error:
         if parent is None:
             raise
         raise context.gallery.advised(error, parent.module, parent.modules) from None
     except ChildError as error:
         raise not_read(error) from None
-    modules = int(found["modules"])
+    modules = int(check["modules"])
     if modules > context.settings.max_modules:
         raise Unusable(
             "too-many-modules",
             f"got a chain of {modules} modules, expected at most {context.settings.max_modules}; "
             "use a coarser shape.",
         )
-    name = _title(context, source.shape) or str(found["name"])[:200]
-    return {"name": name, "module": str(found["module"]), "modules": modules}
+    name = _title(context, source.shape) or str(check["name"])[:200]
+    return {"name": name, "module": str(check["module"]), "modules": modules}

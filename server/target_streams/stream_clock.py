@@ -79,10 +79,10 @@ class StreamClock:
         """Advance the motion to the time ``now``."""
         step = min(max(0.0, now - self._last), MAX_CLOCK_STEP_S)
         self._last = now
-        wanted = self._speed if self.waiting(now) is None else 0.0
-        most = self._speed * step / self._ramp_s
+        target_rate = self._speed if self.waiting(now) is None else 0.0
+        max_change = self._speed * step / self._ramp_s
         before = self.rate
-        self.rate += min(max(wanted - before, -most), most)
+        self.rate += min(max(target_rate - before, -max_change), max_change)
         self.time_s = min(self.duration_s, self.time_s + 0.5 * (before + self.rate) * step)
 
     def over(self, now: float) -> bool:

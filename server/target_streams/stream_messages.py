@@ -136,7 +136,7 @@ ENCODER: Final = msgspec.json.Encoder()
 def schema() -> dict[str, Any]:
     """Return JSON Schema of the question and of the messages of both directions."""
     kinds = (Ask, Incoming, Outgoing)
-    (ask, incoming, outgoing), found = msgspec.json.schema_components(
+    (ask, incoming, outgoing), definitions = msgspec.json.schema_components(
         kinds, ref_template="#/$defs/{name}"
     )
     return {
@@ -144,5 +144,5 @@ def schema() -> dict[str, Any]:
         "title": PLAY_FORMAT,
         "type": "object",
         "properties": {"query": ask, "to_service": incoming, "to_client": outgoing},
-        "$defs": found,
+        "$defs": definitions,
     }

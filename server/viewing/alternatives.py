@@ -19,24 +19,24 @@ from foldback.server.store.fold_source import Found
 from foldback.words.fold import RUNNING_STATUSES
 
 
-def alternative(found: Found, number: str) -> Found | None:
+def alternative(located: Found, number: str) -> Found | None:
     """Return another plan of a fold as something to show; None if it is not stored.
 
     Args:
-        found: The fold.
+        located: The fold.
         number: Number of the attempt as a text, counted from 0.
     """
     if (
-        found.row.status in RUNNING_STATUSES
+        located.row.status in RUNNING_STATUSES
         or not number.isdecimal()
         or len(number) > 3  # folds have at most a few dozen
     ):
         return None
-    directory = found.directory / PLANS_DIR / str(int(number))
+    directory = located.directory / PLANS_DIR / str(int(number))
     if not (directory / CHAIN).is_file():
         return None
     try:
-        attempts = json.loads((found.directory / ATTEMPTS).read_bytes())
+        attempts = json.loads((located.directory / ATTEMPTS).read_bytes())
         attempt = cast("AttemptFigures", attempts[int(number)])
     except (IndexError, *UNREADABLE):
         return None
@@ -48,9 +48,9 @@ def alternative(found: Found, number: str) -> Found | None:
         "certificate": certificate,
     }
     row = replace(
-        found.row,
-        id=f"{found.row.id}-{int(number)}",
-        name=f"{found.row.title}, plan {int(number) + 1}",
+        located.row,
+        id=f"{located.row.id}-{int(number)}",
+        name=f"{located.row.title}, plan {int(number) + 1}",
         renamed=True,
         status="verified",
         prefer=COMPUTING,
@@ -58,4 +58,4 @@ def alternative(found: Found, number: str) -> Found | None:
         smooths=None,
         summary=summary,
     )
-    return Found(row, directory, alternative_to=found.row.id)
+    return Found(row, directory, alternative_to=located.row.id)

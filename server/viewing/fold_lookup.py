@@ -53,10 +53,10 @@ def find_now(request: Request, fold_id: str) -> Found | None:
     """
     if not ADDRESS_ID.fullmatch(fold_id):
         return None
-    found = viewing_of(request).store.find(id_of_fold(fold_id))
-    if found is None or fold_id == found.row.id:
-        return found
-    return alternative(found, fold_id.removeprefix(f"{found.row.id}-"))
+    located = viewing_of(request).store.find(id_of_fold(fold_id))
+    if located is None or fold_id == located.row.id:
+        return located
+    return alternative(located, fold_id.removeprefix(f"{located.row.id}-"))
 
 
 def found_fold(request: Request, fold_id: str) -> Found:
@@ -65,10 +65,10 @@ def found_fold(request: Request, fold_id: str) -> Found:
     Raises:
         NoSuchFoldError: If there is none.
     """
-    found = find_now(request, fold_id)
-    if found is None:
+    located = find_now(request, fold_id)
+    if located is None:
         raise NoSuchFoldError(fold_id)
-    return found
+    return located
 
 
 async def find_fold(request: Request, fold_id: str) -> Found | None:

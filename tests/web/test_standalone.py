@@ -24,7 +24,9 @@ def parts_of(timeline: Path, plan: Path) -> dict[str, Any]:
     def render(**values: Any) -> str:
         return values["parts"]
 
-    return json.loads(standalone_html(TimelineView(timeline), render, {}, plan=plan, kept={}))
+    return json.loads(
+        standalone_html(TimelineView(timeline), render, {}, plan=plan, stored_parts={})
+    )
 
 
 def round_trip(path: Path, plan: Plan) -> Path:

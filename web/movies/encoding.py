@@ -169,7 +169,7 @@ def _gif_encoder(movie: Movie, out: Path) -> Generator[AddPicture]:
         format="GIF",
         save_all=True,
         append_images=pictures,
-        duration=[10 * (end - begin) for begin, end in pairwise(ends)],
+        duration=[10 * (end - start) for start, end in pairwise(ends)],
         loop=0,
         optimize=False,
     )

@@ -94,17 +94,17 @@ def schedule(timeline: TimelineView, movie: Movie) -> tuple[Array, list[MovieSto
     if first > last:
         stops.reverse()
     # at most these seconds, and these fractions of the movie
-    begin, end = (
+    start, end = (
         min(seconds, share * movie.seconds) for seconds, share in ((0.4, 0.05), (1.2, 0.15))
     )
     reading = np.array([stop.reading_s for stop in stops])
     if stops:
         reading *= min(1.0, 0.6 * movie.seconds / reading.sum())
     at = np.array([first, *(stop.frame for stop in stops), last], np.float64)
-    rests = np.array([begin, *reading, end])
+    rests = np.array([start, *reading, end])
     # Pictures are shown from t = 0 to `shown`; the time besides the rests is divided by distance.
-    shown = (movie.count - 1) / movie.fps
-    moving = max(shown - float(rests.sum()), 1e-9)
+    shown_s = (movie.count - 1) / movie.fps
+    moving = max(shown_s - float(rests.sum()), 1e-9)
     way = np.abs(np.diff(at, prepend=first)).cumsum()
     arrivals = moving * way / max(float(way[-1]), 1e-9) + rests.cumsum() - rests
     knots = np.column_stack([arrivals, arrivals + rests]).ravel()
@@ -126,9 +126,9 @@ def _captioned(
     strip = caption_strip(
         stop.caption, width=movie.width, height=movie.height, dark=movie.theme == "dark"
     )
-    whole = Image.fromarray(picture)
-    whole.paste(strip, (0, movie.height - strip.height), strip)
-    return np.asarray(whole)
+    image = Image.fromarray(picture)
+    image.paste(strip, (0, movie.height - strip.height), strip)
+    return np.asarray(image)
 
 
 def _shot(
@@ -157,14 +157,14 @@ def _shot(
 def _path(timeline: TimelineView, movie: Movie, frames: Array) -> CameraPath:
     azimuth = movie.azimuth_deg
     lows = np.empty(len(frames))
-    some: list[Array] = []
+    sampled_frames: list[Array] = []
     for k, frame in enumerate(frames):
         snapshot = timeline.snapshot(float(frame))
         positions = snapshot.positions[: snapshot.framed]
         lows[k] = positions[:, 2].min()
-        some.append(few_points(positions))
+        sampled_frames.append(few_points(positions))
     return camera_path(
-        some,
+        sampled_frames,
         lows=lows,
         radius=timeline.chain.module.radius,
         aspect=movie.width / movie.height,

@@ -96,16 +96,16 @@ class Movie:
         Raises:
             InputError: If an option is outside its bounds.
         """
-        given = {name: value for name, value in options.items() if value is not None}
-        plain = DEFAULT_OPTIONS.get(str(given.get("format", "mp4")), DEFAULT_OPTIONS["mp4"])
-        given["stops"] = tuple(
+        set_options = {name: value for name, value in options.items() if value is not None}
+        plain = DEFAULT_OPTIONS.get(str(set_options.get("format", "mp4")), DEFAULT_OPTIONS["mp4"])
+        set_options["stops"] = tuple(
             MovieStop(stop["frame"], stop["caption"], tuple(stop["modules"]))
-            for stop in given.get("stops", ())
+            for stop in set_options.get("stops", ())
         )
-        movie = cls(**{**plain, **given})  # pyright: ignore[reportArgumentType]
+        movie = cls(**{**plain, **set_options})  # pyright: ignore[reportArgumentType]
         if tour is not None:
             movie = replace(movie, stops=_stops(Tour.from_dict(tour)))
-            if "seconds" not in given:
+            if "seconds" not in set_options:
                 needed = movie.seconds + sum(stop.reading_s for stop in movie.stops)
                 longest = MAX_MOVIE_S.get(movie.format, needed)
                 movie = replace(movie, seconds=min(round(needed), longest))
@@ -190,7 +190,7 @@ def _within(name: str, value: float, low: float, high: float, unit: str) -> None
     if not low <= value <= high:
         # An integer may be too large for the conversion to a float.
         readable = -sys.float_info.max < value < sys.float_info.max
-        shown = f"{value:g}" if readable else "a number that is too large or undefined"
+        value_text = f"{value:g}" if readable else "a number that is too large or undefined"
         raise InputError(
-            "bad-movie", f"got {shown}, expected {low:g} to {high:g}{unit}.", where=name
+            "bad-movie", f"got {value_text}, expected {low:g} to {high:g}{unit}.", where=name
         )

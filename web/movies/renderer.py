@@ -141,8 +141,10 @@ class MovieRenderer:
         return geom
 
     def _place_modules(self, shot: Shot, turns: Array) -> None:
-        left = share_left(self._module, shot.positions, turns, view=shot.view, theme=self._theme)
-        colours = (shot.colours / np.float32(255.0))[:, None] * left[..., None]
+        free_share = share_left(
+            self._module, shot.positions, turns, view=shot.view, theme=self._theme
+        )
+        colours = (shot.colours / np.float32(255.0))[:, None] * free_share[..., None]
         count = len(self._pieces)
         at = np.einsum("nij,fj->nfi", turns, self._mesh_at[:count]) + shot.positions[:, None]
         turned = np.einsum("nij,fjk->nfik", turns, self._mesh_turn[:count])

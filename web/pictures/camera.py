@@ -63,12 +63,12 @@ def few_points(points: NDArray[np.floating[Any]]) -> Array:
     They are every k-th point, and the extreme points in both directions along ``_DIRECTIONS_13``.
     """
     by = max(1, len(points) // 600)
-    some = points[::by].astype(np.float64)
+    sample = points[::by].astype(np.float64)
     if by == 1:
-        return some
+        return sample
     along = points.astype(np.float64) @ _DIRECTIONS_13.T
     ends = np.stack([along.argmin(axis=0), along.argmax(axis=0)], axis=1).ravel()
-    return np.concatenate([some, points[ends].astype(np.float64)])
+    return np.concatenate([sample, points[ends].astype(np.float64)])
 
 
 def straight_stretch(chain: Chain) -> int:
@@ -114,11 +114,11 @@ def framing(
         elevation_rad: Elevation of the camera above the ground.
         margin: Fractions of the window's width and height to fill.
     """
-    some = few_points(points)
+    sample = few_points(points)
     if azimuth_rad is None:
-        azimuth_rad = _azimuth(some, aspect)
+        azimuth_rad = _azimuth(sample, aspect)
     axes = _axes(azimuth_rad, elevation_rad)
-    local = some @ axes.T
+    local = sample @ axes.T
     middle = (local.min(axis=0) + local.max(axis=0)) / 2
     tall = np.tan(FIELD_OF_VIEW_RAD / 2)
     wide = tall * aspect
@@ -166,7 +166,7 @@ def _azimuth(points: Array, aspect: float) -> float:
     slim = 1.0 - np.sqrt(max(float(values[1]), 0.0) / max(float(values[2]), 1e-12))
     weight = float(np.clip((slim - 0.4) / 0.4, 0.0, 1.0)) * level
     along = float(np.arctan2(longest[1], longest[0]))
-    aside = np.deg2rad(68.0) if aspect >= 1.0 else np.deg2rad(30.0)
-    options = [along + half + side for half in (0.0, np.pi) for side in (-aside, aside)]
+    azimuth = np.deg2rad(68.0) if aspect >= 1.0 else np.deg2rad(30.0)
+    options = [along + half + side for half in (0.0, np.pi) for side in (-azimuth, azimuth)]
     turns = [(option - AZIMUTH_RAD + np.pi) % (2 * np.pi) - np.pi for option in options]
     return float(AZIMUTH_RAD + weight * min(turns, key=abs))

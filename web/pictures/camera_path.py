@@ -70,7 +70,7 @@ def camera_path(
         wished = [framing(p, radius=radius, aspect=aspect).azimuth_rad for p in pictures]
         azimuths = _smooth(np.unwrap(wished), turning)
     azimuths = azimuths + turn_rad * (np.linspace(0.0, 1.0, count) - 1.0)
-    wanted = [
+    views = [
         framing(
             points,
             radius=radius,
@@ -81,8 +81,8 @@ def camera_path(
         )
         for points, azimuth in zip(pictures, azimuths, strict=True)
     ]
-    targets = _smooth(np.array([view.target for view in wanted]), smooth)
-    aimed = [replace(view, target=t) for view, t in zip(wanted, targets, strict=True)]
+    targets = _smooth(np.array([view.target for view in views]), smooth)
+    aimed = [replace(view, target=t) for view, t in zip(views, targets, strict=True)]
     needed = [
         max(
             view.distance,

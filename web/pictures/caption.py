@@ -125,20 +125,20 @@ def _lines(text: str, font: ImageFont.FreeTypeFont, width: float) -> list[str]:
         else:
             lines.append(word)
     lines = [line for line in lines if line]
-    shown = lines[:4]
-    if len(lines) > len(shown):
-        shown[-1] += " …"
-    return [_fitting(line, font, width) for line in shown]
+    shown_lines = lines[:4]
+    if len(lines) > len(shown_lines):
+        shown_lines[-1] += " …"
+    return [_fitting(line, font, width) for line in shown_lines]
 
 
 def _fitting(text: str, font: ImageFont.FreeTypeFont, width: float) -> str:
     """Return as much of a text as fits a width. Letters that the font lacks are left out."""
-    shown = _known(text)
-    if font.getlength(shown) <= width:
-        return shown
-    while shown and font.getlength(f"{shown}…") > width:
-        shown = shown[:-1]
-    return f"{shown.rstrip()}…"
+    drawable_text = _known(text)
+    if font.getlength(drawable_text) <= width:
+        return drawable_text
+    while drawable_text and font.getlength(f"{drawable_text}…") > width:
+        drawable_text = drawable_text[:-1]
+    return f"{drawable_text.rstrip()}…"
 
 
 def _mark(

@@ -46,11 +46,11 @@ class Camera:
         coefficients are those of H⁻¹, scaled so that the last one is 1, as Pillow expects.
         """
         aim = np.array(self.size) / 2
-        seen = np.diag([self._scale, self._scale, 1.0])
-        seen[:2, 2] = aim
-        lead = seen @ self._axes @ np.column_stack([along, across, corner - self._eye])
-        back = np.linalg.inv(lead)
-        return tuple((back / back[2, 2]).ravel()[:8].tolist())
+        scaling = np.diag([self._scale, self._scale, 1.0])
+        scaling[:2, 2] = aim
+        lead = scaling @ self._axes @ np.column_stack([along, across, corner - self._eye])
+        lag = np.linalg.inv(lead)
+        return tuple((lag / lag[2, 2]).ravel()[:8].tolist())
 
 
 def module_triangles(
@@ -79,7 +79,7 @@ def module_triangles(
     drawn = drawn[ahead[drawn]]
     turns, centres, paint = rotations[drawn], positions[drawn], colours[drawn].astype(np.float64)
     at = centres[:, None]
-    left = share_left(module, centres, turns, view=view, theme=theme)
+    free_share = share_left(module, centres, turns, view=view, theme=theme)
     lights = (
         (key_light(view), theme.key_colour),
         (fill_light(view), theme.fill * np.ones(3)),
@@ -92,7 +92,7 @@ def module_triangles(
             np.maximum(normals @ towards, 0.0)[..., None] * colour for towards, colour in lights
         )
         # as bright as in movies, where faces have a specular highlight
-        lit = paint[:, None] * np.minimum(shine, 1.0) * 1.1 * left[:, f, None, None]
+        lit = paint[:, None] * np.minimum(shine, 1.0) * 1.1 * free_share[:, f, None, None]
         places = camera.seen(np.einsum("nij,vj->nvi", turns, piece.vertices) + at)
         corners.append(places[:, piece.triangles].reshape(-1, 3, 3).astype(np.float32))
         tones.append(lit[:, piece.triangles].reshape(-1, 3, 3).astype(np.float32))

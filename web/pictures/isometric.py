@@ -66,11 +66,11 @@ def isometric_svg(
     Returns:
         One ``<svg>`` element, with a class ``iso-…`` on each tone.
     """
-    order, more = _turned(cells), _turned(added)
-    marks = dict.fromkeys(_turned(odd), "odd-") | dict.fromkeys(more, "added-")
+    order, added_order = _turned(cells), _turned(added)
+    marks = dict.fromkeys(_turned(odd), "odd-") | dict.fromkeys(added_order, "added-")
     layers: dict[int, dict[str, list[str]]] = defaultdict(lambda: defaultdict(list))
     corners: list[Point] = []
-    for cell, axis in _visible_faces([*order, *more]):
+    for cell, axis in _visible_faces([*order, *added_order]):
         paths = layers[sum(cell)]
         paths["gap"].append(_face_path(cell, axis, 1.0, corners))
         tone = marks.get(cell, "") + VISIBLE_SIDES[axis]
@@ -175,6 +175,6 @@ def _view_box(corners: list[Point]) -> str:
         return "0 0 1 1"
     xs, ys = zip(*corners, strict=True)
     margin = DRAWING_MARGIN_PITCH * PITCH_UNITS
-    left, top = min(xs) - margin, min(ys) - margin
-    width, height = max(xs) + margin - left, max(ys) + margin - top
-    return " ".join(_short(v) for v in (left, top, width, height))
+    x0, top = min(xs) - margin, min(ys) - margin
+    width, height = max(xs) + margin - x0, max(ys) + margin - top
+    return " ".join(_short(v) for v in (x0, top, width, height))

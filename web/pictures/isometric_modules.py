@@ -77,8 +77,8 @@ def modules_svg(
     turned = np.einsum("nij,fj->nfi", rotations, normals)
     local = module.vertices[faces]
     placed = positions[:, None, None] + np.einsum("nij,fcj->nfci", rotations, local)
-    seen = (turned @ EYE_DIRECTION > 1e-6) & _outer(placed)
-    corners, facing = placed[seen], turned[seen]
+    is_visible = (turned @ EYE_DIRECTION > 1e-6) & _outer(placed)
+    corners, facing = placed[is_visible], turned[is_visible]
     order = np.argsort((corners.mean(axis=1) @ EYE_DIRECTION), kind="stable")
     corners, facing = corners[order], facing[order]
     middle = corners.mean(axis=1, keepdims=True)

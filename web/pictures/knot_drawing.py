@@ -34,24 +34,24 @@ class KnotDrawing(TypedDict):
     label: str
 
 
-def drawing_of(told: KnotFigures) -> KnotDrawing | None:
+def drawing_of(figures: KnotFigures) -> KnotDrawing | None:
     """Return the drawing of a knot's diagram; None when it has too many crossings."""
-    count = len(told["diagram"])
+    count = len(figures["diagram"])
     if not 0 < count <= 60:  # more are too dense to read
         return None
     # Passes are the crossings in their order along the strand, each of them twice.
     passes = sorted(
         (place, k, over)
-        for k, crossing in enumerate(told["diagram"])
+        for k, crossing in enumerate(figures["diagram"])
         for place, over in ((crossing["over"], True), (crossing["under"], False))
     )
     crossing_at = [k for _, k, _ in passes]
-    places = _laid_out(crossing_at, _faces(told, passes), count)
+    places = _laid_out(crossing_at, _faces(figures, passes), count)
     vertices: list[int] = []
     for arc in range(2 * count):
         vertices += [crossing_at[arc], *_bends(arc, count)]
     unders = [(VERTICES_PER_ARC + 1) * arc for arc, (_, _, over) in enumerate(passes) if not over]
-    number = told["determinant"]
+    number = figures["determinant"]
     label = f"A knot with {count} crossings"
     return {
         "side": DRAWING_SIDE,
@@ -65,17 +65,17 @@ def _bends(arc: int, count: int) -> range:
     return range(count + VERTICES_PER_ARC * arc, count + VERTICES_PER_ARC * (arc + 1))
 
 
-def _faces(told: KnotFigures, passes: list[tuple[float, int, bool]]) -> list[Face]:
+def _faces(figures: KnotFigures, passes: list[tuple[float, int, bool]]) -> list[Face]:
     """Return the faces of a diagram, each as the vertices around it.
 
     The sides of arc ``a`` are numbered ``2 a`` (along it) and ``2 a + 1`` (against it).
     """
-    count, arcs = len(told["diagram"]), len(passes)
+    count, arcs = len(figures["diagram"]), len(passes)
     over, under = ([0] * count for _ in range(2))
     for arc, (_, k, above) in enumerate(passes):
         (over if above else under)[k] = arc
     following: dict[int, int] = {}
-    for k, crossing in enumerate(told["diagram"]):
+    for k, crossing in enumerate(figures["diagram"]):
         # Sides that leave the crossing, counterclockwise; those that come in are their opposites.
         ahead, behind = 2 * under[k], 2 * ((under[k] - 1) % arcs) + 1
         sideways = (ahead, behind) if crossing["sign"] > 0 else (behind, ahead)
@@ -83,11 +83,11 @@ def _faces(told: KnotFigures, passes: list[tuple[float, int, bool]]) -> list[Fac
         for side, before in zip(leaving, [leaving[-1], *leaving[:-1]], strict=True):
             following[side ^ 1] = before
     faces: list[Face] = []
-    left = set(following)
-    while left:
-        side, face = min(left), list[int]()
-        while side in left:
-            left.remove(side)
+    unvisited = set(following)
+    while unvisited:
+        side, face = min(unvisited), list[int]()
+        while side in unvisited:
+            unvisited.remove(side)
             arc = side // 2
             way = [passes[arc][1], *_bends(arc, count)]
             if side % 2:
@@ -102,21 +102,21 @@ def _laid_out(crossing_at: list[int], faces: list[Face], count: int) -> Array:
     """Return the (v, 2) positions of all vertices: the largest face around all others."""
     outer = max(faces, key=len)
     vertices = count + VERTICES_PER_ARC * len(crossing_at)
-    whole = vertices + len(faces)
-    weights = np.zeros((whole, whole))
+    total = vertices + len(faces)
+    weights = np.zeros((total, total))
     for k, face in enumerate(faces):
-        for one, two in zip(face, [*face[1:], face[0]], strict=True):
-            weights[one, two] = weights[two, one] = 1.0
+        for start, two in zip(face, [*face[1:], face[0]], strict=True):
+            weights[start, two] = weights[two, start] = 1.0
             if face is not outer:  # a vertex at its centre keeps it open
-                weights[one, vertices + k] = weights[vertices + k, one] = 1.0
+                weights[start, vertices + k] = weights[vertices + k, start] = 1.0
     turns = 2.0 * np.pi * np.arange(len(outer)) / len(outer)
     fixed = dict(zip(outer, np.stack([np.cos(turns), np.sin(turns)], axis=1), strict=False))
     system = np.diag(weights.sum(axis=1) + 1e-9) - weights
-    wanted = np.zeros((whole, 2))
+    targets = np.zeros((total, 2))
     for vertex, place in fixed.items():
         system[vertex] = 0.0
-        system[vertex, vertex], wanted[vertex] = 1.0, place
-    places = np.linalg.solve(system, wanted)[:vertices]
+        system[vertex, vertex], targets[vertex] = 1.0, place
+    places = np.linalg.solve(system, targets)[:vertices]
     # Faces are traversed with their inside on the left, so the outer one clockwise, the direction
     # of growing angles with y downwards. The opposite direction would draw the mirrored knot.
     return np.asarray(0.5 * DRAWING_SIDE + 66.0 * places, dtype=np.float64)
@@ -129,10 +129,10 @@ def _strokes(points: Array, unders: list[int]) -> list[str]:
 
     curve = CubicSpline(np.arange(len(closed)), closed, bc_type="periodic")
     strokes: list[str] = []
-    for begin, end in zip(unders, [*unders[1:], unders[0] + len(points)], strict=True):
-        way = np.asarray(curve(np.linspace(begin, end, 8 * (end - begin) + 1)))
+    for start, end in zip(unders, [*unders[1:], unders[0] + len(points)], strict=True):
+        way = np.asarray(curve(np.linspace(start, end, 8 * (end - start) + 1)))
         passed = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
-        kept = way[(passed >= CROSSING_GAP) & (passed <= passed[-1] - CROSSING_GAP)]
-        if len(kept) > 1:
-            strokes.append("M" + " L".join(f"{x:.1f} {y:.1f}" for x, y in kept.tolist()))
+        visible_points = way[(passed >= CROSSING_GAP) & (passed <= passed[-1] - CROSSING_GAP)]
+        if len(visible_points) > 1:
+            strokes.append("M" + " L".join(f"{x:.1f} {y:.1f}" for x, y in visible_points.tolist()))
     return strokes

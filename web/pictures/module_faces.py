@@ -67,11 +67,11 @@ def module_faces(module: Module) -> tuple[Piece, ...]:
         triangles = [(0, k, k + 1) for k in range(1, count - 1)]
         for k, corner in enumerate(ring):
             before, after = ring[k - 1], ring[(k + 1) % count]
-            ahead, back = beside[after, corner], beside[corner, before]
+            ahead, behind = beside[after, corner], beside[corner, before]
             at, following = len(points), (k + 1) % count
             # This face's part of the corner, then its half of the bevel to the next corner.
             points += [
-                shared(corner, face, back),
+                shared(corner, face, behind),
                 shared(corner, *meeting[corner]),
                 shared(corner, face, ahead),
                 shared(after, face, ahead),

@@ -71,8 +71,8 @@ def _face_light(middles, normals, positions, radius, light):  # pyright: ignore
                 square = dx * dx + dy * dy + dz * dz
                 ahead = dx * normals[i, f, 0] + dy * normals[i, f, 1] + dz * normals[i, f, 2]
                 if ahead > 0.0:
-                    kept = fade * ahead * radius * radius / (square * np.sqrt(square) + 1e-9)
-                    sky[i, f] *= 1.0 - min(kept, np.float32(1.0))
+                    weight = fade * ahead * radius * radius / (square * np.sqrt(square) + 1e-9)
+                    sky[i, f] *= 1.0 - min(weight, np.float32(1.0))
                 along = dx * light[0] + dy * light[1] + dz * light[2]
                 if along > 0.0:
                     off = np.sqrt(max(square - along * along, np.float32(0.0)))

@@ -61,13 +61,13 @@ class PictureView:
             SHORT_FORM_PATTERN, text, re.ASCII
         ):
             return None
-        frame, azimuth, elevation, zoom, *aside = text.split(",")
+        frame, azimuth, elevation, zoom, *extra = text.split(",")
         return cls(
             frame=max(0, int(frame) - 1),
             azimuth_rad=float(np.deg2rad(float(azimuth))) if azimuth else None,
             elevation_rad=float(np.deg2rad(float(elevation))) if elevation else None,
             zoom=min(MAX_DISTANCE_SCALE, max(MIN_DISTANCE_SCALE, float(zoom))),
-            aside=(float(aside[0]), float(aside[1])) if aside else None,
+            aside=(float(extra[0]), float(extra[1])) if extra else None,
         )
 
     def camera(

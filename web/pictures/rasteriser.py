@@ -39,20 +39,20 @@ def _draw(picture, nearness, corners, colours):  # pyright: ignore
         if area >= 0.0:
             continue
         near = 1.0 / corners[t, :, 2]  # unlike depth, it is linear across a picture
-        left, right = max(int(min(ax, bx, cx)), 0), min(int(max(ax, bx, cx)) + 1, width)
+        x0, right = max(int(min(ax, bx, cx)), 0), min(int(max(ax, bx, cx)) + 1, width)
         top, bottom = max(int(min(ay, by, cy)), 0), min(int(max(ay, by, cy)) + 1, height)
         for row in range(top, bottom):
             y = row + 0.5
-            for column in range(left, right):
+            for column in range(x0, right):
                 x = column + 0.5
                 a = ((bx - x) * (cy - y) - (by - y) * (cx - x)) / area
                 b = ((cx - x) * (ay - y) - (cy - y) * (ax - x)) / area
                 c = 1.0 - a - b
                 if a < 0.0 or b < 0.0 or c < 0.0:
                     continue
-                here = a * near[0] + b * near[1] + c * near[2]
-                if here > nearness[row, column]:
-                    nearness[row, column] = here
+                depth = a * near[0] + b * near[1] + c * near[2]
+                if depth > nearness[row, column]:
+                    nearness[row, column] = depth
                     for k in range(3):
                         value = a * colours[t, 0, k] + b * colours[t, 1, k] + c * colours[t, 2, k]
                         picture[row, column, k] = np.uint8(min(max(value + 0.5, 0.0), 255.0))

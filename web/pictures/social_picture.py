@@ -70,13 +70,13 @@ def social_picture(
     module = chain.module
     poses = chain.folded_poses if moment is None else moment.poses
     width, height = (SUPERSAMPLING * side for side in SOCIAL_PICTURE_PX)
-    seen = view.camera(
+    social_camera = view.camera(
         poses.positions,
         radius=module.radius,
         aspect=width / height,
         margin=(0.82, 0.8 if caption is None else 0.6),
     )
-    camera = Camera(seen, width, height)
+    camera = Camera(social_camera, width, height)
     picture = np.array(_ground(poses.positions, camera, theme))
     colours = np.tile(np.array(NO_ERROR_RGB, np.uint8), (len(chain), 1))
     if moment is not None:

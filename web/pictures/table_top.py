@@ -103,5 +103,5 @@ def disc_mesh() -> Mesh:
     """Return a flat disc of radius 1 that faces up."""
     turn = np.linspace(0.0, 2 * np.pi, DISC_SIDES, endpoint=False)
     ring = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(DISC_SIDES)])
-    here = np.arange(1, DISC_SIDES - 1)
-    return Mesh(vertices=ring, faces=np.column_stack([np.zeros_like(here), here, here + 1]))
+    corner = np.arange(1, DISC_SIDES - 1)
+    return Mesh(vertices=ring, faces=np.column_stack([np.zeros_like(corner), corner, corner + 1]))

@@ -26,16 +26,16 @@ def visible_modules(positions: Array, module: Module, *, target: Array) -> Ints:
         module: The kind of module.
         target: (3,) target of the camera.
     """
-    found = np.arange(len(positions))
-    if len(found) <= MAX_FULLY_DRAWN_MODULES:
-        return found
+    indices = np.arange(len(positions))
+    if len(indices) <= MAX_FULLY_DRAWN_MODULES:
+        return indices
     if module.fills_cell:
         # 1 and rounding
         near = KDTree(positions).query_ball_point(positions, 1.02, return_length=True)
-        found = found[np.asarray(near) <= len(module.face_normals) * 2]
-    if len(found) > MAX_FULLY_DRAWN_MODULES:
-        away = np.linalg.norm(positions[found] - target, axis=1)
-        found = np.sort(
-            found[np.argpartition(away, MAX_FULLY_DRAWN_MODULES)[:MAX_FULLY_DRAWN_MODULES]]
+        indices = indices[np.asarray(near) <= len(module.face_normals) * 2]
+    if len(indices) > MAX_FULLY_DRAWN_MODULES:
+        distances = np.linalg.norm(positions[indices] - target, axis=1)
+        indices = np.sort(
+            indices[np.argpartition(distances, MAX_FULLY_DRAWN_MODULES)[:MAX_FULLY_DRAWN_MODULES]]
         )
-    return found
+    return indices

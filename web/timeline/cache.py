@@ -61,5 +61,5 @@ def version_of(path: Path) -> tuple[Path, int, int]:
     Raises:
         OSError: If there is no such file.
     """
-    found = path.stat()
-    return path, found.st_ino, found.st_mtime_ns
+    stat = path.stat()
+    return path, stat.st_ino, stat.st_mtime_ns

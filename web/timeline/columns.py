@@ -55,16 +55,16 @@ def encode(
     parts: list[bytes] = []
     at = 0
     for name, values in columns.items():
-        how: dict[str, Any] = {}
+        encoding: dict[str, Any] = {}
         packed = True
         if steps and name in steps and _countable(values, steps[name]):
-            how = {"step": steps[name], "differences": DIFFERENCE_ORDER}
+            encoding = {"step": steps[name], "differences": DIFFERENCE_ORDER}
             array = np.rint(values.astype(np.float64) / steps[name]).astype("<i4")
             for _ in range(DIFFERENCE_ORDER):
                 array = np.diff(array, axis=0, prepend=np.zeros_like(array[:1]))
             array = (array << 1) ^ (array >> 31)  # zigzag codes, as in byte_planes
         elif name in short:
-            how = {"short": True}
+            encoding = {"short": True}
             bits = np.ascontiguousarray(values, "<f4").view("<u4")
             # Round to nearest. NaN is written explicitly, because rounding could change it.
             array = ((bits + 0x8000) >> 16).astype("<u2")
@@ -82,9 +82,15 @@ def encode(
         if packed:
             apart = np.frombuffer(data, np.uint8).reshape(-1, array.dtype.itemsize).T
             data = zlib.compress(np.ascontiguousarray(apart).tobytes(), 6)
-            how["size"] = len(data)
+            encoding["size"] = len(data)
         described.append(
-            {"name": name, "dtype": array.dtype.str, "shape": list(array.shape), "at": at, **how}
+            {
+                "name": name,
+                "dtype": array.dtype.str,
+                "shape": list(array.shape),
+                "at": at,
+                **encoding,
+            }
         )
         padding = -len(data) % ALIGNMENT_BYTES
         parts.append(data + bytes(padding))

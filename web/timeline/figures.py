@@ -37,7 +37,7 @@ from foldback.web.timeline.columns import encode
 Array = NDArray[np.float64]
 _REFERENCES: Final[Cache[Motion]] = Cache(128 * 2**20, lambda motion: motion.nbytes)
 _FORCES: Final[Cache[TableForces]] = Cache(
-    64 * 2**20, lambda kept: kept.torques.nbytes + kept.pressed.nbytes
+    64 * 2**20, lambda curves: curves.torques.nbytes + curves.pressed.nbytes
 )
 _MESSAGES: Final[Cache[bytes]] = Cache(32 * 2**20, len)
 
@@ -69,8 +69,8 @@ def curves_of(directory: Path) -> bytes:
     error = 0.0
     if total and (reference := _reference(directory, timeline)) is not None:
         # All at once: reading single frames from a timeline takes ten times as long.
-        found = _position_errors(timeline, 0, total, reference, -(-total // 48))
-        error = float(np.nan_to_num(found, nan=0.0).max(initial=0.0))
+        errors = _position_errors(timeline, 0, total, reference, -(-total // 48))
+        error = float(np.nan_to_num(errors, nan=0.0).max(initial=0.0))
     forces = _forces(directory, timeline)
     columns = {f.name: _plain(getattr(curves, f.name)) for f in fields(Curves)}
     largest = _largest(curves.peak_torque_nm)
@@ -107,19 +107,19 @@ def stretch_of(directory: Path, part: int) -> bytes:
     start, stop = part * rows, min((part + 1) * rows, total)
     reference = _reference(directory, timeline)
     if timeline.windowed and reference is not None:
-        found: dict[str, NDArray[Any]] = {}
+        sent_columns: dict[str, NDArray[Any]] = {}
     else:
         figures = Figures.load(directory / FIGURES, start, stop)
-        found = {
+        sent_columns = {
             "clearance": figures.clearance,
             "nearest": figures.nearest,
             "torque": figures.torque_nm,
         }
     if forces is not None:
-        found.pop("torque", None)
-        found |= _at_frames(forces, start, stop, total)
-    found["position_error"] = _position_errors(timeline, start, stop, reference)
-    columns = {name: _plain(values) for name, values in found.items()}
+        sent_columns.pop("torque", None)
+        sent_columns |= _at_frames(forces, start, stop, total)
+    sent_columns["position_error"] = _position_errors(timeline, start, stop, reference)
+    columns = {name: _plain(values) for name, values in sent_columns.items()}
     return encode({"widths": {name: v.shape[1] for name, v in columns.items()}}, columns)
 
 
@@ -165,20 +165,20 @@ def _at_frames(
 def _placed(values: NDArray[np.float32], start: int, stop: int, total: int) -> NDArray[np.float32]:
     """Return the rows of some frames; ``values`` end with the timeline, earlier rows are NaN."""
     before = total - len(values)
-    found = np.full((stop - start, values.shape[1]), np.nan, dtype=np.float32)
+    rows = np.full((stop - start, values.shape[1]), np.nan, dtype=np.float32)
     first = max(before, start)
     if first < stop:
-        found[first - start :] = values[first - before : stop - before]
-    return found
+        rows[first - start :] = values[first - before : stop - before]
+    return rows
 
 
 def _table_told(directory: Path) -> dict[str, Any] | None:
     """Return the table's figures that a plot shows beside its curve."""
-    told = json_of(result_path(directory, CERTIFICATE)).get("table")
-    if told is None:
+    table_values = json_of(result_path(directory, CERTIFICATE)).get("table")
+    if table_values is None:
         return None
     try:
-        table = TableCertificate.from_dict(told)
+        table = TableCertificate.from_dict(table_values)
         with np.load(result_path(directory, RECORD), allow_pickle=False) as arrays:
             record = TableRecord.of(arrays)
     except (InputError, *UNREADABLE):
@@ -234,20 +234,20 @@ def _position_errors(
         return errors
     # A plan's frames are the last ones of its timeline.
     place = np.arange(start, stop, stride) - (len(timeline) - len(reference))
-    known = np.isfinite(frames.joint_error_rad).all(axis=1) & (place >= 0)
-    if not known.any():
+    has_reference = np.isfinite(frames.joint_error_rad).all(axis=1) & (place >= 0)
+    if not has_reference.any():
         return errors
-    root = (frames.root_position[known], frames.root_wxyz[known])
-    wanted = reference[place[known]]
-    meant = chain.poses(wanted.angles(chain), *root)
-    there = chain.poses(frames.joint_angles_rad[known], *root)
-    errors[known] = np.linalg.norm(meant.positions - there.positions, axis=-1)
+    root = (frames.root_position[has_reference], frames.root_wxyz[has_reference])
+    reference_rad = reference[place[has_reference]]
+    meant = chain.poses(reference_rad.angles(chain), *root)
+    poses = chain.poses(frames.joint_angles_rad[has_reference], *root)
+    errors[has_reference] = np.linalg.norm(meant.positions - poses.positions, axis=-1)
     return errors
 
 
 def _largest(values: NDArray[Any]) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.max()) if len(known) else 0.0
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if len(finite) else 0.0
 
 
 def _plain(values: NDArray[Any]) -> NDArray[Any]:

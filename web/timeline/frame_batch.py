@@ -91,8 +91,8 @@ def batch_of(
             windows, end = _windows(timeline, start, end, stride, largest)
             columns = window_columns(windows, timeline.chain.folded_rad)
         else:
-            most = max(1, largest // (8 * len(timeline.chain.joint_names) + 40))
-            end = min(end, start + most * stride)
+            max_frames = max(1, largest // (8 * len(timeline.chain.joint_names) + 40))
+            end = min(end, start + max_frames * stride)
             columns = _dense_columns(timeline.motion(start, end, stride))
         header = {
             "id": timeline.id,
@@ -127,9 +127,9 @@ def unpacked_bytes(timeline: TimelineView) -> int:
     """Return the approximate size of an uncompressed batch of the whole timeline, in bytes."""
     if not timeline.windowed:
         return len(timeline) * (8 * len(timeline.chain.joint_names) + 40)
-    some = timeline.motion(0, len(timeline), max(1, len(timeline) // 64))
+    sample = timeline.motion(0, len(timeline), max(1, len(timeline) // 64))
     return len(timeline) * (
-        WINDOW_HEADER_BYTES + _hinge(some) * len(some.angles_rad) // max(1, len(some))
+        WINDOW_HEADER_BYTES + _hinge(sample) * len(sample.angles_rad) // max(1, len(sample))
     )
 
 

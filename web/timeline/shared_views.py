@@ -19,17 +19,17 @@ to be read, so a smaller value makes pages slower."""
 
 
 @contextmanager
-def unless_replaced(*others: type[Exception]) -> Generator[None]:
+def unless_replaced(*error_types: type[Exception]) -> Generator[None]:
     """Suppress the error of a missing timeline, or of one being replaced, but not of a damaged one.
 
     Args:
-        others: Further exceptions that mean the same.
+        error_types: Further exceptions that mean the same.
     """
     try:
         yield
     except DamagedError:
         raise
-    except (TimelineError, *others):
+    except (TimelineError, *error_types):
         return
 
 
@@ -77,6 +77,8 @@ class TimelineViews:
         with self._lock:
             self._kept[key] = view
             self._kept.move_to_end(key)
-            held = sum(kept.nbytes for kept in self._kept.values())
-            while len(self._kept) > 1 and (len(self._kept) > 512 or held > MAX_VIEW_CACHE_BYTES):
-                held -= self._kept.popitem(last=False)[1].nbytes
+            held_bytes = sum(kept_view.nbytes for kept_view in self._kept.values())
+            while len(self._kept) > 1 and (
+                len(self._kept) > 512 or held_bytes > MAX_VIEW_CACHE_BYTES
+            ):
+                held_bytes -= self._kept.popitem(last=False)[1].nbytes

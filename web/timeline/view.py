@@ -141,8 +141,8 @@ class TimelineView:
     def error_scale_rad(self) -> float:
         """Joint error at which a module is fully red."""
         with self._lock:
-            known = self._max_error[np.isfinite(self._max_error)]
-            return error_scale(float(known.max()) if len(known) else 0.0)
+            finite_errors = self._max_error[np.isfinite(self._max_error)]
+            return error_scale(float(finite_errors.max()) if len(finite_errors) else 0.0)
 
     def refresh(self, *, at_once: bool = False) -> bool:
         """Read new frames, at most every ``REFRESH_INTERVAL_S``; return True after a change."""
@@ -262,10 +262,10 @@ class TimelineView:
     def _stamp_now(self) -> tuple[int, int] | None:
         """Return (inode, mtime) of the timeline's metadata; it changes with every flush."""
         try:
-            found = os.stat(os.path.join(self.path, "zarr.json"))
+            stat = os.stat(os.path.join(self.path, "zarr.json"))
         except OSError:
             return None
-        return (found.st_ino, found.st_mtime_ns)
+        return (stat.st_ino, stat.st_mtime_ns)
 
     def _summarise(self) -> None:
         start, stop = self._summarised, len(self._timeline)
@@ -363,16 +363,18 @@ class MotionMoments:
         self.chain = chain
         self._motion = motion
         self.stretch = straight_stretch(chain) if motion.is_windowed else None
-        known = motion.largest_errors
-        self.error_scale_rad = error_scale(float(np.max(known, where=known > 0.0, initial=0.0)))
+        largest_errors = motion.largest_errors
+        self.error_scale_rad = error_scale(
+            float(np.max(largest_errors, where=largest_errors > 0.0, initial=0.0))
+        )
 
     def __len__(self) -> int:
         return len(self._motion)
 
     def table(self) -> TableTop:
         """Return the table that the chain folds on, large enough for the whole motion."""
-        some = self._motion[:: max(1, len(self) // TABLE_EXTENT_SAMPLES)]
-        return TableTop.under(self.chain, some.poses(self.chain).positions)
+        sample = self._motion[:: max(1, len(self) // TABLE_EXTENT_SAMPLES)]
+        return TableTop.under(self.chain, sample.poses(self.chain).positions)
 
     def snapshot(self, frame: float) -> Snapshot:
         """Return the snapshot of the recorded frame nearest to ``frame``."""

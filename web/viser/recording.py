@@ -26,9 +26,9 @@ def recording_of(timeline: TimelineView, table: TableTop | None = None) -> bytes
     Raises:
         TimelineError: If the timeline is being replaced.
     """
-    most = max(2, min(1200, 12_000_000 // (8 * len(timeline.chain))))
+    max_frames = max(2, min(1200, 12_000_000 // (8 * len(timeline.chain))))
     frames = np.unique(
-        np.linspace(0, len(timeline) - 1, min(most, len(timeline))).round().astype(int)
+        np.linspace(0, len(timeline) - 1, min(max_frames, len(timeline))).round().astype(int)
     )
     with viser_scene(timeline.chain, timeline.stretch, table) as (server, scene):
         record = server.get_scene_serializer()

@@ -226,13 +226,13 @@ class Scene:
         """Let the ground follow the chain for ``seconds`` of playing time."""
         if self._last is None or self._table is not None:
             return
-        shown = self._last.positions[: self._last.framed]
-        low = (float(shown[:, 2].min()) - 0.5 - GROUND_GAP_PITCH) * self.pitch
+        positions = self._last.positions[: self._last.framed]
+        low = (float(positions[:, 2].min()) - 0.5 - GROUND_GAP_PITCH) * self.pitch
         before = low if self._ground is None else self._ground
         # faster down than up
         after = low + (before - low) * math.exp(-seconds / (0.05 if low < before else 0.5))
         if self._ground is not None and abs(after - self._ground) < 1e-3 * self.pitch:
             return
         self._ground = after
-        middle = shown.mean(axis=0) * self.pitch
+        middle = positions.mean(axis=0) * self.pitch
         self._floor.position = (float(middle[0]), float(middle[1]), self._ground)

@@ -127,14 +127,14 @@ def opened_scene(record: bytes) -> tuple[list[tuple[float, dict[str, Any]]], lis
     size = int.from_bytes(record[:8], "little")
     raw = zstandard.ZstdDecompressor().decompress(record[8:], max_output_size=size)
     length = int.from_bytes(raw[:8], "little")
-    found = cast("dict[str, Any]", msgspec.msgpack.decode(raw[8 : 8 + length]))
+    header = cast("dict[str, Any]", msgspec.msgpack.decode(raw[8 : 8 + length]))
     buffers: list[memoryview] = []
     at = 8 + length
-    for size in found["binaryBufferLengths"]:
+    for size in header["binaryBufferLengths"]:
         at += -at % 8
         buffers.append(memoryview(raw)[at : at + size])
         at += size
-    return [(float(t), message) for t, message in found["messages"]], buffers
+    return [(float(t), message) for t, message in header["messages"]], buffers
 
 
 _QUIET_LOCK: Final = threading.RLock()
@@ -185,12 +185,12 @@ def capture_messages(
 
     def named(value: Any) -> Any:
         if isinstance(value, dict):
-            found = cast("dict[str, Any]", value)
-            if _BINARY in found:
+            header = cast("dict[str, Any]", value)
+            if _BINARY in header:
                 name = f"buffer_{len(arrays)}"
-                arrays[name] = np.frombuffer(buffers[found[_BINARY]], found["dtype"])
+                arrays[name] = np.frombuffer(buffers[header[_BINARY]], header["dtype"])
                 return {"column": name}
-            return {k: named(v) for k, v in found.items()}
+            return {k: named(v) for k, v in header.items()}
         if isinstance(value, list | tuple):
             return [named(v) for v in cast("list[Any]", value)]
         return value

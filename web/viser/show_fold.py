@@ -62,12 +62,16 @@ class Live(Shown):
             )
         directory = FilePath(progress.directory)
         if progress.stage == LAST_STAGE and progress.fraction >= 1.0:
-            whole = self._whole
+            motion = self._whole
             with suppress(TimelineError):  # nothing can be shown, but the fold goes on
                 timeline = Timeline.open(result_path(directory, TIMELINE))
-                whole = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
+                motion = MotionMoments(timeline.chain, timeline.motion(), timeline.id)
             with self._lock:  # so that heading and frames change together
-                self._whole, self._directory, self._with_table = whole, None, is_on_table(directory)
+                self._whole, self._directory, self._with_table = (
+                    motion,
+                    None,
+                    is_on_table(directory),
+                )
                 self._controls.heading = "Done"
                 if not self._closed:
                     self._look()
@@ -79,8 +83,8 @@ class Live(Shown):
                     None,
                     is_on_table(directory),
                 )
-            told = progress.stage.replace("_", " ").capitalize()
-            self._controls.heading = f"{told}, {progress.fraction:.0%}"
+            stage_text = progress.stage.replace("_", " ").capitalize()
+            self._controls.heading = f"{stage_text}, {progress.fraction:.0%}"
 
     @property
     def _growing(self) -> bool:
@@ -133,18 +137,18 @@ class Show:
         place = FilePath(fold.path if isinstance(fold, Timeline) else fold)
         views = TimelineViews()
 
-        whole = (place / "zarr.json").exists()
-        if not whole:
+        is_complete = (place / "zarr.json").exists()
+        if not is_complete:
             check_fold(place)
 
         def now() -> TimelineView | None:
-            return views.get(place if whole else result_path(place, TIMELINE))
+            return views.get(place if is_complete else result_path(place, TIMELINE))
 
         if now() is None:
             raise TimelineError(
                 f"got {place}, which contains no timeline, expected the directory of a fold."
             )
-        on_table = is_on_table(place.parent if whole else place)
+        on_table = is_on_table(place.parent if is_complete else place)
         return Shown(now, lambda: on_table, host=host, port=port, open_browser=open_browser)
 
     def live(

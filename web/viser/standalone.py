@@ -71,7 +71,7 @@ def standalone_html(
     forces: bytes | None = None,
     table: TableTop | None = None,
     view: str | None = None,
-    kept: Mapping[str, Any],
+    stored_parts: Mapping[str, Any],
 ) -> bytes:
     """Return the page of one finished fold.
 
@@ -84,7 +84,7 @@ def standalone_html(
         forces: Result of ``web.timeline.figures.table_forces``, for a fold on a table.
         table: Table under the chain; None if it floats.
         view: Address of viser's client, for pages that share it; None to put it into the page.
-        kept: ``tour``, ``values`` and ``steps`` of the fold, each None if there are none.
+        stored_parts: ``tour``, ``values`` and ``steps`` of the fold, each None if there are none.
 
     Raises:
         TimelineError: If the timeline is being replaced.
@@ -93,8 +93,8 @@ def standalone_html(
     if stride > 1:
         plan, batch = None, thinned(timeline, stride)
     else:
-        known = WINDOW_ANGLES if plan and _repeats(timeline, plan) else frozenset[str]()
-        batch = batch_of(timeline, largest=UNLIMITED_BYTES, without=known)
+        repeated_columns = WINDOW_ANGLES if plan and _repeats(timeline, plan) else frozenset[str]()
+        batch = batch_of(timeline, largest=UNLIMITED_BYTES, without=repeated_columns)
     parts = {
         "client": client().html.decode() if view is None else None,
         "view": view,
@@ -104,7 +104,7 @@ def standalone_html(
         "curves": None if curves is None or stride > 1 else _text(curves),
         "forces": None if forces is None or stride > 1 else _text(forces),
         "tightest": facts.get("tightest") if stride == 1 else None,
-        **kept,
+        **stored_parts,
     }
     styles = "".join(text_of(name) for name in STYLES)
     return render(
@@ -122,9 +122,12 @@ def _repeats(timeline: TimelineView, plan: Path) -> bool:
     if not timeline.windowed:
         return False
     motion = Motion.from_angles(**plan_columns(plan, timeline.chain.folded_rad))
-    both, shown = Motion.joined((motion[::-1], motion)), timeline.motion(0, len(timeline))
+    there_and_back, shown_motion = (
+        Motion.joined((motion[::-1], motion)),
+        timeline.motion(0, len(timeline)),
+    )
     return all(
-        np.array_equal(getattr(both, name), getattr(shown, name))
+        np.array_equal(getattr(there_and_back, name), getattr(shown_motion, name))
         for name in ("first", "offsets", "angles_rad")
     )
 
@@ -132,10 +135,10 @@ def _repeats(timeline: TimelineView, plan: Path) -> bool:
 @cache
 def standalone_scripts() -> str:
     """Return a version that changes with the page's scripts and styles: letters and digits."""
-    found = hashlib.sha256(client().html + packed_scripts(ENTRY_SCRIPT).encode())
+    digest = hashlib.sha256(client().html + packed_scripts(ENTRY_SCRIPT).encode())
     for name in (THEME_SCRIPT, *STYLES):
-        found.update((STATIC / name).read_bytes())
-    return found.hexdigest()
+        digest.update((STATIC / name).read_bytes())
+    return digest.hexdigest()
 
 
 def entry_of(name: str) -> str:

@@ -239,20 +239,20 @@ class Shown:
 
     def _look(self) -> None:
         """Read new frames."""
-        found = self._find()
-        if found is None or not len(found):
+        source = self._find()
+        if source is None or not len(source):
             return
-        same, last = found is self._moments, len(found) - 1
-        self._moments = found
-        if found.id != self._id:
-            self._id, self._selected = found.id, None
-            self.server.gui.set_panel_label(found.chain.name)
+        is_same, last = source is self._moments, len(source) - 1
+        self._moments = source
+        if source.id != self._id:
+            self._id, self._selected = source.id, None
+            self.server.gui.set_panel_label(source.chain.name)
             if self._scene is not None:
                 self._scene.remove_table()
-            table = found.table() if self._on_table() else None
-            self._scene = Scene(self.server, found.chain, stretch=found.stretch, table=table)
+            table = source.table() if self._on_table() else None
+            self._scene = Scene(self.server, source.chain, stretch=source.stretch, table=table)
             self._scene.on_click(self._select)
-        elif same and last == self._playhead.last:
+        elif is_same and last == self._playhead.last:
             return
         self._playhead.last = last
         self._controls.slider.max = max(last, 1) + 1
@@ -329,10 +329,11 @@ class Shown:
 
 def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
     """Return the figures of a frame, as Markdown."""
-    known = np.abs(snapshot.joint_error_rad[np.isfinite(snapshot.joint_error_rad)])
+    finite_errors = np.abs(snapshot.joint_error_rad[np.isfinite(snapshot.joint_error_rad)])
     error = (
-        f"Largest joint error {known.max():.2g} rad (modules are fully red at {scale_rad:g} rad)"
-        if len(known)
+        f"Largest joint error {finite_errors.max():.2g} rad (modules are fully red at "
+        f"{scale_rad:g} rad)"
+        if len(finite_errors)
         else "The joint error was not recorded"
     )
     at = f"**Frame {snapshot.frame + 1:.0f} of {last + 1}**"
@@ -342,14 +343,14 @@ def _told(snapshot: Snapshot, last: int, scale_rad: float) -> str:
 def _told_of(chain: Chain, module: int, snapshot: Snapshot) -> str:
     """Return the figures of a module, as Markdown."""
     joint = chain.module.joint_after(module)
-    told = f"**Module {module + 1}** of {len(chain)}"
+    title = f"**Module {module + 1}** of {len(chain)}"
     if not 0 <= joint < chain.joint_count:
-        return f"{told}, without a joint of its own"
+        return f"{title}, without a joint of its own"
     for hinge in chain.hinges_of(joint).tolist():
         angle, error = snapshot.joint_angles_rad[hinge], snapshot.joint_error_rad[hinge]
-        told += f"\n\n{chain.joint_names[hinge]}: {np.rad2deg(angle):.1f}°"
-        told += f", error {abs(error):.2g} rad" if np.isfinite(error) else ""
-    return told
+        title += f"\n\n{chain.joint_names[hinge]}: {np.rad2deg(angle):.1f}°"
+        title += f", error {abs(error):.2g} rad" if np.isfinite(error) else ""
+    return title
 
 
 def _server(host: str, port: int) -> viser.ViserServer:
@@ -378,10 +379,10 @@ def _free(kind: socket.AddressFamily, address: str, port: int) -> int:
         OSError: If there is none, or the address is not of this machine.
     """
     while True:
-        with socket.socket(kind, socket.SOCK_STREAM) as tried:
-            tried.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        with socket.socket(kind, socket.SOCK_STREAM) as probe:
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
             try:
-                tried.bind((address, port))
+                probe.bind((address, port))
                 return port
             except OSError as error:
                 if error.errno != errno.EADDRINUSE or not 0 < port < MAX_PORT:

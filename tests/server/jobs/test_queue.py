@@ -98,7 +98,7 @@ def test_jobs_of_a_lost_worker_are_queued_again_and_losses_are_counted(store: St
     assert isinstance(movie, MovieClaim)
     with store.changing() as session:
         session.query(FoldRow).filter_by(id="cancelled").update({"cancel_requested": True})
-    store.finish("ended", "verified", summary={}, kept=1)
+    store.finish("ended", "verified", summary={}, kept_epoch=1)
     assert queue.holders() == {"one", "other"}
     assert queue.hand_back_all("one", lost=True) == [("ended", 1)]
     assert queue.holders() == {"other"}
