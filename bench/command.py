@@ -53,7 +53,7 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
             *(sys.executable, "-m", "foldback.server.cli.command_line", "fold", shape),
             *("--out", str(out or Path(directory) / "fold"), "--json", *options),
         ]
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         process = subprocess.Popen(
             command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, env=_environment()
         )
@@ -61,7 +61,7 @@ def fold(shape: str, *options: str, out: Path | None = None) -> Run:
         with watched(process.pid) as readings:
             output = process.stdout.read()
             code = process.wait()
-            wall_s = time.perf_counter() - begun
+            wall_s = time.perf_counter() - start_s
     return Run(
         summary=json.loads(output.splitlines()[-1]),
         code=code,

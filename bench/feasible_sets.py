@@ -59,18 +59,18 @@ def _walk(length: int, neighbour_weight: float, rng: np.random.Generator) -> Int
     """Draw a self-avoiding walk that prefers free cells with many neighbours on the walk."""
     while True:
         cells: list[Cell] = [(0, 0, 0)]
-        seen = set(cells)
+        visited = set(cells)
         while len(cells) < length:
-            free = [cell for cell in _around(cells[-1]) if cell not in seen]
+            free = [cell for cell in _around(cells[-1]) if cell not in visited]
             if not free:
                 cells.reverse()  # continue at the other end
-                free = [cell for cell in _around(cells[-1]) if cell not in seen]
+                free = [cell for cell in _around(cells[-1]) if cell not in visited]
                 if not free:
                     break
-            touching = [sum(c in seen for c in _around(cell)) for cell in free]
+            touching = [sum(c in visited for c in _around(cell)) for cell in free]
             weights = np.array([neighbour_weight**count for count in touching])
             cells.append(free[int(rng.choice(len(free), p=weights / weights.sum()))])
-            seen.add(cells[-1])
+            visited.add(cells[-1])
         if len(cells) == length:
             return np.array(cells, dtype=np.int64)
 
@@ -80,8 +80,8 @@ def _worn_solid(rng: np.random.Generator) -> Ints:
     while True:
         sides = rng.integers(2, 6, size=3)
         grid = np.argwhere(np.ones(sides, dtype=bool))
-        away = np.abs((grid - (sides - 1) / 2) / (sides / 2)) ** rng.uniform(1.5, 6.0)
-        blocks = grid[away.sum(axis=1) <= rng.uniform(0.9, 1.4)]
+        depth = np.abs((grid - (sides - 1) / 2) / (sides / 2)) ** rng.uniform(1.5, 6.0)
+        blocks = grid[depth.sum(axis=1) <= rng.uniform(0.9, 1.4)]
         worn = int(rng.integers(1, 8))
         if MIN_SET_CELLS + worn <= 8 * len(blocks) <= MAX_SET_CELLS and _connected(blocks):
             path = block_path(blocks, rng, tree="random")
@@ -92,12 +92,12 @@ def _worn_solid(rng: np.random.Generator) -> Ints:
 def _connected(blocks: Ints) -> bool:
     cells = {(x, y, z) for x, y, z in blocks.tolist()}
     reached = [next(iter(sorted(cells)))]
-    left = cells - set(reached)
+    unreached = cells - set(reached)
     for cell in reached:
-        near = left.intersection(_around(cell))
+        near = unreached.intersection(_around(cell))
         reached += sorted(near)
-        left -= near
-    return not left
+        unreached -= near
+    return not unreached
 
 
 def _around(cell: Cell) -> list[Cell]:

@@ -53,9 +53,9 @@ class _Watch:
         for member in family:
             try:
                 used = member.cpu_times()
-                own = used.user + used.system + used.children_user + used.children_system
+                processor_s = used.user + used.system + used.children_user + used.children_system
                 # Running children count by themselves: the parent's times omit them.
-                self._spent[member.pid, member.create_time()] = own
+                self._spent[member.pid, member.create_time()] = processor_s
             except psutil.Error:
                 continue
         return time.monotonic() - self._began, sum(self._spent.values())
@@ -70,7 +70,7 @@ def first_minutes(reference_seconds: float) -> Section:
         subprocess.run(["git", "clone", "--quiet", str(ROOT), str(clone)], check=True)
         wall, cpu = _installed(clone)
         bar = f"< {MAX_INSTALL_CPU_S:.0f} s of the processor"
-        _add(section, "installation", wall, cpu, bar=bar, met=cpu < MAX_INSTALL_CPU_S)
+        _add(section, "installation", wall, cpu, bar=bar, is_met=cpu < MAX_INSTALL_CPU_S)
         usage = subprocess.run(
             ["du", "-sm", clone / ".venv"], check=True, capture_output=True, text=True
         )
@@ -82,10 +82,16 @@ def first_minutes(reference_seconds: float) -> Section:
 
 
 def _add(
-    section: Section, name: str, wall: float, cpu: float, *, bar: str = "", met: bool | None = None
+    section: Section,
+    name: str,
+    wall: float,
+    cpu: float,
+    *,
+    bar: str = "",
+    is_met: bool | None = None,
 ) -> None:
     section.rows.append({"what": name, "wall_s": wall, "processor_s": cpu})
-    section.add(name, f"{wall:.1f} s, {cpu:.1f} s of the processor", bar, met)
+    section.add(name, f"{wall:.1f} s, {cpu:.1f} s of the processor", bar, is_met)
 
 
 def _installed(clone: Path) -> tuple[float, float]:
@@ -142,13 +148,13 @@ def _watched(section: Section, watch: _Watch, address: str) -> None:
         section.add("finished folds", str(len(finished)), "5", len(finished) == 5)
         _open_finished(section, page, f"{address}{finished[-1]['links']['page']}", watch)
         browser.close()
-        own = _own_fold(http)
+        own_fold = _own_fold(http)
         while http.get("/api/compilation").json()["compilation"] is not None:
             watch.seconds()
             time.sleep(STATUS_POLL_S)
         wall, cpu = watch.seconds()
         _add(section, "kernels ready, all processes", wall, cpu)
-        _wait_over(http, own, watch)
+        _wait_over(http, own_fold, watch)
         _add(section, "own fold of 24 cubes verified", *watch.seconds())
 
 

@@ -83,12 +83,12 @@ def _figures(section: Section, size: str, runs: list[Run]) -> None:
     def most(name: str) -> float:
         return max(playback.get(name, float("inf")) for playback in playbacks)
 
-    met = {"0.95": True}.get(size)
+    is_met = {"0.95": True}.get(size)
     section.add(
         f"verified at size {size}",
         f"{verified} of {len(runs)}",
-        "21 of 21" if met else "",
-        verified == len(runs) if met else None,
+        "21 of 21" if is_met else "",
+        verified == len(runs) if is_met else None,
     )
     for name, key in (
         ("least clearance of the plan", "min_clearance"),
@@ -98,10 +98,10 @@ def _figures(section: Section, size: str, runs: list[Run]) -> None:
         section.add(
             f"{name}, size {size}",
             f"{value:.4f} pitch",
-            "≥ 0" if met else "",
-            value >= 0 if met else None,
+            "≥ 0" if is_met else "",
+            value >= 0 if is_met else None,
         )
-    if met:
+    if is_met:
         rms, error = most("rms_position_error"), most("max_angle_error_rad")
         section.add("final RMS position error", f"{rms:.1e} pitch", "≤ 1e-3", rms <= 1e-3)
         section.add("largest joint error", f"{error:.1e} rad", "≤ 2e-3", error <= 2e-3)

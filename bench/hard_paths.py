@@ -104,33 +104,41 @@ STRICT: Final = "peeled, whatever comes"
 
 def cases() -> list[Case]:
     """Return all cases, the fastest first."""
-    found = [
+    computed_cases = [
         Case(group="layered, quickest for a robot", shape="snake", modules=n, prefer="time")
         for n in (144, 288, 512, 1152)
     ]
-    found += [Case(group="random 288", shape="random", modules=288, seed=s) for s in range(10)]
-    found += [Case(group="random 512", shape="random", modules=512, seed=s) for s in range(10)]
+    computed_cases += [
+        Case(group="random 288", shape="random", modules=288, seed=s) for s in range(10)
+    ]
+    computed_cases += [
+        Case(group="random 512", shape="random", modules=512, seed=s) for s in range(10)
+    ]
     for seed in range(5):
         for shape, modules in (("block", 1000), ("block", 1152), ("exact", 1152)):
             group = f"{shape} {modules}"
-            found.append(Case(group=group, shape=shape, modules=modules, seed=seed))
+            computed_cases.append(Case(group=group, shape=shape, modules=modules, seed=seed))
     for modules in (4096, 9600):
         group = f"layered, {modules} in parallel"
-        found.append(Case(group=group, shape="snake", modules=modules, strategy="blocks"))
-    found += [
+        computed_cases.append(Case(group=group, shape="snake", modules=modules, strategy="blocks"))
+    computed_cases += [
         Case(group="knotted tubes", shape=name, modules=n) for n in (500, 1000) for name in KNOTS
     ]
-    found += [Case(group="held-out meshes, 2000", shape=name, modules=2000) for name in HELD_OUT]
-    found += [Case(group="random 1152", shape="random", modules=1152, seed=s) for s in range(5)]
-    found += [
+    computed_cases += [
+        Case(group="held-out meshes, 2000", shape=name, modules=2000) for name in HELD_OUT
+    ]
+    computed_cases += [
+        Case(group="random 1152", shape="random", modules=1152, seed=s) for s in range(5)
+    ]
+    computed_cases += [
         Case(group=STRICT, shape=shape, modules=modules, seed=seed, strategy="peel")
         for shape, modules, seeds in (("random", 288, 5), ("random", 512, 2), ("block", 512, 3))
         for seed in range(seeds)
     ]
-    found += [
+    computed_cases += [
         Case(group="all at once, 4096", shape=shape, modules=4096) for shape in ("block", "exact")
     ]
-    return found
+    return computed_cases
 
 
 def torus_knot(p: int, q: int) -> Callable[[], Mesh]:
@@ -162,15 +170,15 @@ KNOTS: Final[dict[str, Callable[[], Mesh]]] = {
 
 def run(case: Case) -> dict[str, Any]:
     """Fold one case and return its row."""
-    data, more = _input(case)
-    begun, spent = time.perf_counter(), time.process_time()
+    data, options = _input(case)
+    start_s, spent = time.perf_counter(), time.process_time()
     with tempfile.TemporaryDirectory(prefix="foldback-hard-") as place:
         directory = Path(place)
         request = FoldRequest(
             seed=case.seed,
             prefer=case.prefer,
             strategy=case.strategy,
-            **more,  # type: ignore[arg-type]
+            **options,  # type: ignore[arg-type]
         )
         Workspace(directory).write_request(request, data)
         try:
@@ -189,7 +197,7 @@ def run(case: Case) -> dict[str, Any]:
         "reason": (summary.get("stuck") or {}).get("words", ""),
         "kind": reason and reason.kind,
         "confirmed": reason and reason.confirmed,
-        "seconds": round(time.perf_counter() - begun, 1),
+        "seconds": round(time.perf_counter() - start_s, 1),
         "cpu_s": round(time.process_time() - spent, 1),
         "fold_time_s": certificate.fold_time_s,
         "clearance_bound": certificate.clearance_bound,
@@ -259,12 +267,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=float("inf"))
     parser.add_argument("--only", nargs="*", help="groups, by how they begin")
-    asked = parser.parse_args()
+    options = parser.parse_args()
     from bench.machine import machine  # imported late: it takes a second
 
     warm_up()
-    wanted = [c for c in cases() if not asked.only or c.group.startswith(tuple(asked.only))]
-    rows = run_missing(runs(), wanted, run, minutes=asked.minutes)
+    selected = [c for c in cases() if not options.only or c.group.startswith(tuple(options.only))]
+    rows = run_missing(runs(), selected, run, minutes=options.minutes)
     section_of(rows, machine()["reference_seconds"]).show(Console(width=160))
 
 

@@ -26,15 +26,15 @@ number; a larger one takes longer."""
 def hard_sets() -> Iterator[FeasibleSet]:
     """Yield the 48 sets, which are the same in each run."""
     for kind, make in enumerate((_growth, _sponge, _walls, _sheet)):
-        k = found = 0
-        while found < HARD_SETS_PER_KIND:
+        k = count = 0
+        while count < HARD_SETS_PER_KIND:
             rng = np.random.default_rng([HARD_SETS_SEED, kind, k])
             k += 1
             cells = _mended(make(rng), rng)
             if MIN_SET_CELLS <= len(cells) <= MAX_SET_CELLS:
-                name = f"{make.__name__.removeprefix('_')}-{found}"
+                name = f"{make.__name__.removeprefix('_')}-{count}"
                 yield FeasibleSet(name=name, cells=np.array(sorted(cells), dtype=np.int64))
-                found += 1
+                count += 1
 
 
 def _growth(rng: np.random.Generator) -> set[Cell]:
@@ -52,8 +52,8 @@ def _growth(rng: np.random.Generator) -> set[Cell]:
 def _sponge(rng: np.random.Generator) -> set[Cell]:
     """Return a block from which random cells have been removed."""
     sides = rng.integers(6, 9, size=3)
-    kept = np.argwhere(rng.random(sides) < rng.uniform(0.5, 0.7))
-    return {(x, y, z) for x, y, z in kept.tolist()}
+    cells_kept = np.argwhere(rng.random(sides) < rng.uniform(0.5, 0.7))
+    return {(x, y, z) for x, y, z in cells_kept.tolist()}
 
 
 def _walls(rng: np.random.Generator) -> set[Cell]:
@@ -98,25 +98,25 @@ def _mended(cells: set[Cell], rng: np.random.Generator) -> set[Cell]:
         excess = len(order) - 2 * int(shades.sum())
         if abs(excess) <= 1:
             return cells
-        more = 0 if excess > 0 else 1
+        extra = 0 if excess > 0 else 1
         # Add a cell of the rarer colour, if possible one that is not a dead end.
         rim = sorted({n for c in cells for n in _around(c)} - cells)
         fit = [
-            c for c in rim if sum(c) % 2 != more and sum(n in cells for n in _around(c)) >= 2
-        ] or [c for c in rim if sum(c) % 2 != more]
+            c for c in rim if sum(c) % 2 != extra and sum(n in cells for n in _around(c)) >= 2
+        ] or [c for c in rim if sum(c) % 2 != extra]
         cells = cells | {fit[int(rng.integers(len(fit)))]}
     return set()
 
 
 def _largest(cells: set[Cell]) -> set[Cell]:
     best: set[Cell] = set()
-    left = set(cells)
-    while left:
-        part, heap = set[Cell](), [min(left)]
+    unvisited = set(cells)
+    while unvisited:
+        part, heap = set[Cell](), [min(unvisited)]
         while heap:
             cell = heap.pop()
-            if cell in left:
-                left.discard(cell)
+            if cell in unvisited:
+                unvisited.discard(cell)
                 part.add(cell)
                 heap += _around(cell)
         best = max(best, part, key=len)

@@ -65,12 +65,12 @@ def likeness(reference_seconds: float) -> Section:
         rows = [_row(name, modules, reference_seconds) for name in names]
         section.rows += rows
         _figures(section, modules, rows)
-    met = [name for name in MORE_MODULES if _meets_exactly(name)]
+    exact_names = [name for name in MORE_MODULES if _meets_exactly(name)]
     section.add(
         f"paths of exactly {EXACT_MODULES} modules",
-        f"{len(met)} of {len(MORE_MODULES)}",
+        f"{len(exact_names)} of {len(MORE_MODULES)}",
         f"≥ {MIN_EXACT:.0%}",
-        len(met) >= MIN_EXACT * len(MORE_MODULES),
+        len(exact_names) >= MIN_EXACT * len(MORE_MODULES),
     )
     rows = [_wall_row(name) for name in WALLS]
     section.rows += rows
@@ -87,15 +87,15 @@ def likeness(reference_seconds: float) -> Section:
 def _wall_row(name: str) -> dict[str, Any]:
     mesh = WALLS[name]()
     solid = Solid.from_triangles(mesh.vertices, mesh.faces, name=name)
-    chosen = prepare_found(solid, PathOptions(modules=MODULES))
-    assert chosen.likeness is not None
+    preparation = prepare_found(solid, PathOptions(modules=MODULES))
+    assert preparation.likeness is not None
     return {
         "mesh": name,
         "asked": MODULES,
-        "modules": len(chosen.cells),
-        "method": chosen.method,
-        "iou": chosen.likeness.iou,
-        "missing": chosen.likeness.missing,
+        "modules": len(preparation.cells),
+        "method": preparation.method,
+        "iou": preparation.likeness.iou,
+        "missing": preparation.likeness.missing,
     }
 
 
@@ -122,21 +122,24 @@ def likeness_tetrahedra(reference_seconds: float) -> Section:
         row: dict[str, Any] = {"mesh": name}
         for method in ("fitted", "blocks"):
             options = PathOptions(modules=MODULES, module=TETRAHEDRON.name, method=method)
-            begun = time.process_time()
-            made = prepare_found(_solid(name), options)
-            seconds = time.process_time() - begun
-            assert made.likeness is not None
-            row |= {f"iou, {made.method}": made.likeness.iou, f"{made.method} s": seconds}
+            start_s = time.process_time()
+            preparation = prepare_found(_solid(name), options)
+            seconds = time.process_time() - start_s
+            assert preparation.likeness is not None
+            row |= {
+                f"iou, {preparation.method}": preparation.likeness.iou,
+                f"{preparation.method} s": seconds,
+            }
         section.rows.append({**row, "ratio": row["fitted s"] / reference_seconds})
     fitted, rings, seconds = (
         float(np.mean([row[name] for row in section.rows]))
         for name in ("iou, fitted", "iou, rings", "fitted s")
     )
-    what = f"{len(section.rows)} meshes, {MODULES} tetrahedra"
+    label = f"{len(section.rows)} meshes, {MODULES} tetrahedra"
     bar = f"≥ {rings + MIN_TETRAHEDRA_GAIN:.3f}"
     is_met = fitted >= rings + MIN_TETRAHEDRA_GAIN
-    section.add(f"IoU, mean of {what}", f"{fitted:.3f}; rings {rings:.3f}", bar, is_met)
-    section.add(f"processor time of the preparation, mean of {what}", f"{seconds:.2f} s")
+    section.add(f"IoU, mean of {label}", f"{fitted:.3f}; rings {rings:.3f}", bar, is_met)
+    section.add(f"processor time of the preparation, mean of {label}", f"{seconds:.2f} s")
     return section
 
 
@@ -149,9 +152,9 @@ def previews(reference_seconds: float) -> Section:
         first, final = _preview_s(solid, quick=True), _preview_s(solid, quick=False)
         row = {"mesh": name, "first s": first, "final s": final}
         section.rows.append({**row, "ratio": (first + final) / reference_seconds})
-    for what, most_s in PREVIEW_BARS.items():
-        seconds = [row[f"{what} s"] for row in section.rows]
-        figure = f"processor time of the {what} preview, {MODULES} modules"
+    for label, most_s in PREVIEW_BARS.items():
+        seconds = [row[f"{label} s"] for row in section.rows]
+        figure = f"processor time of the {label} preview, {MODULES} modules"
         section.add(f"{figure}, mean of {len(seconds)}", f"{np.mean(seconds):.2f} s")
         longest = max(seconds)
         within = longest <= most_s
@@ -161,9 +164,9 @@ def previews(reference_seconds: float) -> Section:
 
 def _preview_s(solid: Solid, *, quick: bool) -> float:
     """Return the processor time of a preview, in seconds; a final one goes on from a first one."""
-    begun = time.process_time()
+    start_s = time.process_time()
     prepare_found(solid, PathOptions(modules=MODULES), offering=True, quick=quick).report()
-    return time.process_time() - begun
+    return time.process_time() - start_s
 
 
 def _solid(name: str) -> Solid:
@@ -173,22 +176,22 @@ def _solid(name: str) -> Solid:
 
 def _row(name: str, modules: int, reference_seconds: float) -> dict[str, Any]:
     solid = _solid(name)
-    chosen, blocks = (
+    own_iou, blocks = (
         prepare_found(solid, PathOptions(modules=modules, method=method))
         for method in ("auto", "blocks")
     )
-    begun = time.process_time()
+    start_s = time.process_time()
     ladder = Ladder(solid, candidates(solid, np.random.default_rng(0)))
     *_, fit = fit_path(ladder, modules)
-    seconds = time.process_time() - begun
-    assert chosen.likeness is not None and blocks.likeness is not None
+    seconds = time.process_time() - start_s
+    assert own_iou.likeness is not None and blocks.likeness is not None
     best = max(fit.paths, key=lambda path: path.iou)
     return {
         "mesh": name,
         "asked": modules,
-        "modules": len(chosen.cells),
-        "method": chosen.method,
-        "iou": chosen.likeness.iou,
+        "modules": len(own_iou.cells),
+        "method": own_iou.method,
+        "iou": own_iou.likeness.iou,
         "iou of blocks": blocks.likeness.iou,
         "best cells": best.placement.bound,
         "path loss": best.placement.bound - best.iou,
@@ -201,15 +204,15 @@ def _figures(section: Section, modules: int, rows: list[dict[str, Any]]) -> None
     def mean(name: str) -> float:
         return float(np.mean([row[name] for row in rows]))
 
-    least, most_s = BARS[modules]
-    what = f"{len(rows)} meshes, {modules} modules"
+    min_iou, most_s = BARS[modules]
+    label = f"{len(rows)} meshes, {modules} modules"
     iou, seconds, loss = mean("iou"), mean("fit s"), mean("path loss")
     thin = [row for row in rows if row["mesh"] in (*THIN, "mug", "chair")]
     worst = min(thin, key=lambda row: row["iou"])
-    section.add(f"IoU, mean of {what}", f"{iou:.3f}", f"≥ {least}", iou >= least)
-    section.add(f"IoU of blocks, {what}", f"{mean('iou of blocks'):.3f}")
+    section.add(f"IoU, mean of {label}", f"{iou:.3f}", f"≥ {min_iou}", iou >= min_iou)
+    section.add(f"IoU of blocks, {label}", f"{mean('iou of blocks'):.3f}")
     section.add(
-        f"IoU that the path costs, {what}",
+        f"IoU that the path costs, {label}",
         f"{loss:.3f}",
         f"≤ {MAX_PATH_LOSS}",
         loss <= MAX_PATH_LOSS,
@@ -221,7 +224,7 @@ def _figures(section: Section, modules: int, rows: list[dict[str, Any]]) -> None
         worst["iou"] >= MIN_THIN_IOU,
     )
     section.add(
-        f"processor time of the fit, mean of {what}",
+        f"processor time of the fit, mean of {label}",
         f"{seconds:.2f} s",
         f"≤ {most_s} s",
         seconds <= most_s,

@@ -59,7 +59,7 @@ def long_folds(reference_seconds: float) -> Section:
     windows = fold(chain, width=WINDOW_HINGES, step=HINGES_PER_FRAME)
     chromium = CHROMIUM.get()
     flags = [*FLAGS, "--enable-precise-memory-info", "--js-flags=--expose-gc"]
-    what = f"{len(chain)} modules, {len(windows)} frames"
+    label = f"{len(chain)} modules, {len(windows)} frames"
     with (
         tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder,
         sync_playwright() as playwright,
@@ -73,23 +73,23 @@ def long_folds(reference_seconds: float) -> Section:
                 section.rows.append({"window": "×".join(map(str, size)), **row})
     small = section.rows[-1]
     section.add(
-        f"{what}: poses, camera, colours and messages, frames a second",
+        f"{label}: poses, camera, colours and messages, frames a second",
         f"{small['computed a second']:.0f}",
         "≥ 20",
         small["computed a second"] >= 20,
     )
     for row in section.rows:
         section.add(
-            f"{what}: played in a window of {row['window']}, software GL, pictures a second",
+            f"{label}: played in a window of {row['window']}, software GL, pictures a second",
             f"{row['pictures a second']:.1f}",
             "≥ 20",
             row["pictures a second"] >= 20,
         )
     section.add(
-        f"{what}: fetched to open it", f"{small['opened, kB']:.0f} kB", "≤ 1 MB",
+        f"{label}: fetched to open it", f"{small['opened, kB']:.0f} kB", "≤ 1 MB",
         small["opened, kB"] <= 1000,
     )  # fmt: skip
-    section.add(f"{what}: memory of the page's scripts", f"{small['heap, MB']:.0f} MB")
+    section.add(f"{label}: memory of the page's scripts", f"{small['heap, MB']:.0f} MB")
     return section
 
 

@@ -39,16 +39,19 @@ def reference_seconds() -> float:
     spec = tree_spec(Chain.from_path(Path.from_cells(cells)), Material())
     model = compiled(spec)
     data = mujoco.MjData(model)
-    begun = time.process_time()
+    start_s = time.process_time()
     for _ in range(REFERENCE_STEPS):
         mujoco.mj_step(model, data)
-    return time.process_time() - begun
+    return time.process_time() - start_s
 
 
 def processor_seconds() -> float:
     """Return the processor time of this process and of its ended children, s."""
-    used = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(each.ru_utime + each.ru_stime for each in used)
+    used = (
+        resource.getrusage(process_kind)
+        for process_kind in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
+    return sum(usage.ru_utime + usage.ru_stime for usage in used)
 
 
 def processor() -> str:

@@ -44,9 +44,9 @@ class Section:
     figures: list[Figure] = field(default_factory=list)
     rows: list[dict[str, Any]] = field(default_factory=list)
 
-    def add(self, name: str, value: str, bar: str = "", met: bool | None = None) -> None:
+    def add(self, name: str, value: str, bar: str = "", is_met: bool | None = None) -> None:
         """Add a figure."""
-        judged = None if met is None else bool(met)  # comparisons of arrays give numpy.bool
+        judged = None if is_met is None else bool(is_met)  # comparisons of arrays give numpy.bool
         self.figures.append(Figure(name=name, value=value, bar=bar, met=judged))
 
     def as_dict(self) -> dict[str, Any]:

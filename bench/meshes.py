@@ -59,13 +59,13 @@ def extruded(radii: NDArray[np.float64]) -> Mesh:
     up = [0.0, 0.0, 4.0]
     points = np.vstack([rim, rim + up, [[0, 0, 0], up]])
     n = len(radii)
-    here, ahead = np.arange(n), (np.arange(n) + 1) % n
+    current, ahead = np.arange(n), (np.arange(n) + 1) % n
     faces = np.vstack(
         [
-            np.column_stack([here, ahead, ahead + n]),
-            np.column_stack([here, ahead + n, here + n]),
-            np.column_stack([ahead, here, np.full(n, 2 * n)]),
-            np.column_stack([here + n, ahead + n, np.full(n, 2 * n + 1)]),
+            np.column_stack([current, ahead, ahead + n]),
+            np.column_stack([current, ahead + n, current + n]),
+            np.column_stack([ahead, current, np.full(n, 2 * n)]),
+            np.column_stack([current + n, ahead + n, np.full(n, 2 * n + 1)]),
         ]
     )
     return Mesh(points, faces)
@@ -82,8 +82,8 @@ def blob(subdivisions: int = 4) -> Mesh:
         ((0.3, -0.4, 0.87), 0.6, 0.2),
         ((-1.0, 0.0, -0.1), 0.3, 0.3),
     ):
-        away = np.linalg.norm(way - np.array(bump) / np.linalg.norm(bump), axis=1)
-        radius += height * np.exp(-((away / wide) ** 2))
+        distance = np.linalg.norm(way - np.array(bump) / np.linalg.norm(bump), axis=1)
+        radius += height * np.exp(-((distance / wide) ** 2))
     mesh.vertices = way * radius[:, None]
     return mesh
 
@@ -161,25 +161,25 @@ def meshes(reference_seconds: float) -> Section:
     return section
 
 
-def _voxelised(section: Section, forms: dict[str, Callable[[], Mesh]], which: str) -> None:
+def _voxelised(section: Section, forms: dict[str, Callable[[], Mesh]], kind: str) -> None:
     """Measure the IoU of some meshes; the held-out ones were not used to tune parameters."""
     rows: list[dict[str, object]] = []
     ious: list[tuple[float, float]] = []
-    held: list[bool] = []
+    is_within: list[bool] = []
     for name, make in forms.items():
         mesh = make()
         solid = Solid.from_triangles(mesh.vertices, mesh.faces, name=name)
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         exact = voxelise(solid, cells=MESH_CELLS)
-        seconds = time.perf_counter() - begun
+        seconds = time.perf_counter() - start_s
         blocks = voxelise(solid, cells=MESH_CELLS // 8)
         ious.append((exact.iou, blocks.iou))
         offered = [count for count in (blocks.below, blocks.above) if count is not None]
-        held += [len(voxelise(solid, cells=count).shape) == count for count in offered]
+        is_within += [len(voxelise(solid, cells=count).shape) == count for count in offered]
         rows.append(
             {
                 "mesh": name,
-                "set": which,
+                "set": kind,
                 "triangles": len(solid),
                 "cells": len(exact.shape),
                 "iou": exact.iou,
@@ -192,17 +192,17 @@ def _voxelised(section: Section, forms: dict[str, Callable[[], Mesh]], which: st
     section.rows += rows
     mean, rough = (float(np.mean(values)) for values in zip(*ious, strict=True))
     section.add(
-        f"IoU with the mesh, {MESH_CELLS} modules, mean of {len(rows)} {which}",
+        f"IoU with the mesh, {MESH_CELLS} modules, mean of {len(rows)} {kind}",
         f"{mean:.3f}",
         f"≥ {MIN_MEAN_IOU}",
         mean >= MIN_MEAN_IOU,
     )
-    section.add(f"the same {which} made of blocks of 2×2×2", f"{rough:.3f}")
+    section.add(f"the same {kind} made of blocks of 2×2×2", f"{rough:.3f}")
     section.add(
-        f"counts offered for blocks, {which}, that asking for them gives",
-        f"{sum(held)} of {len(held)}",
-        f"{len(held)}",
-        all(held),
+        f"counts offered for blocks, {kind}, that asking for them gives",
+        f"{sum(is_within)} of {len(is_within)}",
+        f"{len(is_within)}",
+        all(is_within),
     )
 
 
@@ -216,24 +216,24 @@ def _large(section: Section) -> None:
             *(sys.executable, "-m", "foldback.server.cli.command_line", "shape", str(file)),
             *("--modules", str(MESH_CELLS), "--method", "blocks", "--out", str(out), "--json"),
         ]
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         with watched(process.pid) as seen:
             _, status, usage = os.wait4(process.pid, 0)
-            seconds = time.perf_counter() - begun
+            seconds = time.perf_counter() - start_s
         process.returncode = os.waitstatus_to_exitcode(status)
         cells = len(json.loads(out.read_bytes())["cells"]) if out.exists() else 0
-    what = f"{len(fine.faces)} triangles → path of {cells} modules by blocks"
+    label = f"{len(fine.faces)} triangles → path of {cells} modules by blocks"
     section.add(
-        f"{what}, process and imports included",
+        f"{label}, process and imports included",
         f"{seconds:.2f} s",
         f"< {MAX_LARGE_MESH_S} s",
         process.returncode == 0 and seconds < MAX_LARGE_MESH_S,
     )
     memory = max(seen) / 2**20
-    section.add(f"{what}, processor", f"{usage.ru_utime + usage.ru_stime:.2f} s", "reported")
+    section.add(f"{label}, processor", f"{usage.ru_utime + usage.ru_stime:.2f} s", "reported")
     section.add(
-        f"{what}, memory",
+        f"{label}, memory",
         f"{memory:.0f} MB",
         f"< {MAX_LARGE_MESH_MIB:.0f} MB",
         memory < MAX_LARGE_MESH_MIB,

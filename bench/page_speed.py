@@ -215,9 +215,9 @@ def _add_times(section: Section, times: _Times) -> None:
             times.uploads,
         ),
     ):
-        for k, (what, bar) in enumerate(((first, 0.6), ("verdict", 3.0))):
+        for k, (label, bar) in enumerate(((first, 0.6), ("verdict", 3.0))):
             seconds = _middle([run[k] for run in runs])
-            section.add(f"{start} {what}", f"{seconds:.2f} s", f"≤ {bar:g} s", seconds <= bar)
+            section.add(f"{start} {label}", f"{seconds:.2f} s", f"≤ {bar:g} s", seconds <= bar)
 
 
 def _add_scrubs(section: Section, place: str, times_ms: list[list[float]]) -> None:
@@ -252,12 +252,12 @@ def _finished(service: Service) -> str:
 
 def _hero(browser: Browser, service: Service) -> float:
     page = browser.new_page(viewport={"width": 1280, "height": 720})
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     page.goto(str(service.http.base_url), wait_until="commit")
     page.wait_for_function(HERO, polling=20)
-    found = time.perf_counter() - begun
+    seconds = time.perf_counter() - start_s
     browser.close()
-    return found
+    return seconds
 
 
 def _moved(k: int) -> str:
@@ -271,11 +271,11 @@ def _moved(k: int) -> str:
 
 def _ask(service: Service, k: int) -> tuple[float, float]:
     """Return the seconds from an upload to its first frame and its verdict, without a browser."""
-    begun, first = time.perf_counter(), None
+    start_s, first = time.perf_counter(), None
     sent = service.http.post("/api/folds", files={"file": (f"wrench-{k}.json", _moved(k))})
     while True:
         state = service.http.get(f"/api/folds/{sent.json()['id']}").json()
-        now = time.perf_counter() - begun
+        now = time.perf_counter() - start_s
         if first is None and (state["progress"] or {}).get("frames"):
             first = now
         if state["status"] in ("verified", "failed", "cancelled"):
@@ -288,13 +288,13 @@ def _drop(browser: Browser, service: Service, k: int) -> tuple[float, float]:
     page = browser.new_page(viewport={"width": 1280, "height": 720})
     page.goto(str(service.http.base_url))
     page.wait_for_timeout(3000)
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     page.evaluate(DROP, [_moved(k), f"wrench-{k}.json"])
     page.wait_for_url("**/folds/*", wait_until="commit")
     page.wait_for_function(MOVING, polling=20)
-    moving = time.perf_counter() - begun
+    moving = time.perf_counter() - start_s
     service.wait_over(page.url.rsplit("/", 1)[1].partition("#")[0])
-    over = time.perf_counter() - begun
+    over = time.perf_counter() - start_s
     browser.close()
     return moving, over
 
@@ -333,9 +333,9 @@ def _scrubs(browser: Browser, address: str, *, latency_ms: int) -> list[list[flo
     page = _opened(browser, address, latency_ms=latency_ms)
     last = page.evaluate("() => window.foldback.timeline.last")
     frames = np.random.default_rng(0).integers(1, last, SCRUBS).tolist()
-    found: list[list[float]] = page.evaluate(SCRUB, frames)
+    intervals: list[list[float]] = page.evaluate(SCRUB, frames)
     browser.close()
-    return found
+    return intervals
 
 
 def _rates(browser: Browser, address: str, size: tuple[int, int]) -> tuple[float, float]:

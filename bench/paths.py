@@ -81,9 +81,9 @@ def _merge_s(size: int) -> float:
     reach = np.arange(-int(radius) - 1, int(radius) + 2)
     grid = np.stack(np.meshgrid(reach, reach, reach, indexing="ij"), axis=-1).reshape(-1, 3)
     blocks = grid[np.argsort((grid**2).sum(axis=1), kind="stable")[: size // 8]]
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     cells = block_path(blocks, np.random.default_rng(0))
-    took = time.perf_counter() - begun
+    took = time.perf_counter() - start_s
     _check(cells, np.unique(cells, axis=0), size)
     return took
 
@@ -92,12 +92,12 @@ def _exact(section: Section) -> None:
     solved, slowest = 0, 0.0
     sets = list(feasible_sets())
     check_stored(sets, RESULTS)
-    for each in sets:
-        status, took = _solve(each)
+    for feasible_set in sets:
+        status, took = _solve(feasible_set)
         good = status == "found" and took < EXACT_LIMIT_S
         solved += good
         slowest = max(slowest, took)
-        section.rows.append(_row(each.name, len(each.cells), status, took))
+        section.rows.append(_row(feasible_set.name, len(feasible_set.cells), status, took))
     section.add(
         f"feasible sets of 94–300 cells solved within {EXACT_LIMIT_S:g} s",
         f"{solved} of {len(sets)}, the slowest in {slowest:.2f} s",
@@ -109,16 +109,18 @@ def _exact(section: Section) -> None:
 def _hard(section: Section) -> None:
     """Count the sets that are solved, proved to have no path, or left open."""
     sets = list(hard_sets())
-    known = check_stored(sets, HARD_RESULTS)
+    stored = check_stored(sets, HARD_RESULTS)
     counts: Counter[str] = Counter()
     slowest = 0.0
-    for each in sets:
-        status, took = _solve(each)
-        if {status, known[each.name]} == {"found", "infeasible"}:
-            raise AssertionError(f"{each.name} was {known[each.name]} and is {status} now")
+    for feasible_set in sets:
+        status, took = _solve(feasible_set)
+        if {status, stored[feasible_set.name]} == {"found", "infeasible"}:
+            raise AssertionError(
+                f"{feasible_set.name} was {stored[feasible_set.name]} and is {status} now"
+            )
         counts[status] += 1
         slowest = max(slowest, took)
-        section.rows.append(_row(each.name, len(each.cells), status, took))
+        section.rows.append(_row(feasible_set.name, len(feasible_set.cells), status, took))
     section.add(
         f"{len(sets)} sets of 94–300 cells that nobody knew",
         f"{counts['found']} solved, {counts['infeasible']} proved to have no path, "
@@ -135,7 +137,9 @@ def check_stored(sets: list[FeasibleSet], results: Path) -> dict[str, str]:
     """
     stored = {row["name"]: row for row in json.loads(results.read_bytes())}
     changed = [
-        each.name for each in sets if stored.get(each.name, {}).get("sha256") != digest(each)
+        feasible_set.name
+        for feasible_set in sets
+        if stored.get(feasible_set.name, {}).get("sha256") != digest(feasible_set)
     ]
     if changed or len(stored) != len(sets):
         raise AssertionError(
@@ -144,13 +148,13 @@ def check_stored(sets: list[FeasibleSet], results: Path) -> dict[str, str]:
     return {name: row["status"] for name, row in stored.items()}
 
 
-def _solve(each: FeasibleSet) -> tuple[str, float]:
-    begun = time.perf_counter()
-    found = exact_path(Shape.from_cells(each.cells), time_limit_s=EXACT_LIMIT_S)
-    took = time.perf_counter() - begun
-    if found.cells is not None:
-        _check(found.cells, each.cells, len(each.cells))
-    return found.status, took
+def _solve(feasible_set: FeasibleSet) -> tuple[str, float]:
+    start_s = time.perf_counter()
+    exact_search = exact_path(Shape.from_cells(feasible_set.cells), time_limit_s=EXACT_LIMIT_S)
+    took = time.perf_counter() - start_s
+    if exact_search.cells is not None:
+        _check(exact_search.cells, feasible_set.cells, len(feasible_set.cells))
+    return exact_search.status, took
 
 
 def _check(path: np.ndarray, cells: np.ndarray, size: int) -> None:
@@ -164,22 +168,22 @@ def _row(name: str, size: int, status: str, took: float) -> dict[str, Any]:
     return {"cells of": name, "modules": size, "status": status, "s": took}
 
 
-def digest(each: FeasibleSet) -> str:
+def digest(feasible_set: FeasibleSet) -> str:
     """Return a digest of the cells of a set."""
-    return hashlib.sha256(each.cells.astype("<i8").tobytes()).hexdigest()[:16]
+    return hashlib.sha256(feasible_set.cells.astype("<i8").tobytes()).hexdigest()[:16]
 
 
 def main() -> None:
     """Write the results of all sets."""
     for sets, path in ((feasible_sets(), RESULTS), (hard_sets(), HARD_RESULTS)):
         results: list[dict[str, Any]] = []
-        for each in sets:
-            status, took = _solve(each)
+        for feasible_set in sets:
+            status, took = _solve(feasible_set)
             results.append(
                 {
-                    "name": each.name,
-                    "cells": len(each.cells),
-                    "sha256": digest(each),
+                    "name": feasible_set.name,
+                    "cells": len(feasible_set.cells),
+                    "sha256": digest(feasible_set),
                     "status": status,
                     "seconds": round(took, 2),
                 }

@@ -67,12 +67,12 @@ def _solid(kind: str, width: int) -> NDArray[np.int64]:
     coarse = np.argwhere(np.ones((width // 2,) * 3, dtype=bool))
     off = coarse - 0.5 * (width // 2 - 1)
     if kind == "ball":
-        there = (off**2).sum(axis=1) <= 0.25 * (width // 2) ** 2
+        inside = (off**2).sum(axis=1) <= 0.25 * (width // 2) ** 2
     else:
         wall = max(1, width // 8)
-        there = (np.abs(off[:, :2]).max(axis=1) > width // 4 - wall) | (coarse[:, 2] < wall)
+        inside = (np.abs(off[:, :2]).max(axis=1) > width // 4 - wall) | (coarse[:, 2] < wall)
     corners = np.argwhere(np.ones((2, 2, 2), dtype=bool))
-    return (2 * coarse[there][:, None] + corners).reshape(-1, 3)
+    return (2 * coarse[inside][:, None] + corners).reshape(-1, 3)
 
 
 def _run(name: str) -> dict[str, Any]:

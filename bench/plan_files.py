@@ -38,27 +38,27 @@ def plan_files(reference_seconds: float) -> Section:
     with TemporaryDirectory() as place:
         for suffix, write in (("json", plan.save_json), ("npz", plan.save_npz)):
             path = Path(place) / f"plan.{suffix}"
-            begun = time.perf_counter()
+            start_s = time.perf_counter()
             write(path)
             written = time.perf_counter()
-            again = Plan.load(path)
+            second_plan = Plan.load(path)
             read = time.perf_counter()
-            same = np.array_equal(again.joint_angles_rad, plan.joint_angles_rad)
+            same_array_equal = np.array_equal(second_plan.joint_angles_rad, plan.joint_angles_rad)
             size = path.stat().st_size
             section.rows.append(
                 {
                     "form": suffix,
                     "megabytes": round(size / 1e6, 2),
-                    "write_s": round(written - begun, 2),
+                    "write_s": round(written - start_s, 2),
                     "read_s": round(read - written, 2),
-                    "same": same,
+                    "same": same_array_equal,
                 }
             )
             section.add(
                 f"{PLAN_MODULES} modules × {PLAN_FRAMES} frames as {suffix}",
                 f"{size / 1e6:.1f} MB",
                 "≤ 10 MB, the same numbers",
-                same and size <= MAX_PLAN_FILE_BYTES,
+                same_array_equal and size <= MAX_PLAN_FILE_BYTES,
             )
     return section
 

@@ -39,11 +39,11 @@ def portfolio(reference_seconds: float, folds: tuple[str, ...] = FOLDS) -> Secti
         rows = [_run(name, workers) for workers in WORKERS]
         plans = [row.pop("plan") for row in rows]
         section.rows += rows
-        one, two = rows
-        section.add(f"{name}: wall, two workers to one", f"{two['wall s'] / one['wall s']:.2f}")
-        section.add(f"{name}: processor, two to one", f"{two['cpu s'] / one['cpu s']:.2f}")
-        same = plans[0] == plans[1]
-        section.add(f"{name}: the same plan", "yes" if same else "no", "yes", same)
+        first, two = rows
+        section.add(f"{name}: wall, two workers to one", f"{two['wall s'] / first['wall s']:.2f}")
+        section.add(f"{name}: processor, two to one", f"{two['cpu s'] / first['cpu s']:.2f}")
+        is_same = plans[0] == plans[1]
+        section.add(f"{name}: the same plan", "yes" if is_same else "no", "yes", is_same)
     return section
 
 

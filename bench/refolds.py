@@ -102,10 +102,10 @@ def _plan(name: str, seed: int) -> Plan:
         data = (SHAPES / f"{name}.json").read_bytes()
         request = FoldRequest(filename=f"{name}.json", seed=seed)
     assert isinstance(data, bytes)
-    with TemporaryDirectory() as aside:
-        Workspace(FilePath(aside)).write_request(request, data)
-        run_stages(FilePath(aside))
-        return Plan.load(FilePath(aside) / "plan.npz")
+    with TemporaryDirectory() as directory:
+        Workspace(FilePath(directory)).write_request(request, data)
+        run_stages(FilePath(directory))
+        return Plan.load(FilePath(directory) / "plan.npz")
 
 
 def _heights() -> list[float]:

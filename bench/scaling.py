@@ -136,9 +136,12 @@ def scaling(reference_seconds: float, names: tuple[str, ...] = tuple(CASES)) -> 
         section.add("frames, blocks against peeling", f"{share:.2f}", "≤ 1/5", share <= 0.2)
     largest = [row for row in section.rows if 9000 <= row["modules"] <= 11_000]
     if largest:
-        most = max(row["memory MB"] for row in largest)
+        max_memory = max(row["memory MB"] for row in largest)
         section.add(
-            "memory at 10 000", f"{most:.0f} MB", f"< {MAX_MEMORY_MIB:g} MB", most < MAX_MEMORY_MIB
+            "memory at 10 000",
+            f"{max_memory:.0f} MB",
+            f"< {MAX_MEMORY_MIB:g} MB",
+            max_memory < MAX_MEMORY_MIB,
         )
     return section
 

@@ -66,21 +66,23 @@ def smoothing(reference_seconds: float, shapes: tuple[str, ...] = NAMES) -> Sect
 
 
 def _row(shape: str) -> dict[str, Any]:
-    with TemporaryDirectory() as aside:
-        Workspace(Path(aside)).write_request(FoldRequest(), (SHAPES / f"{shape}.json").read_bytes())
-        run_stages(Path(aside))
-        recorded = Plan.load(Path(aside) / "plan.npz")
+    with TemporaryDirectory() as directory:
+        Workspace(Path(directory)).write_request(
+            FoldRequest(), (SHAPES / f"{shape}.json").read_bytes()
+        )
+        run_stages(Path(directory))
+        recorded = Plan.load(Path(directory) / "plan.npz")
     cpu = time.process_time()
-    found = smooth_plan(recorded)
+    plan = smooth_plan(recorded)
     cpu = time.process_time() - cpu
-    assert found.smoothing is not None
-    before, after = found.smoothing["before"], found.smoothing["after"]
+    assert plan.smoothing is not None
+    before, after = plan.smoothing["before"], plan.smoothing["after"]
     return {
         "shape": shape,
-        "modules": len(found.chain),
+        "modules": len(plan.chain),
         "cpu s": cpu,
-        "way": found.smoothing["way"],
-        "verified": found.verified,
+        "way": plan.smoothing["way"],
+        "verified": plan.verified,
         **{name: (before[name], after[name]) for name in (*FEWER, *MORE)},
     }
 

@@ -155,12 +155,13 @@ def _command(section: Section, name: str, bar: Bar, reference_seconds: float) ->
     )
     row = section.rows[-1]
     if name == WRENCH:
-        both = (row["explosion s"] + row["playback s"]) / reference_seconds
+        total_references = (row["explosion s"] + row["playback s"]) / reference_seconds
         section.add(
             f"{name}: explosion and playback",
-            f"{both:.1f} r, {ODE_R / both:.0f} times as quick as the published one on ODE",
+            f"{total_references:.1f} r, {ODE_R / total_references:.0f} times as quick as the "
+            "published one on ODE",
             "≤ 4.4 r",
-            both <= 4.4,
+            total_references <= 4.4,
         )
     if name in ROBOTS:
         playback = row["playback s"] / reference_seconds
@@ -194,18 +195,18 @@ def _run(command: Command) -> Run:
 
 def _stages(section: Section, reference_seconds: float) -> None:
     """Measure the stages after the explosion of 1000 modules."""
-    found: list[float] = []
+    times_s: list[float] = []
     for _ in range(RUNS_PER_COMMAND):
         with tempfile.TemporaryDirectory(prefix="foldback-bench-") as place:
             directory = FilePath(place)
             Workspace(directory).write_request(FoldRequest(strategy="peel"), _layered(BOX_SIDES))
             took: dict[str, float] = {}
             for stage in STAGES:
-                begun = time.perf_counter()
+                start_s = time.perf_counter()
                 run_stage(stage, directory)
-                took[stage] = time.perf_counter() - begun
-            found.append(took["certify"] + took["export"])
-    seconds = statistics.median(found)
+                took[stage] = time.perf_counter() - start_s
+            times_s.append(took["certify"] + took["export"])
+    seconds = statistics.median(times_s)
     section.add(
         "certificate, figures and export, 1000 modules",
         f"{seconds:.2f} s ({seconds / reference_seconds:.1f} r)",
@@ -261,12 +262,12 @@ def _simulated(
     )
     references = playback.seconds / reference_seconds
     error = playback.max_angle_error_rad
-    each = 1e6 * playback.seconds / max(1, playback.steps) / len(chain)
+    step_us = 1e6 * playback.seconds / max(1, playback.steps) / len(chain)
     section.add(
         f"playback simulated, {len(chain)} modules, {parameters.playback.robot.robots} robots",
         f"{references:.0f} r ({playback.seconds:.1f} s), {playback.status}, "
         f"joint error {'–' if error is None else f'{1e3 * error:.2f} mrad'}, "
-        f"{playback.steps} steps of {each:.1f} µs a module",
+        f"{playback.steps} steps of {step_us:.1f} µs a module",
         f"≤ {bar:g} r",
         references <= bar and playback.status == "folded",
     )

@@ -62,25 +62,25 @@ def tetrahedra(reference_seconds: float) -> Section:
         ends = (run.summary["certificate"]["rms_position_error"] for run in runs.values())
         rms = max(end for end in ends if end is not None)
         section.add("final RMS of the playback", f"{rms:.1e} pitch", "≤ 0.01", rms <= 0.01)
-        for name, what, bar in (
+        for name, label, bar in (
             ("tetra-wrench", "192-module wrench, explosion + playback", 8.0),
             ("tetra-slab", "384-module slab, explosion + playback", 30.0),
         ):
             seconds = sorted(_computing(runs[name, seed]) for seed in SEEDS)[1]
             section.add(
-                what,
+                label,
                 f"{seconds:.2f} s ({seconds / reference_seconds:.1f} × reference)",
                 f"< {bar:g} s",
                 seconds < bar,
             )
         sizes = {name: _largest(Path(folder) / f"{name}-0") for name in SIZED}
         section.rows += [{"shape": name, "largest size": size} for name, size in sizes.items()]
-        least = min(sizes.values())
+        smallest = min(sizes.values())
         section.add(
             "largest module size at which the plan is clear, least of three",
-            f"{least:.3f}",
+            f"{smallest:.3f}",
             "≥ 0.90",
-            least >= 0.9,
+            smallest >= 0.9,
         )
         _large(section, Path(folder))
     _trail(section)
@@ -139,9 +139,9 @@ def _trail(section: Section) -> None:
     cells = np.array(list(product(range(side), repeat=3)))
     pairs = ring_pairs(cells)
     eulerian_circuit(ring_pairs(cells[:1]))
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     nodes = eulerian_circuit(pairs)
-    seconds = time.perf_counter() - begun
+    seconds = time.perf_counter() - start_s
     section.add(
         f"trail for {len(nodes) - 1} tetrahedra", f"{seconds:.2f} s", "< 10 s", seconds < 10
     )

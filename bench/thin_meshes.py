@@ -16,11 +16,11 @@ def spring() -> Mesh:
     t = np.linspace(0, 2 * np.pi, 360, endpoint=False)
     # One tube all the way round: four turns up, and back through the middle.
     turns = np.clip(t / (1.6 * np.pi), 0.0, 1.0)
-    back = np.clip((t - 1.6 * np.pi) / (0.4 * np.pi), 0.0, 1.0)
-    radius = 4.0 * (1.0 - np.sin(np.pi * back))
+    clipped = np.clip((t - 1.6 * np.pi) / (0.4 * np.pi), 0.0, 1.0)
+    radius = 4.0 * (1.0 - np.sin(np.pi * clipped))
     angle = 8.0 * np.pi * turns
     curve = np.column_stack(
-        [radius * np.cos(angle), radius * np.sin(angle), 12.0 * turns - 12.0 * back]
+        [radius * np.cos(angle), radius * np.sin(angle), 12.0 * turns - 12.0 * clipped]
     )
     return tube(curve, np.full(len(t), 0.8))
 

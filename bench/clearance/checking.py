@@ -46,9 +46,9 @@ def checking(reference_seconds: float) -> Section:
     for name, bar_s in MAX_CHECK_S.items():
         row = _timed(name, reference_seconds)
         section.rows.append(row)
-        met = row["verdict"] == "proved" and row["s"] <= bar_s
+        is_met = row["verdict"] == "proved" and row["s"] <= bar_s
         section.add(
-            f"{name}: checker", f"{row['verdict']}, {row['s']:.1f} s", f"≤ {bar_s:g} s", met
+            f"{name}: checker", f"{row['verdict']}, {row['s']:.1f} s", f"≤ {bar_s:g} s", is_met
         )
     gallery(section, (0,))
     return section
@@ -86,23 +86,23 @@ def _timed(name: str, reference_seconds: float) -> dict[str, Any]:
             shape = str(file)
         run = fold(shape, *case.options, out=out)
         command = [sys.executable, foldback_check.__file__, str(out / PLAN), "--json"]
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         done = subprocess.run(command, capture_output=True, text=True, check=False)
-        seconds = time.perf_counter() - begun
-        found = json.loads(done.stdout)
+        seconds = time.perf_counter() - start_s
+        values = json.loads(done.stdout)
     bound = run.summary["certificate"]["clearance_bound"]
     return {
         "plan": name,
         "verified": run.code == 0,
-        "verdict": found["verdict"],
-        "modules": found["modules"],
-        "frames": found["frames"],
+        "verdict": values["verdict"],
+        "modules": values["modules"],
+        "frames": values["frames"],
         "certificate's bound": bound,
-        "rounding": found.get("rounding"),
-        "looks at pairs": found.get("looks"),
+        "rounding": values.get("rounding"),
+        "looks at pairs": values.get("looks"),
         "s": seconds,
         "references": seconds / reference_seconds,
-        "reason": found.get("reason", ""),
+        "reason": values.get("reason", ""),
     }
 
 
@@ -112,19 +112,19 @@ def _folded_and_checked(run: tuple[FilePath, int]) -> dict[str, Any]:
         request = FoldRequest(filename=path.name, seed=seed)
         Workspace(FilePath(folder)).write_request(request, path.read_bytes())
         summary = run_stages(FilePath(folder))
-        found = foldback_check.check(FilePath(folder) / PLAN, end=path)
+        result = foldback_check.check(FilePath(folder) / PLAN, end=path)
     return {
         "plan": f"{path.stem}, seed {seed}",
         "verified": summary["status"] == "verified",
-        "verdict": found["verdict"],
-        "modules": found.get("modules"),
-        "frames": found.get("frames"),
+        "verdict": result["verdict"],
+        "modules": result.get("modules"),
+        "frames": result.get("frames"),
         "certificate's bound": summary["certificate"]["clearance_bound"],
-        "rounding": found.get("rounding"),
-        "looks at pairs": found.get("looks"),
-        "s": found["seconds"],
+        "rounding": result.get("rounding"),
+        "looks at pairs": result.get("looks"),
+        "s": result["seconds"],
         "references": None,
-        "reason": found.get("reason", ""),
+        "reason": result.get("reason", ""),
     }
 
 

@@ -63,7 +63,7 @@ def disturbed(section: Section, count: int) -> None:
 
 
 def _row(name: str, count: int) -> dict[str, Any]:
-    path, begun = SHAPES / f"{name}.json", time.perf_counter()
+    path, start_s = SHAPES / f"{name}.json", time.perf_counter()
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as folder:
         request = FoldRequest(filename=path.name)
         Workspace(FilePath(folder)).write_request(request, path.read_bytes())
@@ -73,15 +73,15 @@ def _row(name: str, count: int) -> dict[str, Any]:
     assert margins is not None, name
     chain, angles = plan.chain, plan.motion.angles(plan.chain)
     size, hinges, rng = plan.certificate.module_size, angles.shape[1], np.random.default_rng(0)
-    one, each = margins.one_hinge_rad.value, margins.independent_rad.value
+    one_hinge_rad, all_hinges_rad = margins.one_hinge_rad.value, margins.independent_rad.value
 
     def one_off() -> Array:
         off = np.zeros(hinges)
-        off[rng.integers(hinges)] = one * rng.choice((-1.0, 1.0))
+        off[rng.integers(hinges)] = one_hinge_rad * rng.choice((-1.0, 1.0))
         return off
 
     def all_off(factor: float) -> Array:
-        return rng.uniform(-factor * each, factor * each, hinges)
+        return rng.uniform(-factor * all_hinges_rad, factor * all_hinges_rad, hinges)
 
     beyond = {
         f"at random, × {factor:g}: touch, %": 100.0
@@ -97,13 +97,13 @@ def _row(name: str, count: int) -> dict[str, Any]:
         "plan": name,
         "modules": len(chain),
         "size": margins.module_size.value,
-        "one hinge, °": np.degrees(one),
+        "one hinge, °": np.degrees(one_hinge_rad),
         "one hinge: touch": sum(_touches(chain, angles + one_off(), size) for _ in range(count)),
-        "at random, °": np.degrees(each),
+        "at random, °": np.degrees(all_hinges_rad),
         "at random: touch": sum(_touches(chain, angles + all_off(1.0), size) for _ in range(count)),
         **beyond,
         "robots": count,
-        "s": time.perf_counter() - begun,
+        "s": time.perf_counter() - start_s,
     }
 
 

@@ -60,27 +60,33 @@ def certainly_false(path: FilePath) -> bool:
     except InputError:  # such as windows beyond the chain
         return True
     claim, size = plan.certificate.clearance_bound, plan.certificate.module_size
-    found = sweep(plan.chain, plan.motion, module_size=size, share=0.0)
-    if claim is None or found.modules is None or found.clearance >= claim - MIN_VIOLATION_PITCH:
+    computed_sweep = sweep(plan.chain, plan.motion, module_size=size, share=0.0)
+    if (
+        claim is None
+        or computed_sweep.modules is None
+        or computed_sweep.clearance >= claim - MIN_VIOLATION_PITCH
+    ):
         return False
-    if found.clearance < -MIN_VIOLATION_PITCH:
+    if computed_sweep.clearance < -MIN_VIOLATION_PITCH:
         return True
-    before = int(found.frame)
+    before = int(computed_sweep.frame)
     after = min(before + 1, len(plan.motion) - 1)
-    one, other = (plan.motion.angles_at(plan.chain, k) for k in (before, after))
-    angles = one + (found.frame - before) * (other - one)
+    before_angles, after_angles = (plan.motion.angles_at(plan.chain, k) for k in (before, after))
+    angles = before_angles + (computed_sweep.frame - before) * (after_angles - before_angles)
     poses = plan.chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
     corners = plan.chain.module.vertices * size
-    hulls = [poses.positions[k] + corners @ poses.rotations[k].T for k in found.modules]
+    hulls = [poses.positions[k] + corners @ poses.rotations[k].T for k in computed_sweep.modules]
     return distance(*hulls) < claim - MIN_VIOLATION_PITCH
 
 
-def distance(one: NDArray[np.float64], other: NDArray[np.float64]) -> float:
+def distance(first: NDArray[np.float64], second: NDArray[np.float64]) -> float:
     """Compute the distance of two convex hulls by non-negative least squares."""
     weight = 1e4
-    left = np.vstack([one.T, np.full(len(one), weight), np.zeros(len(one))])
-    right = np.vstack([-other.T, np.zeros(len(other)), np.full(len(other), weight)])
-    return float(nnls(np.hstack([left, right]), np.array([0.0, 0.0, 0.0, weight, weight]))[1])
+    constraints = np.vstack([first.T, np.full(len(first), weight), np.zeros(len(first))])
+    right = np.vstack([-second.T, np.zeros(len(second)), np.full(len(second), weight)])
+    return float(
+        nnls(np.hstack([constraints, right]), np.array([0.0, 0.0, 0.0, weight, weight]))[1]
+    )
 
 
 def in_python(path: FilePath) -> dict[str, bool]:

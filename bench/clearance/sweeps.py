@@ -72,8 +72,8 @@ def sweeps(reference_seconds: float) -> Section:
 
 def _recorded() -> tuple[Chain, NDArray[np.float64]]:
     """Return the chain and the record of the gallery's wrench, resampled."""
-    with TemporaryDirectory() as aside:
-        folder = Path(aside)
+    with TemporaryDirectory() as directory:
+        folder = Path(directory)
         Workspace(folder).write_request(FoldRequest(), (SHAPES / "wrench-160.json").read_bytes())
         run_stages(folder)
         record = Record.load(folder / "record.npz").frames.joint_angles_rad
@@ -88,7 +88,7 @@ def _row(
     section: Section, name: str, chain: Chain, motion: NDArray[Any] | Motion, size: float
 ) -> float:
     """Add a row and return its seconds, the minimum of some runs."""
-    found, seconds = _timed(chain, motion, size)
+    result, seconds = _timed(chain, motion, size)
     for _ in range(RUNS_PER_SWEEP - 1):
         seconds = min(seconds, _timed(chain, motion, size)[1])
     section.rows.append(
@@ -98,15 +98,15 @@ def _row(
             "frames": len(motion),
             "size": size,
             "s": seconds,
-            "in-betweens": found.in_betweens,
-            "clearance": found.clearance,
-            "bound": found.bound,
+            "in-betweens": result.in_betweens,
+            "clearance": result.clearance,
+            "bound": result.bound,
         }
     )
     return seconds
 
 
 def _timed(chain: Chain, motion: NDArray[Any] | Motion, size: float) -> tuple[Sweep, float]:
-    begun = time.perf_counter()
-    found = sweep(chain, motion, module_size=size)
-    return found, time.perf_counter() - begun
+    start_s = time.perf_counter()
+    computed_sweep = sweep(chain, motion, module_size=size)
+    return computed_sweep, time.perf_counter() - start_s

@@ -170,8 +170,8 @@ def varied(home: ModuleType | type, name: str, factor: float) -> Generator[Any]:
         spaces = [vars(home)["__init__"].__kwdefaults__]
     else:
         value = vars(home)[name]
-        modules = (each for key, each in sys.modules.items() if key.startswith("foldback."))
-        spaces = [vars(each) for each in modules if vars(each).get(name) is value]
+        modules = (module for key, module in sys.modules.items() if key.startswith("foldback."))
+        spaces = [vars(module) for module in modules if vars(module).get(name) is value]
     former = spaces[0][name]
     changed = _times(former, factor)
     try:
@@ -185,7 +185,7 @@ def varied(home: ModuleType | type, name: str, factor: float) -> Generator[Any]:
 
 def _times(value: Any, factor: float) -> Any:
     if isinstance(value, tuple):
-        return tuple(_times(each, factor) for each in value)
+        return tuple(_times(item, factor) for item in value)
     if isinstance(value, int):
         return max(1, round(value * factor))
     return value * factor
@@ -194,7 +194,7 @@ def _times(value: Any, factor: float) -> Any:
 def _row(
     group: str, name: str, value: str, usual: list[Run], runs: list[Run], reference: float
 ) -> dict[str, Any]:
-    before, seconds = (sum(run.seconds for run in each) for each in (usual, runs))
+    before, seconds = (sum(run.seconds for run in runs_of_value) for runs_of_value in (usual, runs))
     return {
         "group": group,
         "number": name,
@@ -236,9 +236,9 @@ def _solid(number: int) -> Solid:
 
 
 def _judged(plan_of: Callable[[], Plan]) -> Run:
-    begun = time.process_time()
+    start_s = time.process_time()
     plan = plan_of()
-    seconds = time.process_time() - begun
+    seconds = time.process_time() - start_s
     digest = sha256(b"".join(column.tobytes() for column in plan.motion.columns().values()))
     certificate = plan.certificate
     return Run(
@@ -268,11 +268,11 @@ def _smooth(number: int) -> Run:
 
 def _voxelise(number: int) -> Run:
     solid = _solid(number)
-    begun = time.process_time()
+    start_s = time.process_time()
     voxels = voxelise(solid, cells=VOXELS)
     return Run(
         good=True,
-        seconds=time.process_time() - begun,
+        seconds=time.process_time() - start_s,
         quality=voxels.iou,
         digest=sha256(voxels.shape.cells.tobytes()).hexdigest(),
     )

@@ -43,11 +43,11 @@ def classes(short: bool = False) -> Section:
         assert service.wait_over(fold)["status"] == "verified"
         delays, pages = asyncio.run(_led(str(service.http.base_url), fold, followers, seconds))
     delay, page = percentile_ms(delays, 95), percentile_ms(pages, 95)
-    got = len(delays) / (followers * seconds * VIEWS_PER_SECOND)
+    received_share = len(delays) / (followers * seconds * VIEWS_PER_SECOND)
     section.rows.append(
         {
             "followers": followers,
-            "views of all that were sent": round(got, 3),
+            "views of all that were sent": round(received_share, 3),
             "delay p50, ms": percentile_ms(delays, 50),
             "delay p95, ms": delay,
             "delay max, ms": 1000 * max(delays),
@@ -68,7 +68,7 @@ def classes(short: bool = False) -> Section:
         f"≤ {MAX_PAGE_DURING_CLASS_MS} ms",
         page <= MAX_PAGE_DURING_CLASS_MS if judged else None,
     )
-    section.add("part of the views that arrived", f"{got:.3f}")
+    section.add("part of the views that arrived", f"{received_share:.3f}")
     return section
 
 
@@ -81,17 +81,17 @@ async def _led(
     sent: dict[str, float] = {}
     async with connect(f"{socket}/api/class/lead?fold={fold}") as leader:
         code = json.loads(await leader.recv())["link"].rpartition("/")[2]
-        where = f"{socket}/api/class/follow?code={code}"
-        all_ = [await connect(where) for _ in range(followers)]
-        works = [asyncio.create_task(_listen(each, sent, delays)) for each in all_]
+        follow_address = f"{socket}/api/class/follow?code={code}"
+        all_ = [await connect(follow_address) for _ in range(followers)]
+        works = [asyncio.create_task(_listen(follower, sent, delays)) for follower in all_]
         works.append(asyncio.create_task(_read_counts(leader)))
         looking = asyncio.create_task(_look(address, fold, seconds))
-        begun = time.monotonic()
+        start_s = time.monotonic()
         for k in range(round(seconds * VIEWS_PER_SECOND)):
             view = f"frame={k + 1}&module={k % 9 + 1}&camera={k % 180}.5,24,1.2&colour=speed"
             sent[view] = time.monotonic()
             await leader.send(view)
-            await asyncio.sleep(begun + (k + 1) / VIEWS_PER_SECOND - time.monotonic())
+            await asyncio.sleep(start_s + (k + 1) / VIEWS_PER_SECOND - time.monotonic())
         pages = await looking
         await asyncio.sleep(1)
     await asyncio.gather(*works, return_exceptions=True)
@@ -111,12 +111,12 @@ async def _read_counts(leader: ClientConnection) -> None:
 
 async def _look(address: str, fold: str, seconds: float) -> list[float]:
     """Load the page of the fold repeatedly from another address; return the times, s."""
-    found = []
+    gaps = []
     headers = {"X-Forwarded-For": "10.9.8.7"}
     async with httpx.AsyncClient(base_url=address, headers=headers) as http:
         end = time.monotonic() + seconds
-        while (begun := time.monotonic()) < end:
+        while (start_s := time.monotonic()) < end:
             (await http.get(f"/folds/{fold}")).raise_for_status()
-            found.append(time.monotonic() - begun)
-            await asyncio.sleep(max(0.0, 1 / PAGES_PER_SECOND - found[-1]))
-    return found
+            gaps.append(time.monotonic() - start_s)
+            await asyncio.sleep(max(0.0, 1 / PAGES_PER_SECOND - gaps[-1]))
+    return gaps

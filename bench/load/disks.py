@@ -43,8 +43,10 @@ def inside(arguments: list[str]) -> int | None:
     for options in ("-m", "-Urm"):
         place = ["unshare", options]
         if _tried(*place, "mount", "-t", "tmpfs", "none", "/mnt"):
-            again = [*place, sys.executable, *arguments]
-            return subprocess.run(again, env={**os.environ, INSIDE: "1"}, check=False).returncode
+            repetition = [*place, sys.executable, *arguments]
+            return subprocess.run(
+                repetition, env={**os.environ, INSIDE: "1"}, check=False
+            ).returncode
     raise NoDiskError("The fault test has to mount a disk, and may not even with `unshare -Urm`.")
 
 

@@ -80,8 +80,8 @@ class Driver:
         stage = self.rng.choice(STAGES)
         until = time.monotonic() + 3.0
         while time.monotonic() < until:
-            for seen in self.witness.waiting():
-                answer = self.site.answer("GET", f"/api/folds/{seen.id}")
+            for fold in self.witness.waiting():
+                answer = self.site.answer("GET", f"/api/folds/{fold.id}")
                 if answer is not None and answer.status_code == 200:
                     state = answer.json()
                     if state["status"] == "running" and state["stage"] == stage:
@@ -91,8 +91,8 @@ class Driver:
 
     def one(self, kind: str) -> psutil.Process | None:
         """Return a random process of a kind; None if there is none."""
-        found = self.site.processes(kind)
-        return self.rng.choice(found) if found else None
+        processes = self.site.processes(kind)
+        return self.rng.choice(processes) if processes else None
 
     def settle(self) -> None:
         """Wait until all folds have ended and the witness has checked them.
@@ -101,9 +101,9 @@ class Driver:
             AssertionError: If a fold does not end, or the witness found a problem.
         """
         deadline = time.monotonic() + FOLDS_TIMEOUT_S
-        while left := self.witness.waiting():
+        while waiting := self.witness.waiting():
             assert not self.witness.problems, "\n".join(self.witness.problems)
-            stuck = ", ".join(f"{s.id} {s.statuses} after {sorted(s.faults)}" for s in left)
+            stuck = ", ".join(f"{s.id} {s.statuses} after {sorted(s.faults)}" for s in waiting)
             assert time.monotonic() < deadline, f"does not come to an end: {stuck}"
             time.sleep(0.05)
 
@@ -290,7 +290,7 @@ def faults(
     site = Site(place, setup)
     driver = Driver(site, seed)
     outcome = _Outcome(rounds=rounds, seed=seed, place=place)
-    begun = time.monotonic()
+    start_s = time.monotonic()
     try:
         site.up()
         names: list[str] = []
@@ -304,7 +304,7 @@ def faults(
             if driver.rng.random() < 0.67 or number == rounds - 1:
                 driver.settle()
                 assert site.left_uploads() == [], f"left of uploads: {site.left_uploads()}"
-            print(f"round {number + 1} of {rounds}: {name}, {time.monotonic() - begun:.0f} s")
+            print(f"round {number + 1} of {rounds}: {name}, {time.monotonic() - start_s:.0f} s")
             assert not driver.witness.problems, "\n".join(driver.witness.problems)
         driver.settle()
         driver.submit(1)
@@ -346,8 +346,8 @@ def _round(driver: Driver, name: str, outcome: _Outcome) -> None:
 def _orphans(site: Site, driver: Driver) -> int:
     """Return the number of fold directories whose ids no client has received."""
     folder = site.data_dir / "folds"
-    there = {path.name for path in folder.iterdir()} if folder.exists() else set[str]()
-    return len(there - set(driver.witness.folds))
+    names = {path.name for path in folder.iterdir()} if folder.exists() else set[str]()
+    return len(names - set(driver.witness.folds))
 
 
 def _tell(section: Section, driver: Driver, outcome: _Outcome) -> None:
@@ -355,28 +355,28 @@ def _tell(section: Section, driver: Driver, outcome: _Outcome) -> None:
     folds = list(witness.folds.values())
     ends: Counter[str] = Counter()
     unclear: list[str] = []
-    for seen in folds:
-        end = seen.end or {"status": "not over", "error": None}
+    for fold in folds:
+        end = fold.end or {"status": "not over", "error": None}
         word = (end["error"] or {}).get("code")
         ends[f"{end['status']}{f', {word}' if word else ''}"] += 1
         allowed = frozenset().union(
-            *(ALLOWED_CODES.get(fault, frozenset()) for fault in seen.faults)
+            *(ALLOWED_CODES.get(fault, frozenset()) for fault in fold.faults)
         )
         if end["status"] != "verified" and word not in allowed:
-            unclear.append(f"{seen.id}: {end} after {sorted(seen.faults)}")
+            unclear.append(f"{fold.id}: {end} after {sorted(fold.faults)}")
     for name in sorted(happened):
         section.rows.append(
             {"fault": name, "times": happened[name], "folds under way": outcome.harmed[name]}
         )
     lost = [problem for problem in witness.problems if "is lost" in problem]
     twice = [p for p in witness.problems if "twice" in p or "goes on" in p or "changed" in p]
-    other = [p for p in witness.problems if p not in lost and p not in twice]
+    unexpected = [p for p in witness.problems if p not in lost and p not in twice]
     section.add(
         "faults", f"{happened.total()}, seed {outcome.seed}", f"≥ {outcome.rounds}", not broken
     )
     section.add("folds acknowledged", f"{len(folds)}; {dict(ends)}")
     section.add("lost", str(len(lost)), "0", not lost)
-    section.add("half-shown", str(len(other)), "0", not other)
+    section.add("half-shown", str(len(unexpected)), "0", not unexpected)
     section.add("done twice", str(len(twice)), "0", not twice)
     section.add("failed without a word that fits", str(len(unclear)), "0", not unclear)
     section.add("looks at folds", f"{witness.looks}; failed: {dict(witness.errors)}")

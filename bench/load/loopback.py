@@ -25,10 +25,10 @@ def checked(address: str) -> str:
     """
     host = urlsplit(address).hostname or ""
     try:
-        found = {info[4][0] for info in socket.getaddrinfo(host, None)}
+        getaddrinfo = {info[4][0] for info in socket.getaddrinfo(host, None)}
     except OSError:
-        found = set[str]()
-    if not found or not all(ipaddress.ip_address(ip).is_loopback for ip in found):
+        getaddrinfo = set[str]()
+    if not getaddrinfo or not all(ipaddress.ip_address(ip).is_loopback for ip in getaddrinfo):
         raise NotHereError(
             f"got {address!r}, expected a service on 127.0.0.1; load is never sent elsewhere."
         )

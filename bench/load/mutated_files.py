@@ -48,11 +48,11 @@ def mutated_uploads(short: bool = False, *, first: int = 0) -> Section:
     ) as service:
         sender = _Sender(str(service.http.base_url), answers, wrong)
         warm = count // 3 if short else 1000
-        begun = time.monotonic()
+        start_s = time.monotonic()
         asyncio.run(sender.send(range(first, first + warm)))
         before = _resident_mb(service)
         asyncio.run(sender.send(range(first + warm, first + count)))
-        took_s = time.monotonic() - begun
+        took_s = time.monotonic() - start_s
         after = _resident_mb(service)
         alive = service.http.get("/health").status_code == 200
         log = service.log.read_text()
@@ -123,11 +123,11 @@ class _Sender:
         if answer.status_code >= 500:
             self._keep(seed, upload, f"{route} {form} answered {answer.status_code} {code}")
 
-    def _keep(self, seed: int, upload: Upload, what: str) -> None:
+    def _keep(self, seed: int, upload: Upload, outcome: str) -> None:
         OUT.mkdir(parents=True, exist_ok=True)
         (OUT / f"{seed}.bin").write_bytes(upload.data)
-        (OUT / f"{seed}.txt").write_text(f"{what}\n{upload.filename!r} {upload.media_type!r}\n")
-        self._wrong.append(f"seed {seed}: {upload.filename!r} to {what}")
+        (OUT / f"{seed}.txt").write_text(f"{outcome}\n{upload.filename!r} {upload.media_type!r}\n")
+        self._wrong.append(f"seed {seed}: {upload.filename!r} to {outcome}")
 
 
 def _code(answer: httpx.Response) -> str:
@@ -140,9 +140,9 @@ def _code(answer: httpx.Response) -> str:
 def _resident_mb(service: Service) -> dict[str, float]:
     """Return the resident memory of the web process and of the reading children, MB."""
     assert service.process is not None
-    found = {"web": psutil.Process(service.process.pid).memory_info().rss / 1e6}
+    memory_mb = {"web": psutil.Process(service.process.pid).memory_info().rss / 1e6}
     for kind in ("reader", "preparer"):
         for child in service.children():
             if kind in child.cmdline():
-                found[kind] = child.memory_info().rss / 1e6
-    return found
+                memory_mb[kind] = child.memory_info().rss / 1e6
+    return memory_mb

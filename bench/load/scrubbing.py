@@ -33,8 +33,8 @@ def scrubbing(short: bool = False) -> Section:
     ) as service:
         main = service.fold(shape="wrench-24" if short else SHAPE)["id"]
         count = 2 if short else apart
-        others = [service.fold(SNAKE, seed=str(k))["id"] for k in range(count)]
-        for fold in (main, *others):
+        other_ids = [service.fold(SNAKE, seed=str(k))["id"] for k in range(count)]
+        for fold in (main, *other_ids):
             assert service.wait_over(fold)["status"] == "verified"
         for name, computing in (("nothing", 0), ("two folds", 2)):
             if short and not computing:
@@ -49,29 +49,29 @@ def scrubbing(short: bool = False) -> Section:
             web = _cpu_s(service)
             visits = Visits(
                 address=str(service.http.base_url),
-                folds=[main] * together + [others[k % count] for k in range(apart)],
+                folds=[main] * together + [other_ids[k % count] for k in range(apart)],
                 seconds=seconds,
                 streams=together,
             )
-            found = visits.run()
+            measured = visits.run()
             web = _cpu_s(service) - web
             stopping.set()
             for thread in threads:
                 thread.join()
-            what = f"{together} + {apart} visitors, {name} computed"
-            _tell(section, what, found, web, judged=not short)
+            label = f"{together} + {apart} visitors, {name} computed"
+            _tell(section, label, measured, web, judged=not short)
     return section
 
 
 def _tell(
-    section: Section, where: str, found: dict[str, Any], web_cpu_s: float, *, judged: bool
+    section: Section, label: str, found: dict[str, Any], web_cpu_s: float, *, judged: bool
 ) -> None:
-    for when in ("arriving", "times"):
-        for kind, values in sorted(found[f"{when}_s"].items()):
+    for phase in ("arriving", "times"):
+        for kind, values in sorted(found[f"{phase}_s"].items()):
             section.rows.append(
                 {
-                    "what": where,
-                    "kind": f"{kind}, as all come within 3 s" if when == "arriving" else kind,
+                    "what": label,
+                    "kind": f"{kind}, as all come within 3 s" if phase == "arriving" else kind,
                     "requests": len(values),
                     "p50, ms": percentile_ms(values, 50),
                     "p95, ms": percentile_ms(values, 95),
@@ -86,11 +86,11 @@ def _tell(
         ("page and API", pages, MAX_PAGE_DURING_SCRUBS_MS),
         ("scrub", scrubs, MAX_SCRUB_MS),
     ):
-        met = measured < bar if judged else None
-        section.add(f"{name} p95, {where}", f"{measured:.0f} ms", f"< {bar} ms", met)
-    section.add(f"errors, {where}", json.dumps(found["errors"]), "none", not found["errors"])
+        is_met = measured < bar if judged else None
+        section.add(f"{name} p95, {label}", f"{measured:.0f} ms", f"< {bar} ms", is_met)
+    section.add(f"errors, {label}", json.dumps(found["errors"]), "none", not found["errors"])
     section.add(
-        f"cores, {where}",
+        f"cores, {label}",
         f"web {web_cpu_s / found['wall_s']:.2f}, the visitors themselves "
         f"{found['cpu_s'] / found['wall_s']:.2f}",
     )

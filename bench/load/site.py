@@ -134,7 +134,7 @@ class Site:
 
     def processes(self, *kinds: str) -> list[psutil.Process]:
         """Return its processes, of all or some kinds: web, worker, stages, reader, preparer."""
-        own: list[psutil.Process] = []
+        own_process: list[psutil.Process] = []
         for process in psutil.process_iter():
             with suppress(psutil.Error):
                 if process.status() == psutil.STATUS_ZOMBIE:
@@ -142,8 +142,8 @@ class Site:
                 if process.environ().get(MARK) != self._mark:
                     continue
                 if not kinds or _kind(process.cmdline()) in kinds:
-                    own.append(process)
-        return own
+                    own_process.append(process)
+        return own_process
 
     def kill_web(self) -> None:
         """Kill the web process only; its children must detect this and end."""
@@ -154,8 +154,8 @@ class Site:
 
     def kill_everything(self) -> None:
         """Kill all processes at once, as a power cut would."""
-        theirs = self.processes()
-        for process in theirs:
+        processes = self.processes()
+        for process in processes:
             with suppress(psutil.Error):
                 process.send_signal(signal.SIGKILL)
         for popen in (self.web.process, *self._hosts):
@@ -195,10 +195,10 @@ class Site:
             path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_file()
         )
 
-    def answer(self, method: str, path: str, **more: Any) -> httpx.Response | None:
+    def answer(self, method: str, path: str, **request_options: Any) -> httpx.Response | None:
         """Send a request; return the answer, or None if the service does not answer."""
         with suppress(httpx.TransportError, RuntimeError):
-            return self.web.http.request(method, path, **more)
+            return self.web.http.request(method, path, **request_options)
         return None
 
 

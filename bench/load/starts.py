@@ -71,21 +71,21 @@ def _end_s(at_s: float, number: signal.Signals, *, warm: bool) -> float:
         sent = time.monotonic()
         while process.poll() is None or _others(process.pid):
             if time.monotonic() - sent > GIVE_UP_S:
-                for left in psutil.Process().children(recursive=True):
-                    left.kill()
+                for remaining in psutil.Process().children(recursive=True):
+                    remaining.kill()
             time.sleep(0.02)
         return time.monotonic() - sent
 
 
 def _others(pid: int) -> list[psutil.Process]:
     """Return the running descendants of this process, except one, and collect ended ones."""
-    found: list[psutil.Process] = []
+    computed_process: list[psutil.Process] = []
     for process in psutil.Process().children(recursive=True):
         try:
             if process.status() != psutil.STATUS_ZOMBIE:
-                found.append(process)
+                computed_process.append(process)
             elif process.pid != pid and process.ppid() == os.getpid():
                 os.waitpid(process.pid, 0)
         except psutil.NoSuchProcess:
             continue
-    return found
+    return computed_process

@@ -51,10 +51,10 @@ def strangers(short: bool = False) -> Section:
             assert service.wait_over(fold)["status"] == "verified"
         witness = _Witness(service, small[0])
         per_address = f"{STREAMS_PER_ADDRESS} target streams each on {side**3} modules"
-        what = f"{ADDRESSES} addresses with {per_address}"
+        label = f"{ADDRESSES} addresses with {per_address}"
         with witness.looking(section, "nobody else", judged=False):
             time.sleep(seconds / 4)
-        with witness.looking(section, what, judged=not short):
+        with witness.looking(section, label, judged=not short):
             led = _drive(service, box, seconds)
         section.add(
             "target streams with a target, in turns", f"{led} of {ADDRESSES * STREAMS_PER_ADDRESS}"
@@ -62,10 +62,10 @@ def strangers(short: bool = False) -> Section:
         padding = ",".join(["0.12345678"] * (2**10 if short else PLAN_MB * 10**6 // 11))
         for fold in small:
             path = service.directory(fold) / "plan.json"
-            whole = path.read_text()
-            path.write_text(f'{whole[:-1]},"padding":[{padding}]}}')
-        what = f"four first views of folds with a plan.json of {PLAN_MB} MB"
-        with witness.looking(section, what, judged=not short):
+            page_text = path.read_text()
+            path.write_text(f'{page_text[:-1]},"padding":[{padding}]}}')
+        label = f"four first views of folds with a plan.json of {PLAN_MB} MB"
+        with witness.looking(section, label, judged=not short):
             _view(service, small)
             time.sleep(seconds / 4)
     return section
@@ -81,7 +81,7 @@ class _Witness:
         self._paths = {"health": "/health", "page": f"/folds/{fold}"}
 
     @contextmanager
-    def looking(self, section: Section, what: str, *, judged: bool) -> Generator[None]:
+    def looking(self, section: Section, label: str, *, judged: bool) -> Generator[None]:
         """Add to a section the times and memory that were measured within the context."""
         over = threading.Event()
         times: dict[str, list[float]] = {name: [] for name in self._paths}
@@ -92,9 +92,9 @@ class _Witness:
             headers = {"X-Forwarded-For": "10.9.0.1"}
             with httpx.Client(base_url=self._address, headers=headers, timeout=60.0) as http:
                 while not over.wait(WITNESS_POLL_S):
-                    begun = time.perf_counter()
+                    start_s = time.perf_counter()
                     http.get(self._paths[name]).raise_for_status()
-                    times[name].append(time.perf_counter() - begun)
+                    times[name].append(time.perf_counter() - start_s)
                     sizes.append(self._mb())
 
         threads = [threading.Thread(target=ask, args=(name,)) for name in self._paths]
@@ -110,7 +110,7 @@ class _Witness:
         for name, values in times.items():
             section.rows.append(
                 {
-                    "what": what,
+                    "what": label,
                     "kind": name,
                     "requests": len(values),
                     "p50, ms": percentile_ms(values, 50),
@@ -123,13 +123,13 @@ class _Witness:
             )
         page = percentile_ms(times["page"], 95)
         section.add(
-            f"page p95, {what}",
+            f"page p95, {label}",
             f"{page:.0f} ms",
             f"< {MAX_PAGE_BESIDE_STREAMS_MS} ms",
             page < MAX_PAGE_BESIDE_STREAMS_MS if judged else None,
         )
         section.add(
-            f"memory, {what}",
+            f"memory, {label}",
             f"{growth:+.0f} MB, at most {max(sizes) - before:+.0f} MB",
             f"≤ {MAX_WEB_GROWTH_MB} MB",
             max(sizes) - before <= MAX_WEB_GROWTH_MB if judged else None,

@@ -26,19 +26,21 @@ def uploads(short: bool = False) -> Section:
     with serving(workers=1, largest_queue=queue, largest_queue_of_visitor=4) as service:
         service.wait_workers(1)
         address = str(service.http.base_url)
-        begun = time.monotonic()
+        start_s = time.monotonic()
         answers = asyncio.run(_send(address, count, seconds))
-        sent_s = time.monotonic() - begun
+        sent_s = time.monotonic() - start_s
         accepted = [body["id"] for status, body, _, _ in answers if status == 202]
         ends: Counter[str] = Counter()
         for fold in accepted:
             ends[_end(service, fold)["status"]] += 1
-        over_s = time.monotonic() - begun
+        over_s = time.monotonic() - start_s
     statuses = Counter(status for status, *_ in answers)
-    others = {status for status in statuses if status not in (202, 429)}
+    other_status = {status for status in statuses if status not in (202, 429)}
     silent = sum(status == 429 and not later for status, _, later, _ in answers)
     slowest = max(seconds for *_, seconds in answers)
-    section.add(f"{count} uploads in {sent_s:.0f} s", str(dict(statuses)), "202 or 429", not others)
+    section.add(
+        f"{count} uploads in {sent_s:.0f} s", str(dict(statuses)), "202 or 429", not other_status
+    )
     section.add("429 without Retry-After", str(silent), "0", not silent)
     section.add(
         "what became of the accepted ones",
@@ -57,15 +59,15 @@ async def _send(
 
     async def one(number: int) -> tuple[int, dict[str, Any], str | None, float]:
         await asyncio.sleep(seconds * number / count)
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         answer = await http.post(
             "/api/folds",
             data={"seed": str(number)},
             files={"file": ("path.json", json.dumps(SNAKE))},
             headers={"X-Forwarded-For": f"10.2.0.{number % 100 + 1}"},
         )
-        taken = time.perf_counter() - begun
-        return answer.status_code, answer.json(), answer.headers.get("Retry-After"), taken
+        taken_s = time.perf_counter() - start_s
+        return answer.status_code, answer.json(), answer.headers.get("Retry-After"), taken_s
 
     limits = httpx.Limits(max_connections=50)
     async with httpx.AsyncClient(base_url=address, timeout=120.0, limits=limits) as http:

@@ -41,9 +41,9 @@ def viewers(short: bool = False) -> Section:
         errors: Counter[str] = Counter()
         asyncio.run(_come(address, folds, warm, errors))
         before = _resident_mb(service)
-        begun = time.monotonic()
+        start_s = time.monotonic()
         asyncio.run(_come(address, folds, count, errors))
-        took_s = time.monotonic() - begun
+        took_s = time.monotonic() - start_s
         peak = _resident_mb(service)
         time.sleep(0.5 if short else 5)
         after = _resident_mb(service)
@@ -65,10 +65,10 @@ def viewers(short: bool = False) -> Section:
 
 
 async def _come(address: str, folds: list[str], count: int, errors: Counter[str]) -> None:
-    few = asyncio.Semaphore(CONCURRENT_VIEWERS)
+    semaphore = asyncio.Semaphore(CONCURRENT_VIEWERS)
 
     async def one(number: int) -> None:
-        async with few:
+        async with semaphore:
             try:
                 await _view(address, folds[number % len(folds)], number, errors)
             except (httpx.HTTPError, OSError, WebSocketException, TimeoutError) as error:

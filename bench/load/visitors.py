@@ -87,8 +87,8 @@ class _Crowd:
         self._tls = ssl.create_default_context()
 
     async def run(self) -> dict[str, Any]:
-        begun, cpu = time.monotonic(), time.process_time()
-        self._all_arrived = begun + self._visits.arrive_s + SETTLE_S
+        start_s, cpu = time.monotonic(), time.process_time()
+        self._all_arrived = start_s + self._visits.arrive_s + SETTLE_S
         self._until = self._all_arrived + self._visits.seconds
         async with asyncio.TaskGroup() as tasks:
             for number, fold in enumerate(self._visits.folds):
@@ -98,7 +98,7 @@ class _Crowd:
             "arriving_s": self._arriving,
             "errors": self._errors,
             "cpu_s": time.process_time() - cpu,
-            "wall_s": time.monotonic() - begun,
+            "wall_s": time.monotonic() - start_s,
         }
 
     async def _visit(self, number: int, fold: str) -> None:
@@ -153,13 +153,13 @@ class _Crowd:
 
     async def _get(self, http: httpx.AsyncClient, kind: str, path: str) -> httpx.Response | None:
         times = self._times if time.monotonic() >= self._all_arrived else self._arriving
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         try:
             answer = await http.get(path)
         except httpx.HTTPError as error:
             self._errors[f"{kind}: {type(error).__name__}"] += 1
             return None
-        times[kind].append(time.perf_counter() - begun)
+        times[kind].append(time.perf_counter() - start_s)
         if answer.status_code not in (200, 204, 304):
             self._errors[f"{kind}: {answer.status_code}"] += 1
             return None

@@ -75,14 +75,14 @@ class Witness:
     def happens(self, fault: str) -> None:
         """Record a fault for all folds that have not ended."""
         with self._lock:
-            for seen in self.folds.values():
-                if seen.end is None:
-                    seen.faults.add(fault)
+            for fold in self.folds.values():
+                if fold.end is None:
+                    fold.faults.add(fault)
 
     def waiting(self) -> list[Seen]:
         """Return the folds whose end has not been seen and checked yet."""
         with self._lock:
-            return [seen for seen in self.folds.values() if seen.digest is None]
+            return [fold for fold in self.folds.values() if fold.digest is None]
 
     def close(self) -> None:
         """Stop the thread."""
@@ -92,13 +92,13 @@ class Witness:
     def look_again(self) -> None:
         """Check all folds and their files once more."""
         with httpx.Client(base_url=self._address(), timeout=60.0) as http:
-            for seen in list(self.folds.values()):
-                self._look(http, seen)
-                before, seen.digest = seen.digest, None
-                if seen.end is not None:
-                    self._look_into(http, seen)
-                if before is not None and seen.digest != before:
-                    self._tell(seen, "its plan has changed after its end")
+            for fold in list(self.folds.values()):
+                self._look(http, fold)
+                before, fold.digest = fold.digest, None
+                if fold.end is not None:
+                    self._look_into(http, fold)
+                if before is not None and fold.digest != before:
+                    self._tell(fold, "its plan has changed after its end")
 
     def _watch(self) -> None:
         http: httpx.Client | None = None
@@ -111,91 +111,91 @@ class Witness:
                 http, address = httpx.Client(base_url=now, timeout=30.0), now
             looked_at = self.waiting()
             with self._lock:
-                ended = [seen for seen in self.folds.values() if seen.digest is not None]
+                ended = [fold for fold in self.folds.values() if fold.digest is not None]
             looked_at += self._rng.sample(ended, min(2, len(ended)))
-            for seen in looked_at:
+            for fold in looked_at:
                 try:
-                    self._look(http, seen)
-                    if seen.end is not None and seen.digest is None:
-                        self._look_into(http, seen)
+                    self._look(http, fold)
+                    if fold.end is not None and fold.digest is None:
+                        self._look_into(http, fold)
                 except (httpx.HTTPError, httpx.InvalidURL):
                     time.sleep(FOLDS_POLL_S)  # the service was killed, or its port has changed
                     break
         if http is not None:
             http.close()
 
-    def _look(self, http: httpx.Client, seen: Seen) -> None:
-        answer = http.get(f"/api/folds/{seen.id}")
+    def _look(self, http: httpx.Client, fold: Seen) -> None:
+        answer = http.get(f"/api/folds/{fold.id}")
         self.looks += 1
         if answer.status_code >= 500:
-            self._failed(seen, answer)
+            self._failed(fold, answer)
             return
         if answer.status_code != 200:
-            self._tell(seen, f"was acknowledged and is lost: {answer.text[:200]}")
+            self._tell(fold, f"was acknowledged and is lost: {answer.text[:200]}")
             return
         state = answer.json()
         status = state["status"]
-        if not seen.statuses or seen.statuses[-1] != status:
-            seen.statuses.append(status)
+        if not fold.statuses or fold.statuses[-1] != status:
+            fold.statuses.append(status)
         if not over(state):
-            if seen.end is not None:
-                self._tell(seen, f"was over and goes on: {' → '.join(seen.statuses)}")
+            if fold.end is not None:
+                self._tell(fold, f"was over and goes on: {' → '.join(fold.statuses)}")
             return
         end = {key: state[key] for key in ("status", "summary", "error")}
-        if seen.end is None:
-            seen.end = end
-        elif end != seen.end:
-            self._tell(seen, f"ended twice, as {_short(seen.end)} and as {_short(end)}")
+        if fold.end is None:
+            fold.end = end
+        elif end != fold.end:
+            self._tell(fold, f"ended twice, as {_short(fold.end)} and as {_short(end)}")
 
-    def _look_into(self, http: httpx.Client, seen: Seen) -> None:
+    def _look_into(self, http: httpx.Client, fold: Seen) -> None:
         """Fetch the page and the files of a fold that has ended, and check them."""
-        assert seen.end is not None
-        page = http.get(f"/folds/{seen.id}")
-        if self._excused(seen, page):
+        assert fold.end is not None
+        page = http.get(f"/folds/{fold.id}")
+        if self._excused(fold, page):
             return
         if page.status_code != 200:
-            self._tell(seen, f"its page is answered with {page.status_code}")
-        if seen.end["status"] != "verified":
-            seen.digest = "none"
+            self._tell(fold, f"its page is answered with {page.status_code}")
+        if fold.end["status"] != "verified":
+            fold.digest = "none"
             return
         digest = hashlib.sha256()
         files: dict[str, bytes] = {}
         for name in FILES:
-            answer = http.get(f"/api/folds/{seen.id}/{name}")
-            if self._excused(seen, answer):
+            answer = http.get(f"/api/folds/{fold.id}/{name}")
+            if self._excused(fold, answer):
                 return
             if answer.status_code != 200:
-                self._tell(seen, f"is verified, and {name} is answered with {answer.text[:200]}")
-                seen.digest = "none"
+                self._tell(fold, f"is verified, and {name} is answered with {answer.text[:200]}")
+                fold.digest = "none"
                 return
             files[name] = answer.content
             digest.update(answer.content)
-        frames = http.get(f"/api/folds/{seen.id}/frames")
-        batch = http.get(f"/folds/{seen.id}/batch")
+        frames = http.get(f"/api/folds/{fold.id}/frames")
+        batch = http.get(f"/folds/{fold.id}/batch")
         for answer in (frames, batch):
-            if self._excused(seen, answer):
+            if self._excused(fold, answer):
                 return
         try:
             if problem := _disagreement(files, frames, batch):
-                self._tell(seen, problem)
+                self._tell(fold, problem)
         except (ValueError, KeyError, IndexError, OSError, EOFError) as error:
-            self._tell(seen, f"is verified, and a part of it can't be read: {error!r}")
-        seen.digest = digest.hexdigest()
+            self._tell(fold, f"is verified, and a part of it can't be read: {error!r}")
+        fold.digest = digest.hexdigest()
 
-    def _excused(self, seen: Seen, answer: httpx.Response) -> bool:
+    def _excused(self, fold: Seen, answer: httpx.Response) -> bool:
         """Count an error response; return True if the current condition excuses it."""
         if answer.status_code < 500 or not self.condition:
             return False
-        self._failed(seen, answer)
+        self._failed(fold, answer)
         return True
 
-    def _failed(self, seen: Seen, answer: httpx.Response) -> None:
+    def _failed(self, fold: Seen, answer: httpx.Response) -> None:
         self.errors[f"{answer.status_code} {self.condition}".strip()] += 1
         if not self.condition:
-            self._tell(seen, f"is answered with {answer.status_code}: {answer.text[:200]}")
+            self._tell(fold, f"is answered with {answer.status_code}: {answer.text[:200]}")
 
-    def _tell(self, seen: Seen, what: str) -> None:
-        event = f"{seen.id} ({', '.join(sorted(seen.faults)) or 'nothing'} happened): {what}"
+    def _tell(self, fold: Seen, problem: str) -> None:
+        event = f"{fold.id} ({', '.join(sorted(fold.faults)) or 'nothing'} happened): {problem}"
         if event not in self.problems:
             self.problems.append(event)
 
@@ -212,12 +212,12 @@ def _disagreement(
     with np.load(io.BytesIO(files["plan.npz"]), allow_pickle=False) as arrays:
         angles = arrays["joint_angles_rad"]
         lengths = {len(arrays[name]) for name in ("time_s", "root_position", "root_wxyz")}
-    shown = [k for k, phase in enumerate(body["phase"]) if body["phases"][phase] == "playback"]
+    view = [k for k, phase in enumerate(body["phase"]) if body["phases"][phase] == "playback"]
     if lengths != {len(angles)} or len(plan["time_s"]) != len(angles):
         return f"plan.json has {len(plan['time_s'])} frames, plan.npz {len(angles)} and {lengths}"
-    if len(body["phase"]) == body["total"] and len(shown) != len(angles):
-        return f"its plan has {len(angles)} frames and its timeline {len(shown)}"
-    if shown and not np.allclose(body["joint_angles_rad"][shown[-1]], angles[-1], atol=1e-3):
+    if len(body["phase"]) == body["total"] and len(view) != len(angles):
+        return f"its plan has {len(angles)} frames and its timeline {len(view)}"
+    if view and not np.allclose(body["joint_angles_rad"][view[-1]], angles[-1], atol=1e-3):
         return "its timeline ends elsewhere than its plan"
     if not json.loads(files["certificate.json"])["verified"]:
         return "is verified, and its certificate is not"

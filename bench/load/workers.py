@@ -21,8 +21,8 @@ def workers(short: bool = False) -> Section:
     """Measure the wall time and processor time of some folds."""
     section = Section(name="workers")
     count = 2 if short else 20
-    found = {number: _folds(number, count, short) for number in (1, 2)}
-    for number, (wall_s, cpu_s) in found.items():
+    folds = {number: _folds(number, count, short) for number in (1, 2)}
+    for number, (wall_s, cpu_s) in folds.items():
         section.rows.append(
             {
                 "workers": number,
@@ -32,8 +32,8 @@ def workers(short: bool = False) -> Section:
                 "processor a fold, s": cpu_s / count,
             }
         )
-    faster = found[1][0] / found[2][0]
-    busy = found[2][1] / found[2][0] / (os.cpu_count() or 1)
+    faster = folds[1][0] / folds[2][0]
+    busy = folds[2][1] / folds[2][0] / (os.cpu_count() or 1)
     section.add(
         f"{count} folds, two workers against one",
         f"{faster:.2f} ×, with {busy:.0%} of the cores in use",
@@ -50,7 +50,7 @@ def _folds(number: int, count: int, short: bool) -> tuple[float, float]:
         for k in range(number):  # so that the first child of each worker is ready
             service.fold(SNAKE, seed=str(10_000 + k))
         _wait(service)
-        begun, cpu_s = time.monotonic(), _busy_s()
+        start_s, cpu_s = time.monotonic(), _busy_s()
         for k in range(count):
             form = {"seed": str(k + 1)}
             if short:
@@ -58,7 +58,7 @@ def _folds(number: int, count: int, short: bool) -> tuple[float, float]:
             else:
                 service.fold(shape="wrench-160", **form)
         _wait(service)
-        return time.monotonic() - begun, _busy_s() - cpu_s
+        return time.monotonic() - start_s, _busy_s() - cpu_s
 
 
 def _wait(service: Service) -> None:

@@ -26,7 +26,9 @@ def main() -> None:
     """Run what is missing, then write the page and the document."""
     every = experiments()
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--only", nargs="*", choices=[one.id for one in every], metavar="ID")
+    parser.add_argument(
+        "--only", nargs="*", choices=[experiment.id for experiment in every], metavar="ID"
+    )
     parser.add_argument("--tell", action="store_true", help="run nothing, write pages anew")
     parser.add_argument("--again", action="store_true", help="run anew what is there")
     parser.add_argument("--stale", action="store_true", help="run anew what another planner made")
@@ -34,17 +36,23 @@ def main() -> None:
     parser.add_argument("--workers", type=int, default=1)
     options = parser.parse_args()
     runs = stored_runs(PAPER / "runs.jsonl")
-    asked = [one for one in every if options.only is None or one.id in options.only]
+    selected = [
+        experiment for experiment in every if options.only is None or experiment.id in options.only
+    ]
     if options.stale:
         now = version_of("planner")
-        asked = [one for one in asked if one.id in runs and runs[one.id].planner != now]
-    if asked and not options.tell:
+        selected = [
+            experiment
+            for experiment in selected
+            if experiment.id in runs and runs[experiment.id].planner != now
+        ]
+    if selected and not options.tell:
         warm_up()
         reproduce(
-            asked,
+            selected,
             every,
             PAPER,
-            again=options.again or options.stale,
+            repeats=options.again or options.stale,
             minutes=options.minutes,
             workers=options.workers,
         )

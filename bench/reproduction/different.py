@@ -34,8 +34,8 @@ def different_shapes() -> tuple[str, ...]:
     order = [int(np.linalg.norm(scaled, axis=1).argmax())]
     nearest = np.full(len(names), np.inf)
     while len(order) < CHOSEN_SHAPES:
-        away = np.linalg.norm(scaled - scaled[order[-1]], axis=1)
-        nearest = np.minimum(nearest, away)
+        distance = np.linalg.norm(scaled - scaled[order[-1]], axis=1)
+        nearest = np.minimum(nearest, distance)
         order.append(int(nearest.argmax()))
     return tuple(names[k] for k in order)
 
@@ -60,8 +60,8 @@ def measured() -> tuple[list[str], Array]:
     for file in sorted(SHAPES.glob("*.json")):
         if file.stem.startswith(EXCLUDED_PREFIXES):
             continue
-        found = read(file.read_bytes(), filename=file.name)
-        if isinstance(found, Path) and MODULE_RANGE[0] <= len(found.cells) <= MODULE_RANGE[1]:
+        result = read(file.read_bytes(), filename=file.name)
+        if isinstance(result, Path) and MODULE_RANGE[0] <= len(result.cells) <= MODULE_RANGE[1]:
             names.append(file.stem)
-            rows.append(features(np.asarray(found.cells, dtype=np.int64)))
+            rows.append(features(np.asarray(result.cells, dtype=np.int64)))
     return names, np.array(rows)

@@ -32,7 +32,7 @@ def document(page: dict[str, Any]) -> str:
         *_list(page["summary"]),
         _table(
             ["Experiment", "In the paper", "Here"],
-            [[one["heading"], one["published"], one["here"]] for one in page["overview"]],
+            [[row["heading"], row["published"], row["here"]] for row in page["overview"]],
         ),
         page["machine"],
     ]
@@ -48,13 +48,13 @@ def document(page: dict[str, Any]) -> str:
             ["Parameter", "Name", "Value", "From", "Meaning"],
             [
                 [
-                    one["label"],
-                    f"`{one['name']}`",
-                    one["value"],
-                    one["source"],
-                    one["meaning"],
+                    row["label"],
+                    f"`{row['name']}`",
+                    row["value"],
+                    row["source"],
+                    row["meaning"],
                 ]
-                for one in page["settings"]
+                for row in page["settings"]
             ],
         ),
         "## Differences from the paper",
@@ -89,7 +89,8 @@ def _section(section: dict[str, Any], head: list[dict[str, str]]) -> list[str]:
         "\n".join([*straight, *stills]),
         *_list(failed),
         _table(
-            ["<br>".join(filter(None, [one["name"], one["unit"]])) for one in head], section["rows"]
+            ["<br>".join(filter(None, [column["name"], column["unit"]])) for column in head],
+            section["rows"],
         ),
     ]
 

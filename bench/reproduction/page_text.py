@@ -113,8 +113,8 @@ def told(runs: Mapping[str, Run], every: tuple[Experiment, ...]) -> dict[str, An
         runs: Stored runs by the id of the experiment.
         every: All experiments.
     """
-    asked = {one.id: one.asked for one in every}
-    runs = {name: run for name, run in runs.items() if run.asked == asked.get(name)}
+    requests = {experiment.id: experiment.asked for experiment in every}
+    runs = {name: run for name, run in runs.items() if run.asked == requests.get(name)}
     return {
         "format": FORMAT,
         "machine": _machine(runs),
@@ -131,15 +131,21 @@ def told(runs: Mapping[str, Run], every: tuple[Experiment, ...]) -> dict[str, An
 def _section(
     statement: Statement, every: tuple[Experiment, ...], runs: Mapping[str, Run]
 ) -> dict[str, Any]:
-    own = [one for one in every if one.statement == statement.id]
-    pairs = [list(pair) for pair in statement.pairs if all(one in runs for one in pair)]
-    by_id = {one.id: one for one in every}
+    of_statement = [experiment for experiment in every if experiment.statement == statement.id]
+    pairs = [list(pair) for pair in statement.pairs if all(name in runs for name in pair)]
+    by_id = {experiment.id: experiment for experiment in every}
     rows = [
-        row if (one := by_id[name]) in own else [f"{row[0]}, {one.request.preset}", *row[1:]]
-        for name in dict.fromkeys([*chain.from_iterable(pairs), *(one.id for one in own)])
+        row
+        if (experiment := by_id[name]) in of_statement
+        else [f"{row[0]}, {experiment.request.preset}", *row[1:]]
+        for name in dict.fromkeys(
+            [*chain.from_iterable(pairs), *(experiment.id for experiment in of_statement)]
+        )
         for row in [_row(by_id[name], runs.get(name))]
     ]
-    published = sorted({one.published_steps for one in own if one.published_steps})
+    published = sorted(
+        {experiment.published_steps for experiment in of_statement if experiment.published_steps}
+    )
     for steps in published:
         row = ["Published", "folds", f"about {whole(steps)}", seconds(steps * PUBLISHED_STEP_S)]
         rows.insert(0, row + [NONE] * (len(COLUMNS) - len(row)))
@@ -149,19 +155,21 @@ def _section(
         "where": statement.where,
         "quote": statement.quote,
         "words": statement.words,
-        "found": _by_size(own, runs) if statement.by_size else "",
+        "found": _by_size(of_statement, runs) if statement.by_size else "",
         "pairs": pairs,
-        "cards": [asdict(card_of(one, runs.get(one.id))) for one in own],
+        "cards": [
+            asdict(card_of(experiment, runs.get(experiment.id))) for experiment in of_statement
+        ],
         "rows": rows,
     }
 
 
-def card_of(one: Experiment, run: Run | None) -> Card:
+def card_of(experiment: Experiment, run: Run | None) -> Card:
     """Return the card of an experiment."""
     film = run is not None and run.frames > 0
     return Card(
-        id=one.id,
-        title=one.title,
+        id=experiment.id,
+        title=experiment.title,
         modules=0 if run is None else run.modules,
         tone="none" if run is None else "good" if run.verified else "bad",
         verdict=verdict(run),
@@ -170,8 +178,8 @@ def card_of(one: Experiment, run: Run | None) -> Card:
         stuck_frame=None if run is None else run.stuck_frame,
         stuck=() if run is None else run.overlap.modules if run.overlap else run.stuck,
         steps="" if run is None else _steps(run),
-        strip=film and one.strip,
-        straight=film and one.straight,
+        strip=film and experiment.strip,
+        straight=film and experiment.straight,
     )
 
 
@@ -195,20 +203,20 @@ def why(run: Run) -> str:
     if (place := run.overlap) is None:
         return reason_text(run.reason) if run.reason else run.verdict
     a, b = (module + 1 for module in place.modules)
-    where = "" if place.of == "playback" else " in the plan"
+    place_text = "" if place.of == "playback" else " in the plan"
     return (
-        f"modules {a} and {b} overlap by {figure(place.depth)} pitch{where}, "
+        f"modules {a} and {b} overlap by {figure(place.depth)} pitch{place_text}, "
         f"{round(100 * place.share)} % into the fold"
     )
 
 
-def _row(one: Experiment, run: Run | None) -> list[str]:
+def _row(experiment: Experiment, run: Run | None) -> list[str]:
     if run is None:
-        return [one.title, verdict(None), *[NONE] * (len(COLUMNS) - 2)]
+        return [experiment.title, verdict(None), *[NONE] * (len(COLUMNS) - 2)]
     clearance = run.clearance_playback if run.clearance_playback is not None else None
     proved = f" ({figure(run.bound)})" if run.bound is not None and run.verified else ""
     return [
-        one.title,
+        experiment.title,
         verdict(run),
         _both(run.explosion, run.playback, lambda phase: whole(phase.steps)),
         _both(run.explosion, run.playback, lambda phase: seconds(phase.simulated_s)),
@@ -220,8 +228,8 @@ def _row(one: Experiment, run: Run | None) -> list[str]:
     ]
 
 
-def _both(explosion: Phase | None, playback: Phase | None, told: Any) -> str:
-    return " + ".join(told(phase) for phase in (explosion, playback) if phase) or NONE
+def _both(explosion: Phase | None, playback: Phase | None, formatted: Any) -> str:
+    return " + ".join(formatted(phase) for phase in (explosion, playback) if phase) or NONE
 
 
 def _lead(runs: Mapping[str, Run]) -> str:
@@ -253,34 +261,44 @@ def _lead(runs: Mapping[str, Run]) -> str:
 
 def _summary(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str]:
     """Return sentences that summarise the runs."""
-    found: list[str] = []
+    sentences: list[str] = []
     for published, words in (
         ("verified", "runs that succeed in the paper also succeed here."),
         ("tangled", "runs that fail in the paper also fail here."),
     ):
-        of = [one for one in every if one.published == published and one.id in runs]
-        same = sum(runs[one.id].verified == (published == "verified") for one in of)
+        of = [
+            experiment
+            for experiment in every
+            if experiment.published == published and experiment.id in runs
+        ]
+        agreeing = sum(
+            runs[experiment.id].verified == (published == "verified") for experiment in of
+        )
         if of:
-            count = f"All {same}" if same == len(of) else f"{same} of the {len(of)}"
-            found.append(f"{count} {words}")
+            count = f"All {agreeing}" if agreeing == len(of) else f"{agreeing} of the {len(of)}"
+            sentences.append(f"{count} {words}")
     for statement in STATEMENTS:
-        own = [one for one in every if one.statement == statement.id]
-        if statement.by_size and (sentence := _by_size(own, runs)):
-            found.append(f"{statement.by_size}, {_small_first(sentence)}")
+        of_statement = [experiment for experiment in every if experiment.statement == statement.id]
+        if statement.by_size and (sentence := _by_size(of_statement, runs)):
+            sentences.append(f"{statement.by_size}, {_small_first(sentence)}")
     missing = len(every) - len(runs)
     if missing:
-        found.append(f"{missing} of {len(every)} experiments have not been run yet.")
-    return found
+        sentences.append(f"{missing} of {len(every)} experiments have not been run yet.")
+    return sentences
 
 
 def _overview(
     statement: Statement, every: tuple[Experiment, ...], runs: Mapping[str, Run]
 ) -> dict[str, str]:
     """Return a statement in one line, with the number of its folds by result."""
-    own = [one for one in every if one.statement == statement.id]
-    done = [runs[one.id] for one in own if one.id in runs]
+    of_statement = [experiment for experiment in every if experiment.statement == statement.id]
+    done = [runs[experiment.id] for experiment in of_statement if experiment.id in runs]
     good = sum(run.verified for run in done)
-    counts = {"verified": good, "failed": len(done) - good, "not run yet": len(own) - len(done)}
+    counts = {
+        "verified": good,
+        "failed": len(done) - good,
+        "not run yet": len(of_statement) - len(done),
+    }
     return {
         "id": statement.id,
         "heading": statement.heading,
@@ -289,9 +307,9 @@ def _overview(
     }
 
 
-def _by_size(own: list[Experiment], runs: Mapping[str, Run]) -> str:
+def _by_size(experiments: list[Experiment], runs: Mapping[str, Run]) -> str:
     """Return a sentence with the numbers of modules at which folds work or fail."""
-    done = [runs[one.id] for one in own if one.id in runs]
+    done = [runs[experiment.id] for experiment in experiments if experiment.id in runs]
     good = sorted({run.modules for run in done if run.verified})
     bad = sorted({run.modules for run in done if not run.verified})
     if not bad or not good:
@@ -309,27 +327,37 @@ def _listed(words: list[str]) -> str:
 
 def _differences(every: tuple[Experiment, ...], runs: Mapping[str, Run]) -> list[str]:
     """Return sentences about experiments that differ from the paper, or failed."""
-    found: list[str] = []
+    sentences: list[str] = []
     for statement in STATEMENTS:
-        own = [one for one in every if one.statement == statement.id and one.id in runs]
-        for words, ones in (
-            ("Verified here, tangled in the paper", _came_out(own, runs, "tangled", verified=True)),
-            ("Fails here, folds in the paper", _came_out(own, runs, "verified", verified=False)),
+        of_statement = [
+            experiment
+            for experiment in every
+            if experiment.statement == statement.id and experiment.id in runs
+        ]
+        for words, matching in (
+            (
+                "Verified here, tangled in the paper",
+                _came_out(of_statement, runs, "tangled", verified=True),
+            ),
+            (
+                "Fails here, folds in the paper",
+                _came_out(of_statement, runs, "verified", verified=False),
+            ),
             (
                 "Fails here; the paper states no result for this test",
-                _came_out(own, runs, None, verified=False),
+                _came_out(of_statement, runs, None, verified=False),
             ),
         ):
-            if ones:
-                titles = "; ".join(_small_first(one.title) for one in ones)
-                found.append(f"{words} ({_small_first(statement.heading)}): {titles}.")
-    return found
+            if matching:
+                titles = "; ".join(_small_first(experiment.title) for experiment in matching)
+                sentences.append(f"{words} ({_small_first(statement.heading)}): {titles}.")
+    return sentences
 
 
 def _came_out(
-    own: list[Experiment], runs: Mapping[str, Run], published: str | None, *, verified: bool
+    experiments: list[Experiment], runs: Mapping[str, Run], published: str | None, *, verified: bool
 ) -> list[Experiment]:
-    return [o for o in own if o.published == published and runs[o.id].verified == verified]
+    return [o for o in experiments if o.published == published and runs[o.id].verified == verified]
 
 
 def _small_first(words: str) -> str:

@@ -78,8 +78,8 @@ def keep_pictures(
         count = round(FRAMES_REDUCTION * count)
     (folder / "batch").write_bytes(batch)
     write_json(folder / "chain.json", chain_attributes(film.chain))
-    shown = film.snapshot(len(film) - 1 if moment is None else moment.frame)
-    _save(_still(film, shown, moment), folder / "still.webp")
+    snapshot = film.snapshot(len(film) - 1 if moment is None else moment.frame)
+    _save(_still(film, snapshot, moment), folder / "still.webp")
     if straight:
         last = int(_phases(film)[0][-1])
         _save(_still(film, film.snapshot(last)), folder / "straight.webp")
@@ -124,9 +124,9 @@ def _still(
     if moment is not None and moment.modules:
         colours[list(moment.modules)] = STALLED_RGB
         at = snapshot.positions[list(moment.modules)]
-        away = np.linalg.norm(snapshot.positions - at.mean(axis=0), axis=1)
+        distance = np.linalg.norm(snapshot.positions - at.mean(axis=0), axis=1)
         around = snapshot.positions[
-            away <= max(STILL_RADIUS_PITCH, float(np.ptp(at, axis=0).max()))
+            distance <= max(STILL_RADIUS_PITCH, float(np.ptp(at, axis=0).max()))
         ]
     return still(
         film.chain.module, snapshot.positions, snapshot.wxyzs, colours, size=size, around=around
@@ -145,8 +145,8 @@ def _strip(film: TimelineView) -> Image.Image:
 
 
 def _evenly_few(film: TimelineView, frames: Ints, count: int) -> Ints:
-    found = _evenly(film, frames, FRAMES_PER_PHASE)
-    return found[np.rint(np.linspace(0, len(found) - 1, count)).astype(np.int64)]
+    result = _evenly(film, frames, FRAMES_PER_PHASE)
+    return result[np.rint(np.linspace(0, len(result) - 1, count)).astype(np.int64)]
 
 
 def _save(picture: Image.Image, path: Path) -> None:

@@ -16,35 +16,37 @@ from bench.success_map.stored import run_missing, stored
 
 
 def reproduce(
-    asked: list[Experiment],
+    experiments: list[Experiment],
     every: tuple[Experiment, ...],
     files: Path,
     *,
-    again: bool = False,
+    repeats: bool = False,
     minutes: float = float("inf"),
     workers: int = 1,
 ) -> None:
     """Run the requested experiments that are not stored.
 
     Args:
-        asked: Experiments to run, at least one.
+        experiments: Experiments to run, at least one.
         every: All experiments; rows of others are deleted.
         files: Directory of rows, films and pictures.
-        again: True to repeat stored experiments.
+        repeats: True to repeat stored experiments.
         minutes: Minutes after which no further experiment is started.
         workers: Number of experiments at the same time.
     """
     rows = files / "runs.jsonl"
-    cases = {Case(id=one.id, asked=one.asked): one for one in asked}
-    known = {Case(id=one.id, asked=one.asked) for one in every}
+    cases = {
+        Case(id=experiment.id, asked=experiment.asked): experiment for experiment in experiments
+    }
+    all_cases = {Case(id=experiment.id, asked=experiment.asked) for experiment in every}
     # Rows of experiments whose request has changed are deleted.
-    kept = [
+    kept_rows = [
         row
         for case, row in (stored(rows, Case) if rows.exists() else {}).items()
-        if case in known and not (again and case in cases)
+        if case in all_cases and not (repeats and case in cases)
     ]
     files.mkdir(parents=True, exist_ok=True)
-    rows.write_text("".join(json.dumps(row) + "\n" for row in kept), encoding="utf-8")
+    rows.write_text("".join(json.dumps(row) + "\n" for row in kept_rows), encoding="utf-8")
     run_missing(rows, list(cases), partial(_run, cases, files), minutes=minutes, workers=workers)
 
 

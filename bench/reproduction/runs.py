@@ -142,14 +142,14 @@ class Run:
     @classmethod
     def of(cls, row: dict[str, Any]) -> Run:
         """Build a run from plain values."""
-        found = {field.name: row[field.name] for field in fields(cls)}
+        values = {field.name: row[field.name] for field in fields(cls)}
         for name, kind in (("explosion", Phase), ("playback", Phase), ("overlap", Overlap)):
-            if found[name] is not None:
-                found[name] = kind(**found[name])
-        if found["overlap"] is not None:
+            if values[name] is not None:
+                values[name] = kind(**values[name])
+        if values["overlap"] is not None:
             a, b = row["overlap"]["modules"]
-            found["overlap"] = Overlap(**{**row["overlap"], "modules": (a, b)})
-        return cls(**{**found, "stuck": tuple(row["stuck"])})
+            values["overlap"] = Overlap(**{**row["overlap"], "modules": (a, b)})
+        return cls(**{**values, "stuck": tuple(row["stuck"])})
 
 
 def run(experiment: Experiment, files: Path) -> dict[str, Any]:
@@ -163,17 +163,17 @@ def run(experiment: Experiment, files: Path) -> dict[str, Any]:
     reference_s = reference_seconds()
     with tempfile.TemporaryDirectory(prefix="foldback-reproduction-") as place:
         directory = Path(place)
-        begun, worked = time.perf_counter(), 0.0
+        start_s, worked = time.perf_counter(), 0.0
         summary: dict[str, Any] | None = None
         try:
             _ask(directory, experiment)
-            begun, worked = time.perf_counter(), _processor_seconds()
+            start_s, worked = time.perf_counter(), _processor_seconds()
             summary = run_stages(directory)
             certificate = summary["certificate"]
             result = {name: certificate[name] for name in ("verified", "verdict", "reason")}
         except InputError as error:
             result = {"verified": False, "verdict": f"refused: {error.detail}", "reason": None}
-        wall_s, processor_s = time.perf_counter() - begun, _processor_seconds() - worked
+        wall_s, processor_s = time.perf_counter() - start_s, _processor_seconds() - worked
         return asdict(
             Run(
                 id=experiment.id,
@@ -239,8 +239,8 @@ def _figures(
 
 def _whole(stages: dict[str, tuple[int, int]]) -> tuple[int, int] | None:
     """Return the frames of a playback, with the unfolding of a refold; None without a playback."""
-    found = [stages[name] for name in ("unfolding", "playback") if name in stages]
-    return (found[0][0], found[-1][1]) if found else None
+    stage_rows = [stages[name] for name in ("unfolding", "playback") if name in stages]
+    return (stage_rows[0][0], stage_rows[-1][1]) if stage_rows else None
 
 
 def _explosion(directory: Path, data: dict[str, Any]) -> Phase | None:
@@ -299,13 +299,13 @@ def _ask(directory: Path, experiment: Experiment) -> None:
 def _start(experiment: Experiment) -> Plan:
     """Return the plan that an experiment starts with; compute it if it is not stored."""
     (first,) = (one for one in experiments() if one.id == experiment.start)
-    kept = _start_file(first.id)
-    if not kept.exists():
+    start_path = _start_file(first.id)
+    if not start_path.exists():
         with tempfile.TemporaryDirectory(prefix="foldback-reproduction-") as place:
             _ask(Path(place), first)
             run_stages(Path(place))
             _keep_start(first.id, Path(place) / "plan.npz")
-    return Plan.load(kept)
+    return Plan.load(start_path)
 
 
 def _keep_start(name: str, plan: Path) -> None:
@@ -324,8 +324,11 @@ def _warm() -> None:
 
 
 def _processor_seconds() -> float:
-    spent = (resource.getrusage(who) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
-    return sum(one.ru_utime + one.ru_stime for one in spent)
+    spent = (
+        resource.getrusage(process_kind)
+        for process_kind in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN)
+    )
+    return sum(usage.ru_utime + usage.ru_stime for usage in spent)
 
 
 def _bytes(directory: Path) -> int:

@@ -52,8 +52,8 @@ def still(
         around: (m, 3) points that the picture must show; all centres if None.
     """
     width, height = (SUPERSAMPLING * side for side in size)
-    seen = np.asarray(positions if around is None else around, dtype=np.float64)
-    camera = Camera(_open_view(seen, module.radius, width / height), width, height)
+    seen_positions = np.asarray(positions if around is None else around, dtype=np.float64)
+    camera = Camera(_open_view(seen_positions, module.radius, width / height), width, height)
     places, rotations = positions.astype(np.float64), matrix_from_wxyz(wxyzs.astype(np.float64))
     corners, tones = module_triangles(module, places, rotations, colours, camera, THEMES["light"])
     picture, cover = (np.zeros((height, width, 3), np.uint8) for _ in range(2))
@@ -68,8 +68,8 @@ def _open_view(points: Array, radius: float, aspect: float) -> View:
     usual = framing(points, radius=radius, aspect=aspect, margin=STILL_FILL)
     sights = [(AZIMUTH_RAD + turn, up) for turn in TRIED_TURNS_RAD for up in TRIED_ELEVATIONS_RAD]
     best = max(sights, key=lambda sight: _spread(points, *sight))
-    here = _spread(points, usual.azimuth_rad, usual.elevation_rad)
-    if here >= MIN_OPENNESS * _spread(points, *best):
+    spread_m = _spread(points, usual.azimuth_rad, usual.elevation_rad)
+    if spread_m >= MIN_OPENNESS * _spread(points, *best):
         return usual
     return framing(
         points,
@@ -89,6 +89,6 @@ def _spread(points: Array, azimuth: float, elevation: float) -> float:
     right = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     flat = np.cos(elevation)
     out = np.array([flat * np.cos(azimuth), flat * np.sin(azimuth), np.sin(elevation)])
-    seen = (points - points.mean(axis=0)) @ np.column_stack([right, np.cross(out, right)])
-    narrow = float(np.linalg.eigvalsh(seen.T @ seen / len(points))[0])
+    visited = (points - points.mean(axis=0)) @ np.column_stack([right, np.cross(out, right)])
+    narrow = float(np.linalg.eigvalsh(visited.T @ visited / len(points))[0])
     return max(0.5, np.sqrt(max(narrow, 0.0)))

@@ -79,9 +79,9 @@ def _checked(browser: Browser, address: str) -> dict[str, Any]:
         check.get_by_role("button", name="Check this plan").click()
         check.get_by_text("It took").wait_for()
         text = check.get_by_role("status").inner_text()
-        taken = re.search(r"It took ([\d.]+) s", text)
-        assert taken is not None, text
-        seconds.append(float(taken[1]))
+        match = re.search(r"It took ([\d.]+) s", text)
+        assert match is not None, text
+        seconds.append(float(match[1]))
     context.close()
     proved = text.startswith("This browser checked")
     return {"verdict": "proved" if proved else text, "s": seconds}

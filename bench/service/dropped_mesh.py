@@ -65,19 +65,19 @@ def _drop(browser: Browser, address: str, mesh: Path) -> dict[str, Any]:
     page = context.new_page()
     page.goto("/")
     page.wait_for_timeout(PAUSE_BEFORE_DROP_MS)
-    begun = time.monotonic()
+    start_s = time.monotonic()
     page.locator("input[type=file]").first.set_input_files(mesh)
     page.wait_for_url("**/previews/**")
-    preview = time.monotonic() - begun
+    preview = time.monotonic() - start_s
     page.wait_for_function(FOLDABLE)
-    foldable = time.monotonic() - begun
+    foldable = time.monotonic() - start_s
     page.locator("#fold").click()
-    begun = time.monotonic()
+    start_s = time.monotonic()
     page.wait_for_url("**/folds/**")
     page.wait_for_function(MOVING, polling=20)
-    motion = time.monotonic() - begun
+    motion = time.monotonic() - start_s
     page.wait_for_function(VERIFIED, polling=50)
-    verified = time.monotonic() - begun
+    verified = time.monotonic() - start_s
     context.close()
     return {
         "preview": preview,

@@ -67,21 +67,22 @@ def _played(minutes: float) -> Section:
         page.goto(f"{service.http.base_url}/kiosk?kiosk=60")
         first = _name_of_next(page, "foldback")
         deadline = time.monotonic() + 60 * minutes
-        shown, name = 1, first
+        shown_count, name = 1, first
         while True:
             if name == first:  # each round begins with the same fold
                 with contextlib.suppress(Error):  # on a busy machine the fold may end too soon
-                    section.rows.append({"folds shown": shown, **_memory(page, session)})
+                    section.rows.append({"folds shown": shown_count, **_memory(page, session)})
                 if time.monotonic() > deadline:
                     break
             name = _name_of_next(page, name)
-            shown += 1
+            shown_count += 1
         context.close()
     after_first, end = section.rows[1], section.rows[-1]
     first_mb, end_mb = (row["heap, MB"] + row["heap of view, MB"] for row in (after_first, end))
     growth = end_mb / first_mb - 1
     section.add(
-        f"heaps after {shown} folds in {CLOCK_SPEED * minutes / 60:.1f} h, against the first round",
+        f"heaps after {shown_count} folds in {CLOCK_SPEED * minutes / 60:.1f} h, against the "
+        "first round",
         f"{growth:+.1%}",
         f"≤ {MAX_HEAP_GROWTH:+.0%}",
         growth <= MAX_HEAP_GROWTH,

@@ -192,10 +192,10 @@ def _compared(browser: Browser, address: str, shape: str, kind: str) -> dict[str
     page.context.close()
     worst = 0.0
     for view in shown:
-        other = _opened(browser, view.address)
-        differs = np.abs(_picture(other) - view.picture).max(axis=-1) > MIN_DIFFERENCE_LEVELS
+        other_opened = _opened(browser, view.address)
+        differs = np.abs(_picture(other_opened) - view.picture).max(axis=-1) > MIN_DIFFERENCE_LEVELS
         worst = max(worst, float(differs.mean()))
-        other.context.close()
+        other_opened.context.close()
     return {"shape": shape, "kind": kind, "worst share": worst}
 
 
@@ -221,9 +221,9 @@ def _turned(page: Page, frame: int, rng: np.random.Generator) -> Shown:
 
 def _outside(browser: Browser, address: str) -> tuple[int, int]:
     page = _opened(browser, address)
-    found = [page.evaluate(OUTSIDE, [FRAMES_PER_CHECK, camera]) for camera in CAMERAS]
+    result = [page.evaluate(OUTSIDE, [FRAMES_PER_CHECK, camera]) for camera in CAMERAS]
     page.context.close()
-    looked, cut = np.sum(found, axis=0)
+    looked, cut = np.sum(result, axis=0)
     return int(looked), int(cut)
 
 

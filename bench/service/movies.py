@@ -40,16 +40,16 @@ def movies(reference_seconds: float) -> Section:
         for name, words in OPTIONS.items():
             out = Path(folder) / name
             film = [*command, "movie", str(directory), "--out", str(out), "--json", *words]
-            begun = time.perf_counter()
+            start_s = time.perf_counter()
             done = subprocess.run(film, check=True, stdout=subprocess.PIPE)
-            seconds = time.perf_counter() - begun
+            seconds = time.perf_counter() - start_s
             about = json.loads(done.stdout)
-            what = f"{SHAPE} as {about['format'].upper()}"
+            label = f"{SHAPE} as {about['format'].upper()}"
             size = f"{about['width']}×{about['height']}, {about['pictures']} pictures, {backend}"
             judged = {"bar": f"< {MAX_MOVIE_S:.0f} s", "met": seconds < MAX_MOVIE_S}
-            section.add(f"{what}, {size}, all in all", f"{seconds:.1f} s", **judged)
-            section.add(f"{what}, per picture", f"{1e3 * seconds / about['pictures']:.0f} ms")
-            section.add(f"{what}, file", f"{out.stat().st_size / 1e6:.2f} MB")
+            section.add(f"{label}, {size}, all in all", f"{seconds:.1f} s", **judged)
+            section.add(f"{label}, per picture", f"{1e3 * seconds / about['pictures']:.0f} ms")
+            section.add(f"{label}, file", f"{out.stat().st_size / 1e6:.2f} MB")
         _picture(section, directory)
     return section
 
@@ -59,9 +59,9 @@ def _picture(section: Section, directory: Path) -> None:
 
     chain = Timeline.open(directory / "timeline.zarr").chain
     social_picture(chain)  # compile and load modules first
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     data = social_picture(chain)
-    seconds = time.perf_counter() - begun
+    seconds = time.perf_counter() - start_s
     section.add(
         f"{SHAPE} as social picture, a PNG file of {len(data) / 1e3:.0f} kB",
         f"{seconds:.2f} s",

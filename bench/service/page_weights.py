@@ -68,8 +68,8 @@ def page_weights(reference_seconds: float) -> Section:
 
 def _pages(service: Service) -> Iterator[tuple[str, str]]:
     small, fold = (service.fold(shape=shape)["id"] for shape in SHAPES)
-    for each in (small, fold):
-        service.wait_over(each)
+    for item in (small, fold):
+        service.wait_over(item)
     box = {"format": "foldback-voxels/1", "cells": [[x, y, z] for x, y, z in np.ndindex(5, 4, 3)]}
     sent = {"file": ("box.json", json.dumps(box))}
     looked_at = service.http.post("/api/shapes/preview", data={"full": "false"}, files=sent).json()

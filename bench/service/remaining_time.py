@@ -48,14 +48,17 @@ def remaining_time(reference_seconds: float) -> Section:
         errors = [row["errors"][str(at)] for row in section.rows if str(at) in row["errors"]]
         if not errors:
             continue
-        parts = [abs(each["error_s"]) / each["whole_s"] for each in errors]
+        parts = [abs(error["error_s"]) / error["whole_s"] for error in errors]
         middle, worst = statistics.median(parts), max(parts)
-        what = f"error of the time left after {at:.0%} of {len(errors)} folds, of the whole time"
-        found = f"median {middle:.0%}, largest {worst:.0%}"
+        label = f"error of the time left after {at:.0%} of {len(errors)} folds, of the whole time"
+        value_text = f"median {middle:.0%}, largest {worst:.0%}"
         section.add(
-            what, found, bar=f"median < {MAX_MEDIAN_ERROR:.0%}", met=middle < MAX_MEDIAN_ERROR
+            label,
+            value_text,
+            bar=f"median < {MAX_MEDIAN_ERROR:.0%}",
+            is_met=middle < MAX_MEDIAN_ERROR,
         )
-        seconds = statistics.median(abs(each["error_s"]) for each in errors)
+        seconds = statistics.median(abs(error["error_s"]) for error in errors)
         section.add(f"the same in seconds after {at:.0%}", f"median {seconds:.1f} s")
     return section
 
@@ -75,8 +78,8 @@ def _followed(service: Service, shape: str) -> dict[str, Any]:
         now = first + at * (last - first)
         moment, data = events[bisect.bisect_right(times, now) - 1]
         if data["remaining_s"]:
-            said = data["remaining_s"] - (now - moment)
-            errors[str(at)] = {"error_s": said - (last - now), "whole_s": last - first}
+            predicted_error_s = data["remaining_s"] - (now - moment)
+            errors[str(at)] = {"error_s": predicted_error_s - (last - now), "whole_s": last - first}
     return {
         "shape": shape,
         "modules": events[-1][1]["modules"],

@@ -48,14 +48,14 @@ def sites(reference_seconds: float) -> Section:
         out = Path(place) / "host" / "x" / "y"
         for shape in _shapes(SITE_FOLDS - len(list(SHIPPED_FOLDS_DIR.glob("*.fold")))):
             fold(shape, out=Path(place) / "folds" / shape)
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         site(out, [Path(place) / "folds"])
-        written_s = time.perf_counter() - begun
+        written_s = time.perf_counter() - start_s
         files = {path: path.stat().st_size for path in out.rglob("*") if path.is_file()}
         with sync_playwright() as playwright, _host(out.parents[1]) as host:
             browser = playwright.chromium.launch(executable_path=CHROMIUM.get(), args=FLAGS)
-            for where, address in (("folder", out.as_uri()), ("HTTP", f"{host}/x/y")):
-                section.rows += [_opened(browser, address, where, name) for name in PAGES]
+            for medium, address in (("folder", out.as_uri()), ("HTTP", f"{host}/x/y")):
+                section.rows += [_opened(browser, address, medium, name) for name in PAGES]
             browser.close()
     count = sum(path.match("folds/*.html") for path in files)
     size = sum(files.values())
@@ -67,10 +67,10 @@ def sites(reference_seconds: float) -> Section:
     )
     folds = [bytes_ for path, bytes_ in files.items() if path.match("folds/*.html")]
     section.add("page of a fold, median and largest", _megabytes(np.median(folds), max(folds)))
-    for where in ("folder", "HTTP"):
-        slowest = max(row["in motion, s"] for row in section.rows if row["from"] == where)
+    for medium in ("folder", "HTTP"):
+        slowest = max(row["in motion, s"] for row in section.rows if row["from"] == medium)
         section.add(
-            f"first motion of a fold opened from a {where}, slowest of {len(PAGES)} folds",
+            f"first motion of a fold opened from a {medium}, slowest of {len(PAGES)} folds",
             f"{slowest:.2f} s",
             f"≤ {MAX_FIRST_MOTION_S:g} s",
             slowest <= MAX_FIRST_MOTION_S,
@@ -103,14 +103,14 @@ def _host(directory: Path) -> Generator[str]:
         server.shutdown()
 
 
-def _opened(browser: Browser, address: str, where: str, name: str) -> dict[str, Any]:
+def _opened(browser: Browser, address: str, medium: str, name: str) -> dict[str, Any]:
     """Return the median seconds until a fold moves, in windows without a cache."""
     seconds: list[float] = []
     for _ in range(OPENINGS_PER_PAGE):
         page = browser.new_page(viewport={"width": 1366, "height": 768})
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         page.goto(f"{address}/folds/{name}.html", wait_until="commit")
         page.wait_for_function(MOVING, polling=20)
-        seconds.append(time.perf_counter() - begun)
+        seconds.append(time.perf_counter() - start_s)
         page.close()
-    return {"from": where, "fold": name, "in motion, s": float(np.median(seconds))}
+    return {"from": medium, "fold": name, "in motion, s": float(np.median(seconds))}

@@ -86,9 +86,9 @@ def _folded_and_told(path: FilePath) -> dict[str, Any]:
 
 
 def _timed(directory: FilePath) -> tuple[float, Tour]:
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     tour = drafted(directory)
-    return time.perf_counter() - begun, tour
+    return time.perf_counter() - start_s, tour
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,8 +118,10 @@ class _Fold:
             "A simpler motion would fail": self._direct,
             "Done": self._done,
         }
-        found = next((check for begin, check in checks.items() if stop.caption.startswith(begin)))
-        return found(stop)
+        sentence_check = next(
+            (check for opening, check in checks.items() if stop.caption.startswith(opening))
+        )
+        return sentence_check(stop)
 
     def _straight(self, stop: Stop) -> bool:
         frame = self.timeline.frames(stop.frame - 1, stop.frame)
@@ -136,78 +138,80 @@ class _Fold:
         )
 
     def _contact(self, stop: Stop) -> bool:
-        one, other = sorted(stop.modules)
-        at, before = (self._distance(stop.frame - back, one, other) for back in (1, 2))
-        return other - one >= 3 and at < 0.1 <= before + 1e-6
+        first, second = sorted(stop.modules)
+        at, before = (
+            self._distance(stop.frame - frames_back, first, second) for frames_back in (1, 2)
+        )
+        return second - first >= 3 and at < 0.1 <= before + 1e-6
 
     def _tightest(self, stop: Stop) -> bool:
-        least = self.certificate["min_clearance"]
+        min_clearance = self.certificate["min_clearance"]
         bound = self.certificate["clearance_bound"]
         stated = _numbers(stop.caption)
         percent, proved = stated[2], stated[3]
-        one, other = stop.modules
+        first, second = stop.modules
         return (
-            [one - 1, other - 1] == self.certificate["min_clearance_at"]["modules"]
-            and self._distance(stop.frame - 1, one, other) <= least + 0.05
-            and abs(percent - 100 * least) <= 0.05 * percent + 1e-9
+            [first - 1, second - 1] == self.certificate["min_clearance_at"]["modules"]
+            and self._distance(stop.frame - 1, first, second) <= min_clearance + 0.05
+            and abs(percent - 100 * min_clearance) <= 0.05 * percent + 1e-9
             and 100 * bound - 0.1 - 1e-9 <= proved <= 100 * bound
         )
 
     def _knot(self, stop: Stop) -> bool:
         frames = [self.timeline.frames(k, k + 1) for k in (stop.frame - 2, stop.frame - 1)]
-        verdicts = [knot_of(each.poses(self.chain).positions[0]).verdict for each in frames]
+        verdicts = [knot_of(frame.poses(self.chain).positions[0]).verdict for frame in frames]
         return verdicts == ["unknot", "knotted"]
 
     def _torque(self, stop: Stop) -> bool:
         value = self.certificate["peak_torque_nm"]
         number = re.search(r": ([\d.]+) (\S*)N·m", stop.caption)
         units = {"": 1.0, "m": 1e-3, "µ": 1e-6, "n": 1e-9}
-        one, other = stop.modules
+        first, second = stop.modules
         return (
             number is not None
-            and other == one + 1
+            and second == first + 1
             and abs(float(number[1]) * units[number[2]] - value) <= 0.05 * value
         )
 
     def _direct(self, stop: Stop) -> bool:
         percent = _numbers(stop.caption)[2]
-        one, other = sorted(stop.modules)
+        first, second = sorted(stop.modules)
         depths = [
-            self._distance_at(share / 100 * self.chain.folded_rad, one, other)
+            self._distance_at(share / 100 * self.chain.folded_rad, first, second)
             for share in (percent - 1, percent)
         ]
         return depths[0] > depths[1] and depths[1] <= 0.0 < percent <= 100
 
     def _done(self, stop: Stop) -> bool:
-        bound, taken = self.certificate["clearance_bound"], self.certificate["fold_time_s"]
+        bound, fold_time_s = self.certificate["clearance_bound"], self.certificate["fold_time_s"]
         stated = _numbers(stop.caption.split("erified", 1)[1])
         return (
             100 * bound - 0.1 - 1e-9 <= stated[0] <= 100 * bound
-            and abs(stated[1] - taken) <= 0.05 * taken
+            and abs(stated[1] - fold_time_s) <= 0.05 * fold_time_s
             and stop.frame == len(self.timeline)
         )
 
-    def _distance(self, frame: int, one: int, other: int) -> float:
+    def _distance(self, frame: int, first: int, second: int) -> float:
         poses = self.timeline.frames(frame, frame + 1).poses(self.chain)
-        return self._gap(poses.positions[0], poses.rotations[0], one, other)
+        return self._gap(poses.positions[0], poses.rotations[0], first, second)
 
-    def _distance_at(self, angles: Array, one: int, other: int) -> float:
+    def _distance_at(self, angles: Array, first: int, second: int) -> float:
         upright = np.array([[1.0, 0.0, 0.0, 0.0]])
         poses = self.chain.poses(angles[None], np.zeros((1, 3)), upright)
-        return self._gap(poses.positions[0], poses.rotations[0], one, other)
+        return self._gap(poses.positions[0], poses.rotations[0], first, second)
 
-    def _gap(self, centres: Array, rotations: Array, one: int, other: int) -> float:
+    def _gap(self, centres: Array, rotations: Array, first: int, second: int) -> float:
         """Return the distance of two modules; 0 when they overlap."""
         size = float(self.certificate.get("module_size", 1.0))
         hull = self.chain.module.vertices * size
-        a, b = (centres[k - 1] + hull @ rotations[k - 1].T for k in (one, other))
+        a, b = (centres[k - 1] + hull @ rotations[k - 1].T for k in (first, second))
         return _distance(a, b)
 
 
 def _distance(a: Array, b: Array) -> float:
     """Return the distance of two convex hulls; 0 when they overlap (an LP finds a common point)."""
-    ones, zeros = np.ones((1, len(a))), np.zeros((1, len(a)))
-    weights = np.block([[a.T, -b.T], [ones, zeros], [zeros, ones]])
+    unit_row, zeros = np.ones((1, len(a))), np.zeros((1, len(a)))
+    weights = np.block([[a.T, -b.T], [unit_row, zeros], [zeros, unit_row]])
     if linprog(np.zeros(len(a) + len(b)), A_eq=weights, b_eq=[0, 0, 0, 1, 1]).status == 0:
         return 0.0
     difference = np.vstack([a, -b])
@@ -215,7 +219,7 @@ def _distance(a: Array, b: Array) -> float:
     def squared(w: Array) -> float:
         return float(((difference.T @ w) ** 2).sum())
 
-    found = minimize(
+    optimum = minimize(
         squared,
         np.full(len(difference), 1.0 / len(a)),
         bounds=[(0.0, 1.0)] * len(difference),
@@ -223,11 +227,11 @@ def _distance(a: Array, b: Array) -> float:
         method="SLSQP",
         options={"ftol": 1e-14, "maxiter": 500},
     )
-    return float(np.sqrt(found.fun))
+    return float(np.sqrt(optimum.fun))
 
 
 def _numbers(text: str) -> list[float]:
-    return [float(found) for found in re.findall(r"\d+(?:\.\d+)?", text)]
+    return [float(number) for number in re.findall(r"\d+(?:\.\d+)?", text)]
 
 
 def main() -> None:

@@ -103,7 +103,7 @@ class Case:
 
 def cases(largest: int) -> list[Case]:
     """Return all cases up to a number of modules, the cheapest first."""
-    found = [
+    case_list = [
         Case(method=method, kind=kind, modules=modules, seed=seed)
         for modules in BOXES
         for method in METHODS
@@ -112,7 +112,8 @@ def cases(largest: int) -> list[Case]:
         if modules <= min(largest, MAX_MODULES_OF_METHOD.get(method, largest))
     ]
     return sorted(
-        found, key=lambda case: case.modules * RELATIVE_COSTS.get(case.method, 8) * (1 + case.seed)
+        case_list,
+        key=lambda case: case.modules * RELATIVE_COSTS.get(case.method, 8) * (1 + case.seed),
     )
 
 
@@ -130,11 +131,11 @@ def path_of(kind: str, sides: tuple[int, int, int], seed: int) -> Ints | None:
         return layered_snake((int(turned[0]), int(turned[1]), int(turned[2])))
     if kind in ("assembly", "block"):
         method = "blocks" if kind == "block" else kind
-        found = find_paths(Shape.from_cells(box), method=method, seed=seed, candidates=1)
-        return found.paths[0].cells if found.paths else None
+        path_search = find_paths(Shape.from_cells(box), method=method, seed=seed, candidates=1)
+        return path_search.paths[0].cells if path_search.paths else None
     if kind == "exact":
-        found = find_paths(Shape.from_cells(box), method="exact", seed=seed, candidates=1)
-        return found.paths[0].cells if found.paths else None
+        path_search = find_paths(Shape.from_cells(box), method="exact", seed=seed, candidates=1)
+        return path_search.paths[0].cells if path_search.paths else None
     count, order = grow(
         neighbours(box), np.ones(len(box), dtype=bool), -1, MOVES_PER_MODULE * len(box), seed
     )
@@ -143,7 +144,7 @@ def path_of(kind: str, sides: tuple[int, int, int], seed: int) -> Ints | None:
 
 def run(case: Case) -> dict[str, Any]:
     """Return the row of one case."""
-    begun = time.process_time()
+    start_s = time.process_time()
     cells = path_of(case.kind, BOXES[case.modules], case.seed)
     outcome: dict[str, Any] = {
         **asdict(case),
@@ -154,11 +155,11 @@ def run(case: Case) -> dict[str, Any]:
     }
     if cells is None:
         return outcome
-    begun = time.process_time()
+    start_s = time.process_time()
     budget_s = PAPER_BUDGET_S if case.method == "paper" else BUDGET_S
 
     def over() -> bool:
-        return time.process_time() - begun > budget_s
+        return time.process_time() - start_s > budget_s
 
     path = Path.from_cells([tuple(cell) for cell in cells.tolist()], name="box")
     with tempfile.TemporaryDirectory() as place:
@@ -169,34 +170,34 @@ def run(case: Case) -> dict[str, Any]:
             outcome |= {name: certificate[name] for name in ("verified", "simulated", "verdict")}
         except InputError as error:
             outcome["verdict"] = f"refused: {error.code}"
-    return {**outcome, "seconds": round(time.process_time() - begun, 2)}
+    return {**outcome, "seconds": round(time.process_time() - start_s, 2)}
 
 
 def shares(rows: list[dict[str, Any]]) -> Shares:
     """Count the verified folds by method, kind and modules; cases without a path are omitted."""
-    found: Shares = {}
+    case_shares: Shares = {}
     for row in rows:
         if row["verdict"] in ("no path", "refused: strategy-differs"):
             continue
         key = (row["method"], row["kind"], row["modules"])
-        simulated, by_kinematics, count = found.get(key, (0, 0, 0))
-        found[key] = (
+        simulated, by_kinematics, count = case_shares.get(key, (0, 0, 0))
+        case_shares[key] = (
             simulated + bool(row["verified"] and row["simulated"]),
             by_kinematics + bool(row["verified"] and not row["simulated"]),
             count + 1,
         )
-    return found
+    return case_shares
 
 
 def show(rows: list[dict[str, Any]], console: Console) -> None:
     """Print the shares, a line for each kind and number of modules."""
-    found = shares(rows)
+    case_shares = shares(rows)
     table = Table(title="verified folds", title_justify="left")
     for name in ("path", "modules", *METHODS):
         table.add_column(name)
     for kind in KINDS:
         for modules in BOXES:
-            cells = [found.get((method, kind, modules)) for method in METHODS]
+            cells = [case_shares.get((method, kind, modules)) for method in METHODS]
             if any(cells):
                 texts = ["" if cell is None else f"{cell[0] + cell[1]}/{cell[2]}" for cell in cells]
                 table.add_row(kind, str(modules), *texts)

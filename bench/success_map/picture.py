@@ -99,15 +99,15 @@ def _field(
 ) -> str:
     parts = [f'<text class="name" x="{x}" y="{y + 20}">{escape(method)}</text>']
     for index, size in enumerate(sizes):
-        left = x + index * CELL_PX
+        x0 = x + index * CELL_PX
         parts.append(
-            f'<text class="size" transform="translate({left + 13} {y + HEAD_PX - 6}) rotate(-50)">'
+            f'<text class="size" transform="translate({x0 + 13} {y + HEAD_PX - 6}) rotate(-50)">'
             f"{size}</text>"
         )
         for row, kind in enumerate(kinds):
             share = shares.get((method, kind, size))
             words = _words(share)
-            cell = _cell(share, left, y + HEAD_PX + row * CELL_PX)
+            cell = _cell(share, x0, y + HEAD_PX + row * CELL_PX)
             parts.append(f"<g><title>{words}</title>{cell}</g>")
     return "\n".join(parts)
 

@@ -75,10 +75,10 @@ def run(case: Case) -> dict[str, Any]:
         path = CellPath.from_cells(cells, name=f"random-{case.seed}")
     else:
         file = ROOT / "examples" / "shapes" / f"{case.shape}.json"
-        found = read(file.read_bytes(), filename=file.name)
-        assert isinstance(found, CellPath)
-        path = found
-    begun = time.process_time()
+        result = read(file.read_bytes(), filename=file.name)
+        assert isinstance(result, CellPath)
+        path = result
+    start_s = time.process_time()
     plan = fold(path, preset="paper", seed=case.seed)
     certificate = plan.certificate
     return {
@@ -89,7 +89,7 @@ def run(case: Case) -> dict[str, Any]:
         "reason": certificate.reason and str(certificate.reason.code),
         "clearance": certificate.min_clearance,
         "record": certificate.min_clearance_record,
-        "cpu s": round(time.process_time() - begun, 1),
+        "cpu s": round(time.process_time() - start_s, 1),
     }
 
 

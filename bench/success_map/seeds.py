@@ -57,27 +57,29 @@ def cases() -> Iterator[Case]:
 
 def run(case: Case) -> dict[str, Any]:
     """Return the row of one case; ``first`` is the reason why its first attempt failed."""
-    begun = time.process_time()
+    start_s = time.process_time()
     with tempfile.TemporaryDirectory(prefix="foldback-seeds-") as place:
         directory = Path(place)
         try:
             certificate = judge(directory, *_input(case))
             verified, verdict = certificate["verified"], certificate["verdict"]
             modules = json.loads((directory / "chain.json").read_bytes())["modules"]
-            tried = json.loads((directory / "attempts.json").read_bytes())
+            attempts = json.loads((directory / "attempts.json").read_bytes())
         except InputError as error:
-            modules, verified, verdict, tried = 0, False, f"refused: {error.code}", [{}]
-    first, last = tried[0], tried[-1]
-    why = (first.get("refusal") or {}).get("code") or (first.get("diagnosis") or {}).get("kind", "")
+            modules, verified, verdict, attempts = 0, False, f"refused: {error.code}", [{}]
+    first, last = attempts[0], attempts[-1]
+    code = (first.get("refusal") or {}).get("code") or (first.get("diagnosis") or {}).get(
+        "kind", ""
+    )
     return {
         **asdict(case),
         "modules": modules,
         "verified": verified,
         "verdict": verdict,
-        "attempts": len(tried),
+        "attempts": len(attempts),
         "strategy": last.get("strategy"),
-        "first": "" if len(tried) == 1 else why,
-        "cpu s": round(time.process_time() - begun, 2),
+        "first": "" if len(attempts) == 1 else code,
+        "cpu s": round(time.process_time() - start_s, 2),
     }
 
 

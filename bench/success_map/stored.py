@@ -25,10 +25,10 @@ Row = dict[str, Any]
 def version_of(package: str) -> str:
     """Return the first eight hex digits of a digest of the modules of a package."""
     root = Path(__file__).parents[2]
-    found = hashlib.sha256()
+    digest = hashlib.sha256()
     for module in sorted((root / package).rglob("*.py")):
-        found.update(str(module.relative_to(root)).encode() + module.read_bytes())
-    return found.hexdigest()[:8]
+        digest.update(str(module.relative_to(root)).encode() + module.read_bytes())
+    return digest.hexdigest()[:8]
 
 
 def stored(path: Path, kind: type[Case]) -> dict[Case, Row]:
@@ -56,11 +56,11 @@ def run_missing(
         minutes: Minutes after which no further case is started.
         workers: Number of cases at the same time.
     """
-    wanted = list(cases)
-    rows = stored(path, type(wanted[0]))
+    wanted_cases = list(cases)
+    rows = stored(path, type(wanted_cases[0]))
     path.parent.mkdir(parents=True, exist_ok=True)
     until = time.monotonic() + 60.0 * minutes
-    missing = (case for case in wanted if case not in rows)
+    missing = (case for case in wanted_cases if case not in rows)
     due = (case for case in missing if time.monotonic() <= until)
     for case, row in _each(due, run, workers):
         rows[case] = row

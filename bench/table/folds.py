@@ -97,11 +97,11 @@ def table_folds(reference_seconds: float) -> Section:
         ]
         limit = conditions.limit
         good = [run for run in runs if run.torque is not None and run.torque <= limit]
-        most = max((run.torque or 0.0 for run in good), default=0.0)
+        max_torque = max((run.torque or 0.0 for run in good), default=0.0)
         section.add(
             f"24 to 32 modules, friction {conditions.friction:g}, {conditions.base}: straight "
             f"within {limit:g} w·p at {BOX_MODULE_SIZE:g}",
-            f"{len(good)} of {len(runs)}, at most {most:.2f} w·p, median "
+            f"{len(good)} of {len(runs)}, at most {max_torque:.2f} w·p, median "
             f"{np.median([r.seconds for r in runs]):.1f} s, longest "
             f"{max(r.seconds for r in runs):.1f} s (reference {reference_seconds:.2f} s)",
             bar,
@@ -159,7 +159,7 @@ def _run(section: Section, name: str, cells: Cells, seed: int, conditions: Condi
 
 def explored(name: str, cells: Cells, seed: int, conditions: Conditions) -> Result:
     """Try a shape until an attempt ends straight within the torque, and without contact."""
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     paths = table_paths(cells, seed=seed)
     parameters = replace(
         TableParameters(),
@@ -191,13 +191,13 @@ def explored(name: str, cells: Cells, seed: int, conditions: Conditions) -> Resu
                 torque=certificate.torque,
                 clearance=clearance,
                 attempts=attempt + 1,
-                seconds=time.perf_counter() - begun,
+                seconds=time.perf_counter() - start_s,
             )
         reason = certificate.verdict
     return Result(
         torque=None,
         clearance=None,
         attempts=MAX_ATTEMPTS,
-        seconds=time.perf_counter() - begun,
+        seconds=time.perf_counter() - start_s,
         reason=reason,
     )

@@ -59,15 +59,15 @@ FOLDED_MODULES: Final = 32
 def table_meshes(reference_seconds: float) -> Section:
     """Count the meshes with a path for a table; fold ten of them."""
     section = Section(name="table-meshes")
-    for modules, least in MIN_WITH_PATH.items():
+    for modules, min_modules in MIN_WITH_PATH.items():
         rows = [_path_row(name, modules) for name in FORMS]
         section.rows += rows
         count = sum(row["path"] != "" for row in rows)
         section.add(
             f"meshes with a path for a table at {modules}",
             f"{count} of {len(rows)}",
-            f"≥ {least}",
-            count >= least,
+            f"≥ {min_modules}",
+            count >= min_modules,
         )
         seconds = float(np.median([row["cpu s"] for row in rows]))
         section.add(
@@ -117,10 +117,10 @@ def _fold_row(name: str) -> dict[str, Any]:
     request = FoldRequest(filename=f"{name}.stl", modules=FOLDED_MODULES, world="table")
     cpu = time.process_time()
     try:
-        with TemporaryDirectory() as aside:
-            Workspace(Path(aside)).write_request(request, data)
-            run_stages(Path(aside))
-            plan = Plan.load(Path(aside) / "plan.npz")
+        with TemporaryDirectory() as directory:
+            Workspace(Path(directory)).write_request(request, data)
+            run_stages(Path(directory))
+            plan = Plan.load(Path(directory) / "plan.npz")
         verified, verdict = plan.certificate.verified, plan.certificate.verdict
     except InputError as error:
         verified, verdict = False, f"failed: {error.detail}"

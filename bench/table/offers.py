@@ -37,15 +37,15 @@ def table_offers_section(reference_seconds: float) -> Section:
     with tempfile.TemporaryDirectory(prefix="foldback-bench-") as directory:
         file = Path(directory) / FILENAME
         file.write_bytes(data)
-        for asked in COUNTS:
-            begun = time.process_time()
-            offer = _first_offer(data, asked)
+        for count in COUNTS:
+            start_s = time.process_time()
+            offer = _first_offer(data, count)
             row = {
-                "asked": asked,
+                "asked": count,
                 "offered": "as it is" if offer is None else offer.kind,
-                "search_cpu_s": time.process_time() - begun,
+                "search_cpu_s": time.process_time() - start_s,
             }
-            options = _options(asked, offer)
+            options = _options(count, offer)
             if options not in folded:
                 folded[options] = _folded(file, options)
             section.rows.append({**row, "options": " ".join(options), **folded[options]})
@@ -60,9 +60,9 @@ def table_offers_section(reference_seconds: float) -> Section:
     return section
 
 
-def _first_offer(data: bytes, asked: int) -> Offer | None:
+def _first_offer(data: bytes, request: int) -> Offer | None:
     """Return the first offer; None if the shape has a path without a change."""
-    options = PathOptions(modules=asked, world="table")
+    options = PathOptions(modules=request, world="table")
     if prepare(data, FILENAME, options).chains:
         return None
     solid = read(data, filename=FILENAME)
@@ -70,9 +70,9 @@ def _first_offer(data: bytes, asked: int) -> Offer | None:
     return next(table_offers(solid, options))
 
 
-def _options(asked: int, offer: Offer | None) -> tuple[str, ...]:
+def _options(request: int, offer: Offer | None) -> tuple[str, ...]:
     """Return the options of the command line that accept an offer."""
-    change = {"modules": asked, **({} if offer is None else offer.change)}
+    change = {"modules": request, **({} if offer is None else offer.change)}
     repair = ("--repair",) if change.pop("repair", False) else ()
     return tuple(f"--{name}={value}" for name, value in change.items()) + repair
 

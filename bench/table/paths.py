@@ -40,7 +40,7 @@ def table_path_section(reference_seconds: float, *, max_cells: int = MAX_SHAPE_C
     counts = {LAYERS: 0}
     slowest = dict.fromkeys((limit for limit, _ in MAX_SEARCH_S), 0.0)
     for name, cells in shapes:
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         try:
             paths = table_paths(cells)
             best, none = paths[0], ""
@@ -48,7 +48,7 @@ def table_path_section(reference_seconds: float, *, max_cells: int = MAX_SHAPE_C
             _check(paths, cells)
         except InputError as error:
             paths, best, none = (), None, f"{error.code}: {error.detail}"
-        took = time.perf_counter() - begun
+        took = time.perf_counter() - start_s
         for limit in slowest:
             if len(cells) <= limit:
                 slowest[limit] = max(slowest[limit], took)
@@ -86,9 +86,9 @@ def table_path_section(reference_seconds: float, *, max_cells: int = MAX_SHAPE_C
 def gallery_cells(max_cells: int) -> Iterator[tuple[str, NDArray[np.int64]]]:
     """Yield names and cells of the gallery's shapes of cubes up to a size."""
     for file in sorted(SHAPES.glob("*.json")):
-        found = read(file.read_bytes(), filename=file.name)
-        if isinstance(found, ChainPath) and len(found) <= max_cells:
-            yield file.stem, found.cells
+        result = read(file.read_bytes(), filename=file.name)
+        if isinstance(result, ChainPath) and len(result) <= max_cells:
+            yield file.stem, result.cells
 
 
 def _check(paths: tuple[TablePath, ...], cells: NDArray[np.int64]) -> None:

@@ -49,21 +49,21 @@ def _shapes() -> dict[str, bytes]:
 
 
 def _shape(section: Section, name: str, data: bytes, directory: FilePath) -> None:
-    begun = time.perf_counter()
+    start_s = time.perf_counter()
     Workspace(directory).write_request(FoldRequest(world="table", as_voxels=True), data)
     run_stages(directory)
-    seconds = time.perf_counter() - begun
+    seconds = time.perf_counter() - start_s
     plan, played = Workspace(directory).read_plan(), Workspace(directory).read_playback()
     table = plan.certificate.table
     if played is None or table is None or table.torque is None or table.frame is None:
         section.add(f"{name}: playback", plan.certificate.verdict, "", False)
         return
     chain = plan.chain
-    wanted, actual = (
+    expected, actual = (
         chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz).positions
         for frames in (plan.motion.dense(chain), played.frames.dense(chain))
     )
-    errors = np.sqrt(((wanted - actual) ** 2).sum(axis=2).mean(axis=1))
+    errors = np.sqrt(((expected - actual) ** 2).sum(axis=2).mean(axis=1))
     rms = float(np.sqrt((errors**2).mean()))
     torque = max(table.torque, MIN_SIZING_TORQUE_WP)
     limit = TABLE_MOTOR_RESERVE * torque

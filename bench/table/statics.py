@@ -112,11 +112,11 @@ def half_exploded(chain: Chain) -> Iterator[tuple[Array, Array, Array]]:
 
 
 def _core(chain: Chain, core: int) -> Iterator[tuple[Array, Array, Array]]:
-    away = np.random.default_rng(0).normal(size=len(chain.folded_rad))
-    held = max(core - 2, 0) * chain.module.hinges_per_joint
+    direction = np.random.default_rng(0).normal(size=len(chain.folded_rad))
+    held_hinges = max(core - 2, 0) * chain.module.hinges_per_joint
     for share in np.linspace(0.0, 1.0, TIMED_FRAMES):
-        angles = chain.folded_rad + NOISE_RAD * share * away
-        angles[held:] = 0.0
+        angles = chain.folded_rad + NOISE_RAD * share * direction
+        angles[held_hinges:] = 0.0
         poses = forward_kinematics(
             chain.module,
             angles,
@@ -128,26 +128,26 @@ def _core(chain: Chain, core: int) -> Iterator[tuple[Array, Array, Array]]:
 
 
 def _times(section: Section, reference_seconds: float) -> None:
-    for modules, made in TIMED_CHAINS.items():
-        chain = made()
+    for modules, chain_kind in TIMED_CHAINS.items():
+        chain = chain_kind()
         worst = 0.0
         for kind, frames in (("packed", packed), ("half exploded", half_exploded)):
             for enough in (0.0, SUFFICIENT_TORQUE_WP):
                 took = _milliseconds(chain, frames, enough)
-                mean, most = float(np.mean(took)), float(np.max(took))
+                mean, max_s = float(np.mean(took)), float(np.max(took))
                 worst = max(worst, mean)
-                what = "the least torque" if enough == 0.0 else f"any up to {enough:g} w·p"
+                target = "the least torque" if enough == 0.0 else f"any up to {enough:g} w·p"
                 section.rows.append(
                     {
-                        "case": f"{modules} modules, {kind}, {what}",
+                        "case": f"{modules} modules, {kind}, {target}",
                         "modules": modules,
                         "mean_ms": mean,
-                        "most_ms": most,
+                        "most_ms": max_s,
                         "references": mean / 1000.0 / reference_seconds,
                     }
                 )
                 section.add(
-                    f"{modules} modules, {kind}: {what}", f"{mean:.1f} ms, at most {most:.1f} ms"
+                    f"{modules} modules, {kind}: {target}", f"{mean:.1f} ms, at most {max_s:.1f} ms"
                 )
         bar = MAX_FRAME_MS[modules]
         if bar is not None:
@@ -166,40 +166,40 @@ def _milliseconds(
     balance.solve(*next(frames(chain)))  # compile first
     took: list[float] = []
     for positions, rotations, angles in frames(chain):
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         balance.solve(positions, rotations, angles, enough=enough)
-        took.append(1000.0 * (time.perf_counter() - begun))
+        took.append(1000.0 * (time.perf_counter() - start_s))
     return took
 
 
 def _plans(section: Section) -> None:
     for shape in SHAPES:
         chain = shape.chain()
-        held = static_torque(chain, np.zeros_like(chain.folded_rad))
-        asked: list[float] = []
+        rod_torque = static_torque(chain, np.zeros_like(chain.folded_rad))
+        bounds: list[float] = []
         for seed in SEEDS:
             plan = fold(chain, seed=seed)
-            found = table_certificate(plan.chain, plan.motion)
+            certificate = table_certificate(plan.chain, plan.motion)
             section.rows.append(
                 {
                     "case": shape.name,
                     "seed": seed,
-                    "verdict": found.verdict,
-                    "torque_wp": found.torque,
-                    "frames": len(found.torques),
-                    "seconds": found.seconds,
+                    "verdict": certificate.verdict,
+                    "torque_wp": certificate.torque,
+                    "frames": len(certificate.torques),
+                    "seconds": certificate.seconds,
                 }
             )
-            if found.torque is not None:
-                asked.append(found.torque)
+            if certificate.torque is not None:
+                bounds.append(certificate.torque)
         section.add(
             f"{shape.name}: held at its root, straight",
-            f"{held:.0f} w·p",
+            f"{rod_torque:.0f} w·p",
             f"{shape.held:g} within 10 %",
-            abs(held / shape.held - 1.0) <= 0.1,
+            abs(rod_torque / shape.held - 1.0) <= 0.1,
         )
         section.add(
             f"{shape.name}: best resting pose of each frame, without friction, {len(SEEDS)} seeds",
-            f"{', '.join(f'{one:.0f}' for one in asked)} w·p",
+            f"{', '.join(f'{bound:.0f}' for bound in bounds)} w·p",
             f"a prototype's plan: {shape.resting:g}",
         )

@@ -103,17 +103,21 @@ def table_tetrahedra(reference_seconds: float) -> Section:
     """Try the ring of twelve, two chains of 24 tetrahedra and two of 48."""
     section = Section(name="table-tetrahedra")
     for name, chain in _chains():
-        asked = table_certificate(chain, fold(chain).motion)
-        held = static_torque(chain, np.zeros_like(chain.folded_rad))
+        asked_certificate = table_certificate(chain, fold(chain).motion)
+        rod_torque = static_torque(chain, np.zeros_like(chain.folded_rad))
         section.add(
             f"{name}, {len(chain)}: today's plan, without friction",
-            f"held at its root {held:.0f} w·p, best resting pose of each frame "
-            + ("never balances" if asked.torque is None else f"{asked.torque:.1f} w·p"),
+            f"held at its root {rod_torque:.0f} w·p, best resting pose of each frame "
+            + (
+                "never balances"
+                if asked_certificate.torque is None
+                else f"{asked_certificate.torque:.1f} w·p"
+            ),
         )
-        tried = [
+        trials = [
             _tried(section, name, chain, seed, reference_seconds) for seed in range(SEEDS_PER_CHAIN)
         ]
-        good = [torque for torque in tried if torque is not None]
+        good = [torque for torque in trials if torque is not None]
         section.add(
             f"{name}, {len(chain)}: straight within {MAX_TORQUE_WP:g} w·p, without friction",
             f"{len(good)} of {SEEDS_PER_CHAIN}"
@@ -132,8 +136,8 @@ def _chains() -> list[tuple[str, Chain]]:
     for sides in ((2, 1, 1), (4, 1, 1), (2, 2, 1)):
         cells = np.argwhere(np.ones(sides, dtype=bool)).tolist()
         options = PathOptions(module="tetrahedron", as_voxels=True)
-        made = prepare(str(cells).encode(), "cells.json", options)
-        chains += [("×".join(map(str, sides)), made.chains[0])]
+        preparation = prepare(str(cells).encode(), "cells.json", options)
+        chains += [("×".join(map(str, sides)), preparation.chains[0])]
     return chains
 
 
@@ -144,9 +148,9 @@ def _tried(
     trial = lie_down(chain, seed=seed)
     torque = None
     if trial.straight:
-        found = table_certificate(chain, trial.frames[::-1], base="free", on_table=True)
+        certificate = table_certificate(chain, trial.frames[::-1], base="free", on_table=True)
         clear = sweep(chain, trial.frames.joint_angles_rad, module_size=VERIFY_SIZE).clearance > 0.0
-        torque = found.torque if found.rests and clear else None
+        torque = certificate.torque if certificate.rests and clear else None
     section.rows.append(
         {
             "case": name,
@@ -244,11 +248,11 @@ class _Drive:
         springs = rng.uniform(0.3, 1.0, hinges) * min(
             MAX_TORQUE_WP, SPRING_TORQUE_WP * rng.uniform(0.5, 2.0) * stronger
         )
-        which, border = rng.integers(4), int(rng.integers(hinges))
+        direction, border = rng.integers(4), int(rng.integers(hinges))
         is_held = np.zeros(hinges, dtype=bool)
-        if which == 0:
+        if direction == 0:
             is_held[:border] = True
-        elif which == 1:
+        elif direction == 1:
             is_held[border:] = True
         size = rng.choice([0.0, 1.0], p=[0.4, 0.6]) * rng.uniform(0.0, 0.25)
         forces = rng.normal(size=(len(tree.bodies), 3)) * [1.0, 1.0, 0.5]
@@ -335,9 +339,9 @@ class _Run:
 
     def result(self) -> Trial:
         """Run the trial to its end."""
-        begun = time.perf_counter()
+        start_s = time.perf_counter()
         folded = float(np.abs(self.chain.folded_rad).sum())
-        least, straight = folded, False
+        smallest, straight = folded, False
         max_rejections = 5 * REJECTIONS_PER_RAISE
         while (
             not straight
@@ -353,16 +357,16 @@ class _Run:
             self.accept()
             bends = np.abs(self.tree.angles)
             straight = bool(bends.max() < MAX_TRIAL_BEND_RAD)
-            better = bends.sum() < max(least - 0.2, 0.95 * least)
-            least, self.stalled = (bends.sum(), 0) if better else (least, self.stalled + 1)
+            better = bends.sum() < max(smallest - 0.2, 0.95 * smallest)
+            smallest, self.stalled = (bends.sum(), 0) if better else (smallest, self.stalled + 1)
             if self.steps_left <= 0:
                 self.draw()
         return Trial(
             straight=straight,
-            left=float(least) / folded,
+            left=float(smallest) / folded,
             bound=self.bound,
             frames=self.motion(),
-            seconds=time.perf_counter() - begun,
+            seconds=time.perf_counter() - start_s,
         )
 
     def motion(self) -> Motion:

@@ -80,7 +80,7 @@ def test_experiments_are_run_once_and_reported(
     reproduce(list(tiny), tiny, files, minutes=0.0)
     assert (files / "runs.jsonl").read_text() == before
     # Runs of experiments that no longer exist are removed, with their pictures.
-    reproduce([tiny[0]], tiny[:1], files, again=True, minutes=-1.0)
+    reproduce([tiny[0]], tiny[:1], files, repeats=True, minutes=-1.0)
     assert (files / "runs.jsonl").read_text() == ""
     tell(tiny[:1], files, paper)
     assert [path for path in files.iterdir() if path.is_dir()] == []
