@@ -150,17 +150,15 @@ class SimulationError(PlannerError):
 UNREADABLE: Final = (
     OSError,
     EOFError,
-    ArithmeticError,
-    AttributeError,
     LookupError,
     MemoryError,
+    OverflowError,
     RuntimeError,
-    SystemError,
-    TypeError,
     ValueError,
     struct.error,
     BadZipFile,
     zlib.error,
 )
 """Exceptions that mean, when a stored file is read, that the file is damaged: zip, NumPy, zarr,
-blosc and JSON each raise their own."""
+blosc and JSON each raise their own. Others, such as ``TypeError``, are faults of the program:
+values of a JSON file are read by ``planner.storage.plain_values``, which checks their types."""

@@ -209,7 +209,7 @@ class Reason:
         """Build a reason from ``as_dict``; None for None.
 
         Raises:
-            TypeError: The code is unknown, or a value is missing or of another type.
+            ValueError: The code is unknown, or a value is missing or of another type.
         """
         if values is None:
             return None
@@ -217,7 +217,7 @@ class Reason:
             reason = msgspec.convert(values, cls)
             reason.text()
         except (msgspec.ValidationError, KeyError, ValueError) as error:
-            raise TypeError(f"got a reason whose values do not fit its code: {error}") from error
+            raise ValueError(f"got a reason whose values do not fit its code: {error}") from error
         return reason
 
     @classmethod

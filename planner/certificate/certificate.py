@@ -122,24 +122,24 @@ class Certificate:
         """Build a certificate from ``as_dict``.
 
         Raises:
-            TypeError: A figure is missing, unknown, or of another type.
+            ValueError: A figure is missing, unknown, or of another type.
             KeyError: The reason lacks a value.
             InputError: ``wrong-format``, of a table's certificate.
         """
         figures = {*cls.__dataclass_fields__, "verified", "verdict"}
         if unknown := values.keys() - figures:
             names = ", ".join(sorted(unknown))
-            raise TypeError(
+            raise ValueError(
                 f"got unknown figures ({names}), expected only figures of a certificate"
             )
         if missing := figures - {"table"} - values.keys():
             names = ", ".join(sorted(missing))
-            raise TypeError(f"got a certificate without {names}, expected all of its figures")
+            raise ValueError(f"got a certificate without {names}, expected all of its figures")
         table = values.get("table")
         checked = None if table is None else TableCertificate.from_dict(table)
         certificate = replace(from_plain(values, cls), table=checked)
         if values.get("verified") is not certificate.verified:
-            raise TypeError("got a certificate whose verified and reason contradict each other")
+            raise ValueError("got a certificate whose verified and reason contradict each other")
         _ = certificate.verdict  # whose text names all values of the reason
         return certificate
 

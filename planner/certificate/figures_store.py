@@ -23,7 +23,7 @@ from foldback.planner.storage.checked_zarr import (
     read_group,
     sealed,
 )
-from foldback.planner.storage.files import temporary_path
+from foldback.planner.storage.files import temporary_path, zarr_metadata
 
 if TYPE_CHECKING:
     import zarr
@@ -69,7 +69,8 @@ class Curves:
         try:
             group = read_group(path)
             attributes = group.attrs.asdict()
-            arrays = {f.name: cast("zarr.Array[Any]", group[f.name]) for f in fields(cls)}
+            with zarr_metadata():
+                arrays = {f.name: cast("zarr.Array[Any]", group[f.name]) for f in fields(cls)}
         except (OSError, ValueError, KeyError) as error:
             raise TimelineError(f"no readable figures at {path}: {error}") from error
         if attributes.get("format") != FIGURES_FORMAT:

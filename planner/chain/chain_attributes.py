@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.module import module_named
+from foldback.planner.storage.plain_values import from_plain
 
 
 def chain_attributes(chain: Chain) -> dict[str, Any]:
@@ -25,13 +27,31 @@ def chain_attributes(chain: Chain) -> dict[str, Any]:
     }
 
 
-def chain_from_attributes(attributes: dict[str, Any]) -> Chain:
-    """Build the chain described by ``chain_attributes``."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _ChainValues:
+    """What is read of the values that ``chain_attributes`` returns."""
+
+    name: str
+    module: str
+    folded_rad: list[float]
+    folded_position: tuple[float, float, float]
+    folded_wxyz: tuple[float, float, float, float]
+    pitch_m: float
+
+
+def chain_from_attributes(attributes: Any) -> Chain:
+    """Build the chain described by ``chain_attributes``.
+
+    Raises:
+        ValueError: A value is missing, or has another type.
+        InputError: ``unknown-module``.
+    """
+    values = from_plain(attributes, _ChainValues)
     return Chain(
-        name=str(attributes["name"]),
-        module=module_named(attributes["module"]),
-        folded_rad=np.asarray(attributes["folded_rad"], dtype=np.float64),
-        folded_position=np.asarray(attributes["folded_position"], dtype=np.float64),
-        folded_wxyz=np.asarray(attributes["folded_wxyz"], dtype=np.float64),
-        pitch_m=float(attributes["pitch_m"]),
+        name=values.name,
+        module=module_named(values.module),
+        folded_rad=np.array(values.folded_rad, dtype=np.float64),
+        folded_position=np.array(values.folded_position, dtype=np.float64),
+        folded_wxyz=np.array(values.folded_wxyz, dtype=np.float64),
+        pitch_m=values.pitch_m,
     )

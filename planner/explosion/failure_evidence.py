@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Final, Literal, cast
+from typing import Any, Final, Literal, cast
 
 import numpy as np
 
@@ -268,7 +268,7 @@ def evidence_from(values: EvidenceFigures | None) -> Evidence | None:
     """Build evidence from ``as_dict``; None without evidence.
 
     Raises:
-        TypeError: When a value has another type.
+        ValueError: A value is missing, or has another type.
     """
     if values is None:
         return None
@@ -277,7 +277,8 @@ def evidence_from(values: EvidenceFigures | None) -> Evidence | None:
         "blocks": BlockEvidence,
         "quarter_turns": QuarterTurnEvidence,
     }
-    return from_plain(values, kinds.get(values["kind"], BudgetEvidence))
+    kind = from_plain(values, dict[str, Any])["kind"]
+    return from_plain(values, kinds.get(str(kind), BudgetEvidence))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -312,12 +313,18 @@ class Diagnosis:
         }
 
     @classmethod
-    def from_dict(cls, values: StuckFigures) -> Diagnosis:
-        """Build a diagnosis from ``as_dict``."""
+    def from_dict(cls, values: Any) -> Diagnosis:
+        """Build a diagnosis from ``as_dict``.
+
+        Raises:
+            ValueError: A value has another type.
+            KeyError: A value is missing.
+        """
+        stored = from_plain(values, dict[str, Any])
         return cls(
-            kind=cast("Kind", values["kind"]),
-            modules=tuple(values["modules"]),
-            evidence=evidence_from(values["evidence"]),
+            kind=cast("Kind", from_plain(stored["kind"], str)),
+            modules=from_plain(stored["modules"], tuple[int, ...]),
+            evidence=evidence_from(stored["evidence"]),
         )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, fields
-from typing import Any, Final, Self, cast
+from typing import Any, Final, Self
 
 from foldback.planner.chain.module import CUBE, TETRAHEDRON
 from foldback.planner.parameters.option import Choice, Choices, option, options_of
@@ -12,6 +12,7 @@ from foldback.planner.parameters.parameters import FLOATING, WORLD_CHOICES, Worl
 from foldback.planner.parameters.settings_text import TABLE_SETTINGS, names_with_units
 from foldback.planner.pathfinding import PATH_ENDS, PATH_METHODS, Cell
 from foldback.planner.pathfinding.start_cell import CELL_TEXT, parse_cell
+from foldback.planner.storage.plain_values import from_plain
 
 DEFAULT_MODULES: Final = 160
 """Number of modules into which a mesh is divided if the request states none."""
@@ -108,14 +109,12 @@ class PathOptions:
 
     @classmethod
     def from_json(cls, values: Mapping[str, Any]) -> Self:
-        """Return the request that ``to_json`` wrote; what it lacks has its default."""
-        names = {field.name for field in fields(cls)}
-        known_values: dict[str, Any] = {
-            name: tuple(cast(list[int], value)) if isinstance(value, list) else value
-            for name, value in values.items()
-            if name in names
-        }
-        return cls(**known_values)
+        """Return the request that ``to_json`` wrote; what it lacks has its default.
+
+        Raises:
+            ValueError: A value has another type.
+        """
+        return from_plain(values, cls)
 
     def to_json(self) -> dict[str, Any]:
         """Return all values for a JSON file."""

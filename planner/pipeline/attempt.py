@@ -18,6 +18,7 @@ from foldback.planner.pipeline.preference import PlanFigures
 from foldback.planner.playback.playback import Playback
 from foldback.planner.reasons import Reason
 from foldback.planner.shapes.likeness import Likeness
+from foldback.planner.storage.plain_values import from_plain
 
 MAX_EXPLOSIONS: Final = 6
 """Maximum number of times that one fold explodes its chain (simulates how the folded chain comes
@@ -59,6 +60,15 @@ class AttemptSpec:
 
 
 @dataclass(frozen=True, slots=True)
+class _CandidateValues:
+    """Candidates as a file holds them."""
+
+    chains: list[dict[str, Any]]
+    two_ended: bool
+    likenesses: tuple[Likeness, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Candidates:
     """Chains through the same shape.
 
@@ -95,10 +105,14 @@ class Candidates:
 
     @classmethod
     def from_values(cls, values: Any) -> Candidates:
-        """Return the candidates that a file holds."""
-        chains = tuple(chain_from_attributes(attributes) for attributes in values["chains"])
-        likenesses = tuple(Likeness(**likeness) for likeness in values.get("likenesses", ()))
-        return cls(chains, values["two_ended"], likenesses)
+        """Return the candidates that a file holds.
+
+        Raises:
+            ValueError: A value is missing, or has another type.
+        """
+        stored = from_plain(values, _CandidateValues)
+        chains = tuple(chain_from_attributes(attributes) for attributes in stored.chains)
+        return cls(chains, stored.two_ended, stored.likenesses)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -251,16 +265,25 @@ class Attempt:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any]) -> Attempt:
-        """Return the attempt in ``as_dict``; values that are not stored get defaults."""
-        diagnosis = values.get("diagnosis")
-        fields = {name: values[name] for name in cls.__dataclass_fields__ if name in values}
-        fields["diagnosis"] = diagnosis and Diagnosis.from_dict(diagnosis)
-        for name in ("reason", "refusal"):
-            fields[name] = Reason.from_dict(values.get(name))
-        figures = values.get("figures")
-        fields["figures"] = figures and PlanFigures(**figures)
-        spec = {name: values[name] for name in AttemptSpec.__dataclass_fields__ if name in values}
-        return cls(**fields, spec=AttemptSpec(**spec), played="verified" in values)
+        """Return the attempt in ``as_dict``; values that are not stored get defaults.
+
+        Raises:
+            ValueError: A value has another type.
+            KeyError: A value is missing.
+        """
+        stored = from_plain(values, dict[str, Any])
+        fields = {name: stored[name] for name in cls.__dataclass_fields__ if name in stored}
+        diagnosis, figures = stored.get("diagnosis"), stored.get("figures")
+        fields |= {
+            "spec": from_plain(stored, AttemptSpec),
+            "status": stored["status"],
+            "diagnosis": None if diagnosis is None else Diagnosis.from_dict(diagnosis),
+            "reason": Reason.from_dict(stored.get("reason")),
+            "refusal": Reason.from_dict(stored.get("refusal")),
+            "figures": None if figures is None else from_plain(figures, PlanFigures),
+            "played": "verified" in stored,
+        }
+        return cls(**fields)
 
 
 def latest_playback(history: Sequence[Attempt], number: int) -> int:

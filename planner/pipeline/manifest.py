@@ -19,7 +19,7 @@ from foldback.planner.errors import UNREADABLE, DamagedError
 from foldback.planner.storage.checked_zarr import DIGEST, read_group, unsealed
 from foldback.planner.storage.file_names import DESCRIBED
 from foldback.planner.storage.file_names import MANIFEST as FILE
-from foldback.planner.storage.files import write_json, zarr_group
+from foldback.planner.storage.files import write_json, zarr_group, zarr_metadata
 
 MANIFEST_FORMAT: Final = "foldback-manifest/1"
 FILE_CONTENT: Final = "content"
@@ -146,7 +146,9 @@ def _fields(path: FilePath, *, arrays: bool) -> Iterator[tuple[str, str]]:
         group = zarr_group(path)
         for key, digest in _of_values(unsealed(group.attrs.asdict())):
             yield f"attributes.{key}", digest
-        for name, array in sorted(group.arrays()) if arrays else ():
+        with zarr_metadata():
+            found = sorted(group.arrays()) if arrays else ()
+        for name, array in found:
             try:
                 yield name, _of_array(array)
             except UNREADABLE:

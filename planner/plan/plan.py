@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from foldback.planner.arrays import Array
 from foldback.planner.certificate.certificate import Certificate
+from foldback.planner.certificate.figures import CertificateFigures
 from foldback.planner.chain.chain import Chain
 from foldback.planner.chain.chain_attributes import chain_attributes, chain_from_attributes
 from foldback.planner.errors import UNREADABLE, InputError, named
@@ -40,6 +41,7 @@ from foldback.planner.playback.playback import Playback
 from foldback.planner.playback.unfolding import MAX_ANGLE_DIFFERENCE_RAD, Unfolding
 from foldback.planner.shapes.likeness import Likeness
 from foldback.planner.storage.files import write_whole
+from foldback.planner.storage.plain_values import array_from, from_plain
 
 PLAN_FORMAT: Final = "foldback-plan/3"
 MAX_DENSE_ANGLES: Final = 2**25
@@ -377,17 +379,16 @@ class Plan:
                     "fold the shape again, or read the plan with the version of foldback that "
                     "wrote it.",
                 )
-            chain = chain_from_attributes(values["chain"])
+            stored = from_plain(values, _PlanValues)
+            chain = chain_from_attributes(stored.chain)
             motion, errors = _read_motion(values, chain)
             return cls(
                 chain=chain,
                 motion=motion,
                 max_error_rad=errors,
-                certificate=Certificate.from_dict(values["certificate"]),
-                attempts=tuple(values["attempts"]),
-                start=chain_from_attributes(start) if (start := values["start"]) else None,
-                likeness=Likeness.from_dict(values["likeness"]),
-                **{k: values[k] for k in _VALUES},
+                certificate=Certificate.from_dict(stored.certificate),
+                start=None if stored.start is None else chain_from_attributes(stored.start),
+                **{k: getattr(stored, k) for k in _VALUES},
             )
         except InputError as error:
             raise named(error, name) from None
@@ -405,9 +406,9 @@ def read_values(path: FilePath) -> dict[str, Any]:
         if path.suffix == ".npz":
             # NumPy leaves a file open that it opened itself and cannot read.
             with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
-                values = dict(json.loads(str(file["plan"])))
+                values = from_plain(json.loads(str(file["plan"])), dict[str, Any])
                 return values | {name: file[name] for name in file.files if name != "plan"}
-        return dict(json.loads(path.read_bytes()))
+        return from_plain(json.loads(path.read_bytes()), dict[str, Any])
     except UNREADABLE as error:
         raise _unreadable(path.name, error) from error
 
@@ -416,14 +417,29 @@ def _unreadable(name: str, error: Exception) -> InputError:
     return InputError("not-a-plan", f"{name} contains no readable plan ({error}).")
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _PlanValues:
+    """Values of a plan's file but for the frames, with the types that are read."""
+
+    motion: str
+    chain: dict[str, Any]
+    certificate: CertificateFigures
+    preset: str
+    parameters: dict[str, Any]
+    seed: int
+    versions: dict[str, str]
+    explosion: dict[str, Any] | None
+    playback: dict[str, Any] | None
+    attempts: tuple[dict[str, Any], ...]
+    start: dict[str, Any] | None
+    smoothing: dict[str, Any] | None
+    likeness: Likeness | None
+    angles: dict[str, Any] | None
+
+
 _VALUES: Final = (
-    "preset",
-    "parameters",
-    "seed",
-    "versions",
-    "explosion",
-    "playback",
-    "smoothing",
+    *("preset", "parameters", "seed", "versions", "explosion", "playback"),
+    *("attempts", "smoothing", "likeness"),
 )
 
 
@@ -457,15 +473,16 @@ def _read_motion(values: dict[str, Any], chain: Chain) -> tuple[Motion, Array]:
     values = _unpacked(values, layout, chain)
     hinges = len(chain.folded_rad)
     arrays: dict[str, Any] = {
-        name: np.asarray(values[name], dtype=dtype).reshape(
+        name: array_from(values[name], dtype).reshape(
             -1, *(hinges if length < 0 else length for length in tail)
         )
         for name, (tail, dtype) in _columns_of(layout).items()
     }
     arrays["phase"] = np.array(
-        [PHASES.index(str(name)) for name in values["phase"]], dtype=np.uint8
+        [PHASES.index(str(name)) for name in array_from(values["phase"], object).reshape(-1)],
+        dtype=np.uint8,
     )
-    errors = np.asarray(values["max_error_rad"], dtype=np.float64).reshape(-1)
+    errors = array_from(values["max_error_rad"], np.float64).reshape(-1)
     counts = {name: len(array) for name, array in arrays.items() if name != "angles_rad"}
     counts["max_error_rad"] = len(errors)
     if "offsets" in counts:

@@ -6,6 +6,8 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from typing import Any, Self
 
+from foldback.planner.storage.plain_values import from_plain
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Likeness:
@@ -27,5 +29,9 @@ class Likeness:
 
     @classmethod
     def from_dict(cls, values: Mapping[str, Any] | None) -> Self | None:
-        """Return the likeness that a file holds; None without one."""
-        return None if values is None else cls(**values)
+        """Return the likeness that a file holds; None without one.
+
+        Raises:
+            ValueError: A value is missing, or has another type.
+        """
+        return None if values is None else from_plain(values, cls)

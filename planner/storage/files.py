@@ -131,9 +131,26 @@ def _seal_of(text: bytes) -> bytes:
 def zarr_group(path: str | FilePath) -> zarr.Group:
     """Open the zarr group at a path for reading.
 
-    Its chunks are not checked: ``planner.checked_zarr`` does that.
+    Its chunks are not checked: ``planner.storage.checked_zarr`` does that.
+
+    Raises:
+        ValueError: Its metadata cannot be read.
     """
-    return load_zarr().open_group(str(path), mode="r")
+    with zarr_metadata():
+        return load_zarr().open_group(str(path), mode="r")
+
+
+@contextmanager
+def zarr_metadata() -> Generator[None]:
+    """Read metadata of zarr in a context in which its errors are of the kinds in ``UNREADABLE``.
+
+    Raises:
+        ValueError: Metadata have a wrong type, for which zarr raises a TypeError, too.
+    """
+    try:
+        yield
+    except (TypeError, AttributeError) as error:
+        raise ValueError(f"zarr metadata cannot be read: {error}") from error
 
 
 def load_zarr() -> Any:

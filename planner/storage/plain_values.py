@@ -5,6 +5,8 @@ from __future__ import annotations
 from typing import Any, TypeVar, cast
 
 import msgspec
+import numpy as np
+from numpy.typing import DTypeLike, NDArray
 
 T = TypeVar("T")
 
@@ -17,12 +19,24 @@ def from_plain(values: Any, kind: type[T]) -> T:
         kind: Type of the value: a dataclass, or a type of several of them.
 
     Raises:
-        TypeError: A value is missing, or has another type.
+        ValueError: A value is missing, or has another type.
     """
     try:
         return msgspec.convert(values, kind)
     except msgspec.ValidationError as error:
-        raise TypeError(str(error)) from error
+        raise ValueError(str(error)) from error
+
+
+def array_from(values: Any, dtype: DTypeLike) -> NDArray[Any]:
+    """Build an array from nested lists of numbers.
+
+    Raises:
+        ValueError: An entry has another type, or the lists differ in length.
+    """
+    try:
+        return np.asarray(values, dtype=dtype)
+    except TypeError as error:
+        raise ValueError(str(error)) from error
 
 
 def plain_lists(values: Any) -> Any:

@@ -16,7 +16,7 @@ import numpy as np
 from foldback.planner.arrays import Array
 from foldback.planner.chain.chain import Chain
 from foldback.planner.errors import UNREADABLE
-from foldback.planner.explosion.failure_evidence import Diagnosis
+from foldback.planner.explosion.failure_evidence import Diagnosis, evidence_from
 from foldback.planner.motion.failure_schemas import (
     BudgetFigures,
     EvidenceFigures,
@@ -99,9 +99,11 @@ def check_reason(
     if stated is None:
         return None
     diagnosis = Diagnosis.from_dict({**stuck, "evidence": None})
-    with suppress(TypeError):  # the differences say so
+    with suppress(ValueError):  # the differences say so
         diagnosis = Diagnosis.from_dict(stuck)
     try:
+        if stated["kind"] in REASON_KINDS:
+            evidence_from(stated)  # checks the types of its values
         differences = tuple(_differences(chain, record, stated, parameters))
     except UNREADABLE as error:
         differences = (f"the evidence cannot be checked ({type(error).__name__}: {error})",)

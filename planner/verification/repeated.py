@@ -42,7 +42,7 @@ from foldback.planner.storage.file_names import (
     REQUEST,
     TIMELINE,
 )
-from foldback.planner.storage.files import json_of, zarr_group
+from foldback.planner.storage.files import json_of, zarr_group, zarr_metadata
 from foldback.planner.verification.origin import own_attempt
 from foldback.planner.verification.plan_parameters import plan_parameters
 
@@ -195,10 +195,11 @@ def _curves_differ(stored: FilePath, recomputed: FilePath) -> Differences:
         if name not in stored_group:
             yield f"{FIGURES} {name}: got nothing, expected this curve"
             continue
-        actual, expected = (
-            np.asarray(cast("Any", group[name])[:], dtype=np.float64)
-            for group in (stored_group, recomputed_group)
-        )
+        with zarr_metadata():
+            actual, expected = (
+                np.asarray(cast("Any", group[name])[:], dtype=np.float64)
+                for group in (stored_group, recomputed_group)
+            )
         if actual.shape != expected.shape or not np.allclose(
             actual,
             expected,

@@ -108,7 +108,7 @@ def test_stored_certificate_states_its_verdict_as_values() -> None:
         {**failed, "reason": empty},
         {**failed, "reason": "failed: it overlaps"},
     ):
-        with pytest.raises((TypeError, KeyError)):
+        with pytest.raises((ValueError, KeyError)):
             Certificate.from_dict(wrong)
 
 
@@ -118,7 +118,7 @@ def test_certificate_is_read_with_all_of_its_figures_or_not() -> None:
     assert Certificate.from_dict(values).as_dict() == values
     for name in values:
         rest = {key: value for key, value in values.items() if key != name}
-        with pytest.raises(TypeError, match=f"without {name}"):
+        with pytest.raises(ValueError, match=f"without {name}"):
             Certificate.from_dict(rest)
 
 
