@@ -119,7 +119,7 @@ def test_requests_are_limited_by_a_rate(service_with: ServiceWith) -> None:
 
 def test_token_buckets_refill_and_few_are_remembered() -> None:
     now = 0.0
-    buckets = TokenBuckets(10.0, 5.0, most=3, clock=lambda: now)
+    buckets = TokenBuckets(10.0, 5.0, max_buckets=3, clock=lambda: now)
     assert [buckets.take("a") for _ in range(6)] == [0.0] * 5 + [pytest.approx(0.1)]
     now = 60.0
     assert [buckets.take("a") for _ in range(6)] == [0.0] * 5 + [pytest.approx(0.1)]
