@@ -69,7 +69,7 @@ from foldback.server.settings import Settings
 from foldback.server.store.stats import Stats
 from foldback.server.submission.shipped_folds import import_shipped_folds
 
-log = logging.getLogger("foldback.web")
+log = logging.getLogger("foldback.service")
 
 ROUTERS: Final = (
     folds,

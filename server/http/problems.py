@@ -48,7 +48,7 @@ PROBLEM_MEDIA_TYPE: Final = "application/problem+json"
 DISK_ERRNOS: Final = frozenset({errno.ENOSPC, errno.EDQUOT, errno.EFBIG})
 DATABASE_RETRY_S: Final = 5
 """Value of the ``Retry-After`` header, in s, while the database cannot be reached."""
-log = logging.getLogger("foldback.web")
+log = logging.getLogger("foldback.service")
 HTTP_STATUSES: Final[Mapping[type, int]] = {
     errors.Malformed: 400,
     errors.Unidentified: 401,

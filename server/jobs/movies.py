@@ -40,7 +40,7 @@ INTERRUPTED: Final = {
 }
 """Problem of a movie whose file is missing, or whose workers have died too often."""
 
-log = logging.getLogger("foldback.web")
+log = logging.getLogger("foldback.service")
 
 
 class NoSuchMovieError(NoSuch):

@@ -26,7 +26,7 @@ READINESS_CACHE_S: Final = 2.0
 """Time for which the checked state of disk, object store and workers is cached, in s; ``/ready``
 reports it."""
 OK: Final = "ok"
-log = logging.getLogger("foldback.web")
+log = logging.getLogger("foldback.service")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -41,7 +41,7 @@ fetching, are not deleted, in s."""
 MAX_PROTECTED_UPLOADS: Final = 4
 """Maximum number of one visitor's newest uploads that are not deleted to make room on the disk
 while they are being read."""
-log = logging.getLogger("foldback.web")
+log = logging.getLogger("foldback.service")
 
 
 class NoSuchPreviewError(NoSuch):

@@ -32,7 +32,7 @@ from foldback.server.submission.submit import Submission
 
 SHIPPED_FOLDS_DIR: Final = Path(str(files("foldback.server"))) / "shipped_folds"
 SERVICE_VISITOR: Final = "the service itself"
-log = logging.getLogger("foldback.web")
+log = logging.getLogger("foldback.service")
 
 
 def import_shipped_folds(settings: Settings, store: Store, gallery: Gallery) -> Sequence[str]:

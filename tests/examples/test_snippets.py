@@ -40,7 +40,7 @@ BLOCK: Final = re.compile(r"^```(python|sh)\n(.*?)^```", re.MULTILINE | re.DOTAL
 INLINE: Final = re.compile(r"`(?:[\w./]*/)?foldback ([a-z][^`]*)`")
 SERVICE_ADDRESS: Final = "http://127.0.0.1:8000"
 SIGNATURES: Final = ROOT / "docs" / "how-a-fold-is-computed.md"
-"""Page whose blocks are signatures, which tests/test_fold_page.py compares."""
+"""Page whose blocks are signatures, which tests/test_computing_page.py compares."""
 SYSTEM_PROGRAMS: Final = {"apt", "docker", "install", "systemctl", "systemd-run"}
 """Programs that change the machine; ``make deploy-check`` and ``make compose-check`` run what these
 commands do."""

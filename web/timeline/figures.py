@@ -1,4 +1,4 @@
-"""Metrics: the figures of a fold as messages for a browser, curves first, then stretch by stretch.
+"""Figures of a fold as messages for a browser, curves first, then stretch by stretch.
 
 Messages are those of ``web.timeline.columns``. The curves' header holds the number of ``frames``,
 the number of ``rows`` per stretch and the ``largest`` torque and position error. A stretch holds
