@@ -225,7 +225,7 @@ class Fold:
             Problem: If the token is not its owner's, or others have requested the same gallery
                 shape.
         """
-        self._client.ask("POST", f"{self._here}/cancel", token=self.token, again={403})
+        self._client.ask("POST", f"{self._here}/cancel", token=self.token, retried_statuses={403})
         return self.refresh()
 
     def rename(self, name: str) -> Fold:
@@ -246,7 +246,7 @@ class Fold:
         Raises:
             Problem: If the token is not its owner's, or it belongs to the gallery.
         """
-        self._client.ask("DELETE", self._here, token=self.token, again={403, 404})
+        self._client.ask("DELETE", self._here, token=self.token, retried_statuses={403, 404})
 
     def _events(self, deadline: float) -> Iterator[Progress]:
         # the service sends an event at least every 15 s
