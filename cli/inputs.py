@@ -30,8 +30,8 @@ def read_input(shape: str | None, angles: str | None = None) -> tuple[bytes, str
         InputError: If neither or both are given, or the file is too large.
     """
     if (shape is None) == (angles is None):
-        got = "neither INPUT nor" if shape is None else "both INPUT and"
-        raise InputError("no-input", f"got {got} --angles, expected one of the two.")
+        input_words = "neither INPUT nor" if shape is None else "both INPUT and"
+        raise InputError("no-input", f"got {input_words} --angles, expected one of the two.")
     if shape is None:
         return f"{HEADING}\n{angles}".encode(), "typed.txt"
     path = Path(shape)

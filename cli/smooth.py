@@ -49,7 +49,7 @@ def smooth(
             summary = compute(place, 1, explode="Smoothing")
     except InputError as error:
         refuse(error, as_json)
-    finish(summary, out, as_json, more=compare)
+    finish(summary, out, as_json, show_details=compare)
 
 
 def compare(summary: dict[str, Any]) -> None:

@@ -27,15 +27,15 @@ def finish(
     summary: dict[str, Any],
     out: Path,
     as_json: bool,
-    more: Callable[[dict[str, Any]], None] | None = None,
+    show_details: Callable[[dict[str, Any]], None] | None = None,
 ) -> NoReturn:
-    """Print a plan's figures, with ``more`` for people; exit with 0 if verified, else 3."""
+    """Print a plan's figures, with ``show_details`` for people; exit with 0 if verified, else 3."""
     if as_json:
         print(json.dumps(summary), flush=True)
     else:
         show(summary, out)
-        if more is not None:
-            more(summary)
+        if show_details is not None:
+            show_details(summary)
     raise typer.Exit(0 if summary["status"] == "verified" else NOT_ACHIEVED)
 
 
@@ -78,8 +78,8 @@ def show(summary: dict[str, Any], out: Path) -> None:
     )
     console.print(verdict, markup=False, soft_wrap=True)
     if stuck := summary["stuck"]:
-        told = sentence(diagnosis_text(stuck))
-        console.print(f"{told}.", markup=False, soft_wrap=True)
+        note = sentence(diagnosis_text(stuck))
+        console.print(f"{note}.", markup=False, soft_wrap=True)
     row("Start shape", summary["refold"] and summary["refold"]["start"])
     row("Modules", summary["modules"])
     row("Likeness", likeness_words(summary.get("likeness")))
@@ -92,9 +92,9 @@ def show(summary: dict[str, Any], out: Path) -> None:
     row("Written to", str(out))
     console.print(table)
     limit = module_named(summary["module"]).angle_limit_rad
-    for told in (
+    for note in (
         certificate_words.linked(certificate),
         certificate_words.record(certificate, limit_rad=limit),
     ):
-        if told is not None:
-            console.print(told, markup=False, soft_wrap=True)
+        if note is not None:
+            console.print(note, markup=False, soft_wrap=True)

@@ -65,7 +65,7 @@ def table(
         path = _file(plan)
         loaded = read_plan(plan) if plan.is_dir() else Plan.load(path)
         on_table = loaded.parameters.get("world") == "table"
-        found = table_certificate(
+        certificate = table_certificate(
             loaded.chain,
             loaded.motion,
             friction=friction,
@@ -78,14 +78,14 @@ def table(
             height=loaded.chain.table_height if on_table else 0.0,
         )
         written = out or _beside(path)
-        _write(written, found)
+        _write(written, certificate)
     except InputError as error:
         refuse(error, as_json)
     if as_json:
-        print(json.dumps(found.as_dict()), flush=True)
+        print(json.dumps(certificate.as_dict()), flush=True)
     else:
-        _show(found, written)
-    if not found.rests:
+        _show(certificate, written)
+    if not certificate.rests:
         raise typer.Exit(NOT_ACHIEVED)
 
 
@@ -111,46 +111,54 @@ def _beside(path: Path) -> Path:
     return path.with_name(TABLE_FILE if path.stem == "plan" else f"{path.stem}.{TABLE_FILE}")
 
 
-def _write(path: Path, found: TableCertificate) -> None:
+def _write(path: Path, certificate: TableCertificate) -> None:
     try:
-        write_whole(path, json.dumps(found.as_dict()).encode())
+        write_whole(path, json.dumps(certificate.as_dict()).encode())
     except OSError as error:
         raise InputError(
             "no-file", f"cannot be written ({error.strerror}).", where=str(path)
         ) from error
 
 
-def _show(found: TableCertificate, written: Path) -> None:
+def _show(certificate: TableCertificate, written: Path) -> None:
     console = Console(highlight=False)
-    told = found.base_text
+    base_text = certificate.base_text
     facts = Table(box=None, show_header=False, pad_edge=False)
-    verdict = "stays on the table" if found.reason is None else reason_text(found.reason)
+    verdict = (
+        "stays on the table" if certificate.reason is None else reason_text(certificate.reason)
+    )
     facts.add_row("Verdict", verdict)
-    if found.torque is not None and found.torque_nm is not None:
-        at = "" if found.frame is None else f", in frame {found.frame + 1}"
-        facts.add_row("Largest torque", f"{found.torque:.3g} w·p, {told}{at}")
-        facts.add_row("", f"{found.torque_nm:.3g} N·m, {told}")
+    if certificate.torque is not None and certificate.torque_nm is not None:
+        at = "" if certificate.frame is None else f", in frame {certificate.frame + 1}"
+        facts.add_row("Largest torque", f"{certificate.torque:.3g} w·p, {base_text}{at}")
+        facts.add_row("", f"{certificate.torque_nm:.3g} N·m, {base_text}")
     facts.add_row(
         "1 w·p",
-        f"{found.unit_nm:.3g} N·m: modules of {found.module_kg:.3g} kg, "
-        f"{found.pitch_m * 1000.0:g} mm apart",
+        f"{certificate.unit_nm:.3g} N·m: modules of {certificate.module_kg:.3g} kg, "
+        f"{certificate.pitch_m * 1000.0:g} mm apart",
     )
     facts.add_row(
         "Base",
         "the first module is clamped to the table"
-        if found.base == "clamped"
+        if certificate.base == "clamped"
         else "the chain lies on the table and is not clamped",
     )
-    few = [len(each) for each in found.standing]
-    facts.add_row("Modules that touch the table", f"{min(few)} to {max(few)} of {found.modules}")
-    if found.on_table:
+    standing_counts = [len(standing) for standing in certificate.standing]
+    facts.add_row(
+        "Modules that touch the table",
+        f"{min(standing_counts)} to {max(standing_counts)} of {certificate.modules}",
+    )
+    if certificate.on_table:
         facts.add_row(
             "Lowest corner",
-            f"{found.clearance:+.3f} pitch above the table, in frame {found.clearance_frame + 1}",
+            f"{certificate.clearance:+.3f} pitch above the table, "
+            f"in frame {certificate.clearance_frame + 1}",
         )
-    tips = len(found.unbalanced)
-    facts.add_row("Frames", f"{len(found.torques)}; the chain would tip over in {tips} of them")
+    tips = len(certificate.unbalanced)
+    facts.add_row(
+        "Frames", f"{len(certificate.torques)}; the chain would tip over in {tips} of them"
+    )
     facts.add_row("Written to", str(written))
     console.print(facts)
-    for line in found.assumptions:
+    for line in certificate.assumptions:
         console.print(f"assumed: {line}", markup=False)

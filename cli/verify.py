@@ -45,7 +45,7 @@ def verify(
             help="Also find the largest module size without collisions.",
         ),
     ] = False,
-    other: Annotated[
+    program: Annotated[
         OtherProgram | None,
         typer.Option(
             "--with",
@@ -57,7 +57,7 @@ def verify(
     as_json: AsJson = False,
 ) -> None:
     """Recheck a plan's files and figures; replay the plan in the simulator MuJoCo."""
-    with_ipctk = other is OtherProgram.IPCTK
+    with_ipctk = program is OtherProgram.IPCTK
     result = _verification(directory, module_size, third_opinion=with_ipctk, as_json=as_json)
     largest = _largest(directory, result) if largest_size and result.verified else None
     if as_json:

@@ -46,7 +46,7 @@ class Fold:
         state: dict[str, Any] | None = None,
     ) -> None:
         self._client = client
-        self._here = f"/api/folds/{fold_id}"
+        self._path = f"/api/folds/{fold_id}"
         self._state = state
         self.id = fold_id
         self.token = token
@@ -87,7 +87,7 @@ class Fold:
 
     def refresh(self) -> Fold:
         """Request the current state and return this fold."""
-        self._state = self._client.ask("GET", self._here)
+        self._state = self._client.ask("GET", self._path)
         return self
 
     def wait(
@@ -141,9 +141,9 @@ class Fold:
         Raises:
             Problem: If there are no such frames, or there is no timeline (yet).
         """
-        asked = {"from": start, "to": stop, "stride": stride, "poses": "true" if poses else None}
-        query = {name: value for name, value in asked.items() if value is not None}
-        path: str | None = f"{self._here}/frames?{httpx.QueryParams(query)}"
+        options = {"from": start, "to": stop, "stride": stride, "poses": "true" if poses else None}
+        query = {name: value for name, value in options.items() if value is not None}
+        path: str | None = f"{self._path}/frames?{httpx.QueryParams(query)}"
         while path is not None:
             page = self._client.ask("GET", path)
             yield Frames.of(page)
@@ -155,7 +155,7 @@ class Fold:
         Raises:
             Problem: If the fold has not finished.
         """
-        return self._client.ask("GET", f"{self._here}/exports")["exports"]
+        return self._client.ask("GET", f"{self._path}/exports")["exports"]
 
     def download(self, name: str, to: Place) -> Path:
         """Download ``plan.json``, ``plan.npz``, ``model.xml``, ``certificate.json`` or an export.
@@ -169,11 +169,11 @@ class Fold:
             OSError: If it cannot be written.
         """
         if name in DIRECT_FILES:
-            return self._client.save(f"{self._here}/{name}", Path(to), name)
+            return self._client.save(f"{self._path}/{name}", Path(to), name)
         filename = name
         if Path(to).is_dir():
             filename = next((e["filename"] for e in self.exports() if e["name"] == name), name)
-        return self._client.save(f"{self._here}/exports/{name}", Path(to), filename)
+        return self._client.save(f"{self._path}/exports/{name}", Path(to), filename)
 
     def movie(
         self,
@@ -198,15 +198,15 @@ class Fold:
         deadline = time.monotonic() + (float("inf") if timeout_s is None else timeout_s)
         if Path(to).suffix.lower() == ".gif":
             options.setdefault("format", "gif")
-        movie = self._client.ask("POST", f"{self._here}/movies", json=options, token=self.token)
-        here = f"{self._here}/movies/{movie['id']}"
+        movie = self._client.ask("POST", f"{self._path}/movies", json=options, token=self.token)
+        movie_path = f"{self._path}/movies/{movie['id']}"
         while movie["status"] in ("queued", "running"):
             if on_progress is not None:
                 on_progress(movie["frames_done"], movie["frames_total"])
             if time.monotonic() >= deadline:
                 raise TimeoutError(f"The movie is still {movie['status']} after {timeout_s} s.")
             time.sleep(max(0.0, min(0.5, deadline - time.monotonic())))
-            movie = self._client.ask("GET", here)
+            movie = self._client.ask("GET", movie_path)
         if movie["status"] == "failed":
             problem = movie["problem"] or {}
             detail = problem.get("detail", "the service gave no reason.")
@@ -216,7 +216,7 @@ class Fold:
                 where=problem.get("where"),
                 values=problem.get("values"),
             )
-        return self._client.save(f"{here}/file", Path(to), f"{self.id}.{movie['format']}")
+        return self._client.save(f"{movie_path}/file", Path(to), f"{self.id}.{movie['format']}")
 
     def cancel(self) -> Fold:
         """Cancel the fold.
@@ -225,7 +225,7 @@ class Fold:
             Problem: If the token is not its owner's, or others have requested the same gallery
                 shape.
         """
-        self._client.ask("POST", f"{self._here}/cancel", token=self.token, retried_statuses={403})
+        self._client.ask("POST", f"{self._path}/cancel", token=self.token, retried_statuses={403})
         return self.refresh()
 
     def rename(self, name: str) -> Fold:
@@ -237,7 +237,7 @@ class Fold:
         Raises:
             Problem: If the token is not its owner's, or it belongs to the gallery.
         """
-        self._state = self._client.ask("PATCH", self._here, json={"name": name}, token=self.token)
+        self._state = self._client.ask("PATCH", self._path, json={"name": name}, token=self.token)
         return self
 
     def delete(self) -> None:
@@ -246,12 +246,12 @@ class Fold:
         Raises:
             Problem: If the token is not its owner's, or it belongs to the gallery.
         """
-        self._client.ask("DELETE", self._here, token=self.token, retried_statuses={403, 404})
+        self._client.ask("DELETE", self._path, token=self.token, retried_statuses={403, 404})
 
     def _events(self, deadline: float) -> Iterator[Progress]:
         # the service sends an event at least every 15 s
         silence_s = max(0.001, min(45.0, deadline - time.monotonic()))
-        with self._client.opened(f"{self._here}/events", silence_s=silence_s) as answer:
+        with self._client.opened(f"{self._path}/events", silence_s=silence_s) as answer:
             for event in lines_of(answer):
                 if event is not None and event[0] == "progress":
                     progress = Progress.of(json.loads(event[1]))

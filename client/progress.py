@@ -30,7 +30,7 @@ class Progress:
         frames: Number of frames that can be displayed so far.
         remaining_s: Estimated time until the end from similar folds, in s; 0 if the fold takes
             longer than these, None if unknown.
-        told: All fields that the service reported.
+        all_fields: All fields that the service reported.
     """
 
     status: str
@@ -45,13 +45,15 @@ class Progress:
     paused: bool = False
     frames: int = 0
     remaining_s: float | None = None
-    told: Mapping[str, Any] = field(default_factory=dict[str, Any], repr=False)
+    all_fields: Mapping[str, Any] = field(default_factory=dict[str, Any], repr=False)
 
     @classmethod
     def of(cls, values: Mapping[str, Any]) -> Progress:
         """Return the progress in a response or an event."""
-        names = {field.name for field in fields(cls)} - {"told"}
-        return cls(**{name: value for name, value in values.items() if name in names}, told=values)
+        names = {field.name for field in fields(cls)} - {"all_fields"}
+        return cls(
+            **{name: value for name, value in values.items() if name in names}, all_fields=values
+        )
 
 
 def lines_of(answer: httpx.Response) -> Iterator[tuple[str, str] | None]:

@@ -12,7 +12,9 @@ FOLDERS = [
     c for c in made.LAYER_OF if c not in made.COLUMNS and made.modules()[c].name == "__init__.py"
 ]
 
-MAX_VAGUE_SHARES = {names.FOLDERS[:2]: 0.01, names.FOLDERS[2:]: 0.085}
+MAX_VAGUE_SHARES = {names.FOLDERS[:2]: 0.01, names.FOLDERS[2:]: 0.085} | {
+    (folder,): 0.01 for folder in ("words", "cli", "server", "client")
+}
 """Largest fractions of local names, parameters and attributes that fit every value."""
 
 

@@ -145,10 +145,14 @@ def _row(certificate: CertificateFigures, name: str) -> tuple[str, str | None]:
 
 def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]:
     """Return the errors that the plan is proved to tolerate, and what limits each."""
-    found = certificate.get("margins")
-    if found is None:
+    margins = certificate.get("margins")
+    if margins is None:
         return []
-    size, one, each = found["module_size"], found["one_hinge_rad"], found["independent_rad"]
+    size, one_hinge, all_hinges = (
+        margins["module_size"],
+        margins["one_hinge_rad"],
+        margins["independent_rad"],
+    )
     return [
         (
             "Margin for the module size",
@@ -157,13 +161,14 @@ def margin_rows(certificate: CertificateFigures) -> list[tuple[str, str | None]]
         ),
         (
             "Margin for an error in one hinge",
-            f"up to {degrees_down(one['value'])} if all other hinges are exact; {_limit(one)}",
+            f"up to {degrees_down(one_hinge['value'])} if all other hinges are exact; "
+            f"{_limit(one_hinge)}",
         ),
         (
             "Margin for random errors in all hinges",
-            f"up to {degrees_down(each['value'])} in each hinge; with such errors, modules "
-            f"touch in at most {100 * found['failure_probability']:.0f} of 100 robots; "
-            f"{_limit(each)}",
+            f"up to {degrees_down(all_hinges['value'])} in each hinge; with such errors, modules "
+            f"touch in at most {100 * margins['failure_probability']:.0f} of 100 robots; "
+            f"{_limit(all_hinges)}",
         ),
     ]
 
@@ -210,10 +215,10 @@ def on_table(certificate: CertificateFigures, record: TableRecord | None) -> Tab
         certificate: The fold's certificate.
         record: Figures of the explosion, if known.
     """
-    told = certificate.get("table")
-    if told is None:
+    table_figures = certificate.get("table")
+    if table_figures is None:
         return None
-    table = TableCertificate.from_dict(told)
+    table = TableCertificate.from_dict(table_figures)
     friction = table.base_text
     largest = _torque(table.torque, table.unit_nm, friction)
     needs = (
@@ -281,30 +286,36 @@ def _servos(table: TableCertificate) -> tuple[str, list[Servo]]:
         (suitable_pitches(s, torque, casing), s) for s in servos() if s.turns_enough is not False
     ]
     possible = sorted(
-        ((found, servo) for found, servo in ranges if not found.empty), key=lambda one: one[1].name
+        ((pitches, servo) for pitches, servo in ranges if not pitches.empty),
+        key=lambda candidate: candidate[1].name,
     )
     if not possible:
         return "No servo in our list suits PLA modules, however wide they are.", []
-    wider = [(found.least_m, servo) for found, servo in possible if found.least_m > table.pitch_m]
+    wider = [
+        (pitches.least_m, servo) for pitches, servo in possible if pitches.least_m > table.pitch_m
+    ]
     if wider:
-        least = min(pitch_m for pitch_m, _ in wider)
-        none, other = modules, f"at least {length_m(least)} wide, but not much wider"
-        near = [one for one in wider if one[0] <= NEAR_PITCH_FACTOR * least]
+        smallest_m = min(pitch_m for pitch_m, _ in wider)
+        none, width = modules, f"at least {length_m(smallest_m)} wide, but not much wider"
+        near = [candidate for candidate in wider if candidate[0] <= NEAR_PITCH_FACTOR * smallest_m]
     else:
-        most = max(found.most_m for found, _ in possible)
-        none, other = f"{modules} or wider", f"at most {length_m(most)} wide, but not much narrower"
-        limits = [(most / found.most_m, servo) for found, servo in possible]
-        near = [one for one in limits if one[0] <= NEAR_PITCH_FACTOR]
+        largest_m = max(pitches.most_m for pitches, _ in possible)
+        none, width = (
+            f"{modules} or wider",
+            f"at most {length_m(largest_m)} wide, but not much narrower",
+        )
+        limits = [(largest_m / pitches.most_m, servo) for pitches, servo in possible]
+        near = [candidate for candidate in limits if candidate[0] <= NEAR_PITCH_FACTOR]
     suit = "this servo suits" if len(near) == 1 else "these servos suit"
-    text = f"No servo in our list suits {none}. If the modules are {other}, {suit} them:"
-    return text, [servo for _, servo in sorted(near, key=lambda one: one[0])]
+    text = f"No servo in our list suits {none}. If the modules are {width}, {suit} them:"
+    return text, [servo for _, servo in sorted(near, key=lambda candidate: candidate[0])]
 
 
 def _torque_of(table: dict[str, Any] | None) -> str | None:
     if table is None:
         return None
-    found = TableCertificate.from_dict(table)
-    return _torque(found.torque, found.unit_nm, found.base_text)
+    certificate = TableCertificate.from_dict(table)
+    return _torque(certificate.torque, certificate.unit_nm, certificate.base_text)
 
 
 def _torque(torque_wp: float | None, unit_nm: float, friction: str) -> str | None:
@@ -326,8 +337,8 @@ def _rounded_up(value: float) -> float:
 def _lowest(clearance: float) -> str:
     if abs(clearance) < 1e-3:  # else rounding shows as a gap
         return "on the table top"
-    where = "above" if clearance > 0.0 else "below"
-    return f"{quantity(abs(clearance), 'pitch', CERTIFICATE_DIGITS)} {where} the table top"
+    side = "above" if clearance > 0.0 else "below"
+    return f"{quantity(abs(clearance), 'pitch', CERTIFICATE_DIGITS)} {side} the table top"
 
 
 def _rose(record: TableRecord) -> str:
@@ -335,20 +346,22 @@ def _rose(record: TableRecord) -> str:
     bounds = [bound for _, bound in record.raised]
     if not bounds:
         return f"{record.bound:g} w·p throughout"
-    raised = ", then ".join(f"to {bound:.3g} w·p at {when:.3g} s" for when, bound in record.raised)
+    raised = ", then ".join(
+        f"to {bound:.3g} w·p at {time_s:.3g} s" for time_s, bound in record.raised
+    )
     return f"raised {raised} of simulated time"
 
 
 def robots(certificate: CertificateFigures) -> str | None:
     """Return the number of perturbed robots that folded the plan, and their smallest clearance."""
-    found = certificate.get("robots")
-    if not found:
+    playbacks = certificate.get("robots")
+    if not playbacks:
         return None
-    least = min(one["min_clearance"] for one in found)
+    min_clearance = min(playback["min_clearance"] for playback in playbacks)
     return (
-        f"{len(found)} robot{'s' if len(found) > 1 else ''} with random imperfections; "
+        f"{len(playbacks)} robot{'s' if len(playbacks) > 1 else ''} with random imperfections; "
         "the view shows the robot with the largest errors. "
-        f"The smallest clearance is {rounded_down(least).replace('-', '−')} pitch"
+        f"The smallest clearance is {rounded_down(min_clearance).replace('-', '−')} pitch"
     )
 
 
@@ -365,10 +378,10 @@ def torque(certificate: CertificateFigures) -> tuple[str, str | None]:
     if source.startswith("simulation"):
         return label_of("peak_torque_nm"), f"{value} in the simulated motors"
     of = certificate.get("torque_frames"), certificate.get("frames")
-    where = "but it is unknown how many frames were checked"
+    checked_frames = "but it is unknown how many frames were checked"
     if None not in of:
-        where = f"checked at {of[0]} of {of[1]} frames"
-    return "Largest torque found", f"{value}, {where}"
+        checked_frames = f"checked at {of[0]} of {of[1]} frames"
+    return "Largest torque found", f"{value}, {checked_frames}"
 
 
 def linked(certificate: CertificateFigures) -> str | None:
@@ -378,14 +391,14 @@ def linked(certificate: CertificateFigures) -> str | None:
         return None
     if exempt["apart"] < 2:
         return "All modules are checked against each other, including linked ones."
-    told = "Linked modules share a joint and are not checked against each other"
+    text = "Linked modules share a joint and are not checked against each other"
     if (radius := exempt["relief_radius"]) is None:
-        return f"{told}."
+        return f"{text}."
     if (bound := exempt["worst_overlap_bound"]) is not None:
         overlap = math.ceil(bound * 100) / 100
-        told += f", because full cubes would overlap by up to {spacings(overlap, 2)}"
+        text += f", because full cubes would overlap by up to {spacings(overlap, 2)}"
     return (
-        f"{told}. Round the edges of real modules near each joint: no material may be more than "
+        f"{text}. Round the edges of real modules near each joint: no material may be more than "
         f"{spacings(radius)} from the joint. This removes "
         f"{100 * exempt['relief_share']:.0f} % of a module's volume."
     )
@@ -393,20 +406,20 @@ def linked(certificate: CertificateFigures) -> str | None:
 
 def record(certificate: CertificateFigures, *, limit_rad: float | None = None) -> str | None:
     """Return the flaws of the record that the plan was made from; None without flaws."""
-    told: list[str] = []
-    least = certificate.get("min_clearance_record")
-    if least is not None and least < -ROUNDING_PITCH:
-        told.append(f"modules overlap by {quantity(-least, 'pitch', CERTIFICATE_DIGITS)}")
+    flaws: list[str] = []
+    clearance = certificate.get("min_clearance_record")
+    if clearance is not None and clearance < -ROUNDING_PITCH:
+        flaws.append(f"modules overlap by {quantity(-clearance, 'pitch', CERTIFICATE_DIGITS)}")
     bent = certificate.get("max_angle_record_rad")
     if bent is not None and limit_rad is not None and bent > limit_rad + 1e-6:
-        told.append(
+        flaws.append(
             f"a joint turns to {math.degrees(bent):.1f}°, beyond its limit of "
             f"±{math.degrees(limit_rad):.4g}°"
         )
-    if not told:
+    if not flaws:
         return None
     plan = " This does not happen in the plan." if certificate.get("verified") else ""
-    return f"During unfolding, {' and '.join(told)}.{plan}"
+    return f"During unfolding, {' and '.join(flaws)}.{plan}"
 
 
 def baseline(strategy: object) -> str | None:
@@ -415,8 +428,8 @@ def baseline(strategy: object) -> str | None:
 
 
 def _seen(certificate: CertificateFigures) -> float | None:
-    known = [certificate.get(name) for name in ("min_clearance", "min_clearance_playback")]
-    return min((float(value) for value in known if value is not None), default=None)
+    clearances = [certificate.get(name) for name in ("min_clearance", "min_clearance_playback")]
+    return min((float(value) for value in clearances if value is not None), default=None)
 
 
 def _at_least(value: float | None) -> str | None:

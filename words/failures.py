@@ -111,12 +111,12 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
         return None
     frame: float | None = None
     evidence: EvidenceFigures | None = None
-    if told := summary.get("stuck"):
-        kind, modules = told["kind"], told["modules"]
-        text = diagnosis_text(told)
+    if stuck := summary.get("stuck"):
+        kind, modules = stuck["kind"], stuck["modules"]
+        text = diagnosis_text(stuck)
         if kind == "stopped":
             text = _stopped(row, text)
-        if evidence := told.get("evidence"):
+        if evidence := stuck.get("evidence"):
             kind = evidence["spent"] if evidence["kind"] == "budget" else evidence["kind"]
     elif overlap := _overlap(summary):
         kind, modules, text = "overlap", overlap["modules"] or [], overlap["words"]
@@ -137,21 +137,21 @@ def failure(row: ShownFold, summary: FoldSummary) -> Failure | None:
     }
 
 
-def _blocks(told: EvidenceFigures) -> list[str]:
+def _blocks(evidence: EvidenceFigures) -> list[str]:
     """Return a line for each blocked turn and each blocked move; none for another reason."""
     lines: list[str] = []
-    if told["kind"] == "knot" or told["kind"] == "budget":
+    if evidence["kind"] == "knot" or evidence["kind"] == "budget":
         return lines
-    for turn in told["turns"]:
+    for turn in evidence["turns"]:
         degrees, (a, b) = float(np.rad2deg(turn["turned_rad"])), turn["modules"]
         # A hinge that must straighten can turn in one direction only.
-        sign = "" if told["kind"] == "blocks" else "−" if degrees < 0.0 else "+"
+        sign = "" if evidence["kind"] == "blocks" else "−" if degrees < 0.0 else "+"
         lines.append(
             f"If hinge {turn['hinge']} at module {turn['module'] + 1} turns by "
             f"{sign}{abs(degrees):.0f}°, "
             f"modules {a + 1} and {b + 1} overlap by {spacings(turn['overlap'], 2)}"
         )
-    for move in told["moves"] if told["kind"] == "blocks" else ():
+    for move in evidence["moves"] if evidence["kind"] == "blocks" else ():
         axis = next(k for k, step in enumerate(move["direction"]) if step)
         way = f"{'+' if move['direction'][axis] > 0 else '−'}{'xyz'[axis]}"
         a, b = move["modules"]
@@ -159,13 +159,13 @@ def _blocks(told: EvidenceFigures) -> list[str]:
             f"If the part that unfolds next moves by {spacings(move['moved'])} along {way}, "
             f"modules {a + 1} and {b + 1} overlap by {spacings(move['overlap'], 2)}"
         )
-    more = len(lines) - MAX_BLOCKING_LINES
+    excess = len(lines) - MAX_BLOCKING_LINES
     return (
         lines
-        if more <= 0
+        if excess <= 0
         else [
             *lines[:MAX_BLOCKING_LINES],
-            f"{more} more motion{'s are' if more > 1 else ' is'} blocked in the same way",
+            f"{excess} more motion{'s are' if excess > 1 else ' is'} blocked in the same way",
         ]
     )
 
@@ -236,12 +236,14 @@ def _overlap(summary: FoldSummary) -> _Overlap | None:
         if clearance is None or clearance >= 0.0 or not place:
             continue
         modules = place["modules"]
-        which = "modules" if not modules else f"modules {modules[0] + 1} and {modules[1] + 1}"
+        module_words = (
+            "modules" if not modules else f"modules {modules[0] + 1} and {modules[1] + 1}"
+        )
         size = quantity(100.0 * (certificate.get("module_size") or 0.0), "%")
         return {
             "modules": modules,
             "frame": place["frame"],
-            "words": f"in {motion}, {which} overlap by {spacings(-clearance)} "
+            "words": f"in {motion}, {module_words} overlap by {spacings(-clearance)} "
             f"(each module fills {size} of the spacing)",
         }
     return None
@@ -262,29 +264,29 @@ def attempts(directory: Path) -> list[AttemptWords]:
     """Return the attempts of a fold in order: their strategies and results."""
     try:
         check(directory, ATTEMPTS)
-        found = json.loads((directory / ATTEMPTS).read_bytes())
+        figures = json.loads((directory / ATTEMPTS).read_bytes())
     except (DamagedError, OSError, ValueError):
         return []
-    return [_attempt(attempt) for attempt in cast("list[AttemptFigures]", found)]
+    return [_attempt(attempt) for attempt in cast("list[AttemptFigures]", figures)]
 
 
 def _attempt(attempt: AttemptFigures) -> AttemptWords:
     path = f"path {attempt['candidate'] + 1}"
     if attempt.get("other_end"):
         path += " from the other end"
-    how = [path, f"seed {attempt['seed']}"]
+    traits = [path, f"seed {attempt['seed']}"]
     if attempt.get("gentle"):
-        how.append("with half the force")
+        traits.append("with half the force")
     if attempt.get("roomy"):
-        how.append("only turns with the most room")
+        traits.append("only turns with the most room")
     if attempt.get("plain"):
-        how.append("with hinges that turn more freely")
+        traits.append("with hinges that turn more freely")
     if (smooths := attempt.get("smooths")) is not None:
-        how.append(f"smoothed version of attempt {smooths + 1}")
+        traits.append(f"smoothed version of attempt {smooths + 1}")
     if "finer" in attempt:
-        how.append("played back in a larger number of smaller steps")
+        traits.append("played back in a larger number of smaller steps")
     if "patience" in attempt:
-        how.append("played back more slowly near straight")
+        traits.append("played back more slowly near straight")
     refusal = attempt.get("refusal")
     status = str(attempt["status"])
     tone = "off"
@@ -292,8 +294,8 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
         end = "interrupted"
     elif status != "straight":
         steps = f"{EXPLOSION_ENDS.get(status, status)} after {quantity(attempt['steps'])} steps"
-        told = attempt.get("diagnosis")
-        words = diagnosis_text(told) if told else ""
+        diagnosis = attempt.get("diagnosis")
+        words = diagnosis_text(diagnosis) if diagnosis else ""
         end, tone = f"{steps}: {words}" if words else steps, "bad"
     elif attempt.get("verified"):
         end, tone = "verified", "good"
@@ -303,7 +305,7 @@ def _attempt(attempt: AttemptFigures) -> AttemptWords:
         end = "unfolded, not checked"
     return {
         "strategy": STRATEGY_LABELS.get(str(attempt["strategy"]), str(attempt["strategy"])),
-        "how": sentence(", ".join(how)),
+        "how": sentence(", ".join(traits)),
         "end": sentence(end),
         "tone": tone,
     }

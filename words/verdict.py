@@ -59,10 +59,10 @@ def verdict_of(
     modules = f"{row.modules}{NO_BREAK_SPACE}modules" if row.modules else None
     if row.status == "verified":
         strategy = (summary.get("explosion") or {}).get("strategy")
-        told = certificate_words.headline(certificate) or "verified"
+        headline = certificate_words.headline(certificate) or "verified"
         best = choice and superlative(choice["prefer"], len(choice["plans"]))
         baseline = certificate_words.baseline(strategy)
-        return _verdict("good", sentence(told), baseline, best, modules)
+        return _verdict("good", sentence(headline), baseline, best, modules)
     if row.status == "failed":
         reason = sentence(reason_words(row, summary) or "").removesuffix(".")
         return _verdict("bad", "Not verified", reason, modules)
@@ -102,8 +102,8 @@ def damage_of(heading: str, files: Iterable[str]) -> Problem:
 
 def preset_of(row: ShownFold) -> str:
     """Return the preset of a fold with its world and its changed settings."""
-    where = "" if row.world == FLOATING else ", on a table"
-    return f"{PRESET_LABELS.get(row.preset, row.preset)}{where}{in_a_line(row.settings)}"
+    world = "" if row.world == FLOATING else ", on a table"
+    return f"{PRESET_LABELS.get(row.preset, row.preset)}{world}{in_a_line(row.settings)}"
 
 
 def origin_of(summary: FoldSummary) -> str | None:

@@ -319,7 +319,7 @@ class _TargetStream:
         first = retimed.trajectory.path.frames[0]
         # more than can be unanswered
         self._sent: deque[tuple[int, NDArray[Any]]] = deque([(0, first)], maxlen=64)
-        self._there = False
+        self._at_start = False
         self._number = 0
         self._answered: int | None = None
         self._ahead = max(2, round(0.25 * ask.rate_hz))
@@ -389,7 +389,7 @@ class _TargetStream:
                     )
             # A client that does not answer gets only one target per ``REMINDER_S``.
             wait_s = 0.0
-            if self._there and (
+            if self._at_start and (
                 reason not in ("silence", "behind") or now - last_sent >= REMINDER_S
             ):
                 last_sent = now
@@ -444,7 +444,7 @@ class _TargetStream:
                 if isinstance(message, Report):
                     error = self._error_of(message)
                     self._pace.report(error, self._heard)
-                    self._there = self._there or error <= self._ask.threshold_rad
+                    self._at_start = self._at_start or error <= self._ask.threshold_rad
                     if not isinstance(message.number, msgspec.UnsetType):
                         self._answered = min(message.number, self._number)
                 elif isinstance(message, Pause | Resume):

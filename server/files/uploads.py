@@ -49,20 +49,20 @@ class Uploads:
     def __init__(self, settings: Settings) -> None:
         self._settings = settings
         self._place = settings.uploads_dir
-        self._held = ExitStack()
+        self._scratch = ExitStack()
         self._spooled_before = tempfile.tempdir
         if settings.read_only:
             return
         scratch = Scratch(settings.uploads_dir)
         scratch.sweep()
-        self._place = self._held.enter_context(scratch.directory())
+        self._place = self._scratch.enter_context(scratch.directory())
         tempfile.tempdir = str(self._place)
 
     def close(self) -> None:
         """Remove the remaining files and release the directory."""
         if tempfile.tempdir == str(self._place):
             tempfile.tempdir = self._spooled_before
-        self._held.close()
+        self._scratch.close()
 
     @contextmanager
     def stored(self, source: BinaryIO, filename: str | None) -> Generator[Upload]:

@@ -68,7 +68,7 @@ class GatedTransport:
     def __init__(self, transport: Any, loop: asyncio.AbstractEventLoop) -> None:
         self._transport = transport
         self._loop = loop
-        self._wanted = True
+        self._protocol_reads = True
         self.reading = True
         self._holds: set[str] = set()
         self.close_s: float | None = None
@@ -78,12 +78,12 @@ class GatedTransport:
 
     def pause_reading(self) -> None:
         """Stop reading on behalf of the protocol."""
-        self._wanted = False
+        self._protocol_reads = False
         self._apply()
 
     def resume_reading(self) -> None:
         """Resume reading on behalf of the protocol, as soon as no hold is set."""
-        self._wanted = True
+        self._protocol_reads = True
         self._apply()
 
     def hold(self, reason: str) -> None:
@@ -104,7 +104,7 @@ class GatedTransport:
             self._loop.call_later(self.close_s, self._transport.abort)
 
     def _apply(self) -> None:
-        reading = self._wanted and not self._holds
+        reading = self._protocol_reads and not self._holds
         if reading == self.reading or self._transport.is_closing():
             return
         self.reading = reading

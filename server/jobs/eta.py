@@ -74,7 +74,7 @@ class EtaEstimator:
         self._estimates = estimates or Estimates(store, clock=clock)
         self._clock = clock
         self._lock = threading.Lock()
-        self._told: TTLCache[str, tuple[float, float]] = TTLCache(
+        self._reported_s: TTLCache[str, tuple[float, float]] = TTLCache(
             1024,
             60.0,
             timer=clock,  # so that the next continues without a jump
@@ -133,16 +133,16 @@ class EtaEstimator:
         now = self._clock()
         with self._lock:
             if not left_s:
-                self._told.pop(fold_id, None)
+                self._reported_s.pop(fold_id, None)
                 return None if left_s is None else 0
-            before = self._told.get(fold_id)
+            before = self._reported_s.get(fold_id)
             if before is not None:
                 at, last_s = before
                 passed_s = max(0.0, now - at)  # the time of day may have been set back
                 down = max(0.0, last_s - passed_s)
                 settling_s = min(max(SETTLING_RANGE_S[0], down / 4.0), SETTLING_RANGE_S[1])
                 left_s = down + (left_s - down) * (1.0 - math.exp(-passed_s / settling_s))
-            self._told[fold_id] = (now, left_s)
+            self._reported_s[fold_id] = (now, left_s)
         return max(1, round(left_s))
 
 

@@ -180,7 +180,7 @@ class Execution:
         Raises:
             LeaseLostError: If another execution has the fold.
         """
-        known = self._wait_for(
+        has_row = self._wait_for(
             lambda: self._store.finish(
                 self._fold_id,
                 outcome.status,
@@ -192,7 +192,7 @@ class Execution:
                 execution=self._claim.execution,
             )
         )
-        if not known:
+        if not has_row:
             self._wait_for(lambda: self._store.folders.remove(self._fold_id))
             return
         self._check_held()
@@ -231,16 +231,16 @@ class Execution:
             raise
         except InputError as error:
             error = self._advised(error)
-            told = {"code": error.code, "values": error.values, "detail": error.detail}
-            told |= {"message": error.message, "where": error.where}
-            return Outcome(status="failed", error=told)
+            fault = {"code": error.code, "values": error.values, "detail": error.detail}
+            fault |= {"message": error.message, "where": error.where}
+            return Outcome(status="failed", error=fault)
         except ChildError as error:
             self._release_child()
             if stage in REPEATED_STAGES and any_verified(self._place):
                 # The attempt at a better plan failed, so the best plan so far is the result.
                 return Outcome(status="running", following=STAGES[-1])
-            told = {"code": error.code, "detail": error.detail, "where": stage}
-            return Outcome(status="failed", error=told, repeatable=False)
+            fault = {"code": error.code, "detail": error.detail, "where": stage}
+            return Outcome(status="failed", error=fault, repeatable=False)
         except Exception:
             self._check_stopping()
             log.exception("fold %s failed in stage %s", self._fold_id, stage)
@@ -277,11 +277,11 @@ class Execution:
         ended_at = time.time()
         took_s = round(spent_s.get(stage, 0.0) + ended_at - started_at, 3)
         progress.take({"stage_s": {**spent_s, stage: took_s}, "began_at": ended_at})
-        wanted = self._wait_for(progress.last)
+        fold_wanted = self._wait_for(progress.last)
         # A cancelled stage may still return a result, computed from its data until then.
-        if part.ended and wanted and self._wait_for(part.pause):
+        if part.ended and fold_wanted and self._wait_for(part.pause):
             raise PausedError(self._fold_id)
-        if part.ended or result.get("status") == "cancelled" or not wanted:
+        if part.ended or result.get("status") == "cancelled" or not fold_wanted:
             return self._unwanted()
         if stage == "read":
             self._wait_for(
@@ -443,13 +443,13 @@ def _keeping(store: Store, fold_id: str, epoch: int) -> Generator[None]:
     over = threading.Event()
 
     def keep() -> None:
-        shown = False
+        is_displayed = False
         while True:
             try:
                 folders.keep(fold_id, epoch, growing=True)
-                if not shown:
+                if not is_displayed:
                     store.show(fold_id, epoch)
-                    shown = True
+                    is_displayed = True
             except (StorageError, SQLAlchemyError, OSError) as error:
                 log.warning(
                     "fold %s could not be stored yet: %s",

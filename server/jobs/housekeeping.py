@@ -91,7 +91,7 @@ class Housekeeping:
         self._names: Iterator[str] | None = None
         """Remaining names of the current round through all files; None between rounds."""
         self._suspects: set[str] = set()
-        self._found: set[str] = set()
+        self._new_suspects: set[str] = set()
         """Names without a row in the last round, and in the current one."""
 
     def sweep(self) -> int:
@@ -271,7 +271,7 @@ class Housekeeping:
         if self._names is None:
             self._store.discard_staged()
             self._names = self._files()
-            self._suspects, self._found = self._found, set()
+            self._suspects, self._new_suspects = self._new_suspects, set()
         names = set(itertools.islice(self._names, NAMES_PER_SWEEP))
         if len(names) < NAMES_PER_SWEEP:
             self._names = None
@@ -286,7 +286,7 @@ class Housekeeping:
                 continue
             log.info("deleting files of %s, which belong to no fold", fold_id)
             self._store.folders.remove(fold_id)
-        self._found |= orphans - self._suspects
+        self._new_suspects |= orphans - self._suspects
 
     def _files(self) -> Iterator[str]:
         """Yield the names of folds with old files."""

@@ -39,9 +39,9 @@ class Slice:
         self._fold_id = fold_id
         self._epoch = epoch
         self._clock = clock
-        self._begun = clock()
+        self._started_at = clock()
         first_s, self._whole_s = store.slices_s(fold_id)
-        self._look_at = self._begun + first_s
+        self._look_at = self._started_at + first_s
         self.ended = False
         """True once ``over`` has returned True."""
 
@@ -50,7 +50,7 @@ class Slice:
         now = self._clock()
         if not self.ended and now >= self._look_at:
             self._look_at = now + SLICE_POLL_S
-            spent_s = now - self._begun
+            spent_s = now - self._started_at
             cheaper = spent_s < self._whole_s
             try:
                 self.ended = self._store.others_wait(
@@ -63,4 +63,6 @@ class Slice:
 
     def pause(self) -> bool:
         """Put the fold back into the queue; return False if it is cancelled or taken over."""
-        return self._store.pause(self._fold_id, self._epoch, spent_s=self._clock() - self._begun)
+        return self._store.pause(
+            self._fold_id, self._epoch, spent_s=self._clock() - self._started_at
+        )

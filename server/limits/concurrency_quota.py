@@ -59,7 +59,7 @@ class Permit:
         self.visitor = visitor
         self.groups = () if visitor is None else (*networks_of(visitor), visitor)
         self.site = self.groups[0] if self.groups else None
-        self.begin = start
+        self.start = start
         self.end = end
         self.going = False
         self.held = True
@@ -101,7 +101,7 @@ class Quota:
         timeout_s: float = 10.0,
         refuse: Callable[[int, Holder], ServiceError] | None = None,
     ) -> None:
-        self._what = subject
+        self._subject = subject
         self._total = total
         self._per_visitor = per_visitor
         self._per_network = network_share(total, per_visitor)
@@ -111,7 +111,7 @@ class Quota:
         self._refuse = refuse or (self._too_many if at_once is None else self._too_busy)
         self._lock = threading.Lock()
         self._count = self._going_count = 0
-        self._held: Counter[str] = Counter()
+        self._permit_counts: Counter[str] = Counter()
         """Number of permits of each visitor and each network."""
         self._going: Counter[str] = Counter()
         self._line: OrderedDict[str | None, OrderedDict[str | None, deque[Permit]]] = OrderedDict()
@@ -149,7 +149,7 @@ class Quota:
                 victim.displaced = True
                 self._remove(victim)
             self._count += 1
-            self._held.update(permit.groups)
+            self._permit_counts.update(permit.groups)
             visitors = self._line.setdefault(permit.site, OrderedDict())
             visitors.setdefault(visitor, deque()).append(permit)
             if end is not None and visitor is not None:
@@ -178,7 +178,7 @@ class Quota:
                 if unwanted is not None and unwanted():
                     raise Unavailable("gone", "Cancelled, because the client disconnected.")
                 if time.monotonic() >= deadline:
-                    raise _busy(Unavailable, f"Other {self._what} are being created")
+                    raise _busy(Unavailable, f"Other {self._subject} are being created")
             if permit.displaced:
                 raise self._refuse(self._count, Holder.ALL)
             yield
@@ -197,7 +197,7 @@ class Quota:
             ServiceError: If the quota is full and no permit may be displaced.
         """
         if newcomer.groups:
-            own_held = self._held[newcomer.groups[-1]]
+            own_held = self._permit_counts[newcomer.groups[-1]]
             if own_held >= self._per_visitor:
                 raise self._refuse(own_held, Holder.VISITOR)
         full, holder = self._full_group(newcomer)
@@ -205,14 +205,14 @@ class Quota:
             return None
         victim = self._victim(newcomer, full)
         if victim is None:
-            count = self._count if full is None else self._held[full]
+            count = self._count if full is None else self._permit_counts[full]
             raise self._refuse(count, holder)
         return victim
 
     def _full_group(self, newcomer: Permit) -> tuple[str | None, Holder | None]:
         """Return the narrowest full network around a newcomer, or ALL if the total is reached."""
         for network in reversed(newcomer.groups[:-1]):
-            if self._per_network is not None and self._held[network] >= self._per_network:
+            if self._per_network is not None and self._permit_counts[network] >= self._per_network:
                 return network, Holder.NETWORK
         full = self._total is not None and self._count >= self._total
         return None, Holder.ALL if full else None
@@ -232,10 +232,12 @@ class Quota:
             apart = _first_difference(permit.groups, newcomer.groups)
             if apart is None:
                 continue
-            own_held = self._held[newcomer.groups[apart]] if apart < len(newcomer.groups) else 0
-            if self._held[permit.groups[apart]] <= own_held + 1:
+            own_held = (
+                self._permit_counts[newcomer.groups[apart]] if apart < len(newcomer.groups) else 0
+            )
+            if self._permit_counts[permit.groups[apart]] <= own_held + 1:
                 continue
-            weight = tuple(self._held[group] for group in permit.groups)
+            weight = tuple(self._permit_counts[group] for group in permit.groups)
             if heaviest is None or weight > heaviest[0]:
                 heaviest = weight, permit
         return None if heaviest is None else heaviest[1]
@@ -244,13 +246,13 @@ class Quota:
         """Remove a permit; the caller holds the lock."""
         permit.held = False
         self._count -= 1
-        self._held.subtract(permit.groups)
+        self._permit_counts.subtract(permit.groups)
         if permit.going:
             self._going_count -= 1
             self._going.subtract(permit.groups)
         else:
             self._leave_line(permit)
-        for counts in (self._held, self._going):
+        for counts in (self._permit_counts, self._going):
             for group in permit.groups:
                 if not counts[group]:
                     del counts[group]
@@ -274,7 +276,7 @@ class Quota:
             permit.going = True
             if self._at_once is not None:
                 self._forget_displaceable(permit)
-            permit.begin(permit)
+            permit.start(permit)
 
     def _next(self) -> Permit | None:
         """Remove the next permit from the waiting ones and return it."""
@@ -308,16 +310,16 @@ class Quota:
 
     def _too_many(self, count: int, holder: Holder) -> TooMany:
         return TooMany(
-            f"too-many-{self._what.replace(' ', '-')}",
-            f"{count} {self._what} {holder} are active, which is the limit; end one, or try again "
-            f"in {OPEN_RETRY_S} s.",
+            f"too-many-{self._subject.replace(' ', '-')}",
+            f"{count} {self._subject} {holder} are active, which is the limit; end one, or try "
+            f"again in {OPEN_RETRY_S} s.",
             retry_after_s=OPEN_RETRY_S,
         )
 
     def _too_busy(self, count: int, holder: Holder) -> ServiceError:
         if holder is Holder.ALL:
-            return _busy(Unavailable, f"{count} {self._what} for other people are being created")
-        return _busy(TooMany, f"{count} {self._what} {holder} are being created")
+            return _busy(Unavailable, f"{count} {self._subject} for other people are being created")
+        return _busy(TooMany, f"{count} {self._subject} {holder} are being created")
 
 
 def network_share(total: int | None, per_visitor: int) -> int | None:

@@ -77,7 +77,7 @@ class Readiness:
         self._leases = leases
         self._lock = threading.Lock()
         self._ending = threading.Event()
-        self._kept: tuple[float, Places] | None = None
+        self._dated_places: tuple[float, Places] | None = None
 
     def end(self) -> None:
         """Report the service as not ready from now on, as it is about to stop."""
@@ -123,15 +123,15 @@ class Readiness:
 
         Only one thread checks at a time. Others return the last result, even if the storage hangs.
         """
-        if self._lock.acquire(blocking=self._kept is None):
+        if self._lock.acquire(blocking=self._dated_places is None):
             try:
                 now = time.monotonic()
-                if self._kept is None or now - self._kept[0] >= READINESS_CACHE_S:
-                    self._kept = (now, self._look())
+                if self._dated_places is None or now - self._dated_places[0] >= READINESS_CACHE_S:
+                    self._dated_places = (now, self._look())
             finally:
                 self._lock.release()
-        assert self._kept is not None
-        return self._kept[1]
+        assert self._dated_places is not None
+        return self._dated_places[1]
 
     def _look(self) -> Places:
         disk, free_bytes = OK, None

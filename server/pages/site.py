@@ -65,12 +65,12 @@ class Site:
     Attributes:
         out: Directory of the site.
         service: Address of a service that folds visitors' shapes; None without one.
-        asked: Names of the files that pages refer to.
+        file_names: Names of the files that pages refer to.
     """
 
     out: Path
     service: str | None
-    asked: set[str] = field(default_factory=set)
+    file_names: set[str] = field(default_factory=set)
 
     def at(self, root: str, address: str) -> str:
         """Return an address of the service as a page of the site refers to it.
@@ -91,7 +91,7 @@ class Site:
             raise ValueError(
                 f"got a link to {address}, expected a page or file of the static website"
             )
-        self.asked.add(name)
+        self.file_names.add(name)
         return root + name
 
     def rendered(self, template: str, root: str = "", /, **values: object) -> str:
@@ -162,7 +162,7 @@ def _shared_files(site: Site) -> None:
     """Write all files that pages refer to besides pages."""
     site.write(VIEW_FILE, client().html)
     site.write(ELEMENT, code_of(ELEMENT))
-    for name in sorted(site.asked):
+    for name in sorted(site.file_names):
         folder, _, file_name = name.partition("/")
         if name == SCRIPTS_FILE:
             site.write(name, packed_scripts(ENTRY_SCRIPT, FILMS_SCRIPT, KIOSK_SCRIPT))

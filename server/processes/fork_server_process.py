@@ -44,7 +44,7 @@ class _Requests:
 
     def __init__(self, control: socket.socket) -> None:
         self._control = control
-        self._begun = b""
+        self._partial_line = b""
         self._pipes: deque[int] = deque()
 
     def receive(self) -> list[dict[str, Any]]:
@@ -53,7 +53,7 @@ class _Requests:
         self._pipes.extend(pipes)
         if not data:
             os._exit(0)
-        *lines, self._begun = (self._begun + data).split(b"\n")
+        *lines, self._partial_line = (self._partial_line + data).split(b"\n")
         return [json.loads(line) for line in lines]
 
     def pipes(self) -> tuple[int, int]:

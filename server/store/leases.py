@@ -81,7 +81,7 @@ class Leases:
         self._lease_s = lease_s
         self._clock = clock
         self._lock = threading.Lock()
-        self._seen: dict[str, tuple[int | None, float]] = {}
+        self._beats: dict[str, tuple[int | None, float]] = {}
         self._looked_at = clock()
         self._made_at = clock()
         self._expects_workers = expects_workers
@@ -170,7 +170,7 @@ class Leases:
         now = self._clock()
         with self._lock:
             if now - self._looked_at > self._lease_s / 2.0:
-                self._seen = {name: (beat, now) for name, (beat, _) in self._seen.items()}
+                self._beats = {name: (beat, now) for name, (beat, _) in self._beats.items()}
             self._looked_at = now
         return self._silent(beats)
 
@@ -184,11 +184,11 @@ class Leases:
         silent: set[str] = set()
         with self._lock:
             for name, beat in beats.items():
-                last_beat = self._seen.get(name)
+                last_beat = self._beats.get(name)
                 if last_beat is None or last_beat[0] != beat:
-                    self._seen[name] = (beat, now)
+                    self._beats[name] = (beat, now)
                 elif now - last_beat[1] >= self._lease_s:
                     silent.add(name)
-            for name in self._seen.keys() - beats.keys():
-                del self._seen[name]
+            for name in self._beats.keys() - beats.keys():
+                del self._beats[name]
         return silent | local

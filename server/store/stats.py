@@ -61,14 +61,14 @@ class Stats:
         self._leases = leases
         self._engine = engine_of(settings)
         self._counted = threading.Condition()
-        self._kept: TTLCache[tuple[()], ServiceCounts] = TTLCache(1, COUNTS_CACHE_S)
+        self._counts: TTLCache[tuple[()], ServiceCounts] = TTLCache(1, COUNTS_CACHE_S)
         self._bytes: TTLCache[tuple[()], int] = TTLCache(1, 60.0)  # it reads the sizes of all folds
 
     def close(self) -> None:
         """Close the connection."""
         self._engine.dispose()
 
-    @cachedmethod(attrgetter("_kept"), condition=attrgetter("_counted"))
+    @cachedmethod(attrgetter("_counts"), condition=attrgetter("_counted"))
     def counts(self) -> ServiceCounts:
         """Return the counts, at most ``COUNTS_CACHE_S`` old.
 

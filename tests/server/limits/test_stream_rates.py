@@ -47,7 +47,7 @@ def test_target_streams_of_a_visitor_get_a_limited_number_of_angles(speeds: bool
         found = cast("Any", SimpleNamespace(trajectory=trajectory()))
         ask = Ask(rate_hz=100, speeds=speeds)
         session = _TargetStream(cast("Any", socket), found, ask, "fold", charge)
-        session._there = True
+        session._at_start = True
         session._pace.report(0.0, asyncio.get_running_loop().time())
         with pytest.raises(TimeoutError):
             await asyncio.wait_for(session._speak(), 0.65)
