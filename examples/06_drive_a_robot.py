@@ -40,16 +40,14 @@ def main() -> None:
     with connect(
         f"{address}?speed={arguments.speed}&speeds=true", max_size=None, proxy=None
     ) as service:
-        first_message = json.loads(service.recv())
-        if first_message["is"] == "problem":
-            raise SystemExit(first_message["detail"])
-        joints = [model.joint(name).qposadr[0] for name in first_message["joint_names"]]
-        servos = [model.actuator(name).id for name in first_message["joint_names"]]
-        least_s = arguments.speed / first_message["rate_hz"]
-        print(f"{len(joints)} joints, {first_message['duration_s']:.1f} s at speed 1", flush=True)
-        robot.qpos[joints] = first_message[
-            "joint_angles_rad"
-        ]  # a real robot is first moved to this pose
+        opening = json.loads(service.recv())
+        if opening["is"] == "problem":
+            raise SystemExit(opening["detail"])
+        joints = [model.joint(name).qposadr[0] for name in opening["joint_names"]]
+        servos = [model.actuator(name).id for name in opening["joint_names"]]
+        least_s = arguments.speed / opening["rate_hz"]
+        print(f"{len(joints)} joints, {opening['duration_s']:.1f} s at speed 1", flush=True)
+        robot.qpos[joints] = opening["joint_angles_rad"]  # a real robot is first moved there
         service.send(json.dumps({"do": "report", "joint_angles_rad": robot.qpos[joints].tolist()}))
         for message in map(json.loads, service):
             if message["is"] == "target":

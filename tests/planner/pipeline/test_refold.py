@@ -195,7 +195,7 @@ def test_verify_finds_another_start_or_motion_of_a_refold(copy: FilePath, plan: 
 
     assert "does not start in the folded shape of hairpin" in tampered(start=plan.chain)
     assert tampered(start=None)
-    assert "do not have the same modules" in tampered(start=line(9))
+    assert "differ in the type or the number of their modules" in tampered(start=line(9))
     assert "does not become straight" in with_row(k, 0.01)
     for row in (k // 2, k + k // 2):
         problems = with_row(row, np.tile([np.pi / 2, 0.0], 6))

@@ -43,8 +43,8 @@ def test_verdict_names_the_weakest_joint(pendulum: tuple[Chain, Trajectory]) -> 
     assert rows.would_do is None
     weak = motor_table(chain, trajectory, BUILD, motor_torque_nm=0.9 * need)
     assert weak.would_do is False
-    assert weak.verdict.startswith("No, a motor torque of ")
-    assert f"joint_1_z needs the largest torque, {need:.3g} N·m at frame " in weak.verdict
+    assert weak.text().startswith("No, a motor torque of ")
+    assert f"joint_1_z needs the largest torque, {need:.3g} N·m at frame " in weak.text()
     strong = motor_table(chain, trajectory, BUILD, motor_torque_nm=1.1 * need)
     assert strong.would_do is True
     row = strong.as_dict()["joints"][0]
