@@ -61,9 +61,9 @@ def unvalidated(module: Module, folded_rad: Array) -> Chain:
     return Chain(name="unchecked", module=module, folded_rad=folded_rad, **pose)
 
 
-def random_angles(chain: Chain, rng: np.random.Generator, most: float = 1.5) -> Array:
+def random_angles(chain: Chain, rng: np.random.Generator, maximum: float = 1.5) -> Array:
     """Return (J,) random hinge angles."""
-    return rng.uniform(-most, most, len(chain.folded_rad))
+    return rng.uniform(-maximum, maximum, len(chain.folded_rad))
 
 
 def random_rotation(rng: np.random.Generator) -> Array:
@@ -82,11 +82,11 @@ def near_pairs_of(modules: int) -> NDArray[np.int64]:
     return np.stack(np.triu_indices(modules, 2), axis=1)
 
 
-def random_state(chain: Chain, seed: int, most: float = 0.3) -> State:
+def random_state(chain: Chain, seed: int, maximum: float = 0.3) -> State:
     """Return a random state in motion, with angles small enough to avoid overlaps."""
     rng = np.random.default_rng(seed)
     return State(
-        angles=random_angles(chain, rng, most),
+        angles=random_angles(chain, rng, maximum),
         rates=rng.normal(size=len(chain.folded_rad)) * 0.3,
         position=rng.normal(size=3),
         rotation=random_rotation(rng),

@@ -44,10 +44,10 @@ def untimed(value: Any) -> Any:
     return [untimed(v) for v in value] if isinstance(value, (list, tuple)) else value
 
 
-def compare_motions(one: Any, other: Any) -> None:
+def compare_motions(first: Any, second: Any) -> None:
     """Compare all columns of two motions."""
-    for name in type(one).__dataclass_fields__:
-        np.testing.assert_array_equal(getattr(one, name), getattr(other, name))
+    for name in type(first).__dataclass_fields__:
+        np.testing.assert_array_equal(getattr(first, name), getattr(second, name))
 
 
 def intercept(
@@ -55,15 +55,15 @@ def intercept(
 ) -> None:
     """Replace a function by ``call``, which first gets the number of the call and the original."""
     original, numbers = getattr(owner, name), count(1)
-    monkeypatch.setattr(owner, name, lambda *a, **more: call(next(numbers), original, *a, **more))
+    monkeypatch.setattr(owner, name, lambda *a, **extra: call(next(numbers), original, *a, **extra))
 
 
 def falsify(monkeypatch: pytest.MonkeyPatch, times: int, **changes: Any) -> None:
     """Replace fields of the first ``times`` certificates."""
 
-    def certify(number: int, original: Any, *arguments: Any, **more: Any) -> Certificate:
-        found = original(*arguments, **more)
-        return replace(found, **changes) if number <= times else found
+    def certify(number: int, original: Any, *arguments: Any, **extra: Any) -> Certificate:
+        intercepted = original(*arguments, **extra)
+        return replace(intercepted, **changes) if number <= times else intercepted
 
     intercept(monkeypatch, certifying, "certify", certify)
 

@@ -21,15 +21,15 @@ class LaterParameters(Parameters):
     gripper: RobotParameters = field(default_factory=LaterRobotParameters)
 
 
-def later(name: str, **more: Any) -> Parameters:
+def later(name: str, **extra: Any) -> Parameters:
     """Return a preset as a later version has it.
 
     Args:
         name: Name of the preset.
-        more: Values of the parameters that the later version adds to those of robots.
+        extra: Values of the parameters that the later version adds to those of robots.
     """
     parameters = preset(name)
-    values = {each.name: getattr(parameters, each.name) for each in fields(parameters)}
-    robot = LaterRobotParameters(**asdict(parameters.playback.robot), **more)
-    values["playback"] = replace(parameters.playback, robot=robot)
-    return LaterParameters(**values)
+    field_values = {field.name: getattr(parameters, field.name) for field in fields(parameters)}
+    robot = LaterRobotParameters(**asdict(parameters.playback.robot), **extra)
+    field_values["playback"] = replace(parameters.playback, robot=robot)
+    return LaterParameters(**field_values)

@@ -32,22 +32,22 @@ def walk(turns: list[int]) -> Ints:
     return np.array(cells, dtype=np.int64)
 
 
-def walks(*, most: int = 40) -> st.SearchStrategy[Ints]:
+def walks(*, maximum: int = 40) -> st.SearchStrategy[Ints]:
     """Return a strategy for self-avoiding lattice walks of three or more cells."""
-    return st.lists(st.integers(0, 5), min_size=2, max_size=most).map(walk)
+    return st.lists(st.integers(0, 5), min_size=2, max_size=maximum).map(walk)
 
 
-def connected_sets(most: int = 40) -> st.SearchStrategy[Ints]:
+def connected_sets(maximum: int = 40) -> st.SearchStrategy[Ints]:
     """Return a strategy for connected sets of cells: each new one is adjacent to an earlier one."""
-    picks = st.tuples(st.integers(0, most), st.integers(0, 5))
-    return st.lists(picks, max_size=most).map(grow)
+    picks = st.tuples(st.integers(0, maximum), st.integers(0, 5))
+    return st.lists(picks, max_size=maximum).map(grow)
 
 
 def grow(picks: list[tuple[int, int]]) -> Ints:
     """Return cells, each adjacent to an earlier one; repeated cells are omitted."""
     cells = [(0, 0, 0)]
-    for which, side in picks:
-        x, y, z = cells[which % len(cells)]
+    for picked_cells, side in picks:
+        x, y, z = cells[picked_cells % len(cells)]
         a, b, c = NEIGHBOURS[side]
         if (x + a, y + b, z + c) not in cells:
             cells.append((x + a, y + b, z + c))

@@ -22,20 +22,20 @@ def refusal_of(data: bytes, **options: Any) -> InputError:
 
 def solid_in(data: bytes, filename: str | None = None) -> Solid:
     """Return the solid in a file."""
-    found = read(data, filename=filename)
-    assert isinstance(found, Solid)
-    return found
+    read_shape = read(data, filename=filename)
+    assert isinstance(read_shape, Solid)
+    return read_shape
 
 
 def shape_in(data: bytes, **options: Any) -> Shape:
     """Return the voxels in a file."""
-    found = read(data, **options)
-    assert isinstance(found, Shape)
-    return found
+    read_shape = read(data, **options)
+    assert isinstance(read_shape, Shape)
+    return read_shape
 
 
 def cells_of(data: bytes, filename: str | None = None) -> list[list[int]]:
     """Return the cells of the path in a file, in its order."""
-    found = read(data, filename=filename)
-    assert isinstance(found, Path)
-    return found.cells.tolist()
+    read_shape = read(data, filename=filename)
+    assert isinstance(read_shape, Path)
+    return read_shape.cells.tolist()

@@ -49,9 +49,9 @@ def scene(edit: Callable[[dict[str, Any]], object], mesh: Mesh | None = None) ->
     return json.dumps(document).encode()
 
 
-def show(document: dict[str, Any], *nodes: dict[str, Any], **more: Any) -> None:
+def show(document: dict[str, Any], *nodes: dict[str, Any], **extra: Any) -> None:
     """Set the nodes of a glTF scene, each with the first mesh."""
-    document.update(nodes=[{"mesh": 0, **node} for node in nodes], scene=0, **more)
+    document.update(nodes=[{"mesh": 0, **node} for node in nodes], scene=0, **extra)
     document["scenes"] = [{"nodes": list(range(len(nodes)))}]
 
 
@@ -86,8 +86,8 @@ def vox_transform(node: int, child: int, **place: str) -> bytes:
 
 def vox_shape(node: int, model: int) -> bytes:
     """Return a scene node that shows a model."""
-    shown = struct.pack("<2I", 1, model)
-    return chunk(b"nSHP", struct.pack("<I", node) + words() + shown + words())
+    header = struct.pack("<2I", 1, model)
+    return chunk(b"nSHP", struct.pack("<I", node) + words() + header + words())
 
 
 def vox_file(*chunks: bytes) -> bytes:
@@ -107,10 +107,10 @@ def as_binvox(cells: NDArray[np.int64]) -> bytes:
     flat = grid.ravel()
     starts = np.flatnonzero(np.concatenate([[True], flat[1:] != flat[:-1]]))
     for start, end in zip(starts, [*starts[1:], len(flat)], strict=True):
-        rest = int(end - start)
-        while rest:
-            data += bytes([flat[start], min(rest, 255)])
-            rest -= min(rest, 255)
+        byte_count = int(end - start)
+        while byte_count:
+            data += bytes([flat[start], min(byte_count, 255)])
+            byte_count -= min(byte_count, 255)
     return data
 
 

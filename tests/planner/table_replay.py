@@ -95,17 +95,17 @@ def table_replay(
     spread = np.linspace(0, len(frames) - 1, count).round().astype(int)
     numbers = np.union1d(spread, np.array(also, dtype=int))
     model = _model(chain, max(spare * torque, MIN_BRAKE_TORQUE_WP))
-    found = [_release(chain, model, frames, int(k)) for k in numbers]
-    return TableReplay(tuple(numbers.tolist()), *zip(*found, strict=True))
+    releases = [_release(chain, model, frames, int(k)) for k in numbers]
+    return TableReplay(tuple(numbers.tolist()), *zip(*releases, strict=True))
 
 
 def _release(chain: Chain, model: Any, frames: Motion, number: int) -> tuple[float, float]:
     """Return the largest displacements of a module: overall and in the second half of the time."""
-    one = frames.dense(chain, number, number + 1)
-    poses = chain.poses(one.joint_angles_rad[0], one.root_position[0], one.root_wxyz[0])
+    first = frames.dense(chain, number, number + 1)
+    poses = chain.poses(first.joint_angles_rad[0], first.root_position[0], first.root_wxyz[0])
     data = mujoco.MjData(model)
-    data.qpos[:3], data.qpos[3:7] = one.root_position[0], one.root_wxyz[0]
-    for name, angle in zip(chain.joint_names, one.joint_angles_rad[0], strict=True):
+    data.qpos[:3], data.qpos[3:7] = first.root_position[0], first.root_wxyz[0]
+    for name, angle in zip(chain.joint_names, first.joint_angles_rad[0], strict=True):
         data.qpos[model.joint(name).qposadr[0]] = angle
     data.mocap_pos[0], data.mocap_quat[0] = poses.positions[0], poses.wxyzs[0]
     bodies = [model.body(f"module_{i}").id for i in range(len(chain))]

@@ -153,10 +153,10 @@ def edit_npz(path: FilePath, edit: Callable[[dict[str, Any], dict[str, Any]], No
     """Change the arrays of a file, and the metadata of a plan."""
     with np.load(path, allow_pickle=False) as file:
         arrays = dict(file)
-    rest = json.loads(str(arrays["plan"])) if "plan" in arrays else {}
-    edit(arrays, rest)
+    plan_values = json.loads(str(arrays["plan"])) if "plan" in arrays else {}
+    edit(arrays, plan_values)
     if "plan" in arrays:
-        arrays["plan"] = np.array(json.dumps(rest))
+        arrays["plan"] = np.array(json.dumps(plan_values))
     np.savez_compressed(path, **arrays)
 
 
@@ -169,7 +169,7 @@ def stage_array(place: FilePath, random: Random) -> Change:
     name = names[random.integers(len(names))]
     hit = ""
 
-    def edit(arrays: dict[str, Any], rest: dict[str, Any]) -> None:
+    def edit(arrays: dict[str, Any], plan_values: dict[str, Any]) -> None:
         nonlocal hit
         keys = [key for key, array in arrays.items() if array.size]
         hit = keys[random.integers(len(keys))]
@@ -208,17 +208,17 @@ def model(place: FilePath, random: Random) -> Change | None:
     text = path.read_text()
     choice = random.integers(3)
     if choice == 0:
-        found = [*NUMBER.finditer(text)]
-        hit = found[random.integers(len(found))]
+        numbers = [*NUMBER.finditer(text)]
+        hit = numbers[random.integers(len(numbers))]
         number = other_value(float(hit.group()), random)
         new = f"{number:.12g}"
     elif choice == 1:
-        found = [*NAME.finditer(text)]
-        hit = found[random.integers(len(found))]
+        numbers = [*NAME.finditer(text)]
+        hit = numbers[random.integers(len(numbers))]
         new = other_value(hit.group(), random)
     else:
-        found = [*re.finditer(r"<(?:exclude|site|geom|key|joint)[^>]*/>", text)]
-        hit = found[random.integers(len(found))]
+        numbers = [*re.finditer(r"<(?:exclude|site|geom|key|joint)[^>]*/>", text)]
+        hit = numbers[random.integers(len(numbers))]
         new = ""
     path.write_text(text[: hit.start()] + new + text[hit.end() :])
     before = text[: hit.start()]
@@ -237,9 +237,9 @@ def may_be_ignored(change: Change) -> bool:
 
     MuJoCo normalises axes and quaternions, and reads inertias from the body, not from its geom.
     """
-    where = change.where.partition(" ")[0]
-    base = where in {f"key.qpos[{k}]" for k in range(3, 7)}
-    return base or where.startswith(("geom.mass", "joint.axis")) or ".quat[" in where
+    array_name = change.where.partition(" ")[0]
+    base = array_name in {f"key.qpos[{k}]" for k in range(3, 7)}
+    return base or array_name.startswith(("geom.mass", "joint.axis")) or ".quat[" in array_name
 
 
 UNCHECKED_FIELDS = ("versions", "smoothing")
@@ -266,9 +266,9 @@ def change_all_copies(place: FilePath, random: Random) -> Change | None:
     set_leaf(text, at, new)
     (place / "plan.json").write_text(json.dumps(text))
 
-    def edit(arrays: dict[str, Any], rest: dict[str, Any]) -> None:
-        if key in rest:
-            rest[key] = text[key]
+    def edit(arrays: dict[str, Any], plan_values: dict[str, Any]) -> None:
+        if key in plan_values:
+            plan_values[key] = text[key]
         elif old is None or isinstance(new, type(old)):
             kind = None if isinstance(old, str) else arrays[key].dtype
             arrays[key] = np.array(text[key], dtype=kind)
@@ -284,19 +284,19 @@ def remove_field(place: FilePath, random: Random) -> Change | None:
     """Remove a field from all files that hold it."""
     text = json.loads((place / "plan.json").read_bytes())
     within = ("", "certificate", "playback", "explosion")[random.integers(4)]
-    held = text[within] if within else text
-    if held is None:
+    kept_text = text[within] if within else text
+    if kept_text is None:
         return None
-    keys = sorted(set(held) - {"format"})
+    keys = sorted(set(kept_text) - {"format"})
     key = keys[random.integers(len(keys))]
-    del held[key]
+    del kept_text[key]
     (place / "plan.json").write_text(json.dumps(text))
 
-    def edit(arrays: dict[str, Any], rest: dict[str, Any]) -> None:
+    def edit(arrays: dict[str, Any], plan_values: dict[str, Any]) -> None:
         if within:
-            rest[within] = held
+            plan_values[within] = kept_text
         else:
-            rest.pop(key, None)
+            plan_values.pop(key, None)
             arrays.pop(key, None)
 
     edit_npz(place / "plan.npz", edit)

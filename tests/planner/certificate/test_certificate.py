@@ -117,9 +117,9 @@ def test_certificate_is_read_with_all_of_its_figures_or_not() -> None:
     values = certify(chain, None, playback_of(plan), PARAMETERS).as_dict()
     assert Certificate.from_dict(values).as_dict() == values
     for name in values:
-        rest = {key: value for key, value in values.items() if key != name}
+        other_entries = {key: value for key, value in values.items() if key != name}
         with pytest.raises(ValueError, match=f"without {name}"):
-            Certificate.from_dict(rest)
+            Certificate.from_dict(other_entries)
 
 
 # The tests below attack the verdict: none of these plans may pass.
@@ -129,8 +129,10 @@ def test_certificate_is_read_with_all_of_its_figures_or_not() -> None:
 def test_moments_that_cannot_be_bounded_are_refused_by_their_frame() -> None:
     # Modules of full size always touch, so that nothing can be proved.
     chain, plan = closing()
-    found = certify(chain, None, playback_of(plan), replace(PARAMETERS, module_size=1.0)).verdict
-    assert re.fullmatch(r"failed: in the plan, .*\(frame [\d.]+ of the plan\)", found)
+    found_verdict = certify(
+        chain, None, playback_of(plan), replace(PARAMETERS, module_size=1.0)
+    ).verdict
+    assert re.fullmatch(r"failed: in the plan, .*\(frame [\d.]+ of the plan\)", found_verdict)
     # All hinges make many turns at once, so that the bisection does not converge.
     far = line(100)
     jump = np.zeros((2, len(far.folded_rad)))
@@ -150,57 +152,61 @@ def test_contact_is_no_overlap() -> None:
     turns = turn_by_turn(chain, 1)
     plan = np.concatenate([np.linspace(*pair, 8, endpoint=False) for pair in pairwise(turns)])
     full = replace(PARAMETERS, module_size=1.0)
-    found = certify(chain, None, playback_of(np.append(plan, turns[-1:], axis=0)), full).verdict
-    assert re.fullmatch(r"failed: in the plan, modules \d and \d touch \(frame [\d.]+ .*\)", found)
+    found_verdict = certify(
+        chain, None, playback_of(np.append(plan, turns[-1:], axis=0)), full
+    ).verdict
+    assert re.fullmatch(
+        r"failed: in the plan, modules \d and \d touch \(frame [\d.]+ .*\)", found_verdict
+    )
 
 
 def test_collisions_are_refused() -> None:
     chain, plan = closing()
     done = plan.copy()
     done[20, :] = [np.pi / 2, 0.0, np.pi / 2, 0.0, np.pi / 2, 0.0]
-    found = verdict(chain, playback_of(done))
-    assert found.startswith("failed: in the plan, modules 0 and 4 overlap by")
-    assert "(frame 20 of the plan)" in found
-    found = verdict(chain, playback_of(plan, frames=done))
-    assert found.startswith("failed: in the simulated playback, modules 0 and 4 overlap")
+    found_verdict = verdict(chain, playback_of(done))
+    assert found_verdict.startswith("failed: in the plan, modules 0 and 4 overlap by")
+    assert "(frame 20 of the plan)" in found_verdict
+    found_verdict = verdict(chain, playback_of(plan, frames=done))
+    assert found_verdict.startswith("failed: in the simulated playback, modules 0 and 4 overlap")
     # A coil is folded by moving all hinges at once, without intermediate frames.
     chain = coil(16)
-    found = verdict(
+    found_verdict = verdict(
         chain, playback_of(np.stack([np.zeros_like(chain.folded_rad), chain.folded_rad]))
     )
-    assert found.startswith("failed: in the plan, modules")
+    assert found_verdict.startswith("failed: in the plan, modules")
 
 
 def test_plan_with_other_ends_or_beyond_its_joints_is_refused() -> None:
     chain, plan = closing()
     assert "does not end in the folded shape" in verdict(chain, playback_of(-plan))
-    found = verdict(chain, playback_of(plan, frames=0.9 * plan))
-    assert found.startswith("failed: the playback ends")
+    found_verdict = verdict(chain, playback_of(plan, frames=0.9 * plan))
+    assert found_verdict.startswith("failed: the playback ends")
     done = plan.copy()
     done[20, 0] = -np.deg2rad(92.5)
-    found = verdict(chain, playback_of(plan, frames=done))
-    assert "the simulated playback bends joint_1_z to -92.5°" in found
-    assert found.endswith("(frame 20 of the simulated playback)")
-    for where, value, words in (
+    found_verdict = verdict(chain, playback_of(plan, frames=done))
+    assert "the simulated playback bends joint_1_z to -92.5°" in found_verdict
+    assert found_verdict.endswith("(frame 20 of the simulated playback)")
+    for error_place, value, words in (
         (0, 0.01, "does not start straight"),
         (-1, 0.01, "does not end in the folded shape"),
         (20, np.deg2rad(92.5), "beyond its range"),
     ):
-        other = plan.copy()
-        other[where, 1] += value
-        assert words in verdict(chain, playback_of(other))
+        other_plan = plan.copy()
+        other_plan[error_place, 1] += value
+        assert words in verdict(chain, playback_of(other_plan))
 
 
 def test_failed_or_missing_stages_are_refused() -> None:
     chain, plan = closing()
     for status in ("missed", "diverged", "cancelled", "timeout"):
-        found = verdict(chain, playback_of(plan, status=status, reason=None))
-        assert found == f"failed: the playback {status}"
+        found_verdict = verdict(chain, playback_of(plan, status=status, reason=None))
+        assert found_verdict == f"failed: the playback {status}"
     for status in ("stalled", "diverged", "cancelled", "timeout"):
         record = replace(record_of(plan[::-1]), status=status, reason=STUCK)
         for playback in (playback_of(plan), None):
-            found = verdict(chain, playback, record)
-            assert found == f"failed: {STUCK}"
+            found_verdict = verdict(chain, playback, record)
+            assert found_verdict == f"failed: {STUCK}"
     for record in (None, record_of(plan)):
         assert verdict(chain, None, record) == "failed: there is no playback"
     failed = certify(line(5), None, None, PARAMETERS)
@@ -211,13 +217,13 @@ def test_failed_or_missing_stages_are_refused() -> None:
 
 def test_numbers_that_are_not_finite_are_refused() -> None:
     chain, plan = closing()
-    for what, (bad, frame) in product(range(6), ((np.nan, 0), (np.inf, 17), (-np.inf, -1))):
+    for column_index, (bad, frame) in product(range(6), ((np.nan, 0), (np.inf, 17), (-np.inf, -1))):
         record = record_of(plan[::-1].copy())
         playback = playback_of(plan.copy(), frames=plan.copy())
         frames = playback.frames
         arrays = (playback.reference_rad, frames.joint_angles_rad, record.frames.joint_angles_rad)
-        (*arrays, frames.root_position, frames.root_wxyz, frames.time_s)[what][frame] = bad
-        with case((what, bad, frame)):
+        (*arrays, frames.root_position, frames.root_wxyz, frames.time_s)[column_index][frame] = bad
+        with case((column_index, bad, frame)):
             assert verdict(chain, playback, record).startswith("failed: the")
 
 

@@ -49,31 +49,35 @@ def by_brute_force(chain: Chain, angles: Array, size: float) -> tuple[Array, NDA
     module = chain.module
     poses = forward_kinematics(module, angles)
     n = len(chain)
-    found = np.full((n, n), np.inf)
+    sampled_clearance = np.full((n, n), np.inf)
     for i in range(n):
         for j in range(i + module.apart, n):
-            found[i, j] = found[j, i] = pair_clearance(module, poses, (i, j), module_size=size)
-    return found.min(axis=1), found.argmin(axis=1)
+            sampled_clearance[i, j] = sampled_clearance[j, i] = pair_clearance(
+                module, poses, (i, j), module_size=size
+            )
+    return sampled_clearance.min(axis=1), sampled_clearance.argmin(axis=1)
 
 
 @pytest.mark.parametrize("size", [0.95, 1.1])
 @pytest.mark.parametrize("chain", [coil(14), Chain.from_angles(TETRAHEDRON, np.zeros(13))], ids=len)
 def test_clearances_are_those_of_all_pairs(chain: Chain, size: float) -> None:
     rng = np.random.default_rng(11)
-    angles = np.stack([random_angles(chain, rng, most) for most in (0.0, 0.4, 0.8, 1.2, 1.5, 1.6)])
+    angles = np.stack(
+        [random_angles(chain, rng, max_angle) for max_angle in (0.0, 0.4, 0.8, 1.2, 1.5, 1.6)]
+    )
     clearance, nearest = clearances_of(chain, angles, module_size=size)
     assert clearance.min() < 0.0 or size < 1.0
     for k in range(len(angles)):
-        least, who = by_brute_force(chain, angles[k], size)
+        least_distance, nearest_module = by_brute_force(chain, angles[k], size)
         np.testing.assert_allclose(
-            clearance[k], np.minimum(least, CLEARANCE_REACH_PITCH), atol=1e-6
+            clearance[k], np.minimum(least_distance, CLEARANCE_REACH_PITCH), atol=1e-6
         )
         near = nearest[k] >= 0
-        np.testing.assert_array_equal(near, least < CLEARANCE_REACH_PITCH)
+        np.testing.assert_array_equal(near, least_distance < CLEARANCE_REACH_PITCH)
         # Either of two equally close pairs may be reported.
-        others = np.where(near, nearest[k], who)
-        for i in np.flatnonzero(others != who):
-            assert clearance[k, others[i]] <= clearance[k, i] + 1e-6
+        nearest_modules = np.where(near, nearest[k], nearest_module)
+        for i in np.flatnonzero(nearest_modules != nearest_module):
+            assert clearance[k, nearest_modules[i]] <= clearance[k, i] + 1e-6
 
 
 @pytest.mark.slow
@@ -84,12 +88,12 @@ def test_figures_agree_with_the_certificate(folded: Any, tmp_path: FilePath) -> 
     exploded, played = (frames.phase == phase for phase in (0, 1))
     for part in (exploded, played):
         angles = frames.joint_angles_rad[part]
-        found = sweep(folded.chain, angles, module_size=PARAMETERS.module_size).per_frame
+        frame_clearance = sweep(folded.chain, angles, module_size=PARAMETERS.module_size).per_frame
         capped = np.minimum(figures.min_clearance[part], 0.2)
-        np.testing.assert_allclose(capped, np.minimum(found, 0.2), atol=1e-6)
+        np.testing.assert_allclose(capped, np.minimum(frame_clearance, 0.2), atol=1e-6)
     certificate: Certificate = folded.plan.certificate
-    least = figures.min_clearance[played].min()
-    assert least >= certificate.min_clearance_playback - 1e-6
+    least_clearance = figures.min_clearance[played].min()
+    assert least_clearance >= certificate.min_clearance_playback - 1e-6
     for values in (figures.max_error_rad, figures.torque_nm):
         assert np.isnan(values[exploded]).all()
     largest = frames.joint_error_rad[played].max()
@@ -98,8 +102,8 @@ def test_figures_agree_with_the_certificate(folded: Any, tmp_path: FilePath) -> 
     np.testing.assert_array_equal(figures.peak_torque_nm[played], torques.max(axis=1))
     # The certificate checks every step and the figures only frames: they agree closely.
     assert torques.max() == pytest.approx(certificate.peak_torque_nm, rel=0.35)
-    most = certificate.hinges_moving_most
-    assert figures.hinges_moving[played].max() == pytest.approx(most, abs=2)
+    most_hinges = certificate.hinges_moving_most
+    assert figures.hinges_moving[played].max() == pytest.approx(most_hinges, abs=2)
     # Torques are computed at the certificate's fold time.
     slow = replace(certificate, fold_time_s=2.0 * certificate.fold_time_s)
     for name in ("request.json", "timeline.zarr"):
@@ -126,12 +130,15 @@ def test_figures_of_several_chunks_are_computed_and_read_in_any_range(tmp_path: 
     expected = floating_torques(chain.module, angles, rates, accelerations)
     fastest = np.abs(np.diff(angles, axis=0)).max()
     expected *= torque_unit_nm(chain, PARAMETERS) / fastest**2
-    found = figures.torque_nm[frames.phase == 1]
-    np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+    torques_nm = figures.torque_nm[frames.phase == 1]
+    np.testing.assert_allclose(torques_nm, expected, atol=1e-6 * np.abs(expected).max())
     assert (figures.hinges_moving == np.count_nonzero(chain.folded_rad)).all()
     assert (figures.max_error_rad == np.float32(0.1)).all()
-    least = sweep(chain, angles, module_size=PARAMETERS.module_size).per_frame.min()
-    assert figures.min_clearance.min() == pytest.approx(least, abs=1e-6) and least < 0.0
+    least_clearance = sweep(chain, angles, module_size=PARAMETERS.module_size).per_frame.min()
+    assert (
+        figures.min_clearance.min() == pytest.approx(least_clearance, abs=1e-6)
+        and least_clearance < 0.0
+    )
     path = tmp_path / "figures"
     write_figures(tmp_path / "t", path, PARAMETERS)  # replaces the stored figures
     for start, stop in ((0, 300), (100, 140), (299, 300), (7, 7)):

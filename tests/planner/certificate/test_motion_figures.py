@@ -26,28 +26,35 @@ def motion(angles_deg: list[list[float]], phase: Phase = "playback") -> Motion:
 
 def test_travel_reversals_and_detours() -> None:
     # The first hinge overshoots by 20° and swings once more; the second one returns to straight.
-    found = MotionFigures.of(
+    motion_figures = MotionFigures.of(
         CHAIN, motion([[0, 0], [60, 30], [110, -10], [80, 0.5], [90, 0.5], [90, 0]])
     )
-    assert found is not None
-    assert found.travel_ratio == pytest.approx((110 + 30 + 10 + 30 + 40 + 10.5 + 0.5) / 90)
-    assert found.reversals_mean == pytest.approx((2 + 2) / HINGES)
-    assert (found.detours, np.rad2deg(found.largest_detour_rad)) == (1, pytest.approx(30))
+    assert motion_figures is not None
+    assert motion_figures.travel_ratio == pytest.approx((110 + 30 + 10 + 30 + 40 + 10.5 + 0.5) / 90)
+    assert motion_figures.reversals_mean == pytest.approx((2 + 2) / HINGES)
+    assert (motion_figures.detours, np.rad2deg(motion_figures.largest_detour_rad)) == (
+        1,
+        pytest.approx(30),
+    )
 
 
 def test_straight_motion_has_the_least_travel() -> None:
-    found = MotionFigures.of(CHAIN, motion([[0, 0], [30, 0.9], [90, 0]]))
-    assert found is not None
-    assert found.travel_ratio == pytest.approx(1 + 1.8 / 90)
-    assert (found.reversals_mean, found.detours, found.largest_detour_rad) == (0, 0, 0)
+    motion_figures = MotionFigures.of(CHAIN, motion([[0, 0], [30, 0.9], [90, 0]]))
+    assert motion_figures is not None
+    assert motion_figures.travel_ratio == pytest.approx(1 + 1.8 / 90)
+    assert (
+        motion_figures.reversals_mean,
+        motion_figures.detours,
+        motion_figures.largest_detour_rad,
+    ) == (0, 0, 0)
 
 
 def test_refold_is_measured_by_way_of_straight() -> None:
-    whole = Motion.joined([motion([[90], [40]], "unfolding"), motion([[0], [90]])])
-    found = MotionFigures.of(CHAIN, whole)
-    assert found is not None
-    assert found.travel_ratio == pytest.approx(1)
-    assert (found.detours, found.reversals_mean) == (0, 0)
+    whole_motion = Motion.joined([motion([[90], [40]], "unfolding"), motion([[0], [90]])])
+    motion_figures = MotionFigures.of(CHAIN, whole_motion)
+    assert motion_figures is not None
+    assert motion_figures.travel_ratio == pytest.approx(1)
+    assert (motion_figures.detours, motion_figures.reversals_mean) == (0, 0)
 
 
 def test_figures_are_none_without_motion() -> None:

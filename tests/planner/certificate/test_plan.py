@@ -25,13 +25,15 @@ def plan(folded: Any) -> Plan:
 def test_plan_is_read_back_from_documented_fields(plan: Plan, tmp_path: FilePath) -> None:
     plan.save_json(tmp_path / "plan.json")
     plan.save_npz(tmp_path / "plan.npz")
-    for again in map(Plan.load, tmp_path.iterdir()):
+    for loaded_plan in map(Plan.load, tmp_path.iterdir()):
         for name in ARRAYS:
-            np.testing.assert_array_equal(getattr(again, name), getattr(plan, name), strict=True)
-        assert again.certificate == plan.certificate
-        assert again.summary() == plan.summary()
-        assert again.parameters == json.loads(json.dumps(plan.parameters))
-        np.testing.assert_array_equal(again.chain.folded_rad, plan.chain.folded_rad)
+            np.testing.assert_array_equal(
+                getattr(loaded_plan, name), getattr(plan, name), strict=True
+            )
+        assert loaded_plan.certificate == plan.certificate
+        assert loaded_plan.summary() == plan.summary()
+        assert loaded_plan.parameters == json.loads(json.dumps(plan.parameters))
+        np.testing.assert_array_equal(loaded_plan.chain.folded_rad, plan.chain.folded_rad)
     assert {path.name for path in tmp_path.iterdir()} == {"plan.json", "plan.npz"}
     values = json.loads(json.dumps(plan.as_dict(), allow_nan=False))
     assert values["format"] == PLAN_FORMAT
@@ -46,7 +48,7 @@ def test_plan_is_read_back_from_documented_fields(plan: Plan, tmp_path: FilePath
 
 
 def test_invalid_plan_is_refused(plan: Plan, tmp_path: FilePath) -> None:
-    path, whole = tmp_path / "plan.json", plan.as_dict()
+    path, plan_values = tmp_path / "plan.json", plan.as_dict()
     changes: tuple[tuple[str, Callable[[Any], Any] | None], ...] = (
         ("format", lambda _: "foldback-plan/99"),
         ("certificate", None),
@@ -58,9 +60,11 @@ def test_invalid_plan_is_refused(plan: Plan, tmp_path: FilePath) -> None:
         ("motion", lambda _: "jumps"),
     )
     for number, (at, change) in enumerate(changes):
-        values = dict(whole)
-        value = values.pop(at)
-        path.write_text(json.dumps({**values, at: change(value)} if change else values))
+        changed_values = dict(plan_values)
+        value = changed_values.pop(at)
+        path.write_text(
+            json.dumps({**changed_values, at: change(value)} if change else changed_values)
+        )
         with case(number), pytest.raises(InputError, match=path.name):
             Plan.load(path)
 
@@ -92,10 +96,10 @@ def test_plan_with_angles_in_two_forms_is_refused(plan: Plan, tmp_path: FilePath
 def test_damaged_files_are_refused(plan: Plan, suffix: str, tmp_path: FilePath) -> None:
     path = tmp_path / f"plan.{suffix}"
     plan.save_json(path) if suffix == "json" else plan.save_npz(path)
-    whole = path.read_bytes()
-    middle = len(whole) // 2
-    spoilt = whole[:600] + b"\x00" * 64 + whole[664:]
-    for data in (b"", b"\x00" * 50, whole[:middle], spoilt, b"[" * 100_000, b"[{}]"):
+    stored_bytes = path.read_bytes()
+    middle = len(stored_bytes) // 2
+    spoilt = stored_bytes[:600] + b"\x00" * 64 + stored_bytes[664:]
+    for data in (b"", b"\x00" * 50, stored_bytes[:middle], spoilt, b"[" * 100_000, b"[{}]"):
         path.write_bytes(data)
         with pytest.raises(InputError, match=path.name):
             Plan.load(path)

@@ -75,15 +75,19 @@ def test_turns_of_the_document_lead_from_straight_to_folded(chain: Chain, at_onc
 def test_document_names_joints_angles_and_times() -> None:
     chain = CHAINS["cube"]
     plan = resting(chain, turn_by_turn(chain, 3), frames_per_step=5)
-    told = document(plan)
-    assert (told["format"], told["module"], told["modules"]) == ("foldback-steps/1", "cube", 12)
-    assert told["turns"] == np.count_nonzero(chain.folded_rad)
-    assert sum(len(step["turns"]) for step in told["steps"]) == told["turns"]
-    for number, step in enumerate(told["steps"], 1):
+    stated_document = document(plan)
+    assert (stated_document["format"], stated_document["module"], stated_document["modules"]) == (
+        "foldback-steps/1",
+        "cube",
+        12,
+    )
+    assert stated_document["turns"] == np.count_nonzero(chain.folded_rad)
+    assert sum(len(step["turns"]) for step in stated_document["steps"]) == stated_document["turns"]
+    for number, step in enumerate(stated_document["steps"], 1):
         assert step["number"] == number
         assert (step["start_frame"], step["end_frame"]) == (5 * number - 5, 5 * number)
         assert (step["start_s"], step["duration_s"]) == (5 * number - 5, 5)
-        assert len(step["turns"]) > 1 or number == len(told["steps"])
+        assert len(step["turns"]) > 1 or number == len(stated_document["steps"])
         for turn in step["turns"]:
             assert turn["joint"] == chain.joint_names[turn["hinge"]]
             assert (turn["from_deg"], abs(turn["to_deg"])) == (0, 90)

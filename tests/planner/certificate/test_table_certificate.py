@@ -21,10 +21,10 @@ LIFTED = 0.3
 FRAMES = 5
 
 
-def swing(chain: Chain, hinge: int, most: float = LIFTED, low: float = 0.5) -> Motion:
+def swing(chain: Chain, hinge: int, maximum: float = LIFTED, low: float = 0.5) -> Motion:
     """Return the motion of a straight lying chain that turns one hinge; module 0 is fixed."""
     angles = np.zeros((FRAMES, len(chain.folded_rad)))
-    angles[:, hinge] = np.linspace(0.0, most, FRAMES)
+    angles[:, hinge] = np.linspace(0.0, maximum, FRAMES)
     poses = forward_kinematics(
         chain.module, angles, root_position=np.tile([0.0, 0.0, low], (FRAMES, 1))
     )
@@ -35,33 +35,47 @@ def swing(chain: Chain, hinge: int, most: float = LIFTED, low: float = 0.5) -> M
 
 def test_swing_needs_torque_with_friction_alone() -> None:
     chain = line(7)
-    found = table_certificate(chain, swing(chain, 0))
-    assert found.on_table and found.rests
-    assert found.verdict == "rests on a table within 0 w·p in frame 0 (without friction)"
-    assert found.standing == (tuple(range(7)),) * FRAMES
-    assert found.clearance == pytest.approx(0.0, abs=1e-12)
-    found = table_certificate(chain, swing(chain, 0), friction=0.1)
-    free = table_certificate(chain, swing(chain, 0), friction=0.1, base="free")
-    assert found.rests and "friction μ = 0.1" in found.verdict
-    assert any(
-        "Coulomb friction with the table (coefficient 0.1)" in line for line in found.assumptions
+    computed_table_certificate = table_certificate(chain, swing(chain, 0))
+    assert computed_table_certificate.on_table and computed_table_certificate.rests
+    assert (
+        computed_table_certificate.verdict
+        == "rests on a table within 0 w·p in frame 0 (without friction)"
     )
-    assert 0.0 < free.torque < found.torque < 0.1 * sum(np.hypot(j, 0.5) for j in range(1, 6))
+    assert computed_table_certificate.standing == (tuple(range(7)),) * FRAMES
+    assert computed_table_certificate.clearance == pytest.approx(0.0, abs=1e-12)
+    computed_table_certificate = table_certificate(chain, swing(chain, 0), friction=0.1)
+    free = table_certificate(chain, swing(chain, 0), friction=0.1, base="free")
+    assert (
+        computed_table_certificate.rests
+        and "friction μ = 0.1" in computed_table_certificate.verdict
+    )
+    assert any(
+        "Coulomb friction with the table (coefficient 0.1)" in line
+        for line in computed_table_certificate.assumptions
+    )
+    assert (
+        0.0
+        < free.torque
+        < computed_table_certificate.torque
+        < 0.1 * sum(np.hypot(j, 0.5) for j in range(1, 6))
+    )
 
 
 def test_lifted_arm_needs_the_torque_of_its_weight() -> None:
     # Upwards is a negative angle about y. Five modules beyond the hinge, all lifted except in the
     # first frame, need cos a · 5 · 6 / 2.
     chain = line(7)
-    found = table_certificate(
+    computed_table_certificate = table_certificate(
         chain, swing(chain, 1, -LIFTED), module_kg=0.1, pitch_m=0.05, bound=20.0
     )
     angle = LIFTED / (FRAMES - 1)
-    assert found.torque == pytest.approx(15.0 * np.cos(angle), rel=1e-4)
-    assert found.frame == 1
-    assert found.torque_nm == pytest.approx(15.0 * np.cos(angle) * 0.1 * 9.81 * 0.05, rel=1e-4)
-    assert found.standing[-1] == (0, 1)
-    assert found.rests
+    assert computed_table_certificate.torque == pytest.approx(15.0 * np.cos(angle), rel=1e-4)
+    assert computed_table_certificate.frame == 1
+    assert computed_table_certificate.torque_nm == pytest.approx(
+        15.0 * np.cos(angle) * 0.1 * 9.81 * 0.05, rel=1e-4
+    )
+    assert computed_table_certificate.standing[-1] == (0, 1)
+    assert computed_table_certificate.rests
     refused = table_certificate(chain, swing(chain, 1, -LIFTED), bound=10.0)
     assert not refused.rests
     assert "the limit is 10 w·p" in refused.verdict
@@ -69,19 +83,19 @@ def test_lifted_arm_needs_the_torque_of_its_weight() -> None:
 
 def test_chain_that_tips_over_is_refused() -> None:
     chain = line(7)
-    found = table_certificate(chain, swing(chain, 1, -LIFTED), base="free")
-    assert found.unbalanced == (1, 2, 3, 4)
-    assert found.torques == (0.0, None, None, None, None)
-    assert found.verdict.startswith(
+    computed_table_certificate = table_certificate(chain, swing(chain, 1, -LIFTED), base="free")
+    assert computed_table_certificate.unbalanced == (1, 2, 3, 4)
+    assert computed_table_certificate.torques == (0.0, None, None, None, None)
+    assert computed_table_certificate.verdict.startswith(
         "failed: the chain would tip over in 4 of 5 frames, first in frame 1"
     )
 
 
 def test_chain_below_the_table_is_refused() -> None:
     chain = line(7)
-    found = table_certificate(chain, swing(chain, 0, low=0.45))
-    assert found.clearance == pytest.approx(-0.05)
-    assert "0.05 pitch into the table" in found.verdict
+    computed_table_certificate = table_certificate(chain, swing(chain, 0, low=0.45))
+    assert computed_table_certificate.clearance == pytest.approx(-0.05)
+    assert "0.05 pitch into the table" in computed_table_certificate.verdict
     smaller = table_certificate(chain, swing(chain, 0), module_size=0.9)
     assert smaller.rests and smaller.clearance == pytest.approx(0.0, abs=1e-12)
 
@@ -91,23 +105,32 @@ def test_floating_frames_are_put_down_and_refused() -> None:
     shares = np.linspace(0.0, 1.0, 20)
     angles = shares[:, None] * chain.folded_rad
     frames = anchored("playback", angles).with_columns(root_position=np.full((20, 3), 30.0))
-    found = table_certificate(chain, frames, base="clamped")
-    assert not found.on_table and not found.rests
-    assert found.base == "free"
-    assert found.verdict.startswith("failed: the chain floats, so a table does not support it")
-    assert "without friction" in found.verdict
-    assert found.torque is not None and 0.0 < found.torque < 15.0
-    assert found.torques[0] == found.torques[-1] == 0.0
+    computed_table_certificate = table_certificate(chain, frames, base="clamped")
+    assert not computed_table_certificate.on_table and not computed_table_certificate.rests
+    assert computed_table_certificate.base == "free"
+    assert computed_table_certificate.verdict.startswith(
+        "failed: the chain floats, so a table does not support it"
+    )
+    assert "without friction" in computed_table_certificate.verdict
+    assert (
+        computed_table_certificate.torque is not None
+        and 0.0 < computed_table_certificate.torque < 15.0
+    )
+    assert computed_table_certificate.torques[0] == computed_table_certificate.torques[-1] == 0.0
     as_windows = table_certificate(chain, frames.windowed(chain), on_table=False)
-    assert as_windows.torques == pytest.approx(found.torques, rel=1e-3, abs=0.011)
+    assert as_windows.torques == pytest.approx(
+        computed_table_certificate.torques, rel=1e-3, abs=0.011
+    )
 
 
 def test_table_certificate_is_read_back() -> None:
     chain = line(7)
     for base in ("clamped", "free"):
-        found = table_certificate(chain, swing(chain, 1, -LIFTED), base=base, friction=0.2)
-        written = json.loads(json.dumps(found.as_dict(), allow_nan=False))
-        assert TableCertificate.from_dict(written) == found
+        computed_table_certificate = table_certificate(
+            chain, swing(chain, 1, -LIFTED), base=base, friction=0.2
+        )
+        written = json.loads(json.dumps(computed_table_certificate.as_dict(), allow_nan=False))
+        assert TableCertificate.from_dict(written) == computed_table_certificate
     with pytest.raises(InputError, match="expected 'foldback-table/1'"):
         TableCertificate.from_dict({"format": "foldback-plan/3"})
 
@@ -133,17 +156,17 @@ def test_table_forces_bear_the_whole_weight_and_are_read_back(tmp_path: Path) ->
     chain, forces = line(5), list[TableForces]()
     table_certificate(chain, swing(chain, 0), base="free", sink=forces.append)
     lifted = table_certificate(chain, swing(chain, 1), base="free", sink=forces.append)
-    flat, found = forces
+    flat, sloped_forces = forces
     assert np.allclose(flat.torque, 0.0)
     assert (flat.pressed >= -1e-6).all()
-    assert np.allclose(found.pressed.sum(axis=1), 5.0, atol=1e-4)
-    assert found.torques.shape == (len(found), len(chain.folded_rad))
-    assert np.allclose(np.abs(found.torques).max(axis=1), found.torque, atol=0.011)
-    assert found.torque.max() == pytest.approx(lifted.torque)
-    found.save(tmp_path / "table.npz")
-    again = TableForces.load(tmp_path / "table.npz")
+    assert np.allclose(sloped_forces.pressed.sum(axis=1), 5.0, atol=1e-4)
+    assert sloped_forces.torques.shape == (len(sloped_forces), len(chain.folded_rad))
+    assert np.allclose(np.abs(sloped_forces.torques).max(axis=1), sloped_forces.torque, atol=0.011)
+    assert sloped_forces.torque.max() == pytest.approx(lifted.torque)
+    sloped_forces.save(tmp_path / "table.npz")
+    second_table_forces = TableForces.load(tmp_path / "table.npz")
     for name in ("torques", "pressed", "torque"):
-        assert np.array_equal(getattr(again, name), getattr(found, name))
+        assert np.array_equal(getattr(second_table_forces, name), getattr(sloped_forces, name))
 
 
 def test_invalid_files_of_table_forces_are_refused(tmp_path: Path) -> None:

@@ -44,12 +44,12 @@ def unreported_changes(folds: list[Tampered], numbers: Iterable[int], seed: int)
     missed: list[object] = []
     for number in numbers:
         random = np.random.default_rng((seed, number))
-        found = None
-        while found is None:  # a file may have nothing to change
+        changes = None
+        while changes is None:  # a file may have nothing to change
             fold = folds[random.integers(len(folds))]
             with fold.changed(random) as change:
-                found = change and (change, problems_of(fold.place))
-        change, problems = found
+                changes = change and (change, problems_of(fold.place))
+        change, problems = changes
         harmless = not problems and may_be_ignored(change)
         if not (harmless or change.is_named_in(problems)):
             missed.append((number, change, problems))
@@ -58,7 +58,7 @@ def unreported_changes(folds: list[Tampered], numbers: Iterable[int], seed: int)
 
 
 @pytest.fixture(scope="module")
-def few(tmp_path_factory: pytest.TempPathFactory) -> list[Tampered]:
+def tampered_folds(tmp_path_factory: pytest.TempPathFactory) -> list[Tampered]:
     """Folds of a peeled box of 8 cubes and of a simulated chain of 7 tetrahedra."""
     place = tmp_path_factory.mktemp("few")
     folds = [
@@ -71,8 +71,8 @@ def few(tmp_path_factory: pytest.TempPathFactory) -> list[Tampered]:
 
 
 @pytest.mark.slow
-def test_damaged_files_are_named(few: list[Tampered]) -> None:
-    fold = few[0]
+def test_damaged_files_are_named(tampered_folds: list[Tampered]) -> None:
+    fold = tampered_folds[0]
     damaged: dict[str, FilePath] = {}
     for entry in sorted(fold.place.iterdir()):
         files = [path for path in (entry, *entry.rglob("*")) if path.is_file()]
@@ -91,12 +91,14 @@ def test_damaged_files_are_named(few: list[Tampered]) -> None:
 
 
 @pytest.mark.slow
-def test_changes_with_new_digests_are_found(few: list[Tampered]) -> None:
-    assert unreported_changes(few, range(4), seed=2) == []
+def test_changes_with_new_digests_are_found(tampered_folds: list[Tampered]) -> None:
+    assert unreported_changes(tampered_folds, range(4), seed=2) == []
 
 
 @pytest.fixture(scope="module")
-def several(tmp_path_factory: pytest.TempPathFactory, few: list[Tampered]) -> list[Tampered]:
+def several(
+    tmp_path_factory: pytest.TempPathFactory, tampered_folds: list[Tampered]
+) -> list[Tampered]:
     """The few folds, and a simulated box, a smoothed plan and a refold."""
     place = tmp_path_factory.mktemp("several")
     places = [
@@ -104,13 +106,15 @@ def several(tmp_path_factory: pytest.TempPathFactory, few: list[Tampered]) -> li
         place / "smoothed",
         place / "refold",
     ]
-    smooth_plan(Plan.load(few[1].place / "plan.npz"), directory=place / "smoothed")
+    smooth_plan(Plan.load(tampered_folds[1].place / "plan.npz"), directory=place / "smoothed")
     start = Plan.load(place / "simulated" / "plan.npz")
-    other = Path.from_cells([(k, 0, 0) for k in range(6)] + [(5, 1, 0), (4, 1, 0)], name="hook-8")
-    refold(start, other, directory=place / "refold")
+    other_path = Path.from_cells(
+        [(k, 0, 0) for k in range(6)] + [(5, 1, 0), (4, 1, 0)], name="hook-8"
+    )
+    refold(start, other_path, directory=place / "refold")
     for fold in places:
         assert problems_of(fold) == [], fold
-    return [*few, *(Tampered(fold) for fold in places)]
+    return [*tampered_folds, *(Tampered(fold) for fold in places)]
 
 
 @pytest.mark.long

@@ -67,39 +67,41 @@ def edit_plan(directory: FilePath, change: Callable[[dict[str, Any]], Any]) -> N
     values = json.loads((directory / "plan.json").read_bytes())
     change(values)
     (directory / "plan.json").write_text(json.dumps(values))
-    edit_npz(directory / "plan.npz", lambda _, rest: change(rest))
+    edit_npz(directory / "plan.npz", lambda _, plan_values: change(plan_values))
     (directory / "certificate.json").write_text(json.dumps(values["certificate"]))
 
 
 def test_untouched_fold_is_verified_again(
     directory: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    found = verify(directory)
-    assert found.verified
-    assert found.problems == ()
+    verification = verify(directory)
+    assert verification.verified
+    assert verification.problems == ()
     plan = Plan.load(directory / "plan.npz")
-    assert found.certificate.min_clearance == plan.certificate.min_clearance
-    assert found.replay.pose_difference < 1e-9
-    assert found.replay.overlap == 0.0
-    assert found.replay.frames == 2 * len(plan.time_s) - 1
-    json.dumps(found.as_dict(), allow_nan=False)
+    assert verification.certificate.min_clearance == plan.certificate.min_clearance
+    assert verification.replay.pose_difference < 1e-9
+    assert verification.replay.overlap == 0.0
+    assert verification.replay.frames == 2 * len(plan.time_s) - 1
+    json.dumps(verification.as_dict(), allow_nan=False)
     monkeypatch.setattr("foldback.planner.verification.replay.MAX_REPLAYED_MODULES", 148 * 24 // 2)
     larger = verify(directory, module_size=1.04)
     assert not larger.verified
     assert "module size 1.04" in larger.as_dict()["problems"][0]
     note = "the replay in MuJoCo has the plan's poses and no overlap (checked at one frame in 2)"
     assert note in larger.checked
-    assert any("folded the chain once more" in line for line in found.checked)
-    assert any("curves in figures.zarr were computed again" in line for line in found.checked)
+    assert any("folded the chain once more" in line for line in verification.checked)
+    assert any(
+        "curves in figures.zarr were computed again" in line for line in verification.checked
+    )
 
 
 def test_parameter_of_a_later_version_leaves_the_plan_verified(
     directory: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(request, "preset", later)
-    found = verify(directory)
-    assert found.verified
-    assert found.problems == ()
+    verification = verify(directory)
+    assert verification.verified
+    assert verification.problems == ()
 
 
 def test_forged_verdict_is_refuted(directory: FilePath) -> None:
@@ -108,13 +110,13 @@ def test_forged_verdict_is_refuted(directory: FilePath) -> None:
     rewrite(directory, joint_angles_rad=angles)
     (directory / "manifest.json").unlink()
     assert Plan.load(directory / "plan.npz").verified
-    found = verify(directory)
-    assert not found.verified and "no overlap" not in str(found.checked)
-    problems = "\n".join(found.as_dict()["problems"])
+    verification = verify(directory)
+    assert not verification.verified and "no overlap" not in str(verification.checked)
+    problems = "\n".join(verification.as_dict()["problems"])
     for text in ("manifest.json, the file", "in the plan, modules", "MuJoCo finds an overlap"):
         assert text in problems
-    assert found.replay.overlap > 0.1
-    assert 59.0 <= (found.replay.overlap_frame or 0.0) <= 61.0
+    assert verification.replay.overlap > 0.1
+    assert 59.0 <= (verification.replay.overlap_frame or 0.0) <= 61.0
 
 
 def test_copies_that_differ_are_found(directory: FilePath) -> None:
@@ -128,27 +130,27 @@ def test_copies_that_differ_are_found(directory: FilePath) -> None:
     noted.view(np.uint32)[-1, 3] = 0x7FA00000  # a signalling NaN, widened without a warning
     errors[:] = noted
     reseal(directory / "timeline.zarr")
-    found = findings(directory, sealed=False)
-    assert "timeline.zarr and plan.npz differ in max_error_rad" in found
-    assert "plan.json and plan.npz differ in joint_angles_rad[40, 3]" in found
-    assert "failed: plan.json: joint_angles_rad was changed" in found
-    assert "certificate.min_clearance: got 0.5, expected" in found
+    finding_text = findings(directory, sealed=False)
+    assert "timeline.zarr and plan.npz differ in max_error_rad" in finding_text
+    assert "plan.json and plan.npz differ in joint_angles_rad[40, 3]" in finding_text
+    assert "failed: plan.json: joint_angles_rad was changed" in finding_text
+    assert "certificate.min_clearance: got 0.5, expected" in finding_text
 
 
 def test_fields_missing_in_all_files_are_named(directory: FilePath) -> None:
-    gone = {"playback": ("kind",), "explosion": ("strategy",)}
+    removed_fields = {"playback": ("kind",), "explosion": ("strategy",)}
 
     def remove(values: dict[str, Any]) -> None:
-        for part, names in gone.items():
+        for part, names in removed_fields.items():
             for name in names:
                 del values[part][name]
         del values["angles"]
 
     edit_plan(directory, remove)
-    found = findings(directory)
-    for part, names in (*gone.items(), ("", ("angles",))):
+    finding_text = findings(directory)
+    for part, names in (*removed_fields.items(), ("", ("angles",))):
         for name in names:
-            assert f"plan.npz.{part}.{name}".replace("..", ".") in found
+            assert f"plan.npz.{part}.{name}".replace("..", ".") in finding_text
 
 
 @pytest.mark.parametrize("name", ["attempts", "likeness", "smoothing", "start", "certificate"])
@@ -231,8 +233,8 @@ def test_reference_passes_neither_for_a_simulation_nor_for_kinematic(directory: 
     count = len(torques.frames)
     forge(directory, kind="kinematic", frames=frames, steps=0, torque_frames=count, **none, **peaks)
     assert Plan.load(directory / "plan.npz").certificate.verdict == KINEMATICS_ONLY
-    found = findings(directory)
-    assert 'plan.npz playback.kind: got "kinematic", expected "dynamic"' in found
+    finding_text = findings(directory)
+    assert 'plan.npz playback.kind: got "kinematic", expected "dynamic"' in finding_text
 
 
 @pytest.mark.parametrize(
@@ -256,10 +258,12 @@ def test_playback_has_the_figures_of_its_kind(
 ) -> None:
     place: FilePath = request.getfixturevalue(fold)
     forge(place, **changes)
-    found = findings(place)
+    finding_text = findings(place)
     for name, value in changes.items():
-        wanted = f"expected {expected.get(name, '')}"
-        assert f"plan.npz playback.{name}: got {json.dumps(value)}, {wanted}" in found
+        expected_words = f"expected {expected.get(name, '')}"
+        assert (
+            f"plan.npz playback.{name}: got {json.dumps(value)}, {expected_words}" in finding_text
+        )
 
 
 def test_forged_joint_errors_are_found(directory: FilePath) -> None:
@@ -274,9 +278,9 @@ def test_forged_joint_errors_are_found(directory: FilePath) -> None:
     largest = plan.max_error_rad.copy()
     largest[k - len(values)] = values[k].max()
     rewrite(directory, max_error_rad=largest)
-    found = findings(directory)
-    assert "timeline.zarr joint_error_rad[" in found
-    assert "differ in max_error_rad" not in found
+    finding_text = findings(directory)
+    assert "timeline.zarr joint_error_rad[" in finding_text
+    assert "differ in max_error_rad" not in finding_text
 
 
 @pytest.mark.slow
@@ -297,16 +301,16 @@ def test_certificate_may_name_another_place_that_is_as_near(directory: FilePath)
     def with_certificate(**changes: Any) -> str:
         forged = replace(certificate, **changes)
         edit_plan(directory, lambda values: values.update(certificate=forged.as_dict()))
-        found = findings(directory).split("\n")
-        return "\n".join(line for line in found if "plan.npz certificate" in line)
+        finding_lines = findings(directory).split("\n")
+        return "\n".join(line for line in finding_lines if "plan.npz certificate" in line)
 
     bound, looks = certificate.clearance_bound, certificate.in_betweens
     slightly = {"clearance_bound": bound * 0.9995, "in_betweens": looks + 1}
     assert with_certificate(min_clearance_at=near, **slightly) == ""
     much = {"clearance_bound": bound * 1.01, "in_betweens": 2 * looks + 100}
-    found = with_certificate(min_clearance_at=far, **much)
+    changed_certificate = with_certificate(min_clearance_at=far, **much)
     for name in ("min_clearance_at", *much):
-        assert f"certificate.{name}" in found
+        assert f"certificate.{name}" in changed_certificate
 
 
 def test_forged_models_are_found(directory: FilePath) -> None:
@@ -321,10 +325,10 @@ def test_forged_models_are_found(directory: FilePath) -> None:
         assert old in forged
         forged = forged.replace(old, new, 1)
     path.write_text(forged)
-    found = findings(directory)
+    finding_text = findings(directory)
     for words in ("geom", "exclude"):
-        assert re.search(f"failed: model.xml: .*{words}", found)
-    assert "poses differ" in found
+        assert re.search(f"failed: model.xml: .*{words}", finding_text)
+    assert "poses differ" in finding_text
     path.write_bytes(b"<mujoco/>")
     assert "model.xml: the model does not belong to this plan" in findings(directory)
     path.write_bytes(b"\xff\xfe\x00")
@@ -375,9 +379,9 @@ def test_forged_results_and_parameters_are_found(directory: FilePath) -> None:
     # Smaller modules would have more clearance: the plan's own parameters count.
     smaller = {**plan.parameters, "module_size": 0.5}
     rewrite(directory, playback=plan.playback, parameters=smaller)
-    found = findings(directory)
-    assert "plan.npz certificate.module_size: got 0.95, expected 0.5" in found
-    assert "plan.npz parameters.module_size: got 0.5, expected 0.95" in found
+    finding_text = findings(directory)
+    assert "plan.npz certificate.module_size: got 0.95, expected 0.5" in finding_text
+    assert "plan.npz parameters.module_size: got 0.5, expected 0.95" in finding_text
     # Without an explosion, a chain of any length would count as simulated.
     rewrite(directory, parameters=plan.parameters, explosion=None)
     (directory / "record.npz").unlink()

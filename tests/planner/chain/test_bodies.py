@@ -65,27 +65,27 @@ def test_motion_bounds_hold_for_all_corners(
     radius = 0.95 * module.radius
     corners = 0.95 * module.vertices
     rng = np.random.default_rng(seed)
-    found = np.empty(RELATIVE_COLUMNS)
+    relative_row = np.empty(RELATIVE_COLUMNS)
     for i in range(count):
         for j in range(i + 1, count):
             lose, distance = relative_motion_bound(
-                bodies[i], bodies[j], half, radius, float(j - i), found
+                bodies[i], bodies[j], half, radius, float(j - i), relative_row
             )
             assert distance == pytest.approx(np.linalg.norm(bodies[j, :3] - bodies[i, :3]))
             gap = poses.positions[:, j] - poses.positions[:, i]
-            seen = np.einsum(
+            body_row = np.einsum(
                 "fba,fcb->fca",
                 poses.rotations[:, i],
                 gap[:, None] + corners @ poses.rotations[:, j].swapaxes(1, 2),
             )
             # in world axes at the interval's midpoint, as for the plane's normal
-            way = (seen - seen[10]) @ bodies[i, ROTATION:VELOCITY].reshape(3, 3).T
+            way = (body_row - body_row[10]) @ bodies[i, ROTATION:VELOCITY].reshape(3, 3).T
             assert np.linalg.norm(way, axis=-1).max() <= lose + 1e-9
             axis = rng.normal(size=3)
             axis /= np.linalg.norm(axis)
             assert (
                 np.abs(way @ axis).max()
-                <= directional_motion_bound(found, axis, half, radius) + 1e-9
+                <= directional_motion_bound(relative_row, axis, half, radius) + 1e-9
             )
 
 
@@ -99,11 +99,16 @@ def test_rod_agrees_with_its_modules_one_by_one(module: Module) -> None:
     straight = forward_kinematics(module, np.zeros_like(angles))
     moments = np.linspace(-half, half, 21)[:, None]
     poses = forward_kinematics(module, angles + moments * rates)
-    found = np.empty(BODY_COLUMNS)
+    body_row = np.empty(BODY_COLUMNS)
     for t in range(1, 7):
         rod_body(
-            bodies[5], straight.positions[t], straight.rotations[t], half, np.empty((3, 3)), found
+            bodies[5],
+            straight.positions[t],
+            straight.rotations[t],
+            half,
+            np.empty((3, 3)),
+            body_row,
         )
-        np.testing.assert_allclose(found[:24], bodies[5 + t, :24], atol=1e-12)
-        ways = np.linalg.norm(poses.positions[:, 5 + t] - found[:3], axis=-1)
-        assert ways.max() <= found[DISPLACEMENT_BOUND] + 1e-9
+        np.testing.assert_allclose(body_row[:24], bodies[5 + t, :24], atol=1e-12)
+        ways = np.linalg.norm(poses.positions[:, 5 + t] - body_row[:3], axis=-1)
+        assert ways.max() <= body_row[DISPLACEMENT_BOUND] + 1e-9

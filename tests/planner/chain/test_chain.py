@@ -37,9 +37,9 @@ def test_folded_chain_is_in_the_cells_of_its_path(cells: Ints) -> None:
 @given(walks())
 def test_chain_from_the_angles_of_a_path_has_its_shape(cells: Ints) -> None:
     folded = chain_of(cells)
-    again = Chain.from_angles(CUBE, folded.folded_rad.reshape(-1, 2))
+    second_chain = Chain.from_angles(CUBE, folded.folded_rad.reshape(-1, 2))
     frame = matrix_from_wxyz(folded.folded_wxyz)
-    moved = again.folded_poses.positions @ frame.T + folded.folded_position
+    moved = second_chain.folded_poses.positions @ frame.T + folded.folded_position
     np.testing.assert_allclose(moved, cells, atol=1e-12)
 
 
@@ -66,7 +66,7 @@ def test_modules_that_graze_are_refused() -> None:
 
 
 def test_angles_out_of_range_are_refused() -> None:
-    for angles_deg, code, where in (
+    for angles_deg, code, error_place in (
         ([], "wrong-count", None),
         ([0.0, 0.0, 0.0], "wrong-count", None),
         ([0.0, np.nan], "not-finite", "angle 1"),
@@ -74,7 +74,7 @@ def test_angles_out_of_range_are_refused() -> None:
         ([0.0, 0.0, 0.0, 93.0], "out-of-range", "joint 1"),
         ([-360.0, 0.0], "out-of-range", "joint 0"),
     ):
-        with case((angles_deg, code)), refused(code, where):
+        with case((angles_deg, code)), refused(code, error_place):
             Chain.from_angles(CUBE, np.deg2rad(angles_deg))
 
 
@@ -97,7 +97,7 @@ def test_thousands_of_points_in_one_place_need_little_memory() -> None:
 
 
 def test_invalid_paths_are_refused_with_their_place() -> None:
-    for cells, code, where in (
+    for cells, code, error_place in (
         ([], "not-cells", None),
         ([(0, 0, 0)], "too-few-cells", None),
         ([(0, 0), (1, 0), (2, 0)], "not-cells", None),
@@ -111,7 +111,7 @@ def test_invalid_paths_are_refused_with_their_place() -> None:
         ([(0, 0, 0), (1, 0, 0), (3, 0, 0)], "not-adjacent", "cells 1 and 2"),
         ([(0, 0, 0), (1, 1, 0), (2, 1, 0)], "not-adjacent", "cells 0 and 1"),
     ):
-        with case((cells, code)), refused(code, where):
+        with case((cells, code)), refused(code, error_place):
             Path.from_cells(cells)  # type: ignore[arg-type]
 
 

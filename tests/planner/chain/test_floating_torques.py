@@ -21,10 +21,12 @@ def test_torques_agree_with_the_simulated_tree(chain: Chain) -> None:
     rng = np.random.default_rng(3)
     angles = np.stack([random_angles(chain, rng) for _ in range(4)])
     rates, accelerations = rng.normal(size=(2, *angles.shape))
-    found = floating_torques(chain.module, angles, rates, accelerations)
+    computed_floating_torques = floating_torques(chain.module, angles, rates, accelerations)
     for k in range(len(angles)):
         tree.evaluate(angles[k], rates[k])
-        np.testing.assert_allclose(found[k], tree.torques_for(accelerations[k]), atol=1e-10)
+        np.testing.assert_allclose(
+            computed_floating_torques[k], tree.torques_for(accelerations[k]), atol=1e-10
+        )
 
 
 def test_rates_and_accelerations_of_a_known_motion() -> None:
@@ -33,9 +35,9 @@ def test_rates_and_accelerations_of_a_known_motion() -> None:
     angles = np.stack([1.0 - np.cos(times), times**3], axis=1)
     at = np.array([0, 50, 150])
     rates, accelerations = spline_derivatives(times, angles, at, from_rest=True)
-    when = times[at]
-    np.testing.assert_allclose(rates, np.stack([np.sin(when), 3 * when**2], 1), atol=1e-5)
-    np.testing.assert_allclose(accelerations, np.stack([np.cos(when), 6 * when], 1), atol=2e-3)
+    time = times[at]
+    np.testing.assert_allclose(rates, np.stack([np.sin(time), 3 * time**2], 1), atol=1e-5)
+    np.testing.assert_allclose(accelerations, np.stack([np.cos(time), 6 * time], 1), atol=2e-3)
 
 
 def test_frames_that_are_not_finite_or_too_few_have_no_torques() -> None:
@@ -43,13 +45,13 @@ def test_frames_that_are_not_finite_or_too_few_have_no_torques() -> None:
     angles = np.tile(chain.folded_rad, (3, 1))
     rates = np.zeros_like(angles)
     rates[1, 2] = np.nan
-    found = floating_torques(chain.module, angles, rates, np.zeros_like(angles))
-    assert np.isnan(found[1]).any()
-    np.testing.assert_allclose(found[[0, 2]], 0.0, atol=1e-12)
-    few = spline_derivatives(
+    computed_floating_torques = floating_torques(chain.module, angles, rates, np.zeros_like(angles))
+    assert np.isnan(computed_floating_torques[1]).any()
+    np.testing.assert_allclose(computed_floating_torques[[0, 2]], 0.0, atol=1e-12)
+    few_spline_derivatives = spline_derivatives(
         np.array([0.0, 1, 1, 2]), np.zeros((4, 3)), np.arange(4), from_rest=True
     )
-    assert np.isnan(few).all()
+    assert np.isnan(few_spline_derivatives).all()
 
 
 @pytest.mark.parametrize("modules", [5, 14])

@@ -27,15 +27,15 @@ def test_any_root_gives_the_same_poses(seed: int, joints: int, data: st.DataObje
     angles = some_angles(seed, joints)
     ends = forward_kinematics(CUBE, angles)
     root = data.draw(st.integers(0, joints + 1))
-    again = forward_kinematics(
+    second_poses = forward_kinematics(
         CUBE,
         angles,
         root=root,
         root_position=ends.positions[:, root],
         root_wxyz=ends.wxyzs[:, root],
     )
-    np.testing.assert_allclose(again.positions, ends.positions, atol=1e-12)
-    np.testing.assert_allclose(again.rotations, ends.rotations, atol=1e-12)
+    np.testing.assert_allclose(second_poses.positions, ends.positions, atol=1e-12)
+    np.testing.assert_allclose(second_poses.rotations, ends.rotations, atol=1e-12)
 
 
 def mujoco_chain(modules: int) -> mujoco.MjModel:
@@ -92,9 +92,9 @@ quaternions = (
 
 @given(quaternions)
 def test_quaternion_is_recovered_from_its_matrix(q: np.ndarray) -> None:
-    back = wxyz_from_matrix(matrix_from_wxyz(q))
-    np.testing.assert_allclose(np.abs((back * q).sum(axis=1)), 1.0, atol=1e-12)
-    assert (back[:, 0] >= 0).all()
+    restored_wxyz_from_matrix = wxyz_from_matrix(matrix_from_wxyz(q))
+    np.testing.assert_allclose(np.abs((restored_wxyz_from_matrix * q).sum(axis=1)), 1.0, atol=1e-12)
+    assert (restored_wxyz_from_matrix[:, 0] >= 0).all()
     np.testing.assert_allclose(matrix_from_wxyz(3.0 * q), matrix_from_wxyz(q), atol=1e-12)
 
 
@@ -103,8 +103,8 @@ def test_quarter_turns() -> None:
     turned = matrix_from_wxyz(np.array([half, 0.0, 0.0, half])) @ [1.0, 0.0, 0.0]
     np.testing.assert_allclose(turned, [0.0, 1.0, 0.0], atol=1e-15)
     matrices = np.rint(Rotation.create_group("O").as_matrix()).reshape(2, 12, 3, 3)
-    again = matrix_from_wxyz(wxyz_from_matrix(matrices))
-    np.testing.assert_allclose(again, matrices, atol=1e-15)
+    matrices_again = matrix_from_wxyz(wxyz_from_matrix(matrices))
+    np.testing.assert_allclose(matrices_again, matrices, atol=1e-15)
 
 
 def test_motion_in_plane_leaves_heights_alone() -> None:
@@ -115,11 +115,11 @@ def test_motion_in_plane_leaves_heights_alone() -> None:
     turns = matrix_from_wxyz(
         np.column_stack([np.cos(angles / 2), still, still, np.sin(angles / 2)])
     )
-    away = np.column_stack([draws.normal(size=(6, 2)), still])
-    target = points @ turns.swapaxes(1, 2) + away[:, None]
-    found, shifts = motion_in_plane(points, target + [0.0, 0.0, 2.0])
-    np.testing.assert_allclose(found, turns, atol=1e-12)
-    np.testing.assert_allclose(shifts, away, atol=1e-12)
+    column_stack = np.column_stack([draws.normal(size=(6, 2)), still])
+    target = points @ turns.swapaxes(1, 2) + column_stack[:, None]
+    moved_points, shifts = motion_in_plane(points, target + [0.0, 0.0, 2.0])
+    np.testing.assert_allclose(moved_points, turns, atol=1e-12)
+    np.testing.assert_allclose(shifts, column_stack, atol=1e-12)
 
 
 @given(st.integers(0, 2**32 - 1))
@@ -133,8 +133,8 @@ def test_aligned_distances_are_the_smallest(seed: int) -> None:
     moved = points - points.mean(axis=0)
     fixed = target - target.mean(axis=0)
     for _ in range(20):
-        other = ((moved @ random_rotation(rng) - fixed) ** 2).sum()
-        assert best <= other + 1e-9
+        other_total = ((moved @ random_rotation(rng) - fixed) ** 2).sum()
+        assert best <= other_total + 1e-9
 
 
 def test_points_in_a_line_are_aligned() -> None:

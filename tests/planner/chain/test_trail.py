@@ -16,7 +16,7 @@ from tests.planner.lattice import Ints, box_array, connected_sets
 from tests.refusal import refused
 
 
-@given(cells=connected_sets(most=20))
+@given(cells=connected_sets(maximum=20))
 def test_joined_cells_have_a_circuit_that_turns_where_four_meet(cells: Ints) -> None:
     pairs = ring_pairs(cells)
     nodes = eulerian_circuit(pairs)
@@ -52,13 +52,13 @@ def test_odd_node_is_named() -> None:
 
 
 def test_bad_trails_are_refused_with_their_place() -> None:
-    for nodes, code, where in (
+    for nodes, code, error_place in (
         ([[1, 0, 0], [1, 1, 0], [1, 1, 1]], "not-a-node", "node 2"),
         ([[1, 0, 0], [1, 1, 0], [1, 0, 1]], "not-adjacent", "node 1"),
         ([[1, 0, 0], [1, 1, 0], [1, 0, 0]], "repeated-cell", "modules 0 and 1"),
         ([[1, 0, 0], [1, 1, 0]], "too-few-nodes", None),
     ):
-        with case((nodes, code)), refused(code, where):
+        with case((nodes, code)), refused(code, error_place):
             Trail.from_nodes(nodes)
 
 
@@ -77,8 +77,8 @@ def corners(pair: Ints) -> NDArray[np.float64]:
 
 
 def test_dodecahedron_has_twelve_faces() -> None:
-    found = np.concatenate([corners(pair) for pair in dodecahedron_pairs(ONE)])
-    hull = ConvexHull(found)
+    found_corners = np.concatenate([corners(pair) for pair in dodecahedron_pairs(ONE)])
+    hull = ConvexHull(found_corners)
     assert hull.volume == pytest.approx(24 * TETRAHEDRON.volume)
     normals = np.unique(np.round(hull.equations[:, :3], 9), axis=0)
     assert len(normals) == 12
@@ -95,10 +95,12 @@ def test_folded_chain_fills_the_tetrahedra_of_its_trail() -> None:
             chain = Chain.from_trail(Trail.from_nodes(cut_open(eulerian_circuit(pairs), 5)))
             assert len(chain) == len(pairs)
             np.testing.assert_allclose(np.abs(np.rad2deg(chain.folded_rad)) % 90.0, 0.0, atol=1e-12)
-            wanted = {tuple(sorted(map(tuple, corners(pair).tolist()))) for pair in pairs}
+            pair_corners = {tuple(sorted(map(tuple, corners(pair).tolist()))) for pair in pairs}
             poses = chain.folded_poses
             turned = np.einsum("nij,vj->nvi", poses.rotations, chain.module.vertices)
             modules = np.rint(poses.positions[:, None, :] + turned) + 0.0
-            assert {tuple(sorted(map(tuple, module))) for module in modules.tolist()} == wanted
+            assert {
+                tuple(sorted(map(tuple, module))) for module in modules.tolist()
+            } == pair_corners
             full = closest(chain.module, poses.positions, poses.rotations, module_size=1.0)
             assert full.clearance == pytest.approx(0.0, abs=1e-9)  # face to face, without overlap

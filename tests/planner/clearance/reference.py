@@ -113,8 +113,8 @@ def walk(interval: Interval, middle: float, h: float, bodies: dict[int, Body], s
             size, dn, ddn, C, dC, ddC = np.array(hinges).T
             P = norm(p - bodies[root].p) + h * (norm(v) + 0.5 * h * norm(a))
             lever = ddn * (P + C) + 2.0 * dn * (norm(v) + h * norm(a) + dC) + norm(a) + ddC
-            rest = 1.0 - (size * (h + h**2 * dn + h**3 / 6.0 * ddn)).sum()
-            J = min(J, (size * lever).sum() / rest) if rest > 0.0 else J
+            power_remainder = 1.0 - (size * (h + h**2 * dn + h**3 / 6.0 * ddn)).sum()
+            J = min(J, (size * lever).sum() / power_remainder) if power_remainder > 0.0 else J
         by_taylor = h * (norm(v) + h * (0.5 * norm(a) + h * J / 6.0))
         by_hinges = h * abs(S) * abs(i + step - root) * (near_arm + far_arm)
         bodies[i + step] = turned._replace(p=p, v=v, a=a, J=J, D=min(by_taylor, by_hinges))
@@ -200,7 +200,9 @@ def check(
     module, (i, j) = interval.chain.module, pairs.T
     rho = module.radius * interval.size
     a, b = (Body(*(field[index] for field in bodies)) for index in (i, j))
-    u, p, y, rest = moves = relative_motion(a, b, h, rho, j - np.maximum(i, interval.low))
+    u, p, y, series_remainder = moves = relative_motion(
+        a, b, h, rho, j - np.maximum(i, interval.low)
+    )
     any_loss, balls = loss(moves, h, rho), norm(b.p - a.p) - 2.0 * rho
     clearance, bound, unresolved = cutoff, cutoff if h > 0.0 else -np.inf, []
     for k, (i, j) in enumerate(pairs):
@@ -210,7 +212,7 @@ def check(
         gap, n = separation(module.hull, interval.size, d, bodies.R[i], bodies.R[j])
         clearance = min(clearance, gap)
         if h > 0.0 and gap - any_loss[k] < bound:
-            lower_bound = gap - float(loss((u[k], p[k], y[k], rest[k]), h, rho, n))
+            lower_bound = gap - float(loss((u[k], p[k], y[k], series_remainder[k]), h, rho, n))
             if lower_bound > target:
                 bound = min(bound, lower_bound)
             else:
@@ -218,7 +220,7 @@ def check(
     return clearance, bound, np.array(unresolved, dtype=np.int64).reshape(-1, 2)
 
 
-def prove_interval(interval: Interval, cutoff: float, least: float) -> tuple[float, float | None]:
+def prove_interval(interval: Interval, cutoff: float, minimum: float) -> tuple[float, float | None]:
     """Return the minimum clearance observed between two frames and its bound, or None: lemma 9."""
     clearance = bound = cutoff
     stack: list[tuple[float, float, int, Ints | None]] = [(0.5, 0.5, 0, None)]
@@ -230,7 +232,7 @@ def prove_interval(interval: Interval, cutoff: float, least: float) -> tuple[flo
         if too_large:
             bodies = motion(interval, middle, 0.0)
             pairs, _ = near_pairs(bodies, interval, 0.0, 0.0)
-        tight = BOUND_RATIO * min(least, clearance) * (bisections < kernel.TIGHT_BISECTIONS)
+        tight = BOUND_RATIO * min(minimum, clearance) * (bisections < kernel.TIGHT_BISECTIONS)
         target, width = max(kernel.ROUNDING_MARGIN, tight), 0.0 if too_large else h
         now, proved, unresolved = check(bodies, interval, pairs, width, cutoff, target)
         clearance = min(clearance, now)
@@ -250,17 +252,17 @@ def prove(intervals: list[Interval], cutoff: float) -> tuple[float, float | None
 
     The start of the last interval is the end of the motion; its rates are ignored.
     """
-    least = bound = cutoff
+    smallest_cutoff = bound = cutoff
     for interval in intervals:
-        whole = interval._replace(low=0, high=len(interval.chain) - 1)
-        bodies = motion(whole, 0.0, 0.0)
-        pairs, _ = near_pairs(bodies, whole, 0.0, cutoff)
-        at_frame, _, _ = check(bodies, whole, pairs, 0.0, cutoff, 0.0)
-        least = min(least, at_frame)
+        changed = interval._replace(low=0, high=len(interval.chain) - 1)
+        bodies = motion(changed, 0.0, 0.0)
+        pairs, _ = near_pairs(bodies, changed, 0.0, cutoff)
+        at_frame, _, _ = check(bodies, changed, pairs, 0.0, cutoff, 0.0)
+        smallest_cutoff = min(smallest_cutoff, at_frame)
         if interval is not intervals[-1]:
-            between, proved = prove_interval(interval, at_frame, least)
-            least = min(least, between)
+            between, proved = prove_interval(interval, at_frame, smallest_cutoff)
+            smallest_cutoff = min(smallest_cutoff, between)
             if proved is None:
-                return least, None
+                return smallest_cutoff, None
             bound = min(bound, proved)
-    return least, min(bound, least) if least > 0.0 else None
+    return smallest_cutoff, min(bound, smallest_cutoff) if smallest_cutoff > 0.0 else None

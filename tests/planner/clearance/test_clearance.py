@@ -27,24 +27,24 @@ def separation(
 
 def test_separation_from_a_face() -> None:
     assert ON_CORNER @ np.array([1.0, 1.0, 1.0]) == pytest.approx([np.sqrt(3), 0.0, 0.0])
-    for other, half, distances in (
+    for second, half, distances in (
         (UPRIGHT, 0.5, (1.5, 1.0001, 0.9)),
         (ON_EDGE, np.sqrt(0.5), (2.0, 1.3, 1.1)),
         (ON_CORNER, np.sqrt(0.75), (2.0, 1.5, 1.35)),
     ):
         for distance in distances:
-            wanted = distance - 0.5 - half
-            assert separation([distance, 0.0, 0.0], UPRIGHT, other) == pytest.approx(wanted)
+            expected = distance - 0.5 - half
+            assert separation([distance, 0.0, 0.0], UPRIGHT, second) == pytest.approx(expected)
 
 
 def test_crossed_edges() -> None:
     # One has an edge along z, the other along y: only a cross product of edges separates them.
     # Which of their own axes these edges lie along makes no difference.
     for distance, first, second in product((2.0, 1.5, 1.4), range(3), range(3)):
-        one = ON_EDGE @ np.roll(UPRIGHT, first, axis=0)
-        other = turned(np.array([0.0, np.pi / 4, 0.0])) @ np.roll(UPRIGHT, second, axis=0)
-        wanted = distance - 2.0 * np.sqrt(0.5)
-        assert separation([distance, 0.0, 0.0], one, other) == pytest.approx(wanted)
+        first_pose = ON_EDGE @ np.roll(UPRIGHT, first, axis=0)
+        second_pose = turned(np.array([0.0, np.pi / 4, 0.0])) @ np.roll(UPRIGHT, second, axis=0)
+        expected = distance - 2.0 * np.sqrt(0.5)
+        assert separation([distance, 0.0, 0.0], first_pose, second_pose) == pytest.approx(expected)
 
 
 def test_depth_of_one_in_the_other() -> None:
@@ -66,7 +66,7 @@ def test_separation_has_the_sign_of_mujocos_distance_and_is_never_larger(
     first, second = random_rotation(rng), random_rotation(rng)
     gap = rng.normal(size=3)
     gap *= distance / np.linalg.norm(gap)
-    ours = separation(gap, first, second, size=size)
+    our_separation = separation(gap, first, second, size=size)
     model = two_boxes(size)
     data = mujoco.MjData(model)
     for k, (place, rotation) in enumerate(((np.zeros(3), first), (gap, second))):
@@ -74,10 +74,10 @@ def test_separation_has_the_sign_of_mujocos_distance_and_is_never_larger(
         mujoco.mju_mat2Quat(data.qpos[7 * k + 3 : 7 * k + 7], rotation.ravel())
     mujoco.mj_kinematics(model, data)
     mujocos = mujoco.mj_geomDistance(model, data, 0, 1, 10.0, None)
-    if ours > 1e-5:
+    if our_separation > 1e-5:
         assert mujocos > 0.0
-        assert ours <= mujocos + 1e-5
-    elif ours < -1e-5:
+        assert our_separation <= mujocos + 1e-5
+    elif our_separation < -1e-5:
         assert mujocos < 1e-5
 
 
@@ -85,9 +85,9 @@ def test_separation_has_the_sign_of_mujocos_distance_and_is_never_larger(
 def test_separation_beyond_enough_is_a_bound(seed: int, enough: float) -> None:
     rng = np.random.default_rng(seed)
     first, second, gap = random_rotation(rng), random_rotation(rng), rng.normal(size=3)
-    whole = separation(gap, first, second)
+    whole_separation = separation(gap, first, second)
     early = separation(gap, first, second, enough=enough)
     if early < enough:
-        assert early == whole
+        assert early == whole_separation
     else:
-        assert whole >= enough
+        assert whole_separation >= enough

@@ -19,20 +19,20 @@ def test_relieved_cubes_do_not_overlap_anywhere_in_the_joint_range() -> None:
     angles = np.linspace(-CUBE.angle_limit_rad, CUBE.angle_limit_rad, 33)
     z, y = (values.ravel() for values in np.meshgrid(angles, angles))
     for rotation in Rotation.from_euler("ZY", np.stack([z, y], axis=-1)).as_matrix():
-        seen = points @ rotation - CUBE.offset  # the next cube has no relief
-        assert not (np.abs(seen) < 0.5 * size - 1e-9).all(axis=1).any()
+        seen_points = points @ rotation - CUBE.offset  # the next cube has no relief
+        assert not (np.abs(seen_points) < 0.5 * size - 1e-9).all(axis=1).any()
 
 
 def test_overlap_of_a_quarter_turn() -> None:
     chain = line(3)
     plan = np.stack([np.linspace(0.0, np.pi / 2, 91), np.zeros(91)], axis=1)
-    found = exempt_pairs(chain, [plan], module_size=0.95)
-    assert found.worst_overlap == pytest.approx(0.95 / np.sqrt(2.0) - 0.525, abs=1e-4)
-    assert found.worst_overlap_bound == pytest.approx(found.worst_overlap, abs=1e-3)
-    assert found.worst_overlap_at.frame == pytest.approx(45.0, abs=1.0)
+    exempt = exempt_pairs(chain, [plan], module_size=0.95)
+    assert exempt.worst_overlap == pytest.approx(0.95 / np.sqrt(2.0) - 0.525, abs=1e-4)
+    assert exempt.worst_overlap_bound == pytest.approx(exempt.worst_overlap, abs=1e-3)
+    assert exempt.worst_overlap_at.frame == pytest.approx(45.0, abs=1.0)
     # Between two frames the overlap is deeper than at both, but within the bound.
     coarse = exempt_pairs(chain, [np.deg2rad([[5.0, 0.0], [85.0, 0.0]])], module_size=0.95)
-    assert found.worst_overlap <= coarse.worst_overlap_bound + 1e-9
+    assert exempt.worst_overlap <= coarse.worst_overlap_bound + 1e-9
 
 
 def test_worst_overlap_of_windows_and_frames_is_the_same() -> None:
@@ -41,19 +41,21 @@ def test_worst_overlap_of_windows_and_frames_is_the_same() -> None:
     angles = np.float32(chain.folded_rad) * np.clip(5.0 * share - np.arange(28) / 7.0, 0.0, 1.0)
     angles = np.concatenate([angles, chain.folded_rad[None]])[::-1].astype(np.float64)
     windows = exempt_pairs(chain, [anchored("explosion", angles).windowed(chain)], module_size=0.95)
-    whole = exempt_pairs(chain, [angles], module_size=0.95)
-    assert windows.worst_overlap == pytest.approx(whole.worst_overlap, abs=1e-6) != 0.0
-    assert windows.worst_overlap_at == whole.worst_overlap_at
+    exempt_at_rest = exempt_pairs(chain, [angles], module_size=0.95)
+    assert windows.worst_overlap == pytest.approx(exempt_at_rest.worst_overlap, abs=1e-6) != 0.0
+    assert windows.worst_overlap_at == exempt_at_rest.worst_overlap_at
 
 
 def test_tetrahedra_have_no_exempt_pairs() -> None:
     chain = Chain.from_angles(TETRAHEDRON, np.zeros(4))
-    found = exempt_pairs(chain, [np.zeros((2, 4))], module_size=0.95)
-    assert (found.rule, found.count, found.worst_overlap_bound) == ("none", 0, 0.0)
-    assert (found.relief_radius, found.relief_share) == (None, 0.0)
-    found = exempt_pairs(line(4), (), module_size=0.95)  # at an instant between frames
-    assert found.count and found.relief_radius is not None
-    assert (found.worst_overlap, found.worst_overlap_bound, found.worst_overlap_at) == (None,) * 3
+    exempt = exempt_pairs(chain, [np.zeros((2, 4))], module_size=0.95)
+    assert (exempt.rule, exempt.count, exempt.worst_overlap_bound) == ("none", 0, 0.0)
+    assert (exempt.relief_radius, exempt.relief_share) == (None, 0.0)
+    exempt = exempt_pairs(line(4), (), module_size=0.95)  # at an instant between frames
+    assert exempt.count and exempt.relief_radius is not None
+    assert (exempt.worst_overlap, exempt.worst_overlap_bound, exempt.worst_overlap_at) == (
+        None,
+    ) * 3
 
 
 @pytest.mark.parametrize(("module", "count"), [(CUBE, 9), (CUBE, 801), (TETRAHEDRON, 12)])

@@ -30,9 +30,9 @@ Folding = tuple[Chain, Motion, Margins]
 def folding() -> Folding:
     chain = coil(24)
     motion = peel(chain, width=4, step=0.5)
-    found = margins(chain, motion, sweep(chain, motion, module_size=SIZE), module_size=SIZE)
-    assert found is not None
-    return chain, motion, found
+    found_margins = margins(chain, motion, sweep(chain, motion, module_size=SIZE), module_size=SIZE)
+    assert found_margins is not None
+    return chain, motion, found_margins
 
 
 def _is_clear(chain: Chain, angles: Array, size: float = SIZE) -> bool:
@@ -40,9 +40,9 @@ def _is_clear(chain: Chain, angles: Array, size: float = SIZE) -> bool:
 
 
 def test_motion_with_one_hinge_off_by_the_margin_is_clear(folding: Folding) -> None:
-    chain, motion, found = folding
+    chain, motion, found_margins = folding
     angles = motion.angles(chain)
-    off = found.one_hinge_rad.value
+    off = found_margins.one_hinge_rad.value
     assert off > np.radians(0.1)
     for hinge in range(angles.shape[1]):
         for sign in (-1.0, 1.0):
@@ -52,35 +52,37 @@ def test_motion_with_one_hinge_off_by_the_margin_is_clear(folding: Folding) -> N
 
 
 def test_motion_with_random_errors_within_the_margin_is_clear(folding: Folding) -> None:
-    chain, motion, found = folding
+    chain, motion, found_margins = folding
     angles, rng = motion.angles(chain), np.random.default_rng(1)
-    off = found.independent_rad.value
-    assert 0.0 < off < found.one_hinge_rad.value
+    off = found_margins.independent_rad.value
+    assert 0.0 < off < found_margins.one_hinge_rad.value
     for _ in range(20):
         assert _is_clear(chain, angles + rng.uniform(-off, off, angles.shape[1]))
 
 
 def test_margins_that_are_too_large_are_not_proved(folding: Folding) -> None:
-    chain, motion, found = folding
-    assert unproved_margins(chain, motion, found, module_size=SIZE) == []
+    chain, motion, found_margins = folding
+    assert unproved_margins(chain, motion, found_margins, module_size=SIZE) == []
     for name in ("module_size", "one_hinge_rad", "independent_rad"):
-        margin: Margin = getattr(found, name)
-        forged = replace(found, **{name: replace(margin, value=1.3 * margin.value)})
+        margin: Margin = getattr(found_margins, name)
+        forged = replace(found_margins, **{name: replace(margin, value=1.3 * margin.value)})
         assert unproved_margins(chain, motion, forged, module_size=SIZE) == [name]
-    sure = replace(found, failure_probability=FAILURE_PROBABILITY / 1e6)
+    sure = replace(found_margins, failure_probability=FAILURE_PROBABILITY / 1e6)
     assert unproved_margins(chain, motion, sure, module_size=SIZE) == ["independent_rad"]
 
 
 def _allowance(module: Module, x: Array, pair: tuple[int, int], errors: Tolerance) -> float:
     """Return the allowance of lemmas 11 and 12, computed in NumPy."""
-    (i, j), (one, each, kappa, spare) = pair, errors
+    (i, j), (one_error, each_error, kappa, spare) = pair, errors
     arm = module.radius * SIZE + float(np.linalg.norm(module.anchor))
     from_i, from_j = (np.linalg.norm(x[i:j] - x[k], axis=1) + arm for k in (i, j))
     lever = np.repeat(from_j, module.hinges_per_joint)
-    moved = each * lever.sum() / (1.0 - each * len(lever))
+    moved = each_error * lever.sum() / (1.0 - each_error * len(lever))
     spread = np.sqrt(((lever + moved) ** 2).sum())
-    drift = 0.5 * each * each * (lever + moved).sum()
-    return float(spare + one * np.minimum(from_i, from_j).max() + each * kappa * spread + drift)
+    drift = 0.5 * each_error * each_error * (lever + moved).sum()
+    return float(
+        spare + one_error * np.minimum(from_i, from_j).max() + each_error * kappa * spread + drift
+    )
 
 
 @pytest.mark.parametrize("module", [CUBE, TETRAHEDRON], ids=lambda module: module.name)
@@ -90,11 +92,11 @@ def test_one_frame_leaves_the_clearance_less_the_allowance(module: Module) -> No
         chain = random_chain(module, 24, rng)
         angles = chain.folded_rad
         poses = forward_kinematics(module, angles)
-        least = min(
+        least_clearance = min(
             pair_clearance(module, poses, (i, j), module_size=SIZE)
             - _allowance(module, poses.positions, (i, j), errors)
             for i in range(24)
             for j in range(i + module.apart, 24)
         )
-        found = disturbed_sweep(chain, as_motion(angles[None]), errors, module_size=SIZE)
-        assert found.clearance == pytest.approx(min(least, 1e-3), abs=1e-9)
+        disturbed = disturbed_sweep(chain, as_motion(angles[None]), errors, module_size=SIZE)
+        assert disturbed.clearance == pytest.approx(min(least_clearance, 1e-3), abs=1e-9)

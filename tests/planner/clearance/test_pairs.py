@@ -27,15 +27,15 @@ def all_pairs(points: Array, cutoff: float, apart: int) -> set[tuple[int, int]]:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("most", [150, 1300])
-def test_all_pairs_are_found(most: int) -> None:
-    for seed in range(30 if most < module.MIN_GRID_POINTS else 3):
+@pytest.mark.parametrize("maximum", [150, 1300])
+def test_all_pairs_are_found(maximum: int) -> None:
+    for seed in range(30 if maximum < module.MIN_GRID_POINTS else 3):
         rng = np.random.default_rng(seed)
         cutoff, apart = rng.uniform(0.5, 5.0), int(rng.integers(1, 6))
-        points = random_walk(most - int(rng.integers(0, 149)), seed, rng.uniform(0.0, 3.0))
-        found = near_pairs(points, cutoff, apart).tolist()
-        assert {(i, j) for i, j in found} == all_pairs(points, cutoff, apart)
-        assert len(found) == len({(i, j) for i, j in found})
+        points = random_walk(maximum - int(rng.integers(0, 149)), seed, rng.uniform(0.0, 3.0))
+        near = near_pairs(points, cutoff, apart).tolist()
+        assert {(i, j) for i, j in near} == all_pairs(points, cutoff, apart)
+        assert len(near) == len({(i, j) for i, j in near})
 
 
 @pytest.mark.parametrize("count", [10, 1100])
@@ -44,16 +44,16 @@ def test_point_that_is_not_finite_has_no_pairs_and_hides_none(count: int, bad: f
     points = random_walk(count, 1, 0.0)
     sound = all_pairs(points, 2.5, 2)
     points[4] = bad
-    found = {(i, j) for i, j in near_pairs(points, 2.5, 2).tolist()}
+    near_indices = {(i, j) for i, j in near_pairs(points, 2.5, 2).tolist()}
     # A search may skip points that are unreachable from a distant point, but not from a NaN.
-    assert found == {pair for pair in sound if 4 not in pair}
+    assert near_indices == {module_pair for module_pair in sound if 4 not in module_pair}
 
 
 def test_step_limit_bounds_the_speed_of_all_surface_points() -> None:
     chain = line(20)
     segments = Segments(chain, Material())
     for seed in range(10):
-        state = random_state(chain, seed, most=1.5)
+        state = random_state(chain, seed, maximum=1.5)
         segments.place(state)
         pairs = near_pairs(segments.positions, 2.5, 2)
         radius = chain.module.radius
@@ -65,8 +65,8 @@ def test_step_limit_bounds_the_speed_of_all_surface_points() -> None:
             places = segments.positions[j] + corners
             speeds = segments.velocities[j] + np.cross(segments.spins[j], corners)
             turning = 0.5 * (segments.spins[i] + segments.spins[j])
-            seen = speeds - segments.velocities[i]
-            seen -= np.cross(turning, places - segments.positions[i])
+            speed_differences = speeds - segments.velocities[i]
+            speed_differences -= np.cross(turning, places - segments.positions[i])
             distance = np.linalg.norm(segments.positions[j] - segments.positions[i])
             allowed = 1.0 + 0.5 * max(distance - 2.0 * radius, 0.0)
-            assert np.linalg.norm(seen, axis=1).max() <= limit * allowed + 1e-9
+            assert np.linalg.norm(speed_differences, axis=1).max() <= limit * allowed + 1e-9

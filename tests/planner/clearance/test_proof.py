@@ -73,18 +73,18 @@ def moving_modules(chain: Chain, windows: Motion, k: int) -> tuple[int, int]:
 
 def assert_same(chain: Chain, motion: Array | Motion, size: float, *, within: float = 0.0) -> bool:
     """Check that both prove the motion, with bounds in this ratio, or refuse it; True if proved."""
-    found = sweep(chain, motion, module_size=size)
+    swept = sweep(chain, motion, module_size=size)
     cutoff = (
         EXTENDED_CLEARANCE_CAP
-        if found.modules is None or found.clearance >= CLEARANCE_CAP
+        if swept.modules is None or swept.clearance >= CLEARANCE_CAP
         else CLEARANCE_CAP
     )
     clearance, bound = reference(chain, motion, size, cutoff=cutoff)
-    assert (found.bound > 0.0) == (bound is not None)
+    assert (swept.bound > 0.0) == (bound is not None)
     if bound is None:
         return False
-    assert found.clearance == pytest.approx(clearance, abs=TOLERANCE)
-    assert found.bound == pytest.approx(bound, abs=TOLERANCE, rel=within)
+    assert swept.clearance == pytest.approx(clearance, abs=TOLERANCE)
+    assert swept.bound == pytest.approx(bound, abs=TOLERANCE, rel=within)
     return True
 
 
@@ -111,11 +111,11 @@ def test_windows_have_the_bound_of_the_reference(
     chain = random_chain(module, modules, rng)
     hinges = len(chain.folded_rad)
     first = rng.integers(0, hinges + 1, 2)
-    last = [int(rng.integers(begin, hinges + 1)) for begin in first]
+    last = [int(rng.integers(first_hinge, hinges + 1)) for first_hinge in first]
     start = chain.folded_rad + rng.uniform(-0.3, 0.3, hinges)
     angles = [start, start + rng.uniform(-step, step, hinges)]
     parts = [row[a:b] for row, a, b in zip(angles, first, last, strict=True)]
-    assert_same(chain, windows_of(chain, [int(begin) for begin in first], parts), size)
+    assert_same(chain, windows_of(chain, [int(first_hinge) for first_hinge in first], parts), size)
 
 
 @pytest.mark.parametrize("module", [CUBE, SKEWED], ids=["cube", "skewed"])

@@ -23,11 +23,11 @@ def clearance_of(chain: Chain, angles: Array, size: float) -> float:
 
 def sampled_clearance(chain: Chain, frames: Array, size: float, samples: int) -> float:
     """Return the minimum clearance at evenly spaced instants of a motion, without any bound."""
-    found = EXTENDED_CLEARANCE_CAP
+    clearance = EXTENDED_CLEARANCE_CAP
     for a, b in zip(frames[:-1], frames[1:], strict=True):
         for s in np.linspace(0.0, 1.0, samples):
-            found = min(found, clearance_of(chain, (1.0 - s) * a + s * b, size))
-    return found
+            clearance = min(clearance, clearance_of(chain, (1.0 - s) * a + s * b, size))
+    return clearance
 
 
 def test_collision_between_two_clear_frames_is_found() -> None:
@@ -35,13 +35,13 @@ def test_collision_between_two_clear_frames_is_found() -> None:
     size = 0.95
     assert clearance_of(chain, frames[0], size) > 0.0
     assert clearance_of(chain, frames[1], size) > 0.0
-    found = sweep(chain, frames, module_size=size)
-    assert found.clearance < 0.0
-    assert found.frame not in (0.0, 1.0)
-    assert found.modules is not None
-    assert found.bound <= 0.0
-    at = (1.0 - found.frame) * frames[0] + found.frame * frames[1]
-    assert clearance_of(chain, at, size) == pytest.approx(found.clearance, abs=1e-9)
+    swept = sweep(chain, frames, module_size=size)
+    assert swept.clearance < 0.0
+    assert swept.frame not in (0.0, 1.0)
+    assert swept.modules is not None
+    assert swept.bound <= 0.0
+    at = (1.0 - swept.frame) * frames[0] + swept.frame * frames[1]
+    assert clearance_of(chain, at, size) == pytest.approx(swept.clearance, abs=1e-9)
 
 
 def crossing() -> tuple[Chain, Array]:
@@ -69,14 +69,14 @@ def test_bound_holds_for_chains_whose_ends_swing_far() -> None:
         assert np.linalg.norm(poses[1] - poses[0], axis=1).max() > 2.0
         if clearance_of(chain, frames[0], 0.95) < 0.0 or clearance_of(chain, frames[1], 0.95) < 0.0:
             continue
-        found = sweep(chain, frames, module_size=0.95)
+        swept = sweep(chain, frames, module_size=0.95)
         dense = sampled_clearance(chain, frames, 0.95, 81)
-        assert found.unbounded is None or found.clearance <= 0.0
+        assert swept.unbounded is None or swept.clearance <= 0.0
         if dense < -1e-3:
-            assert found.clearance < 0.0
-        if found.clearance >= 0.0:
-            assert 0.0 < found.bound <= dense + 1e-9
-        outcomes.add(found.clearance < 0.0)
+            assert swept.clearance < 0.0
+        if swept.clearance >= 0.0:
+            assert 0.0 < swept.bound <= dense + 1e-9
+        outcomes.add(swept.clearance < 0.0)
     assert outcomes == {True, False}
 
 
@@ -84,6 +84,6 @@ def test_cancelled_sweep_covers_nothing_more() -> None:
     chain = coil(12)
     motion = as_motion(chain.folded_rad[None])
     for frames in (motion, motion.windowed(chain)):
-        found = sweep(chain, frames, module_size=1.5, cancelled=lambda: True)
-        assert found.in_betweens == 0
-        assert found.clearance == CLEARANCE_CAP
+        swept = sweep(chain, frames, module_size=1.5, cancelled=lambda: True)
+        assert swept.in_betweens == 0
+        assert swept.clearance == CLEARANCE_CAP

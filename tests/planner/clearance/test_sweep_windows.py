@@ -18,12 +18,12 @@ from tests.planner.peels import peel, snake, windows_of
 def test_sweep_of_peeled_windows_agrees_with_frames(size: float) -> None:
     chain = snake((4, 4, 5))
     windows = peel(chain, width=21, step=1.7)
-    found = sweep(chain, windows, module_size=size)
+    swept = sweep(chain, windows, module_size=size)
     dense = sweep(chain, windows.angles(chain), module_size=size)
-    np.testing.assert_allclose(found.per_frame, dense.per_frame, atol=1e-9)
-    assert found.clearance == pytest.approx(dense.clearance, abs=1e-6)
-    assert found.bound > 0.0 and dense.bound > 0.0
-    assert found.modules is not None
+    np.testing.assert_allclose(swept.per_frame, dense.per_frame, atol=1e-9)
+    assert swept.clearance == pytest.approx(dense.clearance, abs=1e-6)
+    assert swept.bound > 0.0 and dense.bound > 0.0
+    assert swept.modules is not None
 
 
 def swinging_rod(rod: int, *, post: bool) -> tuple[Chain, Motion, int]:
@@ -47,26 +47,26 @@ def test_rod_through_a_post_between_two_frames_is_found() -> None:
     chain, windows, about = swinging_rod(40, post=True)
     angles = windows.angles(chain)
     assert np.ptp(angles[:, about]) > 2.4
-    found = sweep(chain, windows, module_size=0.95)
-    assert min(found.per_frame) > 0.04
-    assert found.clearance < 0.0
-    assert found.bound <= 0.0
-    assert found.modules is not None and found.modules[0] == 0 and found.modules[1] > about // 2
+    swept = sweep(chain, windows, module_size=0.95)
+    assert min(swept.per_frame) > 0.04
+    assert swept.clearance < 0.0
+    assert swept.bound <= 0.0
+    assert swept.modules is not None and swept.modules[0] == 0 and swept.modules[1] > about // 2
     poses = forward_kinematics(
-        chain.module, (1.0 - found.frame) * angles[0] + found.frame * angles[1]
+        chain.module, (1.0 - swept.frame) * angles[0] + swept.frame * angles[1]
     )
-    clearance = pair_clearance(chain.module, poses, found.modules, module_size=0.95)
-    assert clearance == pytest.approx(found.clearance, abs=1e-9)
+    clearance = pair_clearance(chain.module, poses, swept.modules, module_size=0.95)
+    assert clearance == pytest.approx(swept.clearance, abs=1e-9)
 
 
 @pytest.mark.parametrize("rod", [40, 3000])
 def test_rod_that_swings_clear_is_proved_clear(rod: int) -> None:
     chain, windows, _ = swinging_rod(rod, post=False)
-    found = sweep(chain, windows, module_size=0.95)
-    assert found.clearance == pytest.approx(0.05, abs=1e-6)
-    assert 0.0 < found.bound <= found.clearance
+    swept = sweep(chain, windows, module_size=0.95)
+    assert swept.clearance == pytest.approx(0.05, abs=1e-6)
+    assert 0.0 < swept.bound <= swept.clearance
     # Regardless of the rod's length, its distant modules are far from others: no bisections.
-    assert found.in_betweens < 5000
+    assert swept.in_betweens < 5000
 
 
 def test_windows_of_another_chain_are_refused() -> None:

@@ -41,16 +41,18 @@ def test_blocks_of_single_modules_move_as_segments() -> None:
     state = folded_state(chain)
     state.angles[:] = 0.2 * rng.normal(size=len(state.angles))
     forces = rng.normal(size=(len(chain), 3))
-    found = []
-    for one in (
+    progress_reports = []
+    for first_engine in (
         engine(chain, np.arange(16)),
         Segments(chain, Material(stiffness=3.0, armature=10.0)),
     ):
-        one.place(state)
-        found.append(one.accelerations(state, forces))
-    scale = np.abs(found[1].hinges).max()
-    np.testing.assert_allclose(found[0].hinges, found[1].hinges, atol=0.02 * scale)
-    np.testing.assert_allclose(found[0].linear, found[1].linear, atol=0.02)
+        first_engine.place(state)
+        progress_reports.append(first_engine.accelerations(state, forces))
+    scale = np.abs(progress_reports[1].hinges).max()
+    np.testing.assert_allclose(
+        progress_reports[0].hinges, progress_reports[1].hinges, atol=0.02 * scale
+    )
+    np.testing.assert_allclose(progress_reports[0].linear, progress_reports[1].linear, atol=0.02)
 
 
 def test_hinges_within_a_block_are_held() -> None:
@@ -59,14 +61,14 @@ def test_hinges_within_a_block_are_held() -> None:
     folded, state = chain.folded_poses, folded_state(chain)
     blocks.place(state)
     np.testing.assert_allclose(blocks.positions, folded.positions, atol=1e-9)
-    found = blocks.accelerations(state, folded.positions - folded.positions.mean(axis=0))
-    assert found.contacts == 0
-    held = np.ones(len(chain.folded_rad), dtype=bool)
-    held[blocks.free] = False
-    assert (found.hinges[held] == 0.0).all()
-    assert np.abs(found.hinges[~held]).max() > 0.0
+    acceleration = blocks.accelerations(state, folded.positions - folded.positions.mean(axis=0))
+    assert acceleration.contacts == 0
+    held_mask = np.ones(len(chain.folded_rad), dtype=bool)
+    held_mask[blocks.free] = False
+    assert (acceleration.hinges[held_mask] == 0.0).all()
+    assert np.abs(acceleration.hinges[~held_mask]).max() > 0.0
     # five joints of two hinges are free
-    assert (~held).sum() == 10
+    assert (~held_mask).sum() == 10
 
 
 def test_blocks_are_not_released_in_the_step_that_restarted() -> None:

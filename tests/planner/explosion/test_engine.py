@@ -48,12 +48,14 @@ def tree(chain: Chain, size: float, masses: Array, rotors: Array, lumps: Lumps) 
     return solve_exactly(model)
 
 
-def check_same(found: Accelerations, state: State, expected: Acceleration) -> None:
+def check_same(computed_accelerations: Accelerations, state: State, expected: Acceleration) -> None:
     """Compare accelerations; those of the engine's root are in the world, angular first."""
     root = [*(state.rotation @ expected.angular), *expected.linear]
     accelerations = np.array([*expected.hinges, *root])
     within = 1e-9 * np.abs(accelerations).max()
-    np.testing.assert_allclose([*found.qdd, *found.root], accelerations, atol=within)
+    np.testing.assert_allclose(
+        [*computed_accelerations.qdd, *computed_accelerations.root], accelerations, atol=within
+    )
 
 
 @pytest.mark.parametrize("has_lumps", [False, True], ids=["modules", "lumps"])
@@ -69,14 +71,14 @@ def test_engine_of_a_free_chain_moves_as_one_tree(chain: Chain, has_lumps: bool)
     engine = Engine(model, chain.module.angle_limit_rad)
     mj_model = tree(chain, 0.02, masses, rotors, lumps)
     loads = Loads(torques, rotors, np.zeros((len(chain), 3)), np.zeros(3))
-    state = random_state(chain, 7, most=1.2)
+    state = random_state(chain, 7, maximum=1.2)
     for _ in range(3):
         engine.place(state)
-        found = engine.constrained(state, loads, None)
+        accelerations = engine.constrained(state, loads, None)
         expected = accelerate(mj_model, chain, state, torques=torques)
         assert expected.contacts == 0
-        check_same(found, state, expected)
-        state.rates += 1e-3 * found.qdd
+        check_same(accelerations, state, expected)
+        state.rates += 1e-3 * accelerations.qdd
         state.advance(1e-3)
 
 
@@ -98,10 +100,10 @@ def test_engine_in_contact_moves_as_one_tree(seed: int) -> None:
     finder.allocate(len(chain))
     contacts = finder.find(engine.positions, engine.rotations)
     loads = Loads(torques, rotors, np.zeros((len(chain), 3)), np.zeros(3))
-    found = engine.constrained(state, loads, contacts)
+    accelerations = engine.constrained(state, loads, contacts)
     mj_model = tree(chain, 1.0, masses, rotors, Lumps.none())
     expected = accelerate(mj_model, chain, state, torques=torques)
     assert expected.contacts == len(contacts.points.depths) > 2
-    check_same(found, state, expected)
+    check_same(accelerations, state, expected)
     twin = finder.copy().find(engine.positions, engine.rotations)
     np.testing.assert_array_equal(twin.points.points, contacts.points.points)

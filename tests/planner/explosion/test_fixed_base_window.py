@@ -26,9 +26,11 @@ BOX = (np.array([[0.0, 0.0, 0.0]]), np.array([[0.5, 0.5, 0.5]]))
 FAR_BOX = (np.array([[0.0, 0.0, -50.0]]), np.array([[0.5, 0.5, 0.5]]))
 
 
-def random_state(chain: Chain, seed: int, most: float = 0.4) -> State:
+def random_state(chain: Chain, seed: int, maximum: float = 0.4) -> State:
     rng = np.random.default_rng(seed)
-    state = State.at_rest(rng.uniform(-most, most, len(chain.folded_rad)), np.zeros(3), np.eye(3))
+    state = State.at_rest(
+        rng.uniform(-maximum, maximum, len(chain.folded_rad)), np.zeros(3), np.eye(3)
+    )
     state.rates = 0.3 * rng.normal(size=len(state.angles))
     return state
 
@@ -80,7 +82,7 @@ def simulate(
     window = FixedBaseWindow(chain, MATERIAL, finder, rod=rod, heaviest_rod=MAX_ROD_MASS)
     finder.set_contact_time_constant(MATERIAL.contact_time_constant)
     window.place(state)
-    mine = window.accelerations(state, forces, torque)
+    acceleration = window.accelerations(state, forces, torque)
     model, data = tree_of(chain, rod, boxes)
     for name, angle, rate in zip(chain.joint_names, state.angles, state.rates, strict=True):
         data.joint(name).qpos[0], data.joint(name).qvel[0] = angle, rate
@@ -89,28 +91,34 @@ def simulate(
     data.body(f"module_{len(chain) - 1}").xfrc_applied[3:] = torque
     mujoco.mj_forward(model, data)
     dofs = [model.joint(name).dofadr[0] for name in chain.joint_names]
-    return mine.hinges, data.qacc[dofs], mine.contacts, int(data.ncon)
+    return acceleration.hinges, data.qacc[dofs], acceleration.contacts, int(data.ncon)
 
 
 def test_window_without_contacts_moves_as_one_tree() -> None:
     for modules, rod in product((4, 30), (0, 3, 200)):
         chain = line(modules)
-        mine, theirs, contacts, others = simulate(chain, random_state(chain, rod, 0.15), rod)
-        assert contacts == others == 0
-        np.testing.assert_allclose(mine, theirs, atol=1e-9 * np.abs(theirs).max())
+        own_state, reference_state, contacts, other_outputs = simulate(
+            chain, random_state(chain, rod, 0.15), rod
+        )
+        assert contacts == other_outputs == 0
+        np.testing.assert_allclose(
+            own_state, reference_state, atol=1e-9 * np.abs(reference_state).max()
+        )
 
 
 def test_window_in_contact_with_boxes_itself_and_its_rod_moves_as_one_tree() -> None:
     chain = line(14)
-    seen = set[int]()
+    contact_modules = set[int]()
     for seed in range(10):
         state = random_state(chain, seed, 1.5)
         state.rates *= 0.0
-        mine, theirs, contacts, others = simulate(chain, state, 6, BOX)
-        assert contacts == others
-        seen.add(contacts)
-        np.testing.assert_allclose(mine, theirs, atol=1e-4 * np.abs(theirs).max())
-    assert len(seen) > 2
+        own_state, reference_state, contacts, other_outputs = simulate(chain, state, 6, BOX)
+        assert contacts == other_outputs
+        contact_modules.add(contacts)
+        np.testing.assert_allclose(
+            own_state, reference_state, atol=1e-4 * np.abs(reference_state).max()
+        )
+    assert len(contact_modules) > 2
 
 
 def test_contact_finder_serves_wider_windows_and_other_rods() -> None:
@@ -118,14 +126,18 @@ def test_contact_finder_serves_wider_windows_and_other_rods() -> None:
     shared = ContactFinder(small, MATERIAL)
     for chain, rod in ((small, 40), (large, 7), (small, 0)):
         state = random_state(chain, 1, 1.2)
-        found: list[Acceleration] = []
+        accelerations: list[Acceleration] = []
         for finder in (shared, ContactFinder(chain, MATERIAL)):
             finder.set_boxes(*BOX)
             window = FixedBaseWindow(chain, MATERIAL, finder, rod=rod, heaviest_rod=MAX_ROD_MASS)
             window.place(state)
-            found.append(window.accelerations(state, np.zeros((len(chain), 3)), np.zeros(3)))
-        assert found[0].contacts == found[1].contacts
-        np.testing.assert_allclose(found[0].hinges, found[1].hinges, rtol=1e-9, atol=1e-9)
+            accelerations.append(
+                window.accelerations(state, np.zeros((len(chain), 3)), np.zeros(3))
+            )
+        assert accelerations[0].contacts == accelerations[1].contacts
+        np.testing.assert_allclose(
+            accelerations[0].hinges, accelerations[1].hinges, rtol=1e-9, atol=1e-9
+        )
 
 
 def test_boxes_are_moved_resized_added_and_removed() -> None:
@@ -136,7 +148,7 @@ def test_boxes_are_moved_resized_added_and_removed() -> None:
     def cubes(*centres: tuple[float, float, float]) -> tuple[Array, Array]:
         return np.array(centres), np.full((len(centres), 3), 0.5)
 
-    many = [(100.0 + i, 0.0, 0.0) for i in range(80)]
+    many_values = [(100.0 + i, 0.0, 0.0) for i in range(80)]
     cases = [
         (FAR_BOX, 0),
         (cubes((4.9, 0.0, 0.0)), 4),
@@ -144,15 +156,15 @@ def test_boxes_are_moved_resized_added_and_removed() -> None:
         ((np.array([[6.0, 0.0, 0.0]]), np.array([[1.6, 0.5, 0.5]])), 4),
         (cubes((4.0, 9.0, 0.0), (4.0, 0.9, 0.0)), 4),
         (cubes((4.0, 9.0, 0.0)), 0),
-        (cubes((4.9, 0.0, 0.0), *many), 4),
-        (cubes(*many), 0),
+        (cubes((4.9, 0.0, 0.0), *many_values), 4),
+        (cubes(*many_values), 0),
     ]
     for boxes, contacts in cases:
         finder.set_boxes(*boxes)
         window = FixedBaseWindow(chain, MATERIAL, finder, rod=0, heaviest_rod=MAX_ROD_MASS)
         window.place(state)
-        found = finder.find(window.positions, window.rotations)
-        assert (0 if found is None else len(found.points.depths)) == contacts
+        found_contacts = finder.find(window.positions, window.rotations)
+        assert (0 if found_contacts is None else len(found_contacts.points.depths)) == contacts
 
 
 def test_long_rod_touches_no_unused_cube() -> None:

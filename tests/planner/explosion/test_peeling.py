@@ -66,7 +66,7 @@ def test_step_limit_ignores_cells_that_the_core_has_left() -> None:
     modules = ModuleStates(
         positions, np.tile(along_z, (count, 1, 1)), np.cross(spins, positions), spins
     )
-    found: list[float] = []
+    clearances: list[float] = []
     for height in (2, 60):
         grid = np.arange(height, dtype=np.int32).reshape(1, 1, height)
         core = CoreCells(grid=grid, low=np.zeros(3, dtype=np.int64), box=core_box, first=0)
@@ -74,8 +74,8 @@ def test_step_limit_ignores_cells_that_the_core_has_left() -> None:
         limits = StepLimits(joint_rad=0.03, body=0.4, tail_turn_rad=0.03, pair=pair)
         still = np.zeros(2 * (count - 2))
         cutoff = DEFAULT.repulsion_cutoff
-        found.append(window_inverse_step_limit(still, modules, core, rod, cutoff, limits))
-    assert found[0] == found[1] < 2.0
+        clearances.append(window_inverse_step_limit(still, modules, core, rod, cutoff, limits))
+    assert clearances[0] == clearances[1] < 2.0
 
 
 def test_run_continues_from_a_state_with_contacts_that_are_too_deep() -> None:
@@ -109,9 +109,9 @@ def test_cancelled_complete_and_refused_peelings() -> None:
     assert (record.status, record.steps) == ("cancelled", 25)
     reports: list[Progress] = []
     parts: list[Motion] = []
-    whole = peel(chain, DEFAULT, sink=parts.append, progress=reports.append)
-    assert whole.status == "straight"
-    np.testing.assert_array_equal(Motion.joined(parts).angles_rad, whole.frames.angles_rad)
+    whole_record = peel(chain, DEFAULT, sink=parts.append, progress=reports.append)
+    assert whole_record.status == "straight"
+    np.testing.assert_array_equal(Motion.joined(parts).angles_rad, whole_record.frames.angles_rad)
     assert all(0.0 <= p.fraction < 1.0 for p in reports)
     assert peel(line(3), DEFAULT).status == "straight"
     with pytest.raises(InputError, match="lattice"):
@@ -130,10 +130,10 @@ def test_recorder_proves_the_same_clearance_as_the_certificate() -> None:
         )
         for k in range(100, 160)
     ]
-    least, each = proof.keeps(bends, 0.015)
-    found = sweep(chain, frames[100:160], module_size=0.98)
-    assert least == pytest.approx(min(found.clearance, 0.015), abs=1e-12)
-    np.testing.assert_allclose(each, np.minimum(found.per_frame, 0.015), atol=1e-12)
+    least_share, each_share = proof.keeps(bends, 0.015)
+    swept = sweep(chain, frames[100:160], module_size=0.98)
+    assert least_share == pytest.approx(min(swept.clearance, 0.015), abs=1e-12)
+    np.testing.assert_allclose(each_share, np.minimum(swept.per_frame, 0.015), atol=1e-12)
 
 
 def test_recorder_proves_no_way_through_the_core() -> None:

@@ -16,9 +16,9 @@ PAPER = PaperExplosionParameters()
 
 def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
     chain = coil(12)
-    for most in (0, 1, 250):
-        record = explode_as_published(chain, replace(PAPER, max_steps=most))
-        assert (record.status, record.steps) == ("timeout", most)
+    for maximum in (0, 1, 250):
+        record = explode_as_published(chain, replace(PAPER, max_steps=maximum))
+        assert (record.status, record.steps) == ("timeout", maximum)
         np.testing.assert_array_equal(record.frames.joint_angles_rad[0], chain.folded_rad)
     record = explode_as_published(chain, PAPER, cancelled=lambda: True)
     assert (record.status, record.steps) == ("cancelled", 0)

@@ -18,19 +18,19 @@ MATERIAL = Material(geom_size=0.5, stiffness=3.0, armature=10.0)
 
 
 def tree_acceleration(
-    chain: Chain, material: Material, state: State, forces: Array, held: Sequence[int] = ()
+    chain: Chain, material: Material, state: State, forces: Array, held_hinges: Sequence[int] = ()
 ) -> Acceleration:
     """Return the acceleration of one MuJoCo tree, with some hinges locked by a huge inertia."""
     model: Any = tree_spec(chain, material).compile()
-    for hinge in held:
+    for hinge in held_hinges:
         model.dof_armature[model.joint(chain.joint_names[hinge]).dofadr[0]] = 1e12
     return accelerate(solve_exactly(model), chain, state, forces=forces)
 
 
 def difference(a: Acceleration, b: Acceleration) -> float:
-    mine = np.concatenate([a.hinges, a.linear, a.angular])
-    other = np.concatenate([b.hinges, b.linear, b.angular])
-    return float(np.linalg.norm(mine - other) / np.linalg.norm(other))
+    joined = np.concatenate([a.hinges, a.linear, a.angular])
+    other_joined = np.concatenate([b.hinges, b.linear, b.angular])
+    return float(np.linalg.norm(joined - other_joined) / np.linalg.norm(other_joined))
 
 
 @pytest.mark.parametrize("modules", [3, 4, 17, 18, 40])
@@ -41,10 +41,10 @@ def test_accelerations_are_those_of_the_whole_tree_wherever_it_is_cut(modules: i
         state = random_state(chain, seed)
         forces = np.random.default_rng(seed).normal(size=(modules, 3))
         segments.place(state)
-        mine = segments.accelerations(state, forces)
-        other = tree_acceleration(chain, MATERIAL, state, forces)
-        assert other.contacts == mine.contacts == 0
-        assert difference(mine, other) < 2e-3
+        acceleration = segments.accelerations(state, forces)
+        other_acceleration = tree_acceleration(chain, MATERIAL, state, forces)
+        assert other_acceleration.contacts == acceleration.contacts == 0
+        assert difference(acceleration, other_acceleration) < 2e-3
 
 
 def test_contact_forces_are_those_of_the_whole_tree() -> None:
@@ -63,11 +63,11 @@ def test_contact_forces_are_those_of_the_whole_tree() -> None:
         state.spin[:] = rng.normal(size=3) * spin
         forces = rng.normal(size=(32, 3)) * 5.0
         segments.place(state)
-        mine = segments.accelerations(state, forces)
-        other = tree_acceleration(chain, material, state, forces)
-        assert mine.contacts == other.contacts > 20
-        assert 0.0 < mine.depth < 0.02
-        differences.append(difference(mine, other))
+        acceleration = segments.accelerations(state, forces)
+        other_acceleration = tree_acceleration(chain, material, state, forces)
+        assert acceleration.contacts == other_acceleration.contacts > 20
+        assert 0.0 < acceleration.depth < 0.02
+        differences.append(difference(acceleration, other_acceleration))
     assert np.mean(differences) < 0.06
     assert max(differences) < 0.15
 
@@ -124,18 +124,18 @@ def test_contacts_push_a_chain_with_hinges_at_their_stops(seed: int) -> None:
     segments = Segments(chain, Material(geom_size=1.0, stiffness=3.0, stop_rad=stop_rad))
     segments.place(state)
     near = near_pairs_of(40)
-    found = segments.lean_accelerations(state, forces, near)
-    assert found.contacts > 2
-    assert (outwards * found.hinges < 1e-6).all()
-    held = np.flatnonzero((outwards != 0.0) & (np.abs(found.hinges) < 1e-6))
-    assert 0 < len(held) < (outwards != 0.0).sum()
+    acceleration = segments.lean_accelerations(state, forces, near)
+    assert acceleration.contacts > 2
+    assert (outwards * acceleration.hinges < 1e-6).all()
+    indices = np.flatnonzero((outwards != 0.0) & (np.abs(acceleration.hinges) < 1e-6))
+    assert 0 < len(indices) < (outwards != 0.0).sum()
     material = Material(geom_size=1.0, stiffness=3.0)
-    tree = tree_acceleration(chain, material, state, forces, held.tolist())
-    assert difference(found, tree) < 1e-6
+    tree = tree_acceleration(chain, material, state, forces, indices.tolist())
+    assert difference(acceleration, tree) < 1e-6
     # No hinge is locked unnecessarily: each one alone would move beyond its stop.
-    for hinge in held.tolist():
-        others = [other for other in held.tolist() if other != hinge]
-        freed = tree_acceleration(chain, material, state, forces, others)
+    for hinge in indices.tolist():
+        free_hinges = [free_hinge for free_hinge in indices.tolist() if free_hinge != hinge]
+        freed = tree_acceleration(chain, material, state, forces, free_hinges)
         assert outwards[hinge] * freed.hinges[hinge] > 0.0
 
 

@@ -26,15 +26,15 @@ DEFAULT = ExplosionParameters()
 def test_linked_modules_are_pulled_apart_by_the_tension_alone(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    seen: list[Array] = []
+    seen_frames: list[Array] = []
 
     def replace_forces(call: int, chain: WholeChain, forces: Array) -> Array:
-        seen.append(forces.copy())
+        seen_frames.append(forces.copy())
         raise SimulationError("seen")
 
     watch_accelerations(monkeypatch, replace_forces)
     explode(line(3), replace(DEFAULT, repulsion_cutoff=1.5))
-    assert np.linalg.norm(seen[0][0]) == pytest.approx(DEFAULT.tension * DEFAULT.spring)
+    assert np.linalg.norm(seen_frames[0][0]) == pytest.approx(DEFAULT.tension * DEFAULT.spring)
 
 
 def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
@@ -42,10 +42,10 @@ def test_cancelled_or_too_long_explosion_keeps_its_frames() -> None:
     record = explode(chain, DEFAULT, cancelled=Mock(side_effect=[False, False, True]))
     assert (record.status, record.steps) == ("cancelled", 75)
     assert len(record.frames) > 1
-    found = explode(chain, replace(DEFAULT, max_steps=30))
-    assert (found.status, found.steps) == ("timeout", 30)
-    assert "after 30 steps" in str(found.reason)
-    for frames in (record.frames, found.frames):
+    short_record = explode(chain, replace(DEFAULT, max_steps=30))
+    assert (short_record.status, short_record.steps) == ("timeout", 30)
+    assert "after 30 steps" in str(short_record.reason)
+    for frames in (record.frames, short_record.frames):
         np.testing.assert_array_equal(frames.joint_angles_rad[0], chain.folded_rad)
 
 
@@ -109,8 +109,8 @@ def test_knot_opens_by_creeping() -> None:
 def test_chain_that_does_not_move_stalls(monkeypatch: pytest.MonkeyPatch) -> None:
     # Nothing moves: no pulse makes progress, so the run must end.
     def frozen(_: int, original: Any, *arguments: Any) -> Acceleration:
-        found = original(*arguments)
-        return replace(found, hinges=0.0 * found.hinges, linear=np.zeros(3), angular=np.zeros(3))
+        judged = original(*arguments)
+        return replace(judged, hinges=0.0 * judged.hinges, linear=np.zeros(3), angular=np.zeros(3))
 
     intercept(monkeypatch, WholeChain, "acceleration_under", frozen)
     monkeypatch.setattr("foldback.planner.explosion.simultaneous.JAM_CHECK_STEPS", 10)

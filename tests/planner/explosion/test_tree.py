@@ -14,7 +14,7 @@ SOFT = Material(geom_size=0.3)
 
 def moving_tree(chain: Chain, seed: int, step_s: float = 0.01) -> Tree:
     tree = Tree(chain, SOFT, step_s=step_s)
-    state = random_state(chain, seed, most=0.8)
+    state = random_state(chain, seed, maximum=0.8)
     tree.place(state.angles, state.position, wxyz_from_matrix(state.rotation))
     tree.data.qvel[:3], tree.data.qvel[3:6] = state.velocity, state.spin
     for name, rate in zip(chain.joint_names, state.rates, strict=True):
@@ -26,16 +26,18 @@ def moving_tree(chain: Chain, seed: int, step_s: float = 0.01) -> Tree:
 def test_torques_give_the_requested_accelerations(modules: int) -> None:
     chain = line(modules)
     tree = moving_tree(chain, modules)
-    wanted = np.random.default_rng(1).normal(size=len(chain.folded_rad))
+    expected = np.random.default_rng(1).normal(size=len(chain.folded_rad))
     tree.begin_step()
     before = [tree.data.qacc.copy(), tree.data.qpos.copy(), tree.data.qvel.copy()]
-    torques = tree.torques_for(wanted)
-    for mine, theirs in zip(before, (tree.data.qacc, tree.data.qpos, tree.data.qvel), strict=True):
-        np.testing.assert_array_equal(mine, theirs)
+    torques = tree.torques_for(expected)
+    for own_acceleration, reference_acceleration in zip(
+        before, (tree.data.qacc, tree.data.qpos, tree.data.qvel), strict=True
+    ):
+        np.testing.assert_array_equal(own_acceleration, reference_acceleration)
     tree.apply_torques(torques)
     mujoco.mj_forward(tree.model, tree.data)
-    found = np.array([tree.data.joint(name).qacc[0] for name in chain.joint_names])
-    np.testing.assert_allclose(found, wanted, atol=1e-6)
+    joint_names = np.array([tree.data.joint(name).qacc[0] for name in chain.joint_names])
+    np.testing.assert_allclose(joint_names, expected, atol=1e-6)
     # No force acts on the root.
     np.testing.assert_array_equal(tree.data.qfrc_applied[:6], 0.0)
 

@@ -44,8 +44,8 @@ def test_angles_are_read_as_they_were_written(angles: NDArray[np.float64]) -> No
     assert np.abs(near - angles).max() <= PLAN_STEP_RAD / 2 * (1 + 1e-9)
     planes = encode_frames(near)
     assert planes is not None
-    again = decode_frames(planes, plane_metadata(near.shape, windowed=False))
-    assert again.tobytes() == near.tobytes(), "a claim's digest is that of the bytes"
+    second_frames = decode_frames(planes, plane_metadata(near.shape, windowed=False))
+    assert second_frames.tobytes() == near.tobytes(), "a claim's digest is that of the bytes"
     single = near.astype(np.float32)
     steps = to_step_counts(single)
     np.testing.assert_array_equal((steps * PLAN_STEP_RAD).astype(np.float32), single)
@@ -80,8 +80,8 @@ def test_windows_are_read_as_they_were_written(data: st.DataObject) -> None:
     planes = encode_windows(first, offsets, angles, folded)
     assert planes is not None
     meta = plane_metadata(angles.shape, windowed=True)
-    again = decode_windows(planes, meta, first, offsets, folded)
-    assert again.tobytes() == angles.tobytes()
+    second_windows = decode_windows(planes, meta, first, offsets, folded)
+    assert second_windows.tobytes() == angles.tobytes()
 
 
 def large_plan(*, windowed: bool) -> Plan:
@@ -101,10 +101,10 @@ def test_large_plan_is_read_back_exactly(windowed: bool, suffix: str, tmp_path: 
     path = tmp_path / f"plan.{suffix}"
     plan.save_json(path) if suffix == "json" else plan.save_npz(path)
     assert path.stat().st_size < 4 * 800 * 396  # plain text needs some eighty bytes per hinge
-    again = Plan.load(path)
-    theirs = again.motion.columns()
-    for name, mine in plan.motion.columns().items():
-        np.testing.assert_array_equal(theirs[name], mine, err_msg=name)
+    second_plan = Plan.load(path)
+    columns = second_plan.motion.columns()
+    for name, own_column in plan.motion.columns().items():
+        np.testing.assert_array_equal(columns[name], own_column, err_msg=name)
     if suffix == "npz":
         assert unpacked_bytes(path) > 8 * 800 * 396
         read = Motion.from_angles(**plan_columns(path, plan.chain.folded_rad))

@@ -68,26 +68,31 @@ def test_peeled_plan_is_verified_and_read_back(directory: FilePath, plan: Plan) 
     data = json.loads((directory / "plan.json").read_bytes())
     assert (data["format"], data["motion"]) == ("foldback-plan/3", "windows")
     assert "joint_angles_rad" not in data
-    found = verify(directory)
-    assert found.problems == ()
-    assert found.certificate.min_clearance == plan.certificate.min_clearance
-    assert found.replay is not None and found.replay.overlap == 0.0
-    assert found.replay.frames == 2 * len(plan.time_s) - 1
+    verification = verify(directory)
+    assert verification.problems == ()
+    assert verification.certificate.min_clearance == plan.certificate.min_clearance
+    assert verification.replay is not None and verification.replay.overlap == 0.0
+    assert verification.replay.frames == 2 * len(plan.time_s) - 1
 
 
 def test_timeline_holds_the_windows_of_record_and_playback(directory: FilePath, plan: Plan) -> None:
     timeline = Timeline.open(directory / "timeline.zarr")
     assert timeline.windowed and timeline.status == "complete"
     assert timeline.chain.folded_rad.tolist() == plan.chain.folded_rad.tolist()
-    whole = timeline.windows()
-    record = whole[np.flatnonzero(whole.phase == PHASES.index("explosion"))]
-    played = whole[np.flatnonzero(whole.phase == PHASES.index("playback"))]
+    windows = timeline.windows()
+    record = windows[np.flatnonzero(windows.phase == PHASES.index("explosion"))]
+    played = windows[np.flatnonzero(windows.phase == PHASES.index("playback"))]
     for name in ("first", "offsets", "angles_rad"):
         np.testing.assert_array_equal(getattr(played, name), getattr(plan.motion, name))
         np.testing.assert_array_equal(getattr(record[::-1], name), getattr(played, name))
-    for start, stop, stride in ((0, 7, 1), (5, 31, 3), (len(whole) - 2, len(whole), 1), (4, 4, 1)):
+    for start, stop, stride in (
+        (0, 7, 1),
+        (5, 31, 3),
+        (len(windows) - 2, len(windows), 1),
+        (4, 4, 1),
+    ):
         part = timeline.windows(start, stop, stride)
-        expected = whole[start:stop:stride]
+        expected = windows[start:stop:stride]
         for name, values in part.columns().items():
             np.testing.assert_array_equal(values, expected.columns()[name])
         np.testing.assert_array_equal(
@@ -118,10 +123,10 @@ def test_timeline_takes_one_layout_only(tmp_path: FilePath) -> None:
     assert [t.motion().is_windowed for t in (a, b)] == [True, False]
     with TimelineWriter.reopen(tmp_path / "a", frames=5) as writer:
         writer.append(moving[9:])
-    again = Timeline.open(tmp_path / "a")
-    assert again.id != a.id
+    second_timeline = Timeline.open(tmp_path / "a")
+    assert second_timeline.id != a.id
     expected = Motion.joined([moving[:5], moving[9:]])
-    np.testing.assert_array_equal(again.windows().angles(chain), expected.angles(chain))
+    np.testing.assert_array_equal(second_timeline.windows().angles(chain), expected.angles(chain))
 
 
 def test_plan_with_invalid_windows_is_refused(directory: FilePath, tmp_path: FilePath) -> None:
@@ -175,8 +180,8 @@ def test_curves_agree_with_the_certificate(directory: FilePath, plan: Plan) -> N
         Figures.load(directory / "figures.zarr")
     record = Record.load(directory / "record.npz")
     assert len(curves) == len(record.frames) + len(plan.motion)
-    least = float(curves.min_clearance.min())
-    assert plan.certificate.min_clearance - 1e-6 <= least < 0.06
+    minimum = float(curves.min_clearance.min())
+    assert plan.certificate.min_clearance - 1e-6 <= minimum < 0.06
     start = len(record.frames)
     assert np.isnan(curves.peak_torque_nm[:start]).all()
     assert plan.certificate.peak_torque_nm == pytest.approx(

@@ -40,13 +40,15 @@ def frames_of(chain: Chain) -> Motion:
 def test_windows_become_the_same_frames_again(chain: Chain) -> None:
     frames = frames_of(chain)
     windows = frames.windowed(chain)
-    again = windows.dense(chain)
-    np.testing.assert_allclose(again.joint_angles_rad, frames.joint_angles_rad, atol=1e-7)
+    dense_motion = windows.dense(chain)
+    np.testing.assert_allclose(dense_motion.joint_angles_rad, frames.joint_angles_rad, atol=1e-7)
     before = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
-    after = chain.poses(again.joint_angles_rad, again.root_position, again.root_wxyz)
+    after = chain.poses(
+        dense_motion.joint_angles_rad, dense_motion.root_position, dense_motion.root_wxyz
+    )
     np.testing.assert_allclose(after.positions, before.positions, atol=1e-5)
     np.testing.assert_allclose(after.rotations, before.rotations, atol=1e-5)
-    np.testing.assert_array_equal(again.time_s, frames.time_s)
+    np.testing.assert_array_equal(dense_motion.time_s, frames.time_s)
 
 
 def test_windows_hold_hinges_that_are_neither_folded_nor_straight(chain: Chain) -> None:

@@ -35,9 +35,9 @@ def some_frames(
     )
 
 
-def assert_same(found: Motion, expected: Motion) -> None:
+def assert_same(motion: Motion, expected: Motion) -> None:
     for column in (*COLUMNS, "phase", "joint_error_rad"):
-        np.testing.assert_array_equal(getattr(found, column), getattr(expected, column))
+        np.testing.assert_array_equal(getattr(motion, column), getattr(expected, column))
 
 
 @pytest.fixture
@@ -82,9 +82,9 @@ def test_timeline_is_read_with_its_phases_and_its_chain(place: FilePath, hook_ch
 
 def test_ranges_and_strides_are_those_of_the_whole(place: FilePath, hook_chain: Chain) -> None:
     timeline = Timeline.open(write_timeline(place, hook_chain, some_frames(300)))
-    for wanted in ((0, 300, 1), (17, 290, 3), (130, 140, 1), (255, 300, 7), (9, 9, 400)):
-        with case(wanted):
-            assert_same(timeline.frames(*wanted), some_frames(300)[slice(*wanted)])
+    for expected in ((0, 300, 1), (17, 290, 3), (130, 140, 1), (255, 300, 7), (9, 9, 400)):
+        with case(expected):
+            assert_same(timeline.frames(*expected), some_frames(300)[slice(*expected)])
 
 
 def test_reader_follows_the_tail(place: FilePath, hook_chain: Chain) -> None:
@@ -156,8 +156,8 @@ def test_killed_writer_leaves_only_complete_frames(
     with pytest.raises(TimelineError, match="within the timeline's 5 frames"):
         timeline.frames(0, 6)
 
-    with TimelineWriter.reopen(place) as again:
-        again.append(some_frames(2, start=90))
+    with TimelineWriter.reopen(place) as second_writer:
+        second_writer.append(some_frames(2, start=90))
     assert Timeline.open(place).frames().time_s.tolist() == [0.0, 0.1, 0.2, 0.3, 0.4, 9.0, 9.1]
 
 
@@ -172,9 +172,9 @@ def test_reopened_writer_continues_after_the_frames_it_keeps(
     times = Timeline.open(place).frames().time_s
     np.testing.assert_array_equal(times, np.r_[np.arange(130), np.arange(500, 520)] / 10)
     check_chunks(place)
-    for kept in (-1, 151):
+    for frame_index in (-1, 151):
         with pytest.raises(TimelineError, match="expected 0 to 150"):
-            TimelineWriter.reopen(place, frames=kept)
+            TimelineWriter.reopen(place, frames=frame_index)
 
 
 def test_exception_marks_the_timeline_failed_and_keeps_its_frames(
@@ -266,10 +266,10 @@ def test_timeline_with_damaged_chunk_raises(place: FilePath, hook_chain: Chain, 
     """An array of zeros counts as damaged, because zarr fills in zeros for missing data."""
     played = some_frames(130, start=130, phase="playback", error=True)
     file = write_timeline(place, hook_chain, some_frames(130), played) / array
-    whole, foreign = file.read_bytes(), (place / array.replace("c/0", "c/1")).read_bytes()
-    middle = len(whole) // 2
-    changed = whole[:middle] + bytes([whole[middle] ^ 16]) + whole[middle + 1 :]
-    damages = {"changed": changed, "truncated": whole[:-9], "empty": b"", "foreign": foreign}
+    array_bytes, foreign = file.read_bytes(), (place / array.replace("c/0", "c/1")).read_bytes()
+    middle = len(array_bytes) // 2
+    changed = array_bytes[:middle] + bytes([array_bytes[middle] ^ 16]) + array_bytes[middle + 1 :]
+    damages = {"changed": changed, "truncated": array_bytes[:-9], "empty": b"", "foreign": foreign}
     for name, data in {**damages, "missing": None, "directory": None}.items():
         file.unlink()
         if data is not None:
@@ -285,24 +285,25 @@ def test_timeline_with_damaged_chunk_raises(place: FilePath, hook_chain: Chain, 
 
 def test_timeline_with_damaged_metadata_raises(five: FilePath) -> None:
     for name in ("phase/zarr.json", "joint_angles_rad/zarr.json"):
-        whole = (five / name).read_bytes()
-        for data in (whole[:-9], b"", None):
+        array_bytes = (five / name).read_bytes()
+        for data in (array_bytes[:-9], b"", None):
             (five / name).unlink() if data is None else (five / name).write_bytes(data)
             with case((name, data)), pytest.raises(DamagedError):
                 Timeline.open(five).frames()
-        (five / name).write_bytes(whole)
+        (five / name).write_bytes(array_bytes)
     file = five / "zarr.json"
-    whole = file.read_bytes()
+    array_bytes = file.read_bytes()
     changed = [
-        whole[:k] + bytes([whole[k] ^ 1]) + whole[k + 1 :] for k in range(60, len(whole), 191)
+        array_bytes[:k] + bytes([array_bytes[k] ^ 1]) + array_bytes[k + 1 :]
+        for k in range(60, len(array_bytes), 191)
     ]
-    for data in (whole[:50], *changed):
-        if data.split() == whole.split():  # the same value in JSON
+    for data in (array_bytes[:50], *changed):
+        if data.split() == array_bytes.split():  # the same value in JSON
             continue
         file.write_bytes(data)
         with case(data), pytest.raises(TimelineError):
             Timeline.open(five).frames()
-    file.write_bytes(whole)
+    file.write_bytes(array_bytes)
     shutil.rmtree(five / "root_position")
     with pytest.raises(TimelineError):
         Timeline.open(five)

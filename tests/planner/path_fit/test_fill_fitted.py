@@ -58,17 +58,19 @@ def test_auto_takes_a_fitted_path_where_it_pays(fitted_ring: Preparation) -> Non
 
 def test_the_final_result_goes_on_from_the_first_one(monkeypatch: pytest.MonkeyPatch) -> None:
     options = PathOptions(modules=32)
-    whole = fill_fitted(solid_of(torus()), options, seed=0)[1]
+    full_fit = fill_fitted(solid_of(torus()), options, seed=0)[1]
     first = fill_fitted(solid_of(torus()), options, seed=0, quick=True)[1]
     assert len(first.chains) == 1
-    other = fill_fitted(solid_of(torus()), options, seed=1)[1]  # is not that fit's result
-    again = fill_fitted(solid_of(torus()), options, seed=0, quick=True)[1]
-    assert (again.cells == first.cells).all() and not np.array_equal(other.cells, whole.cells)
+    second = fill_fitted(solid_of(torus()), options, seed=1)[1]  # is not that fit's result
+    quick_fit = fill_fitted(solid_of(torus()), options, seed=0, quick=True)[1]
+    assert (quick_fit.cells == first.cells).all() and not np.array_equal(
+        second.cells, full_fit.cells
+    )
     monkeypatch.setattr(
         "foldback.planner.path_fit.fill_fitted.candidates", None
     )  # nothing starts anew
     final = fill_fitted(solid_of(torus()), options, seed=0)[1]
-    assert (final.cells == whole.cells).all() and len(final.chains) == len(whole.chains)
+    assert (final.cells == full_fit.cells).all() and len(final.chains) == len(full_fit.chains)
 
 
 def test_walls_much_thinner_than_a_module_are_closed() -> None:
@@ -153,15 +155,15 @@ def test_a_fitted_path_needs_fewer_modules_for_a_likeness() -> None:
 
 
 def test_the_ends_and_the_start_are_as_requested(fitted_ring: Preparation) -> None:
-    for name, wanted in {"start": None, "ends": "surface"}.items():
+    for name, expected in {"start": None, "ends": "surface"}.items():
         with case(name):
             cells = fitted_ring.cells
             start = tuple(cells[len(cells) // 2].tolist())
-            options = {"start": start} if wanted is None else {"ends": wanted}
+            options = {"start": start} if expected is None else {"ends": expected}
             preparation = prepared(torus(), method="fitted", **options)
             assert sorted(preparation.cells.tolist()) == sorted(cells.tolist())
             assert (
-                preparation.not_started or wanted or tuple(preparation.cells[0].tolist()) == start
+                preparation.not_started or expected or tuple(preparation.cells[0].tolist()) == start
             )
 
 
@@ -172,9 +174,9 @@ def test_the_method_fitted_needs_a_mesh_in_zero_gravity() -> None:
         "table": (solid_of(torus()), {"world": "table"}),
         "too many": (solid_of(torus()), {"modules": 5000}),
     }
-    for name, (found, options) in refused.items():
+    for name, (expected_error, options) in refused.items():
         with case(name), pytest.raises(InputError, match="got .*fitted"):
-            prepare_found(found, PathOptions(method="fitted", **options))  # type: ignore[arg-type]
+            prepare_found(expected_error, PathOptions(method="fitted", **options))  # type: ignore[arg-type]
 
 
 def test_cells_are_where_the_mesh_is(fitted_ring: Preparation) -> None:

@@ -22,8 +22,8 @@ SPAN = np.array([12, 12, 12])
 
 
 def prepared(**options: object) -> Preparation:
-    asked = {"modules": 48, "module": "tetrahedron", **options}
-    return prepare_found(solid_of(torus()), PathOptions(**asked))  # type: ignore[arg-type]
+    request = {"modules": 48, "module": "tetrahedron", **options}
+    return prepare_found(solid_of(torus()), PathOptions(**request))  # type: ignore[arg-type]
 
 
 def pairs_of(numbers: Ints) -> Ints:

@@ -106,9 +106,12 @@ def test_path_by_layers_of_a_ring_leaves_all_ways_open() -> None:
 def test_path_is_peeled_from_its_better_end() -> None:
     inward = buried()
     Path.from_cells(inward)
-    found = analyse_removal(inward, 1)
-    assert not found.free and found.score < analyse_removal(inward[::-1], 1).score
-    assert found.buried.tolist() == [0]
+    removal_analysis = analyse_removal(inward, 1)
+    assert (
+        not removal_analysis.free
+        and removal_analysis.score < analyse_removal(inward[::-1], 1).score
+    )
+    assert removal_analysis.buried.tolist() == [0]
     rating = [analyse_removal(path).score for path in (inward, from_better_end(inward))]
     assert rating[1] >= rating[0]
     snake = layered_snake((6, 8, 6))

@@ -54,10 +54,10 @@ def test_blocks_can_be_joined_by_every_face_and_edge() -> None:
         if all((corner >> (2 - axis)) & 1 == side for corner in edge)
     }
     assert set(options) == of_faces and len(of_faces) == 24
-    for (face, edge), found in options.items():
-        for links, edges in found:
+    for (face, edge), edge_options in options.items():
+        for links, edges in edge_options:
             assert edges[face] == edge and len(set(edges)) == 6
-            assert all(other in links[corner] for corner, other in edges)
+            assert all(second in links[corner] for corner, second in edges)
 
 
 def test_block_cycle_is_not_knotted() -> None:
@@ -68,7 +68,7 @@ def test_block_cycle_is_not_knotted() -> None:
 
 
 @pytest.mark.slow
-@given(coarse=connected_sets(most=8), seed=st.integers(0, 9))
+@given(coarse=connected_sets(maximum=8), seed=st.integers(0, 9))
 @examples(one_of=3)
 def test_spreads_of_cuts_are_those_of_their_paths(coarse: Ints, seed: int) -> None:
     cycle = block_cycle(coarse, np.random.default_rng(seed))
@@ -76,10 +76,13 @@ def test_spreads_of_cuts_are_those_of_their_paths(coarse: Ints, seed: int) -> No
     assert np.allclose(spreads_of_cuts(cycle), cuts)
 
 
-@given(coarse=connected_sets(most=10), shift=st.tuples(*[st.integers(-3, 3)] * 3))
+@given(coarse=connected_sets(maximum=10), shift=st.tuples(*[st.integers(-3, 3)] * 3))
 def test_doubled_shape_is_halved(coarse: Ints, shift: tuple[int, int, int]) -> None:
-    found = halved(Shape.from_cells(double(coarse) + np.array(shift)))
-    assert np.array_equal(found - found.min(axis=0), np.unique(coarse - coarse.min(axis=0), axis=0))
+    computed_halved = halved(Shape.from_cells(double(coarse) + np.array(shift)))
+    assert np.array_equal(
+        computed_halved - computed_halved.min(axis=0),
+        np.unique(coarse - coarse.min(axis=0), axis=0),
+    )
 
 
 def test_other_shapes_are_not_halved() -> None:
@@ -96,7 +99,7 @@ def test_blocks_off_the_grid_are_merged() -> None:
     cells = np.concatenate([lower, upper + (1, 0, 0)])
     shape = frozenset((x, y, z) for x, y, z in cells.tolist())
     assert block_corners(shape) == [(0, 0, 0), (2, 0, 0), (1, 0, 2)]
-    found = [loose_block_path(shape, np.random.default_rng(seed)) for seed in range(5)]
-    assert any(path is not None for path in found)
-    assert all(is_path_through(path, cells) for path in found if path is not None)
+    loose_block_paths = [loose_block_path(shape, np.random.default_rng(seed)) for seed in range(5)]
+    assert any(path is not None for path in loose_block_paths)
+    assert all(is_path_through(path, cells) for path in loose_block_paths if path is not None)
     assert block_corners(frozenset({(0, 0, 0), (1, 0, 0)})) is None

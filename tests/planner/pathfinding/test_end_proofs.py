@@ -39,8 +39,8 @@ def missing_ends(cells: list[Cell], named: tuple[Cell, ...]) -> int:
     shape, marked = set(cells), set(named)
     assert marked <= shape
     black = {cell for cell in shape if sum(cell) % 2 == 0}
-    mine = black if marked <= black else shape - black
-    assert marked <= mine
+    marked_colour = black if marked <= black else shape - black
+    assert marked <= marked_colour
     touched: dict[Cell, int] = {}
     for x, y, z in marked:
         for dx, dy, dz in NEIGHBOURS:
@@ -48,7 +48,7 @@ def missing_ends(cells: list[Cell], named: tuple[Cell, ...]) -> int:
             if beside in shape:
                 touched[beside] = touched.get(beside, 0) + 1
     places = sum(min(count, 2) for count in touched.values())
-    allowed = 1 + 2 * len(mine) - len(shape)
+    allowed = 1 + 2 * len(marked_colour) - len(shape)
     return 2 * len(marked) - places - allowed
 
 
@@ -74,18 +74,18 @@ def test_no_set_with_a_path_is_refused(cells: set[Cell]) -> None:
             assert not has_path(np.array(ordered))
 
 
-@given(walk=walks(most=120))
+@given(walk=walks(maximum=120))
 def test_cells_of_a_walk_have_no_proof(walk: Ints) -> None:
     assert end_proof(neighbours(walk), 1 - 2 * colours(walk)) is None
 
 
 def test_refusal_counts_and_offers_the_nearest_cells() -> None:
     shape = Shape.from_cells(CROWDED)
-    found = feasibility(shape)
-    (problem,) = found.problems
+    computed_feasibility = feasibility(shape)
+    (problem,) = computed_feasibility.problems
     assert problem.code == "ends"
     assert "3 cells, of which no two touch, share faces with only 3 others" in problem.detail
-    nearest = found.repairs[0]
+    nearest = computed_feasibility.repairs[0]
     assert not nearest.doubled and len(nearest.add) + len(nearest.drop) == 1
     assert feasibility(apply_repair(shape, nearest)).feasible
 

@@ -21,19 +21,21 @@ from tests.case import case
 from tests.planner.lattice import Ints, box, walks
 
 
-def check(found: Ints | None, cells: Ints) -> None:
-    assert found is not None
-    assert (np.abs(np.diff(found, axis=0)).sum(axis=1) == 1).all()
-    assert np.array_equal(np.unique(found, axis=0), cells)
-    assert len(found) == len(cells)
+def check(found_cells: Ints | None, cells: Ints) -> None:
+    assert found_cells is not None
+    assert (np.abs(np.diff(found_cells, axis=0)).sum(axis=1) == 1).all()
+    assert np.array_equal(np.unique(found_cells, axis=0), cells)
+    assert len(found_cells) == len(cells)
 
 
 def has_path(cells: Ints) -> bool:
     """Return True if there is a path, by brute force; for a handful of cells."""
     near = [[k for k in row if k >= 0] for row in neighbours(cells).tolist()]
 
-    def can_end(cell: int, rest: frozenset[int]) -> bool:
-        return not rest or any(can_end(k, rest - {k}) for k in near[cell] if k in rest)
+    def can_end(cell: int, cells_left: frozenset[int]) -> bool:
+        return not cells_left or any(
+            can_end(k, cells_left - {k}) for k in near[cell] if k in cells_left
+        )
 
     everything = frozenset(range(len(cells)))
     return any(can_end(k, everything - {k}) for k in everything)
@@ -56,22 +58,22 @@ def test_search_agrees_with_trying_everything(cells: set[tuple[int, int, int]]) 
         assert not has_path(shape.cells)
 
 
-@given(walk=walks(most=120), seed=st.integers(0, 99), has_start=st.booleans())
+@given(walk=walks(maximum=120), seed=st.integers(0, 99), has_start=st.booleans())
 def test_path_of_the_cells_of_a_walk_is_found(walk: Ints, seed: int, has_start: bool) -> None:
     start = (int(walk[0, 0]), int(walk[0, 1]), int(walk[0, 2])) if has_start else None
     shape = Shape.from_cells(walk)
     if len(shape) >= 3:
-        found = exact_path(shape, seed=seed, start=start).cells
-        check(found, shape.cells)
-        assert found is not None and start in (None, tuple(found[0]))
+        cells = exact_path(shape, seed=seed, start=start).cells
+        check(cells, shape.cells)
+        assert cells is not None and start in (None, tuple(cells[0]))
 
 
 def test_ends_are_on_the_surface_if_requested() -> None:
     shape = Shape.from_cells(box(5, 5, 5))
     for seed in range(2):
-        found = exact_path(shape, seed=seed, ends_on_surface=True).cells
-        check(found, shape.cells)
-        assert found is not None and surface(found)[[0, -1]].all()
+        cells = exact_path(shape, seed=seed, ends_on_surface=True).cells
+        check(cells, shape.cells)
+        assert cells is not None and surface(cells)[[0, -1]].all()
 
 
 def test_easing_brings_neighbours_closer_along_the_path() -> None:
@@ -83,10 +85,10 @@ def test_easing_brings_neighbours_closer_along_the_path() -> None:
 
 def test_seed_decides_the_path() -> None:
     shape = Shape.from_cells(box(4, 4, 4))
-    one, same, other = (exact_path(shape, seed=seed).cells for seed in (3, 3, 4))
-    assert one is not None and other is not None
-    assert np.array_equal(one, same)
-    assert not np.array_equal(one, other)
+    first, repeated_cells, second = (exact_path(shape, seed=seed).cells for seed in (3, 3, 4))
+    assert first is not None and second is not None
+    assert np.array_equal(first, repeated_cells)
+    assert not np.array_equal(first, second)
 
 
 # Random search found these cells: they are connected and have balanced colours, and no dead ends or
@@ -126,12 +128,14 @@ ENDLESS = np.array([cell for cell in box(6, 6, 6) if cell not in {(0, 0, 0), (5,
 
 def test_circuit_ends_with_its_time_limit() -> None:
     ends = np.ones(len(ENDLESS), dtype=np.bool_)
-    found = find_path_by_sat(
+    solver_result = find_path_by_sat(
         ENDLESS, np.random.default_rng(0), ends=ends, start=0, effort=1e6, time_limit_s=0.2
     )
-    assert found.status == "undecided" and found.order is None
-    found = find_path_by_sat(ENDLESS, np.random.default_rng(0), ends=ends, start=0, effort=1e-6)
-    assert found.status == "undecided" and found.order is None
+    assert solver_result.status == "undecided" and solver_result.order is None
+    solver_result = find_path_by_sat(
+        ENDLESS, np.random.default_rng(0), ends=ends, start=0, effort=1e-6
+    )
+    assert solver_result.status == "undecided" and solver_result.order is None
 
 
 def test_circuit_is_interrupted_by_ctrl_c() -> None:
@@ -155,8 +159,8 @@ def test_circuit_solver_small_graphs_are_found_or_infeasible() -> None:
         (3, [(0, 1), (1, 2), (2, 0), (1, 0)], "found"),
     ):
         with case((nodes, arcs)):
-            found, order = CircuitSolver(nodes, arcs, seed=0, effort=1.0).solve()
-            assert found == status
+            circuit, order = CircuitSolver(nodes, arcs, seed=0, effort=1.0).solve()
+            assert circuit == status
             assert order == (list(range(nodes)) if status == "found" else [])
 
 

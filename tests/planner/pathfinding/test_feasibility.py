@@ -24,9 +24,9 @@ LOPSIDED = [(x, 0, 0) for x in range(9)] + [(7, 1, 0), (7, -1, 0)]
 
 def test_shape_with_a_path_is_feasible() -> None:
     for sides in ((3, 3, 3), (4, 2, 2), (1, 1, 3)):
-        found = feasibility(Shape.from_cells(box(*sides)))
-        assert found.feasible is True, sides
-        assert found.problems == () and found.repairs == (), sides
+        computed_feasibility = feasibility(Shape.from_cells(box(*sides)))
+        assert computed_feasibility.feasible is True, sides
+        assert computed_feasibility.problems == () and computed_feasibility.repairs == (), sides
 
 
 def test_shape_without_a_path_is_explained_and_repaired() -> None:
@@ -38,22 +38,25 @@ def test_shape_without_a_path_is_explained_and_repaired() -> None:
     ):
         with case((cells, codes)):
             shape = Shape.from_cells(cells)
-            found = feasibility(shape)
-            assert found.feasible is False
-            assert codes <= {problem.code for problem in found.problems}
-            assert all(set(problem.cells) <= set(map(tuple, cells)) for problem in found.problems)
-            assert found.repairs
-            for repair in found.repairs:
+            computed_feasibility = feasibility(shape)
+            assert computed_feasibility.feasible is False
+            assert codes <= {problem.code for problem in computed_feasibility.problems}
+            assert all(
+                set(problem.cells) <= set(map(tuple, cells))
+                for problem in computed_feasibility.problems
+            )
+            assert computed_feasibility.repairs
+            for repair in computed_feasibility.repairs:
                 mended = apply_repair(shape, repair)
                 assert find_paths(mended, candidates=1).paths, repair.detail
 
 
 def test_separate_parts_are_bridged_or_dropped() -> None:
-    found = feasibility(Shape.from_cells(SEPARATE)).repairs
-    changed = [len(repair.add) + len(repair.drop) for repair in found[:-1]]
+    repairs = feasibility(Shape.from_cells(SEPARATE)).repairs
+    changed = [len(repair.add) + len(repair.drop) for repair in repairs[:-1]]
     assert changed == sorted(changed)
-    assert [repair.doubled for repair in found] == [False] * (len(found) - 1) + [True]
-    bridge, keep, _ = found
+    assert [repair.doubled for repair in repairs] == [False] * (len(repairs) - 1) + [True]
+    bridge, keep, _ = repairs
     assert (len(bridge.add), bridge.drop) == (2, ())
     assert (keep.add, len(keep.drop)) == ((), 8)
     assert all(repair.add == () for repair in feasibility(Shape.from_cells(DISTANT)).repairs)
@@ -63,9 +66,9 @@ def test_parity_is_repaired_with_the_fewest_cells() -> None:
     # One cell more or less changes the excess by one, and an excess of one is allowed.
     shape = Shape.from_cells(CHECKERED)
     excess = abs(int((1 - 2 * (shape.cells.sum(axis=1) % 2)).sum()))
-    found = feasibility(shape)
-    assert {problem.code for problem in found.problems} == {"parity"}
-    first = found.repairs[0]
+    computed_feasibility = feasibility(shape)
+    assert {problem.code for problem in computed_feasibility.problems} == {"parity"}
+    first = computed_feasibility.repairs[0]
     assert len(first.add) + len(first.drop) == excess - 1
 
 
@@ -81,10 +84,10 @@ def test_apply_repair() -> None:
 
 def test_missing_path_is_proved_by_the_solver() -> None:
     shape = Shape.from_cells(WITHOUT_PATH)
-    found = feasibility(shape)
-    assert [problem.code for problem in found.problems] == ["no-path"]
-    assert found.repairs[0].doubled is False
-    assert exact_path(apply_repair(shape, found.repairs[0])).status == "found"
+    computed_feasibility = feasibility(shape)
+    assert [problem.code for problem in computed_feasibility.problems] == ["no-path"]
+    assert computed_feasibility.repairs[0].doubled is False
+    assert exact_path(apply_repair(shape, computed_feasibility.repairs[0])).status == "found"
 
 
 @pytest.mark.slow
@@ -96,10 +99,10 @@ def test_missing_path_is_proved_by_the_solver() -> None:
 @examples(one_of=10)
 def test_offered_repairs_have_paths(cells: set[Cell]) -> None:
     shape = Shape.from_cells(sorted(cells))
-    found = feasibility(shape, time_limit_s=0.2)
-    assert found.feasible is not False or found.problems
-    for repair in found.repairs:
+    computed_feasibility = feasibility(shape, time_limit_s=0.2)
+    assert computed_feasibility.feasible is not False or computed_feasibility.problems
+    for repair in computed_feasibility.repairs:
         mended = apply_repair(shape, repair)
         assert find_paths(mended, candidates=1, time_limit_s=5.0).paths
-    if found.feasible is False:
-        assert np.any([repair.doubled for repair in found.repairs])
+    if computed_feasibility.feasible is False:
+        assert np.any([repair.doubled for repair in computed_feasibility.repairs])

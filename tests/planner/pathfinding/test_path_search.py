@@ -52,9 +52,11 @@ def test_method_assembly_works_for_boxes_and_blocks_only() -> None:
 
 
 def test_seed_decides_the_candidates() -> None:
-    one, same, other = (find_paths(BENT, seed=seed).paths[-1].cells for seed in (1, 1, 2))
-    assert np.array_equal(one, same)
-    assert not np.array_equal(one, other)
+    first, repeated_cells, second = (
+        find_paths(BENT, seed=seed).paths[-1].cells for seed in (1, 1, 2)
+    )
+    assert np.array_equal(first, repeated_cells)
+    assert not np.array_equal(first, second)
 
 
 def test_candidates_are_ranked_by_knot_and_then_by_spread() -> None:

@@ -45,8 +45,10 @@ def test_likeness_is_within_a_hundredth_of_the_exact_value() -> None:
     ):
         with case(name):
             placed = inside_points(solid_of(mesh)).moved(np.eye(3), 1.0, -0.5)
-            found = likeness_of(placed, cells)
-            assert (found.iou, found.missing, found.added) == pytest.approx(expected, abs=0.01)
+            likeness = likeness_of(placed, cells)
+            assert (likeness.iou, likeness.missing, likeness.added) == pytest.approx(
+                expected, abs=0.01
+            )
 
 
 def test_likeness_does_not_depend_on_how_the_solid_lies() -> None:

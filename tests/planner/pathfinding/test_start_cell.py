@@ -22,11 +22,11 @@ def cells_of(chain: Chain) -> list[list[int]]:
 
 def test_ring_is_cut_anywhere() -> None:
     for x, y, z in RING:
-        chain, why = starting_at(chain_of(RING), (x, y, z))
-        found = cells_of(chain)
-        assert why == ""
-        assert found[0] == [x, y, z]
-        assert sorted(found) == sorted(RING)
+        chain, reason = starting_at(chain_of(RING), (x, y, z))
+        computed_cells_of = cells_of(chain)
+        assert reason == ""
+        assert computed_cells_of[0] == [x, y, z]
+        assert sorted(computed_cells_of) == sorted(RING)
 
 
 def test_open_path_begins_at_either_end() -> None:
@@ -34,10 +34,10 @@ def test_open_path_begins_at_either_end() -> None:
     assert starting_at(chain, None) == (chain, "")
     assert cells_of(starting_at(chain, (0, 0, 0))[0]) == HOOK
     assert cells_of(starting_at(chain, (0, 1, 1))[0]) == HOOK[::-1]
-    same, why = starting_at(chain, (1, 1, 0))
-    assert same is chain
-    assert "(1, 1, 0)" in why
-    assert "voxels" in why
+    start_chain, reason = starting_at(chain, (1, 1, 0))
+    assert start_chain is chain
+    assert "(1, 1, 0)" in reason
+    assert "voxels" in reason
     with refused("not-a-cell"):
         starting_at(chain, (5, 5, 5))
 

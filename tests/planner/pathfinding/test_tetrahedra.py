@@ -48,31 +48,31 @@ def prepare_chain(data: bytes, **options: object) -> Preparation:
 
 
 def test_cells_of_a_path_become_rings() -> None:
-    made = prepare_chain(write_path(Path.from_cells(U, name="u")))
-    assert made.kind == "voxels"
-    assert len(made.chain) == TETRAHEDRA_PER_RING * len(U)
-    assert made.chain.module is TETRAHEDRON
-    assert made.knot.verdict == "unknot"
+    preparation = prepare_chain(write_path(Path.from_cells(U, name="u")))
+    assert preparation.kind == "voxels"
+    assert len(preparation.chain) == TETRAHEDRA_PER_RING * len(U)
+    assert preparation.chain.module is TETRAHEDRON
+    assert preparation.knot.verdict == "unknot"
     # Each module is labelled with the cell in whose ring it lies: each cell occurs twelve times.
-    cells, counts = np.unique(made.cells, axis=0, return_counts=True)
+    cells, counts = np.unique(preparation.cells, axis=0, return_counts=True)
     np.testing.assert_array_equal(cells, np.unique(U, axis=0))
     assert set(counts) == {TETRAHEDRA_PER_RING}
 
 
 def test_chain_of_tetrahedra_starts_in_the_requested_cell() -> None:
-    made = prepare_chain(write_path(Path.from_cells(U)), start=(2, 1, 0), ends="surface")
-    assert tuple(made.cells[0]) == (2, 1, 0)
-    assert made.not_started == ""
+    preparation = prepare_chain(write_path(Path.from_cells(U)), start=(2, 1, 0), ends="surface")
+    assert tuple(preparation.cells[0]) == (2, 1, 0)
+    assert preparation.not_started == ""
     with refused("not-a-cell"):
         prepare_chain(write_path(Path.from_cells(U)), start=(7, 7, 7))
 
 
 def test_separate_parts_are_dropped_on_request_only() -> None:
-    made = prepare_chain(VOXELS)
-    assert not made.chains
-    assert [p.code for p in made.feasibility.problems] == ["disconnected"]
+    preparation = prepare_chain(VOXELS)
+    assert not preparation.chains
+    assert [p.code for p in preparation.feasibility.problems] == ["disconnected"]
     with pytest.raises(InputError, match="2 parts"):
-        _ = made.chain
+        _ = preparation.chain
     repaired = prepare_chain(VOXELS, repair=True)
     assert len(repaired.chain) == 3 * TETRAHEDRA_PER_RING
     assert any("removed the other cell" in note for note in repaired.notes)
@@ -82,15 +82,15 @@ def test_separate_parts_are_dropped_on_request_only() -> None:
 def test_mesh_is_filled_with_tetrahedra() -> None:
     mesh = trimesh.creation.icosphere(subdivisions=3)
     data = mesh.export(file_type="stl")
-    few, many = (prepare_chain(data, modules=n, method="blocks") for n in (72, 300))
-    assert few.likeness is not None
-    assert many.likeness is not None
-    assert 0.3 < few.likeness.iou < many.likeness.iou < 1.0
-    assert abs(len(many.chain) - 300) < 60
-    report = many.report()
+    small_chain, count = (prepare_chain(data, modules=n, method="blocks") for n in (72, 300))
+    assert small_chain.likeness is not None
+    assert count.likeness is not None
+    assert 0.3 < small_chain.likeness.iou < count.likeness.iou < 1.0
+    assert abs(len(count.chain) - 300) < 60
+    report = count.report()
     assert report["module"] == "tetrahedron"
-    assert len(report["positions"]) == len(report["wxyzs"]) == len(many.chain)
-    assert len(report["line"]) == len(many.chain) + 1
+    assert len(report["positions"]) == len(report["wxyzs"]) == len(count.chain)
+    assert len(report["line"]) == len(count.chain) + 1
     # The mesh lies where the chain does.
     vertices = np.array(report["mesh"]["vertices"])
     np.testing.assert_allclose(

@@ -80,11 +80,11 @@ def test_lookahead_lists_the_likely_next_attempts() -> None:
 
 def test_number_of_parallel_attempts_is_that_of_the_workers(tmp_path: FilePath) -> None:
     fold = read(tmp_path / "fold", write_chain(knotted()), seed=3)
-    seen: list[int] = []
+    process_ids: list[int] = []
 
     def stop_after_eight_polls() -> bool:
-        seen.append(len(attempt_processes()))
-        return len(seen) > 8
+        process_ids.append(len(attempt_processes()))
+        return len(process_ids) > 8
 
     with AttemptPool(fold, 1) as pool:
         pool.schedule(CHOICE, [STUCK], AttemptSpec(0, 3, "peel"))
@@ -95,9 +95,9 @@ def test_number_of_parallel_attempts_is_that_of_the_workers(tmp_path: FilePath) 
         pool.with_speculation(silent)(STALLING)
         assert len(attempt_processes()) == 2
         pool.schedule(CHOICE, [STUCK], AttemptSpec(0, 3, "peel"))
-        made = pool.collect(fold / TIMELINE, silent, stop_after_eight_polls)
-        assert made is None or made.status == "cancelled"
-        assert max(seen) == 3
+        collected = pool.collect(fold / TIMELINE, silent, stop_after_eight_polls)
+        assert collected is None or collected.status == "cancelled"
+        assert max(process_ids) == 3
         pool.end_running()
         assert not attempt_processes()
 
@@ -128,13 +128,13 @@ def test_number_of_attempts_of_a_fold_is_limited(
     tmp_path: FilePath, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     fold = read(tmp_path / "fold", write_path(COIL), seed=3)
-    begin = Mock(return_value=Mock(running=True, attempt=lambda: None))
-    monkeypatch.setattr("foldback.planner.pipeline.attempt_pool._AttemptProcess", begin)
-    many = RetryPolicy(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
+    start_attempt = Mock(return_value=Mock(running=True, attempt=lambda: None))
+    monkeypatch.setattr("foldback.planner.pipeline.attempt_pool._AttemptProcess", start_attempt)
+    many_strategies = RetryPolicy(strategies=(("peel", "blocks", "one-by-one"),) * 4, seed=3)
     with AttemptPool(fold, 64) as pool:
-        pool.schedule(many, [], AttemptSpec(0, 3, "peel"))
+        pool.schedule(many_strategies, [], AttemptSpec(0, 3, "peel"))
         pool.with_speculation(silent)(STALLING)
-    assert begin.call_count == MAX_EXPLOSIONS - 1
+    assert start_attempt.call_count == MAX_EXPLOSIONS - 1
 
 
 SCRIPT = """

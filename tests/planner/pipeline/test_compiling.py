@@ -35,18 +35,21 @@ def test_lock_held_by_another_shows_its_fraction_and_waits_no_longer_than_its_bo
 ) -> None:
     monkeypatch.setattr(compiling_lock, "LOCK_POLL_S", 0.0)
     monkeypatch.setattr(compiling_lock, "MAX_LOCK_WAIT_S", 0.01)
-    holder, other = CompilingLock(tmp_path / FIRST_LOCK), CompilingLock(tmp_path / FIRST_LOCK)
+    holder, other_compiling_lock = (
+        CompilingLock(tmp_path / FIRST_LOCK),
+        CompilingLock(tmp_path / FIRST_LOCK),
+    )
     holder.acquire(lambda _: pytest.fail("nobody holds it"))
     holder.add(compiling_lock.FIRST_KERNELS_BYTES // 2)
-    seen: list[float] = []
-    other.acquire(seen.append)
+    waits_s: list[float] = []
+    other_compiling_lock.acquire(waits_s.append)
     ends = compiling_lock.IMPORTS_FRACTION, compiling_lock.MAX_COMPILED_FRACTION
     middle = pytest.approx(sum(ends) / 2.0, abs=1e-4)
-    assert seen and seen == [middle] * len(seen)
+    assert waits_s and waits_s == [middle] * len(waits_s)
     assert compiling_fraction(tmp_path) == middle
     holder.release()
     assert compiling_fraction(tmp_path) is None
-    other.release()
+    other_compiling_lock.release()
 
 
 def test_garbage_collection_is_rare_while_kernels_are_compiled() -> None:
@@ -112,10 +115,10 @@ def other(values, last):
 
 
 def _module(path: Path, name: str) -> ModuleType:
-    found = importlib.util.spec_from_file_location(name, path)
-    assert found is not None and found.loader is not None
-    module = importlib.util.module_from_spec(found)
-    found.loader.exec_module(module)
+    module_spec = importlib.util.spec_from_file_location(name, path)
+    assert module_spec is not None and module_spec.loader is not None
+    module = importlib.util.module_from_spec(module_spec)
+    module_spec.loader.exec_module(module)
     return module
 
 
@@ -200,9 +203,9 @@ def test_every_kernel_compares_all_its_sources() -> None:
 def test_outdated_index_with_a_removed_type_is_not_read(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    gone = type("Gone", (), {"__module__": kernel_cache.__name__})
-    monkeypatch.setattr(kernel_cache, "Gone", gone, raising=False)
-    IndexDataCacheFile(str(tmp_path), "kernel", "old")._save_index({gone: "kernel.1.nbc"})
+    removed_class = type("Gone", (), {"__module__": kernel_cache.__name__})
+    monkeypatch.setattr(kernel_cache, "Gone", removed_class, raising=False)
+    IndexDataCacheFile(str(tmp_path), "kernel", "old")._save_index({removed_class: "kernel.1.nbc"})
     monkeypatch.undo()
     assert IndexDataCacheFile(str(tmp_path), "kernel", "new").load("key") is None
     with pytest.raises(AttributeError):

@@ -56,13 +56,13 @@ def test_angles_that_degrees_do_not_hold_exactly_are_taken_as_they_are(tmp_path:
     assert verify(tmp_path).problems == ()
 
 
-def assert_same_plans(one: Plan, other: Plan) -> None:
+def assert_same_plans(first_plan: Plan, other_plan: Plan) -> None:
     """Compare two plans except for wall times."""
-    compare_motions(one.motion, other.motion)
-    np.testing.assert_array_equal(one.max_error_rad, other.max_error_rad)
-    values = [json.loads(json.dumps(plan.rest())) for plan in (one, other)]
-    assert untimed(values[0]) == untimed(values[1])
-    assert one.parameters == other.parameters
+    compare_motions(first_plan.motion, other_plan.motion)
+    np.testing.assert_array_equal(first_plan.max_error_rad, other_plan.max_error_rad)
+    plan_values = [json.loads(json.dumps(plan.rest())) for plan in (first_plan, other_plan)]
+    assert untimed(plan_values[0]) == untimed(plan_values[1])
+    assert first_plan.parameters == other_plan.parameters
 
 
 @pytest.fixture(scope="module")
@@ -120,9 +120,9 @@ def test_calm_preference_smooths_without_detours(monkeypatch: pytest.MonkeyPatch
         plan = fold(snake((2, 2, 2)), prefer=prefer, strategy="simultaneous", settings="robots=0")
         first, smoothed = plan.attempts
         assert smoothed["smooths"] == 0
-        travels.append([each["figures"]["travel_ratio"] for each in (first, smoothed)])
-    (first, calm), (same, usual) = travels
-    assert first == same
+        travels.append([plan_facts["figures"]["travel_ratio"] for plan_facts in (first, smoothed)])
+    (first, calm), (repeated_travel, usual) = travels
+    assert first == repeated_travel
     assert calm < usual - 0.05 < first
 
 

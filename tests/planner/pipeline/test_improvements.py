@@ -50,8 +50,8 @@ def refused(spec: AttemptSpec) -> Attempt:
     )
 
 
-def choice(prefer: Preference, paths: int = 1, **more: int) -> RetryPolicy:
-    wished = {"modules": 64, "max_frames": 1000, **more}
+def choice(prefer: Preference, paths: int = 1, **policy_options: int) -> RetryPolicy:
+    wished = {"modules": 64, "max_frames": 1000, **policy_options}
     return RetryPolicy(
         strategies=(("simultaneous", "peel"),) * paths,
         seed=5,
@@ -63,15 +63,17 @@ def attempts(
     portfolio: RetryPolicy, outcome_of: Callable[[AttemptSpec], Attempt] = verified
 ) -> Sequence[Attempt]:
     """Return all attempts if each ends as ``outcome_of`` says."""
-    tried: list[Attempt] = []
-    while isinstance(step := next_step(tried, portfolio), Explode):
-        tried.append(outcome_of(step.spec))
-    return tried
+    tried_attempts: list[Attempt] = []
+    while isinstance(step := next_step(tried_attempts, portfolio), Explode):
+        tried_attempts.append(outcome_of(step.spec))
+    return tried_attempts
 
 
 def test_first_verified_plan_ends_a_search_for_least_computing() -> None:
     for portfolio in (choice("computing"), RetryPolicy(strategies=(ALL,), seed=5)):
-        assert [each.spec for each in attempts(portfolio)] == [AttemptSpec(0, 5, "simultaneous")]
+        assert [attempt.spec for attempt in attempts(portfolio)] == [
+            AttemptSpec(0, 5, "simultaneous")
+        ]
 
 
 def test_other_strategies_and_paths_come_first_then_smoothings() -> None:
@@ -80,7 +82,7 @@ def test_other_strategies_and_paths_come_first_then_smoothings() -> None:
     def outcome_of(spec: AttemptSpec) -> Attempt:
         return verified(spec, fold_time_s=quick[spec.strategy] - 0.1 * spec.candidate)
 
-    assert [each.spec for each in attempts(choice("time", paths=2), outcome_of)] == [
+    assert [attempt.spec for attempt in attempts(choice("time", paths=2), outcome_of)] == [
         *(AttemptSpec(0, 5, name) for name in ALL),
         AttemptSpec(1, 5, "blocks"),
         AttemptSpec(1, 5, "smoothed", smooths=3),
@@ -94,43 +96,43 @@ def test_refused_smoothings_are_softened_up_to_a_limit() -> None:
     def outcome_of(spec: AttemptSpec) -> Attempt:
         return refused(spec) if spec.smooths is not None else verified(spec)
 
-    tried = [each.spec for each in attempts(choice("torque", paths=4), outcome_of)]
-    assert len([spec for spec in tried if spec.smooths is None]) == MAX_EXPLOSIONS
-    assert [(spec.strategy, spec.smooths) for spec in tried[MAX_EXPLOSIONS:]] == [
+    tried_specs = [attempt.spec for attempt in attempts(choice("torque", paths=4), outcome_of)]
+    assert len([spec for spec in tried_specs if spec.smooths is None]) == MAX_EXPLOSIONS
+    assert [(spec.strategy, spec.smooths) for spec in tried_specs[MAX_EXPLOSIONS:]] == [
         *(("smoothed", 0), ("softened", 0)),
         *(("smoothed", 1), ("softened", 1)),
     ]
-    assert len(set(tried)) == len(tried)
+    assert len(set(tried_specs)) == len(tried_specs)
 
 
 def test_long_motions_are_not_smoothed_and_expensive_attempts_not_made() -> None:
     assert not [a for a in attempts(choice("time", max_frames=99)) if a.spec.smooths is not None]
     # There are at most two dozen blocks, regardless of the chain's length.
-    for modules, others in ((4000, ["blocks", "peel"]), (9600, ["peel"])):
-        tried = [each.spec for each in attempts(choice("time", modules=modules))]
-        assert [spec.strategy for spec in tried] == ["simultaneous", *others]
-        expected_s = [expected_seconds_of(spec, modules) for spec in tried]
+    for modules, other_methods in ((4000, ["blocks", "peel"]), (9600, ["peel"])):
+        tried_specs = [attempt.spec for attempt in attempts(choice("time", modules=modules))]
+        assert [spec.strategy for spec in tried_specs] == ["simultaneous", *other_methods]
+        expected_s = [expected_seconds_of(spec, modules) for spec in tried_specs]
         assert expected_s[0] > 300.0 > sum(expected_s[1:])
 
 
 def test_preference_changes_nothing_before_a_verified_plan() -> None:
-    tried = attempts(choice("clearance", paths=2), refused)
+    tried_attempts = attempts(choice("clearance", paths=2), refused)
     plain = attempts(replace(choice("clearance", paths=2), improvements=None), refused)
-    assert [each.spec for each in tried] == [each.spec for each in plain]
+    assert [attempt.spec for attempt in tried_attempts] == [attempt.spec for attempt in plain]
 
 
 def test_smoothings_are_not_in_the_lookahead() -> None:
     portfolio = choice("time")
-    tried = [verified(AttemptSpec(0, 5, name)) for name in ALL]
-    ahead = portfolio.lookahead(tried[:1], AttemptSpec(0, 5, "blocks"))
+    tried_attempts = [verified(AttemptSpec(0, 5, name)) for name in ALL]
+    ahead = portfolio.lookahead(tried_attempts[:1], AttemptSpec(0, 5, "blocks"))
     assert ahead == [AttemptSpec(0, 5, "peel")]
-    assert portfolio.lookahead(tried[:2], AttemptSpec(0, 5, "peel")) == []
+    assert portfolio.lookahead(tried_attempts[:2], AttemptSpec(0, 5, "peel")) == []
 
 
 def test_best_plan_by_each_preference() -> None:
     """A slow plan needs little torque; a plan as fast as the others may need the most."""
     spec = AttemptSpec(0, 5, "peel")
-    tried = [
+    tried_attempts = [
         verified(spec),
         verified(spec, fold_time_s=2.0, peak_torque_nm=50.0),
         verified(spec, fold_time_s=20.0, peak_torque_nm=0.01, clearance_bound=0.01),
@@ -140,8 +142,10 @@ def test_best_plan_by_each_preference() -> None:
     ]
     best: dict[Preference, int] = {"computing": 0, "time": 1, "torque": 2, "clearance": 3}
     for prefer, number in best.items():
-        assert best_of(tried, prefer) == number
-        assert best_of([*tried, *tried], prefer) == number, "of equal ones the earlier"
+        assert best_of(tried_attempts, prefer) == number
+        assert best_of([*tried_attempts, *tried_attempts], prefer) == number, (
+            "of equal ones the earlier"
+        )
         assert best_of([refused(spec)], prefer) is None
 
 
@@ -157,11 +161,11 @@ def test_calmest_plan_and_where_turns_are_tried() -> None:
         (1.0, None, 0.0),
         (1.0, 1.0, None),
     )
-    tried = [
+    tried_attempts = [
         verified(spec, travel_ratio=travel, hinges_moving_mean=moving, reversals_mean=reversals)
         for travel, moving, reversals in motions
     ]
-    assert best_of(tried, "calm") == 1
+    assert best_of(tried_attempts, "calm") == 1
     chains = Candidates((chain_of([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]),), two_ended=False)
     for prefer, strategy, expected in (
         ("calm", "auto", ("turns", *ALL)),
@@ -181,24 +185,30 @@ def test_turns_are_not_smoothed_for_the_calmest_motion() -> None:
     for prefer, smoothed in preferences:
         policy = choice(prefer)
         assert policy.improvements is not None
-        more = replace(policy.improvements, strategies=(("turns", "peel"),))
-        tried = [attempt.spec for attempt in attempts(replace(policy, improvements=more))]
-        originals = [tried[spec.smooths] for spec in tried if spec.smooths is not None]
+        more_strategies = replace(policy.improvements, strategies=(("turns", "peel"),))
+        tried_specs = [
+            attempt.spec for attempt in attempts(replace(policy, improvements=more_strategies))
+        ]
+        originals = [tried_specs[spec.smooths] for spec in tried_specs if spec.smooths is not None]
         assert {spec.strategy for spec in originals} == smoothed
 
 
 def test_preference_is_refused_if_there_is_one_plan() -> None:
     with pytest.raises(InputError, match="got the preference 'speed', expected one of: computing"):
         FoldRequest.of(prefer="speed").check()
-    for other in ({"preset": "paper"}, {"smooth": True}, {"strategy": "one-by-one"}):
-        with pytest.raises(InputError, match="preference .time., .* gives only one plan") as got:
-            FoldRequest.of(prefer="time", **other).check()
-        assert (got.value.code, got.value.where) == ("unsuited-prefer", "prefer")
+    for form_options in ({"preset": "paper"}, {"smooth": True}, {"strategy": "one-by-one"}):
+        with pytest.raises(
+            InputError, match="preference .time., .* gives only one plan"
+        ) as refusal:
+            FoldRequest.of(prefer="time", **form_options).check()
+        assert (refusal.value.code, refusal.value.where) == ("unsuited-prefer", "prefer")
     for prefer in PREFERENCES:
         FoldRequest(prefer=prefer, strategy="peel").check()
 
 
-BETTER: Sequence[Preference] = [each for each in PREFERENCES if each != "computing"]
+BETTER: Sequence[Preference] = [
+    preference for preference in PREFERENCES if preference != "computing"
+]
 
 
 @pytest.mark.parametrize("prefer", BETTER)
@@ -207,26 +217,38 @@ def test_count_with_a_preference_is_the_number_of_plans_in_the_end(
     prefer: Preference, paths: int
 ) -> None:
     portfolio = choice(prefer, paths)
-    tried = attempts(portfolio)
-    assert len(tried) > 3
-    for number in range(1, len(tried) + 1):
-        started = Attempt(spec=tried[number - 1].spec, status="begun")
-        assert count_plans([*tried[: number - 1], started], portfolio) == (number, len(tried))
+    tried_attempts = attempts(portfolio)
+    assert len(tried_attempts) > 3
+    for number in range(1, len(tried_attempts) + 1):
+        started = Attempt(spec=tried_attempts[number - 1].spec, status="begun")
+        assert count_plans([*tried_attempts[: number - 1], started], portfolio) == (
+            number,
+            len(tried_attempts),
+        )
 
 
 def test_count_of_plans_ignores_a_finer_playback() -> None:
     portfolio = choice("time")
-    tried = attempts(portfolio)[:2]
-    finer = Attempt(spec=tried[-1].spec, status="straight", finer=REPEATED_PLAYBACK_REFINEMENT)
-    assert count_plans([*tried, finer], portfolio)[0] == 2
+    tried_attempts = attempts(portfolio)[:2]
+    finer = Attempt(
+        spec=tried_attempts[-1].spec, status="straight", finer=REPEATED_PLAYBACK_REFINEMENT
+    )
+    assert count_plans([*tried_attempts, finer], portfolio)[0] == 2
 
 
 def test_report_without_a_preference_counts_nothing() -> None:
-    seen: list[Progress] = []
+    progress_reports: list[Progress] = []
     plain = RetryPolicy(strategies=(("peel",),), seed=5)
     spec = plain.next_attempt([])
     assert spec is not None
-    with_count(seen.append, [verified(spec)], plain)(Progress(stage="certify", fraction=0.5))
+    with_count(progress_reports.append, [verified(spec)], plain)(
+        Progress(stage="certify", fraction=0.5)
+    )
     portfolio = choice("time")
-    with_count(seen.append, [verified(spec)], portfolio)(Progress(stage="certify", fraction=0.5))
-    assert [(each.plan, each.plans > 1) for each in seen] == [(0, False), (1, True)]
+    with_count(progress_reports.append, [verified(spec)], portfolio)(
+        Progress(stage="certify", fraction=0.5)
+    )
+    assert [(progress.plan, progress.plans > 1) for progress in progress_reports] == [
+        (0, False),
+        (1, True),
+    ]

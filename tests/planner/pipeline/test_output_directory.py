@@ -30,21 +30,21 @@ class KilledError(BaseException):
 @pytest.fixture
 def kill_at(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[[int], None]]:
     """Return a function that sets after how many changes of the disk the process is killed."""
-    left = [10**9]
+    remaining_bytes = [10**9]
 
     def counted(original: Callable[..., Any]) -> Callable[..., Any]:
-        def call(*arguments: Any, **more: Any) -> Any:
-            left[0] -= 1
-            if left[0] < 0:
+        def call(*arguments: Any, **extra: Any) -> Any:
+            remaining_bytes[0] -= 1
+            if remaining_bytes[0] < 0:
                 raise KilledError
-            return original(*arguments, **more)
+            return original(*arguments, **extra)
 
         return call
 
     for name in CHANGES:
         monkeypatch.setattr(os, name, counted(getattr(os, name)))
-    yield lambda count: left.__setitem__(0, count)
-    left[0] = 10**9
+    yield lambda count: remaining_bytes.__setitem__(0, count)
+    remaining_bytes[0] = 10**9
 
 
 def write(place: Path, run: str, names: tuple[str, ...]) -> None:
@@ -73,7 +73,7 @@ def test_a_run_that_is_killed_leaves_the_old_files_or_the_new_ones(
 ) -> None:
     old = {**dict.fromkeys(OLD, "old"), "notes.txt": "mine", "start/notes.txt": "mine"}
     new = {**dict.fromkeys(NEW, "new"), "notes.txt": "mine", "start/notes.txt": "mine"}
-    seen: list[bool] = []
+    ended_flags: list[bool] = []
     for count in range(200):
         place = tmp_path / str(count)
         write(place, "old", OLD)
@@ -86,8 +86,8 @@ def test_a_run_that_is_killed_leaves_the_old_files_or_the_new_ones(
         except KilledError:
             ended = False
         # The next command may be killed as well, and so on.
-        for again in range(0 if ended else 3):
-            kill_at(3 * again)
+        for trial in range(0 if ended else 3):
+            kill_at(3 * trial)
             try:
                 finish_replacement(place)
             except KilledError:
@@ -95,7 +95,7 @@ def test_a_run_that_is_killed_leaves_the_old_files_or_the_new_ones(
         kill_at(10**9)
         finish_replacement(place)
         assert contents(place) in (old, new), count
-        seen.append(contents(place) == new)
+        ended_flags.append(contents(place) == new)
         with replacing(place, lambda _: EARLIER) as growing:
             write(growing, "third", ("plan.npz",))
         assert contents(place) == {
@@ -106,15 +106,15 @@ def test_a_run_that_is_killed_leaves_the_old_files_or_the_new_ones(
         assert {path.name for path in place.iterdir()} == {"plan.npz", "notes.txt", "start"}
         if ended:
             break
-    assert ended and seen == sorted(seen) and len(seen) > 20
+    assert ended and ended_flags == sorted(ended_flags) and len(ended_flags) > 20
 
 
 def test_a_run_that_fails_leaves_everything_as_it_was(tmp_path: Path) -> None:
     place, fresh = tmp_path / "old", tmp_path / "fresh"
     write(place, "old", OLD)
     for directory, error in product((place, fresh), (OSError, KeyboardInterrupt)):
-        with pytest.raises(error), replacing(directory, lambda _: EARLIER) as here:
-            write(here, "new", NEW[:2])
+        with pytest.raises(error), replacing(directory, lambda _: EARLIER) as paths:
+            write(paths, "new", NEW[:2])
             raise error
     assert contents(place) == dict.fromkeys(OLD, "old")
     assert sorted(tmp_path.iterdir()) == [place]

@@ -146,11 +146,11 @@ def test_load_with_another_key_or_of_a_damaged_file_returns_none(tmp_path: Path)
 
 
 def test_searches_that_the_clock_may_end_are_not_repeatable() -> None:
-    made = preparation()
-    assert made.repeatable
-    for other in (
-        replace(made, method="exact"),
-        replace(made, chains=()),
-        replace(made, not_started="No path starts there."),
+    made_preparation = preparation()
+    assert made_preparation.repeatable
+    for other_settings in (
+        replace(made_preparation, method="exact"),
+        replace(made_preparation, chains=()),
+        replace(made_preparation, not_started="No path starts there."),
     ):
-        assert not other.repeatable
+        assert not other_settings.repeatable

@@ -113,9 +113,9 @@ def test_refold_is_verified_from_shape_to_shape(plan: Plan, folder: FilePath, sq
     assert timeline.status == "complete"
     np.testing.assert_array_equal(timeline.frames().phase, plan.phase)
     np.testing.assert_array_equal(timeline.frames().root_position, plan.root_position)
-    again = Plan.load(folder / "plan.json")
-    np.testing.assert_array_equal(again.phase, plan.phase)
-    np.testing.assert_array_equal(again.start.folded_rad, plan.start.folded_rad)
+    second_plan = Plan.load(folder / "plan.json")
+    np.testing.assert_array_equal(second_plan.phase, plan.phase)
+    np.testing.assert_array_equal(second_plan.start.folded_rad, plan.start.folded_rad)
     lines = export_named("csv").write(plan).decode().splitlines()[1:]
     assert [line.split(",")[1] for line in lines] == [PHASES[k] for k in plan.phase]
     assert set(np.unique(plan.phase)) == {UNFOLDING, PHASES.index("playback")}
@@ -152,30 +152,32 @@ def test_errors_torques_and_time_are_of_both_halves(
 ) -> None:
     assert np.isfinite(plan.max_error_rad).all()
     assert plan.max_error_rad[: straight(plan)].max() > 0.0
-    alone, both = square.certificate, plan.certificate
-    assert both.peak_torque_nm > 0.9 * alone.peak_torque_nm
-    assert (both.fold_time_s or 0.0) > 1.35 * (alone.fold_time_s or np.inf)
+    alone, certificate = square.certificate, plan.certificate
+    assert certificate.peak_torque_nm > 0.9 * alone.peak_torque_nm
+    assert (certificate.fold_time_s or 0.0) > 1.35 * (alone.fold_time_s or np.inf)
     peaks = Figures.load(folder / "figures.zarr").peak_torque_nm
     assert np.isfinite(peaks).all()
     # The certificate checks every step and the figures only frames: they agree closely.
-    assert peaks.max() == pytest.approx(both.peak_torque_nm, rel=0.35)
+    assert peaks.max() == pytest.approx(certificate.peak_torque_nm, rel=0.35)
     # Without the certificate, the figures follow from the frames' own speed.
     write_figures(folder / "timeline.zarr", tmp_path / "alone", Parameters())
     np.testing.assert_allclose(Figures.load(tmp_path / "alone").peak_torque_nm, peaks, rtol=0.05)
 
 
 def test_verify_names_missing_files(copy: FilePath) -> None:
-    gone = ("start.json", "start.npz", "record.npz", "playback.npz", "certificate.json")
-    for name in gone:
+    removed_files = ("start.json", "start.npz", "record.npz", "playback.npz", "certificate.json")
+    for name in removed_files:
         (copy / name).unlink()
-    found = verify(copy)
-    assert {re.split(":| is", p.removeprefix("failed: "))[0] for p in found.problems} == set(gone)
-    assert all("is missing" in problem for problem in found.problems)
+    verification = verify(copy)
+    assert {re.split(":| is", p.removeprefix("failed: "))[0] for p in verification.problems} == set(
+        removed_files
+    )
+    assert all("is missing" in problem for problem in verification.problems)
     write_manifest(copy)
     (problem,) = verify(copy).problems
     assert "record.npz is missing, so the figures" in problem
-    assert found.replay.overlap == 0.0
-    assert found.replay.pose_difference < 1e-9
+    assert verification.replay.overlap == 0.0
+    assert verification.replay.pose_difference < 1e-9
 
 
 @pytest.mark.slow
@@ -217,8 +219,8 @@ def test_certify_refuses_simulations_with_another_start_or_not_straight(
     frames = playback.frames
 
     def verdict(start: Chain | None = plan.start, **columns: Any) -> str:
-        other = replace(playback, frames=frames.with_columns(**columns))
-        return certify(plan.chain, None, other, Parameters(), start=start).verdict
+        other_settings = replace(playback, frames=frames.with_columns(**columns))
+        return certify(plan.chain, None, other_settings, Parameters(), start=start).verdict
 
     assert verdict() == "verified (simulated)"
     moved = frames.root_position.copy()
@@ -239,9 +241,11 @@ def test_refold_of_a_refold(plan: Plan, square: Plan) -> None:
     assert way.time_s[0] == 0.0
     assert len(way.folding_rad) == len(plan.time_s) - straight(plan)
     np.testing.assert_allclose(way.folding_rad[0], 0.0, atol=1e-9)
-    back = refold(plan, SQUARE)
-    assert back.verified
-    np.testing.assert_allclose(back.joint_angles_rad[-1], square.chain.folded_rad, atol=1e-9)
+    restored_refold = refold(plan, SQUARE)
+    assert restored_refold.verified
+    np.testing.assert_allclose(
+        restored_refold.joint_angles_rad[-1], square.chain.folded_rad, atol=1e-9
+    )
 
 
 def test_refold_is_refused_before_anything_is_computed(square: Plan, tmp_path: FilePath) -> None:
@@ -265,7 +269,7 @@ def test_refold_keeps_the_pitch_of_its_chain(square: Plan, tmp_path: FilePath) -
 def test_other_paths_are_tried_for_an_overlap_in_the_second_half_only(
     copy: FilePath, plan: Plan, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for frame, again in ((straight(plan) + 3.0, "explode"), (3.0, None)):
+    for frame, again_kind in ((straight(plan) + 3.0, "explode"), (3.0, None)):
         falsify(
             monkeypatch,
             times=1,
@@ -273,7 +277,7 @@ def test_other_paths_are_tried_for_an_overlap_in_the_second_half_only(
             min_clearance=-0.1,
             min_clearance_at=Place(frame=frame, modules=(0, 9)),
         )
-        assert run_stage("certify", copy)["again"] == again
+        assert run_stage("certify", copy)["again"] == again_kind
         for stage in ("read", "explode", "play_back"):
             run_stage(stage, copy)
 
@@ -281,20 +285,20 @@ def test_other_paths_are_tried_for_an_overlap_in_the_second_half_only(
 def test_long_chain_is_refolded_by_kinematics(square: Plan, folder: FilePath, plan: Plan) -> None:
     way = square.unfolding()
     parts: list[Motion] = []
-    found = play_back(
+    playback = play_back(
         plan.chain,
         Record.load(folder / "record.npz"),
         PlaybackParameters(simulated_modules=len(plan.chain) - 1),
         unfolding=way,
         sink=parts.append,
     )
-    assert found.kind == "kinematic"
+    assert playback.kind == "kinematic"
     frames = Motion.joined(parts)
     assert np.isnan(frames.joint_error_rad).all()
     count = int((frames.phase == UNFOLDING).sum())
     np.testing.assert_array_equal(frames.joint_angles_rad[: count + 1], way.folding_rad[::-1])
     assert (np.diff(frames.time_s) > 0.0).all()
-    certificate = certify(plan.chain, None, found, Parameters(), start=square.chain)
+    certificate = certify(plan.chain, None, playback, Parameters(), start=square.chain)
     assert certificate.verdict == "verified (kinematics only)"
     centres = frames.poses(plan.chain).positions.mean(axis=1)
     np.testing.assert_allclose(centres, np.broadcast_to(centres[0], centres.shape), atol=1e-9)

@@ -41,21 +41,23 @@ BOTH = ("simultaneous", "peel")
 
 def specs(choice: RetryPolicy, kind: Cause) -> list[AttemptSpec]:
     """Return all attempts if every one fails for the same reason."""
-    tried: list[Attempt] = []
-    while (spec := choice.next_attempt(tried)) is not None:
+    tried_attempts: list[Attempt] = []
+    while (spec := choice.next_attempt(tried_attempts)) is not None:
         if kind == "refused":
-            tried.append(Attempt(spec=spec, status="straight", verified=False, refusal=REFUSAL))
+            tried_attempts.append(
+                Attempt(spec=spec, status="straight", verified=False, refusal=REFUSAL)
+            )
         else:
-            found = Diagnosis(kind=kind, modules=())
-            tried.append(Attempt(spec=spec, status="stalled", diagnosis=found))
-    return [attempt.spec for attempt in tried]
+            diagnosis = Diagnosis(kind=kind, modules=())
+            tried_attempts.append(Attempt(spec=spec, status="stalled", diagnosis=diagnosis))
+    return [attempt.spec for attempt in tried_attempts]
 
 
 def test_attempt_survives_json() -> None:
     started = Attempt(spec=AttemptSpec(1, 2, "peel", other_end=True, gentle=True), status="begun")
     plain = Attempt(spec=AttemptSpec(0, 0, "simultaneous", plain=True), status="begun")
     refused = replace(started, status="straight", steps=5, finer=4, played=True, between=True)
-    found = Diagnosis(kind="knot", modules=(3, 4))
+    diagnosis = Diagnosis(kind="knot", modules=(3, 4))
     for attempt in (
         started,
         plain,
@@ -64,7 +66,7 @@ def test_attempt_survives_json() -> None:
             started,
             status="stalled",
             reason=Reason.of(ReasonCode.AT_REST, steps=1),
-            diagnosis=found,
+            diagnosis=diagnosis,
         ),
     ):
         assert Attempt.from_dict(json.loads(json.dumps(attempt.as_dict()))) == attempt
@@ -86,7 +88,7 @@ def test_reason_of_a_failure_decides_the_next_attempt() -> None:
         AttemptSpec(1, 5, "peel"),
     ]
     # Another seed cannot untie a knot.
-    assert {found.seed for found in specs(choice, "knot")} == {5}
+    assert {spec.seed for spec in specs(choice, "knot")} == {5}
     assert specs(RetryPolicy(strategies=(("simultaneous",),), seed=2**32 - 1), "refused") == [
         AttemptSpec(0, seed, "simultaneous") for seed in (2**32 - 1, 0, 1)
     ]
@@ -96,10 +98,10 @@ def test_attempts_end_and_none_is_made_twice() -> None:
     choice = RetryPolicy(strategies=(BOTH, ("peel",), BOTH), seed=0)
     kinds: tuple[Cause, ...] = ("knot", "buried", "contacts", "joints", "limit", "refused")
     for kind in kinds:
-        tried = specs(choice, kind)
-        assert 1 < len(tried) <= MAX_EXPLOSIONS, kind
-        assert len(set(tried)) == len(tried), kind
-        assert all(found.strategy in choice.strategies[found.candidate] for found in tried), kind
+        tried_specs = specs(choice, kind)
+        assert 1 < len(tried_specs) <= MAX_EXPLOSIONS, kind
+        assert len(set(tried_specs)) == len(tried_specs), kind
+        assert all(spec.strategy in choice.strategies[spec.candidate] for spec in tried_specs), kind
 
 
 def test_plain_explosions_follow_a_calm_one() -> None:
@@ -109,11 +111,11 @@ def test_plain_explosions_follow_a_calm_one() -> None:
     )
     kinds: tuple[Cause, ...] = ("knot", "buried", "contacts", "joints", "limit", "refused")
     for kind in kinds:
-        first, *others = specs(calm, kind)
+        first, *other_specs = specs(calm, kind)
         usual = specs(plain, kind)
         assert first == AttemptSpec(0, 5, "simultaneous")
-        expected = [replace(each, plain=each.strategy == "simultaneous") for each in usual]
-        assert others == expected[: MAX_EXPLOSIONS - 1], kind
+        expected = [replace(spec, plain=spec.strategy == "simultaneous") for spec in usual]
+        assert other_specs == expected[: MAX_EXPLOSIONS - 1], kind
     assert "plain" not in Attempt(spec=first, status="begun").as_dict()
     request, chains = FoldRequest(), Candidates((coil(12),), two_ended=False)
     assert RetryPolicy.of(request, chains).calm
@@ -128,11 +130,11 @@ def test_turns_with_the_most_room_come_before_all_explosions() -> None:
     roomy = AttemptSpec(0, 3, "turns", roomy=True)
     kinds: tuple[Cause, ...] = ("blocked", "limit", "joints", "refused")
     for kind in kinds:
-        first, *others = specs(policy, kind)
+        first, *other_specs = specs(policy, kind)
         assert first == roomy
         assert "turns" not in policy.strategies[0]
         usual = specs(replace(policy, turns=False), kind)
-        assert others == (usual if kind != "blocked" else usual[:1])
+        assert other_specs == (usual if kind != "blocked" else usual[:1])
     straight = Attempt(spec=roomy, status="straight", verified=True)
     assert policy.next_attempt([straight]) is None
     assert Attempt.from_dict(json.loads(json.dumps(straight.as_dict()))).spec == roomy
@@ -162,8 +164,8 @@ def test_attempts_from_the_other_end_and_gentle_ones_depend_on_the_strategy() ->
         AttemptSpec(0, 0, "blocks", other_end=True),
     ]
     # Blocks and simultaneous explosions have no first end.
-    both = RetryPolicy(strategies=(("blocks", "simultaneous"),), seed=0, two_ended=True)
-    assert not any(found.other_end for found in specs(both, "buried"))
+    two_ended = RetryPolicy(strategies=(("blocks", "simultaneous"),), seed=0, two_ended=True)
+    assert not any(spec.other_end for spec in specs(two_ended, "buried"))
     forces = RetryPolicy(strategies=(BOTH,), seed=0, forces=True)
     assert specs(forces, "contacts")[1] == AttemptSpec(0, 0, "simultaneous", gentle=True)
     assert specs(forces, "refused")[3] == AttemptSpec(0, 2, "peel")
@@ -188,10 +190,14 @@ def test_a_search_for_turns_that_is_blocked_is_repeated_only_for_other_paths() -
 
 def test_chain_from_its_other_end_fills_the_same_cells() -> None:
     box = snake((3, 3, 4))
-    other = box.from_other_end()
-    assert (other.name, other.pitch_m, other.module) == (box.name, box.pitch_m, box.module)
+    other_box = box.from_other_end()
+    assert (other_box.name, other_box.pitch_m, other_box.module) == (
+        box.name,
+        box.pitch_m,
+        box.module,
+    )
     np.testing.assert_allclose(
-        other.folded_poses.positions, box.folded_poses.positions[::-1], atol=1e-12
+        other_box.folded_poses.positions, box.folded_poses.positions[::-1], atol=1e-12
     )
 
 
@@ -267,7 +273,7 @@ def test_next_step_of_a_history() -> None:
 
 
 def test_explosions_run_again_after_the_last_verdict() -> None:
-    for history, kept in (
+    for history, kept_attempts in (
         ([], 0),
         ([replace(STALLED, status="begun")], 0),
         ([STALLED, STRAIGHT], 0),
@@ -278,8 +284,8 @@ def test_explosions_run_again_after_the_last_verdict() -> None:
         ([VERIFIED], 0),
         ([JUDGED, STALLED], 0),
     ):
-        with case((history, kept)):
-            assert before_explosion(history, POLICY) == tuple(history[:kept])
+        with case((history, kept_attempts)):
+            assert before_explosion(history, POLICY) == tuple(history[:kept_attempts])
 
 
 def test_playback_run_again_has_no_verdict() -> None:
@@ -292,16 +298,16 @@ def test_playback_run_again_has_no_verdict() -> None:
         ([BETWEEN, AGAIN], [BETWEEN, replace(STRAIGHT, finer=REPEATED_PLAYBACK_REFINEMENT)]),
     ):
         with case((history, before)):
-            found = before_playback(history, POLICY)
-            assert found == tuple(before)
-            assert before_playback(found, POLICY) == found
+            diagnosis = before_playback(history, POLICY)
+            assert diagnosis == tuple(before)
+            assert before_playback(diagnosis, POLICY) == diagnosis
 
 
 def test_choice_is_marked_at_the_latest_playback() -> None:
     history = (BETWEEN, AGAIN, replace(VERIFIED, spec=PEELED))
     assert [latest_playback(history, number) for number in (0, 2)] == [1, 2]
-    assert [each.chosen for each in with_choice(history, 0)] == [False, True, False]
-    assert [each.chosen for each in with_choice(history, 2)] == [False, False, True]
+    assert [attempt.chosen for attempt in with_choice(history, 0)] == [False, True, False]
+    assert [attempt.chosen for attempt in with_choice(history, 2)] == [False, False, True]
 
 
 def test_published_recipes_and_baselines_have_one_attempt() -> None:

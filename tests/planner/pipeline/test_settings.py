@@ -29,12 +29,16 @@ def test_each_setting_changes_its_parameter_alone() -> None:
     names = {field.name for field in fields(PaperExplosionParameters)}
     for setting in SETTINGS:
         with case(setting.name):
-            least, most = setting.range
-            value = least if least != value_of(setting, PAPER) else most
+            minimum, maximum = setting.range
+            value = minimum if minimum != value_of(setting, PAPER) else maximum
             changed = with_settings(PAPER, read_settings(f"{setting.name}={value}"))
             assert value_of(setting, changed) == value != value_of(setting, PAPER)
-            ours, theirs = (asdict(parameters.explosion) for parameters in (PAPER, changed))
-            assert {name for name in names if ours[name] != theirs[name]} == {setting.name} & names
+            own_values, preset_values = (
+                asdict(parameters.explosion) for parameters in (PAPER, changed)
+            )
+            assert {name for name in names if own_values[name] != preset_values[name]} == {
+                setting.name
+            } & names
 
 
 def test_default_module_size_and_density_stand_once() -> None:
@@ -44,13 +48,13 @@ def test_default_module_size_and_density_stand_once() -> None:
         rf"|(density|kg_m3)\w*(: \w+)? ?= ?{DEFAULT_DENSITY_KG_M3}\b",
         re.IGNORECASE,
     )
-    found = [
+    names = [
         path.name
         for folder in ("planner", "server", "web", "words", "cli", "client", "foldback")
         for path in (ROOT / folder).rglob("*.py")
         for _ in written.finditer(path.read_text(encoding="utf-8"))
     ]
-    assert found == ["module.py", "module.py"]
+    assert names == ["module.py", "module.py"]
     assert FoldRequest().parameters().module_size == DEFAULT_MODULE_SIZE
     assert f"Default: {DEFAULT_MODULE_SIZE};" in options_of(FoldRequest)["module_size"].meaning
 
@@ -111,13 +115,13 @@ def test_preset_refuses_settings_that_it_does_not_use_or_that_do_not_fit() -> No
 
 
 def test_settings_equal_to_the_preset_do_not_change_the_request() -> None:
-    for name, given, kept in (
+    for name, arguments, stored_options in (
         ("paper", "damping=.10, step_s=0.005, radial_gain=0.1", "step_s=0.005"),
         ("paper", "motor_max_force=none", ""),
         ("direct", "step_s=0.005,damping=0.1", "step_s=0.005"),
     ):
-        request = FoldRequest(preset=name, settings=given)
-        assert request.canonical() == FoldRequest(preset=name, settings=kept)
+        request = FoldRequest(preset=name, settings=arguments)
+        assert request.canonical() == FoldRequest(preset=name, settings=stored_options)
 
 
 def test_request_out_of_range_is_refused() -> None:

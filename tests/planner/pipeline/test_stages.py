@@ -71,8 +71,8 @@ def test_all_stages_make_a_verified_plan(full: tuple[FilePath, list[dict[str, An
     assert certify["verified"] and certify["simulated"]
     assert (export["status"], export["reason"]) == ("verified", "")
     expected = {name for names in OUTPUTS.values() for name in names}
-    others = {"request.json", "input", "timeline.zarr", "figures.zarr", "manifest.json"}
-    assert {path.name for path in directory.iterdir()} == expected | others
+    other_files = {"request.json", "input", "timeline.zarr", "figures.zarr", "manifest.json"}
+    assert {path.name for path in directory.iterdir()} == expected | other_files
     assert Plan.load(directory / "plan.json").verified
 
 
@@ -97,9 +97,9 @@ def test_stage_killed_half_way_leaves_nothing_half_written_and_can_be_run_again(
     assert files == {*earlier, *under_way, "request.json", "input"}
     Timeline.open(result_path(copy, "timeline.zarr")).frames()
     run(copy, *STAGES[place:])
-    first, again = (Plan.load(d / "plan.npz") for d in (full[0], copy))
-    compare_motions(again.motion, first.motion)
-    assert untimed(again.summary()) == untimed(first.summary())
+    first, copied_plan = (Plan.load(d / "plan.npz") for d in (full[0], copy))
+    compare_motions(copied_plan.motion, first.motion)
+    assert untimed(copied_plan.summary()) == untimed(first.summary())
     compare_motions(*(Timeline.open(d / "timeline.zarr").frames() for d in (copy, full[0])))
 
 
@@ -155,8 +155,8 @@ def test_next_candidate_is_tried_when_a_chain_sticks(
     assert read["candidates"] >= 2
     candidates = json.loads((tmp_path / "candidates.json").read_bytes())["chains"]
 
-    def stuck_at_first(chain: Chain, *arguments: Any, **more: Any) -> Record:
-        record = explode(chain, *arguments, **more)
+    def stuck_at_first(chain: Chain, *arguments: Any, **extra: Any) -> Record:
+        record = explode(chain, *arguments, **extra)
         first = chain.folded_rad.tolist() == candidates[0]["folded_rad"]
         return (
             replace(record, status="stalled", reason=Reason.of(ReasonCode.AT_REST, steps=1))

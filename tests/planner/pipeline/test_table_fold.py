@@ -51,8 +51,10 @@ def test_box_folds_on_a_table_within_the_torques_of_its_certificate(tmp_path: Pa
     assert "plan.npz certificate" not in problems(tmp_path, plan, certificate=reworded)
     forged = replace(plan.certificate, table=replace(table, torque=0.5 * table.torque))
     hurried = {**plan.playback, "steps": plan.playback["steps"] // 2}
-    found = problems(tmp_path, plan, certificate=forged, playback=hurried)
-    assert "plan.npz certificate.table" in found and "playback.steps" in found
+    computed_problems = problems(tmp_path, plan, certificate=forged, playback=hurried)
+    assert (
+        "plan.npz certificate.table" in computed_problems and "playback.steps" in computed_problems
+    )
     assert not motion.is_windowed
     lifted = motion.with_columns(root_position=motion.root_position + [0.0, 0.0, 0.01])
     assert "whose first module is clamped" in problems(tmp_path, plan, motion=lifted)
@@ -66,16 +68,16 @@ def test_plan_with_friction_has_a_free_base_and_its_drift(tmp_path: Path) -> Non
     assert (table.base, table.friction) == ("free", 0.1)
     assert "friction μ = 0.1 and no clamped module" in table.verdict
     assert not motion.is_windowed
-    held = motion.clamped(plan.chain)
-    assert np.abs(motion.root_position - held.root_position).max() > 0.05
+    clamped_motion = motion.clamped(plan.chain)
+    assert np.abs(motion.root_position - clamped_motion.root_position).max() > 0.05
     assert verify(tmp_path).verified, verify(tmp_path).problems
     table_parameters = {**plan.parameters["table"], "table_base": "clamped"}
     text = problems(tmp_path, plan, parameters={**plan.parameters, "table": table_parameters})
     assert "a chain whose first module is clamped: plan.npz root_position" in text
     assert "a chain whose first module is clamped: timeline.zarr root_position" in text
     lifted = motion.with_columns(root_position=motion.root_position + [0.0, 0.0, 0.01])
-    for other in (held, lifted):
-        assert "that drifts like the playback" in problems(tmp_path, plan, motion=other)
+    for motion_part in (clamped_motion, lifted):
+        assert "that drifts like the playback" in problems(tmp_path, plan, motion=motion_part)
 
 
 def test_base_of_a_plan_is_read_from_its_parameters() -> None:
@@ -83,13 +85,13 @@ def test_base_of_a_plan_is_read_from_its_parameters() -> None:
         data = SimpleNamespace(parameters={"world": "table", "table": table}, preset="default")
         return plan_parameters(cast("Plan", data), None).table
 
-    for data, base, held in (
+    for data, base, is_fixed in (
         ({"table_friction": 0.1}, "free", False),  # what is absent has its default
         ({"table_friction": 0.0}, "free", True),
         ({"table_friction": 0.1, "table_base": "free"}, "free", False),
         ({"table_friction": 0.0, "table_base": "clamped"}, "clamped", True),
     ):
-        assert (table_of(data).table_base, table_of(data).held) == (base, held), data
+        assert (table_of(data).table_base, table_of(data).held) == (base, is_fixed), data
     with pytest.raises(InputError, match=r"'held' in parameters\.table\.table_base"):
         table_of({"table_friction": 0.1, "table_base": "held"})
 
@@ -108,8 +110,8 @@ def test_settings_of_a_table_are_its_parameters() -> None:
     table = request.parameters().table
     assert (table.table_torque, table.table_friction, table.table_base) == (4.0, 0.1, "clamped")
     assert FoldRequest(world="table", settings=FRICTION).parameters().table.table_base == "free"
-    same = replace(request, settings="table_base=free").canonical()
-    assert same == FoldRequest(world="table")
+    same_fold_request = replace(request, settings="table_base=free").canonical()
+    assert same_fold_request == FoldRequest(world="table")
 
 
 def test_shape_without_a_path_for_a_table_is_refused_with_the_reason() -> None:

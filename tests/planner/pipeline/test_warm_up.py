@@ -121,14 +121,14 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
     beside: list[str] = []
     calls: list[str] = []
 
-    def start(part: str, directory: FilePath, *more: object) -> nullcontext[None]:
+    def start(part: str, directory: FilePath, *extra: object) -> nullcontext[None]:
         beside.append(part)
         return nullcontext()
 
     first = ["warm_up_clearance", "warm_up_torques", "warm_up_motions"]
-    rest = ["retime", "smooth_plan", "table_certificate", "_many_contacts"]
-    rest += ["_explode_as_published", "warm_up_paths", "_peel", "warm_up_fit", "_turn"]
-    for name in first + rest:
+    lazy_kernels = ["retime", "smooth_plan", "table_certificate", "_many_contacts"]
+    lazy_kernels += ["_explode_as_published", "warm_up_paths", "_peel", "warm_up_fit", "_turn"]
+    for name in first + lazy_kernels:
         monkeypatch.setattr(module, name, lambda *_, name=name, **__: calls.append(name))
     plan = SimpleNamespace(chain=None, motion=None)
     monkeypatch.setattr(module, "fold", lambda *_, **__: plan)  # pyright: ignore[reportUnknownLambdaType]
@@ -136,7 +136,7 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
     monkeypatch.setattr(module, "second_process", start)
     monkeypatch.setattr(module, "cores", lambda: 2)
     warm_up(soon=True, directory=tmp_path)
-    assert (beside, calls) == ([], first + rest)
+    assert (beside, calls) == ([], first + lazy_kernels)
     assert not list(tmp_path.iterdir())  # no lock was taken
     calls.clear()
     new_kernel, chains = njit(lambda: 0), module.warm_up_chains
@@ -153,7 +153,7 @@ def test_warm_up_for_a_fold_soon_leaves_the_rest_to_another_process(
     monkeypatch.setattr(module, "warm_up_chains", chains)
     monkeypatch.setattr(module, "retime", lambda *_: njit(lambda: 0)())  # pyright: ignore[reportUnknownLambdaType]
     warm_up(at_once=True, directory=tmp_path)
-    assert (beside, calls) == (["turns"], first + rest[1:])
+    assert (beside, calls) == (["turns"], first + lazy_kernels[1:])
 
 
 @pytest.mark.long

@@ -59,11 +59,11 @@ def refuse_first_plan(monkeypatch: pytest.MonkeyPatch) -> None:
     overlap = {"reason": OVERLAP, "min_clearance": -0.001}
     overlap["min_clearance_at"] = Place(frame=3.0, modules=(1, 9))
 
-    def judge(_: int, original: Any, *arguments: Any, **more: Any) -> Certificate:
+    def judge(_: int, original: Any, *arguments: Any, **judge_options: Any) -> Certificate:
         playback = arguments[2]
         plans.append(b"" if playback is None else playback.frames.joint_angles_rad.tobytes())
-        found = original(*arguments, **more)
-        return replace(found, **overlap) if plans[-1] == plans[0] else found
+        certificate = original(*arguments, **judge_options)
+        return replace(certificate, **overlap) if plans[-1] == plans[0] else certificate
 
     intercept(monkeypatch, certifying, "certify", judge)
 
@@ -71,12 +71,14 @@ def refuse_first_plan(monkeypatch: pytest.MonkeyPatch) -> None:
 def stall_after_first(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make all explosions but the first one stall."""
 
-    def explode_once(number: int, explode: Any, chain: Any, parameters: Any, **more: Any) -> Record:
+    def explode_once(
+        number: int, explode: Any, chain: Any, parameters: Any, **explode_options: Any
+    ) -> Record:
         if number == 1:
-            return explode(chain, parameters, **more)
+            return explode(chain, parameters, **explode_options)
         hasty = ExplosionParameters(max_steps=40)
         return replace(
-            explode(chain, hasty, **more),
+            explode(chain, hasty, **explode_options),
             status="stalled",
             reason=Reason.of(ReasonCode.AT_REST, steps=1),
         )
@@ -116,11 +118,11 @@ def write_attempts(
 ) -> None:
     """Write straight attempts; those with a clearance have a certificate."""
     workspace = Workspace(directory)
-    tried = [
+    tried_attempts = [
         Attempt(spec=AttemptSpec(0, k, "peel"), status="straight") for k in range(len(clearances))
     ]
     directory.mkdir(exist_ok=True)
-    workspace.write_history(tried)
+    workspace.write_history(tried_attempts)
     for number, clearance in enumerate(clearances):
         chain = Chain.from_path(COIL)
         place = workspace.begin(number, chain).directory
@@ -200,10 +202,10 @@ def test_publishing_continues_after_an_interruption(
     """Each change of a directory is interrupted once; results can be read throughout."""
     numbers = count()
 
-    def interrupt(_: int, original: Any, *arguments: Any, **more: Any) -> Any:
+    def interrupt(_: int, original: Any, *arguments: Any, **call_options: Any) -> Any:
         if next(numbers) == call:
             raise KeyboardInterrupt
-        return original(*arguments, **more)
+        return original(*arguments, **call_options)
 
     write_attempts(tmp_path, (-0.2, -0.1, -0.3))
     (tmp_path / "chain.json").write_text("of the first candidate")
@@ -238,10 +240,10 @@ def write_record(path: FilePath, chain: Chain, share: float, phase: Phase = "exp
 def add_stopped_attempt(directory: FilePath, chain: Chain, share: float) -> None:
     """Add an attempt that stopped with this fraction of its bends remaining."""
     workspace = Workspace(directory)
-    known = workspace.read_history()
-    started = Attempt(spec=AttemptSpec(len(known), 0, "peel"), status="begun")
-    workspace.write_history([*known, started])
-    write_record(workspace.begin(len(known), chain).timeline, chain, share)
+    known_attempts = workspace.read_history()
+    started = Attempt(spec=AttemptSpec(len(known_attempts), 0, "peel"), status="begun")
+    workspace.write_history([*known_attempts, started])
+    write_record(workspace.begin(len(known_attempts), chain).timeline, chain, share)
 
 
 def modules_at_bends(chain: Chain) -> list[int]:
@@ -278,17 +280,17 @@ def test_stopped_where_changes_no_file(tmp_path: FilePath) -> None:
     assert Workspace(tmp_path / "empty").settle() == {}
 
 
-@pytest.mark.parametrize(("left", "kept"), [(0.3, OTHER), (0.9, CHAIN)])
+@pytest.mark.parametrize(("left_share", "kept_chain"), [(0.3, OTHER), (0.9, CHAIN)])
 def test_settle_keeps_the_explosion_with_most_progress(
-    left: float, kept: Chain, tmp_path: FilePath
+    left_share: float, kept_chain: Chain, tmp_path: FilePath
 ) -> None:
-    add_stopped_attempt(tmp_path, OTHER, left)
+    add_stopped_attempt(tmp_path, OTHER, left_share)
     add_stopped_attempt(tmp_path, CHAIN, 0.6)
     Workspace(tmp_path).settle()
     timeline = Timeline.open(tmp_path / "timeline.zarr")
-    np.testing.assert_array_equal(timeline.chain.folded_rad, kept.folded_rad)
+    np.testing.assert_array_equal(timeline.chain.folded_rad, kept_chain.folded_rad)
     stored = chain_from_attributes(json.loads((tmp_path / "chain.json").read_text()))
-    np.testing.assert_array_equal(stored.folded_rad, kept.folded_rad)
+    np.testing.assert_array_equal(stored.folded_rad, kept_chain.folded_rad)
     assert {path.name for path in tmp_path.iterdir()} == {
         *("attempts.json", "chain.json", "timeline.zarr")
     }
@@ -307,15 +309,15 @@ def test_settle_shows_a_refused_plan_instead_of_a_later_explosion(tmp_path: File
 
 def test_history_names_the_attempt_under_way(tmp_path: FilePath) -> None:
     run_stage("read", write_request(tmp_path, write_path(SQUARE)))
-    seen: list[object] = []
+    seen_values: list[object] = []
 
     def note_attempts() -> bool:
-        seen.append(json.loads((tmp_path / "attempts.json").read_text()))
+        seen_values.append(json.loads((tmp_path / "attempts.json").read_text()))
         return False
 
     run_stage("explode", tmp_path, cancelled=note_attempts)
     started = Attempt(spec=AttemptSpec(0, 0, "turns", roomy=True), status="begun")
-    assert seen[0] == [started.as_dict()]
+    assert seen_values[0] == [started.as_dict()]
     (after,) = Workspace(tmp_path).read_history()
     assert after.status == "straight"
     # An attempt that is interrupted there starts anew.

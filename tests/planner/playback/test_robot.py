@@ -55,12 +55,12 @@ def test_step_agrees_with_a_mujoco_tree_of_the_same_masses(chain: Chain) -> None
     data.qfrc_applied[dofs] = stiffness * (target - angles) + damping * rates + torques
     mujoco.mj_forward(model, data)
     assert data.ncon == 0
-    wanted = h * data.qacc[dofs]
-    np.testing.assert_allclose(robot.rates, wanted, atol=1e-9 * np.abs(wanted).max())
+    expected = h * data.qacc[dofs]
+    np.testing.assert_allclose(robot.rates, expected, atol=1e-9 * np.abs(expected).max())
     # The servo's torque depends on the state at the end of the step, as in an implicit scheme.
-    given = stiffness * (target - robot.angles) + damping * (rates - robot.rates) + torques
+    arguments = stiffness * (target - robot.angles) + damping * (rates - robot.rates) + torques
     np.testing.assert_allclose(
-        robot.motor_torques, given, rtol=1e-6, atol=1e-6 * robot.errors.limit
+        robot.motor_torques, arguments, rtol=1e-6, atol=1e-6 * robot.errors.limit
     )
 
 
@@ -82,17 +82,24 @@ def test_each_fault_is_seen_in_the_joint_error(folded: Folded) -> None:
 
 def test_seed_decides_the_robots_and_the_largest_error_is_shown(folded: Folded) -> None:
     first = folded.playback
-    again, other = (play(folded, RobotParameters(), seed=seed) for seed in (0, 1))
-    np.testing.assert_array_equal(again.others_rad, first.others_rad)
-    np.testing.assert_array_equal(again.frames.joint_angles_rad, first.frames.joint_angles_rad)
-    assert not np.array_equal(other.frames.joint_angles_rad, first.frames.joint_angles_rad)
+    repeated_play, second = (play(folded, RobotParameters(), seed=seed) for seed in (0, 1))
+    np.testing.assert_array_equal(repeated_play.others_rad, first.others_rad)
+    np.testing.assert_array_equal(
+        repeated_play.frames.joint_angles_rad, first.frames.joint_angles_rad
+    )
+    assert not np.array_equal(second.frames.joint_angles_rad, first.frames.joint_angles_rad)
     reference = first.reference_rad
-    np.testing.assert_array_equal(other.reference_rad, reference)
+    np.testing.assert_array_equal(second.reference_rad, reference)
     assert first.robots == RobotParameters().robots == 3
     assert first.others_rad.shape == (2, *reference.shape)
-    shown = np.abs(first.frames.joint_angles_rad - reference).max()
-    assert all(np.abs(other - reference).max() < shown + 1e-12 for other in first.others_rad)
-    assert first.max_angle_error_rad >= shown - 1e-6  # angles are stored in steps of that size
+    largest_error_rad = np.abs(first.frames.joint_angles_rad - reference).max()
+    assert all(
+        np.abs(other_angles_rad - reference).max() < largest_error_rad + 1e-12
+        for other_angles_rad in first.others_rad
+    )
+    assert (
+        first.max_angle_error_rad >= largest_error_rad - 1e-6
+    )  # angles are stored in steps of that size
 
 
 def test_motors_keep_their_torque_limit(folded: Folded) -> None:
@@ -114,13 +121,13 @@ def test_each_robot_is_certified_and_refused_if_it_collides(folded: Folded) -> N
     collides[1, len(collides[1]) // 2, ::2] = 0.5 * np.pi  # around a square, again and again
     ends[0, -1] *= 0.9
     lost = "the playbacks of the other simulated robots do not match the plan"
-    for others, words in (
+    for other_limits, words in (
         (collides, "in the simulated playback of robot 2, modules"),
         (ends, "the playback of another simulated robot ends"),
         (playback.others_rad[:, 1:], lost),
         (np.full_like(ends, np.nan), lost),
     ):
-        found = certify(
-            folded.chain, folded.record, replace(playback, others_rad=others), Parameters()
+        computed_certificate = certify(
+            folded.chain, folded.record, replace(playback, others_rad=other_limits), Parameters()
         )
-        assert found.verdict.startswith(f"failed: {words}")
+        assert computed_certificate.verdict.startswith(f"failed: {words}")

@@ -10,8 +10,8 @@ def paper_guide(snapshots: Array, steps_per_snapshot: int = 1) -> SnapshotSetpoi
 
 
 def goals(setpoints: SnapshotSetpoints, angle: float, steps: int) -> list[float]:
-    found = [setpoints.target(np.array([angle]), np.ones(1)) for _ in range(steps)]
-    return [float(target.angles[0]) for target in found if target is not None]
+    targets = [setpoints.target(np.array([angle]), np.ones(1)) for _ in range(steps)]
+    return [float(target.angles[0]) for target in targets if target is not None]
 
 
 STEPS_AWAY = np.array([[0.0], [0.3], [0.6], [0.9], [1.2]])
@@ -31,10 +31,10 @@ def test_snapshot_is_left_when_the_chain_is_near_after_the_least_steps() -> None
 
 def test_chain_that_comes_no_nearer_stalls() -> None:
     setpoints = paper_guide(STEPS_AWAY, 2)
-    given = sum(
+    given_sum = sum(
         setpoints.target(np.zeros(1), np.ones(1)) is not None for _ in range(2 * STALL_STEPS)
     )
-    assert given == 2 + 2 + 2 + STALL_STEPS
+    assert given_sum == 2 + 2 + 2 + STALL_STEPS
 
 
 def test_backwards_has_a_snapshot_for_each_step() -> None:

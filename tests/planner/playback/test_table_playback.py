@@ -42,8 +42,8 @@ def arm() -> tuple[Chain, Motion]:
     return chain, move_between(chain, np.array([chain.folded_rad, np.zeros(len(chain.folded_rad))]))
 
 
-def rms(found: TablePlayback) -> float:
-    return float(np.sqrt((found.position_errors**2).mean()))
+def rms(table_playback: TablePlayback) -> float:
+    return float(np.sqrt((table_playback.position_errors**2).mean()))
 
 
 def play_arm(arm: tuple[Chain, Motion], share: float) -> TablePlayback:
@@ -51,25 +51,25 @@ def play_arm(arm: tuple[Chain, Motion], share: float) -> TablePlayback:
 
 
 def test_motors_a_little_stronger_than_the_weight_hold_an_arm(arm: tuple[Chain, Motion]) -> None:
-    found = play_arm(arm, 1.5)
-    assert found.status == "folded", found.reason
-    assert rms(found) < 0.02
-    assert found.largest_torque <= 1.5 * ARM * (1.0 + 1e-9)
+    table_playback = play_arm(arm, 1.5)
+    assert table_playback.status == "folded", table_playback.reason
+    assert rms(table_playback) < 0.02
+    assert table_playback.largest_torque <= 1.5 * ARM * (1.0 + 1e-9)
     # At the start of the motion, the loaded hinge needs the static torque of the weight.
-    assert found.torques[1].max() == pytest.approx(ARM, rel=0.05)
+    assert table_playback.torques[1].max() == pytest.approx(ARM, rel=0.05)
 
 
 def test_arm_falls_with_weak_motors(arm: tuple[Chain, Motion]) -> None:
-    found = play_arm(arm, 0.8)
-    assert found.status == "missed"
-    assert "is too weak: " in str(found.reason)
-    assert f"{0.8 * ARM:.3g} w·p" in str(found.reason)
+    table_playback = play_arm(arm, 0.8)
+    assert table_playback.status == "missed"
+    assert "is too weak: " in str(table_playback.reason)
+    assert f"{0.8 * ARM:.3g} w·p" in str(table_playback.reason)
 
 
 def test_table_replay_drops_an_arm_below_its_torque(arm: tuple[Chain, Motion]) -> None:
     chain, record = arm
-    held = table_replay(chain, record[-1:], torque=ARM)
-    assert held.holds, held
+    held_playback = table_replay(chain, record[-1:], torque=ARM)
+    assert held_playback.holds, held_playback
     dropped = table_replay(chain, record[-1:], torque=ARM, spare=0.8)
     assert not dropped.holds
     assert dropped.drifts[0] > 0.5
@@ -99,18 +99,18 @@ def test_friction_needs_torque(row: tuple[Chain, Motion]) -> None:
 
 def test_chain_with_a_free_base_drifts(row: tuple[Chain, Motion]) -> None:
     chain, record = row
-    held, free = (
+    held_playback, free = (
         play_on_table(
             chain, record, torque_limit_wp=8.0, friction=0.3, clamped=clamped, parameters=SLOW
         )
         for clamped in (True, False)
     )
-    assert held.status == free.status == "folded"
-    for found, fixed in ((held, True), (free, False)):
-        frames = found.frames
+    assert held_playback.status == free.status == "folded"
+    for playback, fixed in ((held_playback, True), (free, False)):
+        frames = playback.frames
         poses = chain.poses(frames.joint_angles_rad, frames.root_position, frames.root_wxyz)
-        gone = np.linalg.norm(poses.positions[:, 0] - chain.folded_position, axis=1).max()
-        assert (gone < 1e-6) if fixed else (gone > 0.1)
+        base_travel = np.linalg.norm(poses.positions[:, 0] - chain.folded_position, axis=1).max()
+        assert (base_travel < 1e-6) if fixed else (base_travel > 0.1)
         turned = np.abs(poses.rotations[:, 0] - poses.rotations[0, 0]).max()
         assert (turned < 1e-6) if fixed else (turned > 0.3)
     # The free chain ends elsewhere, but in the planned shape.
@@ -127,16 +127,16 @@ def test_box_folds_on_the_table_with_half_as_much_torque_again() -> None:
         chain, record.frames[::-1], on_table=True, height=chain.table_height
     ).torque
     assert needed is not None
-    found = play_on_table(chain, record.frames, torque_limit_wp=1.5 * max(needed, 1.0))
-    assert found.status == "folded", found.reason
-    assert rms(found) < 0.05
-    assert found.position_errors[-1] < 0.05
-    np.testing.assert_allclose(found.frames.joint_angles_rad[0], 0.0, atol=1e-6)
-    assert np.abs(found.frames.joint_angles_rad[-1] - chain.folded_rad).max() < 0.05
-    error = np.abs(found.frames.joint_angles_rad - found.reference_rad)
-    np.testing.assert_allclose(found.frames.joint_error_rad, error, atol=1e-6)
+    table_playback = play_on_table(chain, record.frames, torque_limit_wp=1.5 * max(needed, 1.0))
+    assert table_playback.status == "folded", table_playback.reason
+    assert rms(table_playback) < 0.05
+    assert table_playback.position_errors[-1] < 0.05
+    np.testing.assert_allclose(table_playback.frames.joint_angles_rad[0], 0.0, atol=1e-6)
+    assert np.abs(table_playback.frames.joint_angles_rad[-1] - chain.folded_rad).max() < 0.05
+    error = np.abs(table_playback.frames.joint_angles_rad - table_playback.reference_rad)
+    np.testing.assert_allclose(table_playback.frames.joint_error_rad, error, atol=1e-6)
 
-    rests = table_replay(chain, found.frames, torque=max(needed, 1.0), count=4)
+    rests = table_replay(chain, table_playback.frames, torque=max(needed, 1.0), count=4)
     assert rests.holds, rests
 
 

@@ -98,9 +98,9 @@ def test_smooth_scaling_and_its_way_back() -> None:
     check(scaling, 400, 0.02)
     np.testing.assert_allclose(scaling.u + scaling.u[::-1], 1.0, atol=1e-12)
     assert scaling.acceleration[0] == scaling.acceleration[-1] == 0.0
-    back = scaling.backwards()
-    np.testing.assert_array_equal(back.u, scaling.u[::-1])
-    check_derivatives(back)
+    time_scaling = scaling.backwards()
+    np.testing.assert_array_equal(time_scaling.u, scaling.u[::-1])
+    check_derivatives(time_scaling)
 
 
 def test_bounded_scaling_needs_less_torque(bounded: tuple[Reference, Tree, TimeScaling]) -> None:
@@ -128,11 +128,11 @@ def test_turns_that_move_long_parts_take_more_time_and_less_torque() -> None:
     assert reference.rests is not None
     bounded = torque_bounded_resting_scaling(reference, chain.module, seconds=12.0, step_s=0.08)
     even = resting_scaling(reference.rests, np.full(2, 6.0), step_s=0.08)
-    (rest,) = bounded.rests
-    assert 60 < rest < 0.47 * len(bounded)
+    (only_rest,) = bounded.rests
+    assert 60 < only_rest < 0.47 * len(bounded)
     assert 150 <= len(bounded) <= 152
-    assert bounded.u[[0, rest, -1]].tolist() == [0.0, 0.5, 1.0]
-    assert np.abs(bounded.rate[[0, rest, -1]]).max() < 1e-9
+    assert bounded.u[[0, only_rest, -1]].tolist() == [0.0, 0.5, 1.0]
+    assert np.abs(bounded.rate[[0, only_rest, -1]]).max() < 1e-9
     assert np.diff(bounded.u).min() > -1e-9
     # No hinge is faster than 1.25 times the mean speed, but for the spline between samples.
     assert bounded.rate.max() < 1.02 * 1.25 / 12.0

@@ -50,9 +50,13 @@ def test_torques_of_a_window_are_those_of_the_whole_chain(
     motion[0, :, : hinges.start] = chain.folded_rad[: hinges.start]
     motion[:, :, hinges] = rng.normal(size=(3, 1, 2 * joints))
     lumps = RigidEnds(chain, np.ones(len(chain))).lumps(first + 1, first + 1 + joints)
-    found = floating_torques(chain.module, *motion[:, :, hinges], lumps)
-    whole = floating_torques(chain.module, *motion)
-    np.testing.assert_allclose(found, whole[:, hinges], atol=1e-9 * np.abs(whole).max())
+    computed_floating_torques = floating_torques(chain.module, *motion[:, :, hinges], lumps)
+    whole_floating_torques = floating_torques(chain.module, *motion)
+    np.testing.assert_allclose(
+        computed_floating_torques,
+        whole_floating_torques[:, hinges],
+        atol=1e-9 * np.abs(whole_floating_torques).max(),
+    )
 
 
 def robot_of(chain: Chain, errors: RobotParameters, size: float = SIZE) -> WindowRobot:
@@ -69,25 +73,25 @@ def test_step_agrees_with_a_mujoco_tree_whose_other_hinges_are_held(chain: Chain
     target, rates = 0.01 * rng.normal(size=(2, 2 * JOINTS))
     torques = rng.normal(size=2 * JOINTS)
     np.testing.assert_array_equal(robot.angles, angles)
-    given = robot.step(target, rates, torques)
+    step = robot.step(target, rates, torques)
     h, errors = 0.08, robot.errors
     inertia = h * h * errors.stiffness + h * errors.damping
     model = tree_with(chain, SIZE, errors.masses)
     data: Any = mujoco.MjData(model)
     dofs = np.array([model.joint(name).dofadr[0] for name in chain.joint_names])
-    whole = np.where(np.arange(len(dofs)) < HINGES.start, chain.folded_rad, 0.0)
-    for name, angle in zip(chain.joint_names, whole, strict=True):
+    folded_state = np.where(np.arange(len(dofs)) < HINGES.start, chain.folded_rad, 0.0)
+    for name, angle in zip(chain.joint_names, folded_state, strict=True):
         data.joint(name).qpos[0] = angle
     model.dof_armature[dofs] = 1e12
     model.dof_armature[dofs[HINGES]] = inertia
     data.qfrc_applied[dofs[HINGES]] = errors.stiffness * target + errors.damping * rates + torques
     mujoco.mj_forward(model, data)
     assert data.ncon == 0
-    wanted = h * data.qacc[dofs[HINGES]]
-    np.testing.assert_allclose(robot.angles, h * wanted, atol=1e-7 * np.abs(h * wanted).max())
+    expected = h * data.qacc[dofs[HINGES]]
+    np.testing.assert_allclose(robot.angles, h * expected, atol=1e-7 * np.abs(h * expected).max())
     np.testing.assert_allclose(
-        given,
-        errors.stiffness * (target - robot.angles) + errors.damping * (rates - wanted) + torques,
+        step,
+        errors.stiffness * (target - robot.angles) + errors.damping * (rates - expected) + torques,
         atol=1e-6 * errors.limit,
     )
 

@@ -47,9 +47,11 @@ def ring(tmp_path_factory: pytest.TempPathFactory) -> Plan:
 @pytest.fixture(params=["folded", "ring"], ids=["cube", "tetrahedron"])
 def plan(request: pytest.FixtureRequest) -> Plan:
     """Small plan of each kind of module; its pitch is not 1 cm, so that wrong units are found."""
-    made = request.getfixturevalue(request.param)
-    made = made.plan if request.param == "folded" else made
-    return dataclasses.replace(made, chain=dataclasses.replace(made.chain, pitch_m=0.025))
+    export_case = request.getfixturevalue(request.param)
+    export_case = export_case.plan if request.param == "folded" else export_case
+    return dataclasses.replace(
+        export_case, chain=dataclasses.replace(export_case.chain, pitch_m=0.025)
+    )
 
 
 def poses_of(plan: Plan, frame: int) -> Poses:
@@ -66,13 +68,13 @@ def some_frames(plan: Plan) -> list[int]:
     return np.linspace(0, len(plan.time_s) - 1, 7).round().astype(int).tolist()
 
 
-def same_poses(found: list[Array], plan: Plan, frame: int, within: float) -> None:
+def same_poses(exported_poses: list[Array], plan: Plan, frame: int, within: float) -> None:
     """Compare (4, 4) transforms in metres, module by module, with the planner's kinematics."""
-    wanted = poses_of(plan, frame)
-    metres = np.array([transform[:3, 3] for transform in found])
-    np.testing.assert_allclose(metres / plan.chain.pitch_m, wanted.positions, atol=within)
-    turns = np.array([transform[:3, :3] for transform in found])
-    np.testing.assert_allclose(turns, wanted.rotations, atol=within)
+    poses = poses_of(plan, frame)
+    metres = np.array([transform[:3, 3] for transform in exported_poses])
+    np.testing.assert_allclose(metres / plan.chain.pitch_m, poses.positions, atol=within)
+    turns = np.array([transform[:3, :3] for transform in exported_poses])
+    np.testing.assert_allclose(turns, poses.rotations, atol=within)
 
 
 def transform_of(rotation: ArrayLike, position: ArrayLike) -> Array:
@@ -101,8 +103,8 @@ def test_csv_has_every_number_of_the_plan(plan: Plan) -> None:
         (["root_qw", "root_qx", "root_qy", "root_qz"], plan.root_wxyz),
         (["max_error_rad"], plan.max_error_rad[:, None]),
     ):
-        found = np.stack([table[column] for column in columns], axis=1)
-        np.testing.assert_allclose(found, values, rtol=0, atol=1e-12)
+        table_angles = np.stack([table[column] for column in columns], axis=1)
+        np.testing.assert_allclose(table_angles, values, rtol=0, atol=1e-12)
     unmeasured = dataclasses.replace(plan, max_error_rad=np.full_like(plan.time_s, np.nan))
     first = next(csv.DictReader(io.StringIO(exported("csv", unmeasured).decode())))
     assert first["max_error_rad"] == ""
@@ -114,19 +116,19 @@ def test_mjcf_keys_are_frames_of_the_plan(plan: Plan) -> None:
     chain, folded = plan.chain, plan.chain.folded_poses
     assert {model.joint(i).name for i in range(model.njnt)} == {"root", *chain.joint_names}
     middle, wxyz = folded.positions.mean(axis=0), folded.wxyzs[chain.root]
-    wanted = {"straight": chain.poses(np.zeros_like(chain.folded_rad), middle, wxyz)}
-    wanted["folded"] = folded
+    expected = {"straight": chain.poses(np.zeros_like(chain.folded_rad), middle, wxyz)}
+    expected["folded"] = folded
     names = [model.key(k).name for k in range(model.nkey)]
-    assert names == [*wanted, *(f"at_{percent}" for percent in KEY_PERCENTS)]
+    assert names == [*expected, *(f"at_{percent}" for percent in KEY_PERCENTS)]
     ends = {"at_0": 0, "at_100": len(plan.time_s) - 1}
     for name in names:
         mujoco.mj_resetDataKeyframe(model, data, model.key(name).id)
         mujoco.mj_forward(model, data)
-        if name not in wanted:
+        if name not in expected:
             frame = int(np.abs(plan.time_s - data.time).argmin())
             assert plan.time_s[frame] == data.time
             assert ends.get(name, frame) == frame
-        poses = wanted[name] if name in wanted else poses_of(plan, frame)
+        poses = expected[name] if name in expected else poses_of(plan, frame)
         sites = [data.site(f"module_{i}") for i in range(len(chain))]
         np.testing.assert_allclose([site.xpos for site in sites], poses.positions, atol=1e-9)
         turns = [site.xmat.reshape(3, 3) for site in sites]
@@ -232,7 +234,7 @@ def test_times_of_exports_rise_where_the_plan_stands_still(plan: Plan) -> None:
 def decode_log(data: bytes) -> list[tuple[Any, Any, Any]]:
     """Return channel, record and decoded message of each entry of a log."""
     reader = make_reader(io.BytesIO(data), decoder_factories=[DecoderFactory()])
-    return [found[1:] for found in reader.iter_decoded_messages()]
+    return [message[1:] for message in reader.iter_decoded_messages()]
 
 
 def test_mcap_holds_the_fold_as_ros_messages(plan: Plan) -> None:
@@ -297,8 +299,8 @@ def test_glb_scene_stands_folded_and_upright(plan: Plan) -> None:
     scene: Any = trimesh.load_scene(io.BytesIO(exported("glb", plan)), file_type="glb")
     nodes = [scene.graph[f"module_{i}"] for i in range(len(plan.chain))]
     assert {geometry for _, geometry in nodes} == {plan.chain.module.name}
-    found = [z_up(transform) for transform, _ in nodes]
-    same_poses(found, plan, len(plan.time_s) - 1, 1e-4)
+    node_poses = [z_up(transform) for transform, _ in nodes]
+    same_poses(node_poses, plan, len(plan.time_s) - 1, 1e-4)
     mesh = scene.geometry[plan.chain.module.name]
     mesh.merge_vertices(merge_norm=True)
     edge = plan.certificate.module_size * plan.chain.pitch_m
@@ -323,11 +325,11 @@ def test_glb_scene_moves_as_the_plan(plan: Plan) -> None:
     assert (keys[0], keys[-1]) == (0, len(plan.time_s) - 1)
     assert keys == sorted(set(keys))
     for k, frame in enumerate(keys):
-        found = []
+        joint_values = []
         for i in range(len(chain)):
             rotation = Rotation.from_quat(tracks[i, "rotation"][1][k]).as_matrix()
-            found.append(transform_of(rotation, tracks[i, "translation"][1][k]))
-        same_poses(found, plan, frame, 1e-4)
+            joint_values.append(transform_of(rotation, tracks[i, "translation"][1][k]))
+        same_poses(joint_values, plan, frame, 1e-4)
     # Between keyframes a player interpolates along the shorter arc.
     for i in range(len(chain)):
         turns = tracks[i, "rotation"][1]
@@ -355,14 +357,14 @@ def test_glb_keyframes_keep_their_tolerance_between_each_other(
 ) -> None:
     track = glb.track_of(plan)
     assert largest_error(plan, track) <= glb.MIN_KEYFRAME_TOLERANCE + 1e-4
-    for most in (5, 24):
-        limit = most * len(plan.chain) * glb.POSE_BYTES_SINGLE
+    for maximum in (5, 24):
+        limit = maximum * len(plan.chain) * glb.POSE_BYTES_SINGLE
         monkeypatch.setattr(glb, "MAX_KEYFRAME_BYTES", limit)
         track = glb.track_of(plan)
-        assert 2 <= len(track.time_s) <= most
+        assert 2 <= len(track.time_s) <= maximum
         assert largest_error(plan, track) <= track.tolerance + 1e-5
         assert (track.time_s[0], track.time_s[-1]) == (plan.time_s[0], plan.time_s[-1])
-        assert most > 9 or track.tolerance > glb.MIN_KEYFRAME_TOLERANCE
+        assert maximum > 9 or track.tolerance > glb.MIN_KEYFRAME_TOLERANCE
 
 
 def test_stl_module_is_a_closed_solid_in_millimetres(plan: Plan) -> None:

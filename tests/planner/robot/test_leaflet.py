@@ -64,10 +64,13 @@ def streams_of(data: bytes) -> list[bytes]:
 
 
 def test_many_steps_are_drawn_small() -> None:
-    few, many = leaflet.leaflet_of(plan_of(coil(12))), leaflet.leaflet_of(plan_of(coil(40)))
-    assert len(few.steps) <= leaflet.MAX_LARGE_STEPS < len(many.steps)
-    assert (few.layout, many.layout) == ((2, 3), (3, 4))
-    drawings = [step.drawing for step in few.steps]
+    few_leaflet, many_leaflet = (
+        leaflet.leaflet_of(plan_of(coil(12))),
+        leaflet.leaflet_of(plan_of(coil(40))),
+    )
+    assert len(few_leaflet.steps) <= leaflet.MAX_LARGE_STEPS < len(many_leaflet.steps)
+    assert (few_leaflet.layout, many_leaflet.layout) == ((2, 3), (3, 4))
+    drawings = [step.drawing for step in few_leaflet.steps]
     fewer = [leaflet.layout_of(drawings[:count]) for count in (1, 2, 3, 5)]
     assert fewer == [(1, 1), (2, 1), (2, 2), (2, 3)]
 
@@ -88,9 +91,9 @@ def test_numbers_of_close_joints_do_not_cover_each_other() -> None:
     numbers = {shape.text: shape for shape in labels if shape.text.isdigit()}
     assert list(numbers) == [str(turn.module + 1) for turn in step.turns]
     growth = 59 * np.sqrt(0.5) / MAX_SMALL_WIDTH_PITCH  # the drawing is scaled down by it
-    for one, other in combinations(numbers.values(), 2):
-        across, down = np.abs(np.subtract(one.points[0], other.points[0]))
-        assert down >= 0.4 * growth or across >= 0.29 * growth or one.ends != other.ends
+    for first, second in combinations(numbers.values(), 2):
+        across, down = np.abs(np.subtract(first.points[0], second.points[0]))
+        assert down >= 0.4 * growth or across >= 0.29 * growth or first.ends != second.ends
 
 
 class Page(HTMLParser):
@@ -152,8 +155,8 @@ def test_an_arrow_points_to_where_the_end_goes(hinge: int, angle: int) -> None:
     end = "first" if step.moving == ((0, step.turns[0].module),) else "last"
     (joint,), (tip, *_) = points_of(drawing, "joint"), points_of(drawing, "head")
     (goal,) = points_of(draw_shape(CUBE, after, drawing.eye), end)
-    along, wanted = np.array(tip) - joint, np.array(goal) - joint
-    assert along @ wanted > 0.95 * np.linalg.norm(along) * np.linalg.norm(wanted)
+    along, expected = np.array(tip) - joint, np.array(goal) - joint
+    assert along @ expected > 0.95 * np.linalg.norm(along) * np.linalg.norm(expected)
 
 
 def points_of(drawing: Drawing, style: str) -> tuple[tuple[float, float], ...]:
@@ -175,8 +178,8 @@ def test_a_hidden_joint_is_seen_from_another_side() -> None:
     eyes = [step.drawing.eye for step in drawn]
     assert len(set(eyes)) > 1
     # The view changes only where the leaflet says so.
-    told = [step.text.endswith("Seen from another side.") for step in drawn]
-    assert told == [a != b for a, b in pairwise([0, *eyes])]
+    turned_flags = [step.text.endswith("Seen from another side.") for step in drawn]
+    assert turned_flags == [a != b for a, b in pairwise([0, *eyes])]
 
 
 def test_leaflets_of_too_many_steps_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:

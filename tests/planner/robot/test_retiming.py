@@ -54,17 +54,17 @@ def test_retimed_fold_stays_near_the_plan_and_as_clear(folded: Any) -> None:
     trajectory = retime(folded.plan, SPEED, ACCELERATION)
     t = np.linspace(0.0, trajectory.duration_s, 2001)
     place = trajectory.frame_at(t)
-    left = np.clip(place.astype(int), 0, len(frames) - 2)
-    part = (place - left)[:, None]
-    straight = (1.0 - part) * frames[left] + part * frames[left + 1]
+    left_frame = np.clip(place.astype(int), 0, len(frames) - 2)
+    part = (place - left_frame)[:, None]
+    straight = (1.0 - part) * frames[left_frame] + part * frames[left_frame + 1]
     off = np.abs(trajectory.at(t)[0] - straight).max()
     assert 0.0 < off <= trajectory.deviation_rad + 1e-9 < 0.005
     # A corner with legs of half a step is an eighth of the bend deep if all steps are the same.
     assert trajectory.deviation_rad <= np.abs(np.diff(frames, 2, axis=0)).max() / 8.0 + 2e-6
     certificate = folded.plan.certificate
-    found = clearance(trajectory, folded.chain, module_size=certificate.module_size)
-    assert found.clearance == pytest.approx(certificate.min_clearance, abs=0.005)
-    assert 0.0 < found.bound <= found.clearance
+    clearance_found = clearance(trajectory, folded.chain, module_size=certificate.module_size)
+    assert clearance_found.clearance == pytest.approx(certificate.min_clearance, abs=0.005)
+    assert 0.0 < clearance_found.bound <= clearance_found.clearance
 
 
 @pytest.mark.parametrize("frames", [2, 3, 50])
@@ -73,7 +73,7 @@ def test_single_joint_takes_the_shortest_time(frames: int) -> None:
         (1.5, 1.0, 2.0, 1.5 + 0.5),  # a trapezoid of speed
         (1.5, 0.5, 2.0, 3.0 + 0.25),
         (0.2, 1.0, 2.0, 2.0 * np.sqrt(0.2 / 2.0)),  # a triangle
-        *((1.0, 1e6, most, 2.0 / np.sqrt(most)) for most in (1e-6, 1e6)),
+        *((1.0, 1e6, max_rate, 2.0 / np.sqrt(max_rate)) for max_rate in (1e-6, 1e6)),
     ):
         trajectory = line(ramp(length, frames), speed, acceleration)
         assert trajectory.duration_s == pytest.approx(seconds, rel=0.01)

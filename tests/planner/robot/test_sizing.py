@@ -49,21 +49,21 @@ def test_servo_with_two_shafts_counts_for_two() -> None:
     assert CUBE.hinges_per_joint == HINGES_PER_MODULE
     assert least_pitch_m(double, BOX) == pytest.approx(0.0465 + 0.002)
     assert least_pitch_m(single, BOX) == pytest.approx(2 * 0.0285 + 0.002)
-    two, one = find_suitable_servos(4.0, pitch_m=0.06, casing=BOX, among=[double, single])
-    assert (two.servos_kg, one.servos_kg) == pytest.approx((0.0982, 0.1144))
+    two, first = find_suitable_servos(4.0, pitch_m=0.06, casing=BOX, among=[double, single])
+    assert (two.servos_kg, first.servos_kg) == pytest.approx((0.0982, 0.1144))
 
 
 @pytest.mark.parametrize("servo", servos()[::3], ids=lambda servo: servo.name)
 def test_least_pitch_is_the_smallest_of_all_arrangements(servo: Servo) -> None:
     """Perpendicular servos are side by side along one axis, along which their sizes add."""
-    least = inf
-    for one, other in product(permutations(servo.size_m), repeat=2):
+    minimum = inf
+    for first, second in product(permutations(servo.size_m), repeat=2):
         for axis in range(3):
-            extent = np.maximum(one, other)
-            extent[axis] = one[axis] + other[axis]
-            least = min(least, extent.max())
+            extent = np.maximum(first, second)
+            extent[axis] = first[axis] + second[axis]
+            minimum = min(minimum, extent.max())
     if servo.axes == 1:
-        assert least_pitch_m(servo, BOX) == pytest.approx(least + 2 * BOX.wall_m)
+        assert least_pitch_m(servo, BOX) == pytest.approx(minimum + 2 * BOX.wall_m)
 
 
 @given(SERVOS, TORQUES, MATERIALS)
@@ -113,14 +113,14 @@ def test_turned_rad_counts_the_fastest_hinge_of_each_step() -> None:
 
 
 def test_sizing_out_of_range_is_refused() -> None:
-    for torque, pitch, share, where in (
+    for torque, pitch, share, joint_place in (
         (-1.0, 0.04, 0.3, "torque"),
         (float("nan"), 0.04, 0.3, "torque"),
         (1.0, 0.0, 0.3, "pitch"),
         (1.0, 0.04, 1.5, "share"),
         (1.0, 0.04, 0.0, "share"),
     ):
-        with refused("bad-sizing", where):
+        with refused("bad-sizing", joint_place):
             find_suitable_servos(torque, pitch_m=pitch, casing=BOX, share=share)
 
 

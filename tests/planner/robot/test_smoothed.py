@@ -36,14 +36,14 @@ def test_smoothed_plan_is_verified_and_better(folded: Folded, tmp_path: FilePath
     before, after = plan.smoothing["before"], plan.smoothing["after"]
     assert plan.smoothing["way"] == SMOOTHED
     assert plan.smoothing["seconds"] == folded.plan.certificate.fold_time_s
-    for name, most in (
+    for name, maximum in (
         ("frames", 0.9),
         ("fold_time_s", 0.8),
         ("length_rad", 0.8),
         ("peak_speed_rad_s", 0.8),
         ("peak_torque_nm", 1.0),
     ):
-        assert after[name] <= most * before[name], name
+        assert after[name] <= maximum * before[name], name
     # Clearances are compared at one module size.
     frames = folded.plan.joint_angles_rad
     assert before["clearance"] == pytest.approx(
@@ -78,12 +78,12 @@ def test_unsuitable_plans_are_not_smoothed(folded: Folded, monkeypatch: pytest.M
         "smooth-no-motion": replace(certificate, fold_time_s=0.0),
         "smooth-no-torques": replace(certificate, peak_torque_nm=None),
     }
-    plans = {code: with_values(plan, certificate=other) for code, other in unsuitable.items()}
+    plans = {code: with_values(plan, certificate=second) for code, second in unsuitable.items()}
     monkeypatch.setattr("foldback.planner.robot.smoothed_plan.MAX_SMOOTHED_ANGLES", 1000)
-    more = {"smooth-refold": with_values(plan, start=folded.chain), "smooth-too-long": plan}
-    for code, other in {**plans, **more}.items():
+    extra = {"smooth-refold": with_values(plan, start=folded.chain), "smooth-too-long": plan}
+    for code, second in {**plans, **extra}.items():
         with refused(code):
-            check_smoothable(other)
+            check_smoothable(second)
     for wish in ({"preset": "paper"}, {"strategy": "peel"}):
         with pytest.raises(InputError, match="runs no new explosion") as error:
             FoldRequest(smooth=True, **wish).check()  # pyright: ignore[reportArgumentType]

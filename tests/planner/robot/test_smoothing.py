@@ -52,10 +52,10 @@ def test_detour_is_removed() -> None:
     share = np.linspace(0.0, 1.0, 60)[:, None]
     detour = 0.3 * np.sin(np.pi * share) * random_angles(chain, rng)
     angles = (1.0 - share) * ends[0] + share * ends[1] + detour
-    found = smooth(chain, angles, module_size=0.95)
+    smoothing = smooth(chain, angles, module_size=0.95)
     shortest = np.abs(ends[1] - ends[0]).sum()
     assert travel(angles) > 1.5 * shortest
-    assert travel(found.angles) < 1.1 * shortest
+    assert travel(smoothing.angles) < 1.1 * shortest
 
 
 def test_calm_motion_keeps_hinges_between_their_first_and_last_angle() -> None:
@@ -81,8 +81,8 @@ def test_calm_motion_keeps_hinges_between_their_first_and_last_angle() -> None:
 def test_motions_of_few_frames_are_kept() -> None:
     chain = line(8)
     for frames in (1, 2, 3):
-        found = smooth(chain, np.zeros((frames, len(chain.folded_rad))), module_size=0.95)
-        assert (found.angles == 0.0).all()
+        smoothing = smooth(chain, np.zeros((frames, len(chain.folded_rad))), module_size=0.95)
+        assert (smoothing.angles == 0.0).all()
     with pytest.raises(InputError, match="hinge angles"):
         smooth(chain, np.zeros((4, 27)), module_size=0.95)
 

@@ -98,7 +98,7 @@ def test_sufficient_rate_is_proved_clear() -> None:
 def test_rates_out_of_range_are_refused(trajectory: Trajectory, hook_chain: Chain) -> None:
     frames = np.linspace(0.0, 1.0, 5)[:, None] * np.ones(len(hook_chain.joint_names))
     slow = retimed(frames, hook_chain.joint_names, 1e-6, 1e6)
-    many = (slow, 1e5)  # more rows than fit into memory
-    for moved, rate in (many, *((trajectory, rate) for rate in (0.0, -1.0, np.nan, 1e9))):
+    count = (slow, 1e5)  # more rows than fit into memory
+    for moved, rate in (count, *((trajectory, rate) for rate in (0.0, -1.0, np.nan, 1e9))):
         with refused("bad-rate"):
             times(moved, rate)

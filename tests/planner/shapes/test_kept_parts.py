@@ -16,11 +16,11 @@ BODY_CELLS = 20
 
 def boxes(*parts: tuple[tuple[float, float, float], tuple[float, float, float]]) -> Mesh:
     """Return boxes as one mesh, each given by its sides and its lowest corner."""
-    made: list[Mesh] = []
+    built_meshes: list[Mesh] = []
     for sides, corner in parts:
-        made.append(box(*sides))
-        made[-1].apply_translation(np.array(corner) + np.array(sides) / 2)
-    mesh = trimesh.util.concatenate(made)
+        built_meshes.append(box(*sides))
+        built_meshes[-1].apply_translation(np.array(corner) + np.array(sides) / 2)
+    mesh = trimesh.util.concatenate(built_meshes)
     assert isinstance(mesh, Mesh)
     return mesh
 
@@ -64,7 +64,7 @@ def test_bodies_that_overlap_or_lie_in_cavities_are_not_separate() -> None:
 
 
 def test_similarity_of_two_bodies_never_exceeds_the_share_of_the_used_one() -> None:
-    alone, both = (
+    alone, both_parts = (
         prepare(exported("stl", mesh), "a.stl", PathOptions(modules=64, method="blocks")).report(
             full=False
         )
@@ -74,9 +74,9 @@ def test_similarity_of_two_bodies_never_exceeds_the_share_of_the_used_one() -> N
         )
     )
     assert alone["iou"] == pytest.approx(1.0)
-    assert both["iou"] == pytest.approx(0.6, abs=0.002)
-    assert both["unused_bodies"] == pytest.approx([0.4])
-    assert both["cells"] == alone["cells"]
+    assert both_parts["iou"] == pytest.approx(0.6, abs=0.002)
+    assert both_parts["unused_bodies"] == pytest.approx([0.4])
+    assert both_parts["cells"] == alone["cells"]
 
 
 def test_a_fitted_path_joins_separate_bodies_where_it_pays() -> None:
@@ -104,11 +104,11 @@ def test_lost_handle_is_reported_with_the_numbers_of_modules_for_a_likeness() ->
     assert report["keeps_parts"] is False
     assert any("1 hole through it" in note for note in report["notes"])
     assert all(note[0] == note[0].upper() for note in report["notes"])
-    assert [each["likeness"] for each in report["reach"]] == [0.6, 0.75, 0.9]
+    assert [offer["likeness"] for offer in report["reach"]] == [0.6, 0.75, 0.9]
     enough = report["reach"][2]["modules"]
-    found = prepare(mesh, "cup.stl", PathOptions(method="blocks", modules=enough)).likeness
-    assert found is not None
-    assert found.iou > 0.87
+    likeness = prepare(mesh, "cup.stl", PathOptions(method="blocks", modules=enough)).likeness
+    assert likeness is not None
+    assert likeness.iou > 0.87
     # A fitted path keeps the handle with as many modules as blocks that lose it.
     fitted = prepare(mesh, "cup.stl", PathOptions(modules=96)).report(full=False)
     assert (fitted["method"], fitted["tunnels"]) == ("fitted", {"mesh": 1, "cells": 1})
@@ -118,9 +118,9 @@ def test_exact_fits_need_few_modules() -> None:
     cube = exported("stl", box(4, 4, 4))
     report = prepare_in_any_order(cube, "a.stl", PathOptions(modules=8)).report(full=False)
     assert report["keeps_parts"] is True
-    assert [each["modules"] for each in report["reach"]] == [8, 8, 8]
-    for other in ({"module": "tetrahedron"}, {"world": "table"}):
-        options = PathOptions(modules=8, **other)  # type: ignore[arg-type]
+    assert [offer["modules"] for offer in report["reach"]] == [8, 8, 8]
+    for offer in ({"module": "tetrahedron"}, {"world": "table"}):
+        options = PathOptions(modules=8, **offer)  # type: ignore[arg-type]
         assert prepare_in_any_order(cube, "a.stl", options).reach == {}
 
 

@@ -66,24 +66,24 @@ def test_cells_are_read_back_in_every_format(writer: Writer, cells: Ints) -> Non
 @examples(one_of=2)
 def test_written_path_is_read_back(cells: Ints, name: str, pitch_m: float) -> None:
     path = Path.from_cells(cells, name=name, pitch_m=pitch_m)
-    back = read(write_path(path))
-    assert isinstance(back, Path)
-    np.testing.assert_array_equal(back.cells, cells)
-    assert back.pitch_m == pitch_m
-    again = read(write_path(back))
-    assert again.name == back.name
-    assert len(back.name) <= MAX_NAME_LENGTH
-    assert back.name.isprintable()
+    shape_again = read(write_path(path))
+    assert isinstance(shape_again, Path)
+    np.testing.assert_array_equal(shape_again.cells, cells)
+    assert shape_again.pitch_m == pitch_m
+    path_again = read(write_path(shape_again))
+    assert path_again.name == shape_again.name
+    assert len(shape_again.name) <= MAX_NAME_LENGTH
+    assert shape_again.name.isprintable()
 
 
 @given(walks())
 def test_written_chain_of_a_path_is_read_back_exactly(cells: Ints) -> None:
     chain = Chain.from_path(Path.from_cells(cells, name="a chain", pitch_m=0.03))
-    back = read(write_chain(chain))
-    assert isinstance(back, Chain)
-    np.testing.assert_array_equal(back.folded_rad, chain.folded_rad)
-    np.testing.assert_allclose(back.folded_poses.positions, cells, atol=1e-9)
-    assert (back.name, back.module, back.pitch_m) == ("a chain", CUBE, 0.03)
+    shape_again = read(write_chain(chain))
+    assert isinstance(shape_again, Chain)
+    np.testing.assert_array_equal(shape_again.folded_rad, chain.folded_rad)
+    np.testing.assert_allclose(shape_again.folded_poses.positions, cells, atol=1e-9)
+    assert (shape_again.name, shape_again.module, shape_again.pitch_m) == ("a chain", CUBE, 0.03)
 
 
 def test_variants_of_lists_of_cells_are_read() -> None:
@@ -137,7 +137,7 @@ def tetrahedra_document(**changes: object) -> bytes:
 
 
 def test_bad_input_is_refused_with_its_place() -> None:
-    for data, code, where in (
+    for data, code, error_place in (
         (b"", "empty", None),
         (b" \n\t ", "empty", None),
         (b"[]", "empty", "the list"),
@@ -191,7 +191,7 @@ def test_bad_input_is_refused_with_its_place() -> None:
     ):
         with case((data, code)):
             refusal = refusal_of(data)
-            assert (refusal.code, refusal.where) == (code, where)
+            assert (refusal.code, refusal.where) == (code, error_place)
             assert len(str(refusal)) < 300
 
 
@@ -250,7 +250,7 @@ def test_tables_of_cells_are_no_angle_strings(text: bytes) -> None:
 
 
 def test_bad_strings_are_refused_with_their_place() -> None:
-    for text, code, where in (
+    for text, code, error_place in (
         ("0 - x +", "stray-character", "character 5"),
         ("", "wrong-count", None),
         ("- - - + - - - + - - - +", "overlap", "modules 0 and 12"),
@@ -259,4 +259,4 @@ def test_bad_strings_are_refused_with_their_place() -> None:
             with pytest.raises(InputError) as refusal:
                 read_angle_string(text)
             assert refusal.value.code == code
-            assert (refusal.value.where or "").startswith(where or "")
+            assert (refusal.value.where or "").startswith(error_place or "")

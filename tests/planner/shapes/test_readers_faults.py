@@ -119,8 +119,8 @@ def test_read_json_with_unread_keys_of_form_is_refused_by_name() -> None:
         {"format": "foldback-chain/1", "joint_angles_rad": [[0, 0], [1.57, 0]]},
     ):
         with case(document):
-            given = {**document, "cells": STAIRS, "title": "Stairs", "tags": []}
-            refusal = refusal_of(json.dumps(given).encode())
+            arguments = {**document, "cells": STAIRS, "title": "Stairs", "tags": []}
+            refusal = refusal_of(json.dumps(arguments).encode())
             assert refusal.code == "unknown-key"
             assert list(document)[1] in refusal.detail
 
@@ -207,21 +207,21 @@ def mesh_xml(*sides: float, inside: str = "", kind: str = "model", number: int =
     )
 
 
-def archive(objects: str, *items: int, required: str = "", **others: str) -> bytes:
+def archive(objects: str, *items: int, required: str = "", **part_files: str) -> bytes:
     """Return a 3MF archive; further models come before the main one."""
     build = "".join(f'<item objectid="{number}"/>' for number in items)
     names = f'xmlns="{CORE}" xmlns:p="{PRODUCTION}" {required}'
     text = f"<model {names}><resources>{{}}</resources><build>{{}}</build></model>"
-    one = '<item objectid="1"/>'
-    files = {f"3D__{name}_model": text.format(other, one) for name, other in others.items()}
+    first = '<item objectid="1"/>'
+    files = {f"3D__{name}_model": text.format(second, first) for name, second in part_files.items()}
     files |= {"3D__main_model": text.format(objects, build), "_rels__.rels": RELATIONSHIPS}
     return zipped(**{name: content.encode() for name, content in files.items()})
 
 
 def with_role(role: str) -> bytes:
     """Return an archive of a box of volume 24 and another one with a role in Cura."""
-    other = mesh_xml(1, 9, 1, inside=CURA.format(role), number=2)
-    return archive(mesh_xml(2, 3, 4) + other, 1, 2)
+    other_mesh_xml = mesh_xml(1, 9, 1, inside=CURA.format(role), number=2)
+    return archive(mesh_xml(2, 3, 4) + other_mesh_xml, 1, 2)
 
 
 OFF = exported("off", box(2, 3, 4)).rstrip() + b"\n"

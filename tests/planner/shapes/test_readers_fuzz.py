@@ -73,18 +73,18 @@ def test_mutated_files_are_read_or_refused(kind: str) -> None:
     for _ in range(200):
         data = mutate(FILES[kind], rng, TEXT_SPICE if kind in TEXT else SPICE)
         try:
-            found = read(data, filename=f"a.{kind.partition('_')[0]}")
+            read_shape = read(data, filename=f"a.{kind.partition('_')[0]}")
         except InputError as refusal:
             outcomes[refusal.code] = outcomes.get(refusal.code, 0) + 1
             assert str(refusal).isprintable(), data
             assert refusal.detail.endswith("."), refusal.detail
         else:
             outcomes["read"] = outcomes.get("read", 0) + 1
-            assert len(found) >= 1
-            if isinstance(found, Solid):
-                assert np.isfinite(found.vertices).all()
-                assert found.faces.min() >= 0
-                assert found.faces.max() < len(found.vertices)
+            assert len(read_shape) >= 1
+            if isinstance(read_shape, Solid):
+                assert np.isfinite(read_shape.vertices).all()
+                assert read_shape.faces.min() >= 0
+                assert read_shape.faces.max() < len(read_shape.vertices)
     assert len(outcomes) >= 2, outcomes
 
 

@@ -167,18 +167,18 @@ def test_ply_with_other_properties_and_elements_is_read(
     points = [(x, y, z) for x in (0.0, 1.0) for y in (0.0, 2.0) for z in (0.0, 3.0)]
     sides = [(0, 1, 3), (0, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4)]
     sides.append((1, 5, 7, 3))
-    before, after, left, right = around
-    one = {"x": 0, "y": 1, "z": 2}
+    before, after, left_part, right = around
+    axis_indices = {"x": 0, "y": 1, "z": 2}
     vertex = (
         [*before, *(f"property double {axis}" for axis in axes), *after],
-        [([point[one[axis]] for axis in axes], "3d") for point in points],
+        [([point[axis_indices[axis]] for axis in axes], "3d") for point in points],
         (before, after),
         "vertex",
     )
     face = (
-        [*left, "property list uchar int vertex_indices", *right],
+        [*left_part, "property list uchar int vertex_indices", *right],
         [([len(side), *side], f"B{len(side)}i") for side in sides],
-        (left, right),
+        (left_part, right),
         "face",
     )
     head, body = [], b""
@@ -194,7 +194,9 @@ def test_ply_with_other_properties_and_elements_is_read(
                 *(OTHER_PROPERTIES[name] for name in last),
             ]
             if mark:
-                body += b"".join(struct.pack(mark + how, *part) for part, how in parts)
+                body += b"".join(
+                    struct.pack(mark + item_format, *part) for part, item_format in parts
+                )
             else:
                 words = [*(word for part, _ in parts for word in part), *[9] * beyond]
                 body += " ".join(map(str, words)).encode() + b"\n"
@@ -206,9 +208,9 @@ def test_ply_with_other_properties_and_elements_is_read(
 
 
 def test_flat_meshes_are_refused_with_their_size() -> None:
-    one = refusal_of(b"v 0 0 0\nv 3 0 3\nv 0 3 3\nf 1 2 3\n")
-    assert one.code == "flat"
-    assert "a flat mesh of one triangle, which measures 3 × 3 × 3" in one.detail
+    first_refusal = refusal_of(b"v 0 0 0\nv 3 0 3\nv 0 3 3\nf 1 2 3\n")
+    assert first_refusal.code == "flat"
+    assert "a flat mesh of one triangle, which measures 3 × 3 × 3" in first_refusal.detail
     two = refusal_of(b"v 0 0 0\nv 3 0 0\nv 0 3 0\nv 3 3 0\nf 1 2 3\nf 2 3 4\n")
     assert "a flat mesh of 2 triangles, which measures 3 × 3 × 0" in two.detail
 
@@ -221,9 +223,9 @@ def test_off_with_comments_and_colours_is_read() -> None:
 
 def test_binary_stl_with_another_count_or_head() -> None:
     data = exported("stl", torus())
-    more = data[:80] + struct.pack("<I", 100_000) + data[84:]
-    assert refusal_of(more, filename="x.stl").code == "truncated"
-    assert "100000 triangles, but the file has 576" in refusal_of(more, filename="x.stl").detail
+    extra = data[:80] + struct.pack("<I", 100_000) + data[84:]
+    assert refusal_of(extra, filename="x.stl").code == "truncated"
+    assert "100000 triangles, but the file has 576" in refusal_of(extra, filename="x.stl").detail
     assert refusal_of(data[:-20], filename="x.STL").code == "truncated"
     noted = solid_in(data + b"tail", "x.stl")
     assert "ignored" in noted.notes[0]
@@ -256,16 +258,16 @@ def changed_primitive(document: dict, **values: object) -> None:
     document["meshes"][0]["primitives"][0].update(values)
 
 
-def add_accessor(document: dict, values: np.ndarray, **more: object) -> int:
+def add_accessor(document: dict, column: np.ndarray, **extra: object) -> int:
     """Add an accessor of (count, width) values to a scene and return its number."""
-    uri = "data:;base64," + base64.b64encode(values.tobytes()).decode()
-    document["buffers"].append({"uri": uri, "byteLength": values.nbytes})
-    view = {"buffer": len(document["buffers"]) - 1, "byteLength": values.nbytes}
+    uri = "data:;base64," + base64.b64encode(column.tobytes()).decode()
+    document["buffers"].append({"uri": uri, "byteLength": column.nbytes})
+    view = {"buffer": len(document["buffers"]) - 1, "byteLength": column.nbytes}
     document["bufferViews"].append(view)
-    code = {"u1": 5121, "i2": 5122, "u4": 5125, "f4": 5126}[values.dtype.str[1:]]
-    kind = {1: "SCALAR", 3: "VEC3"}[values.shape[1]]
+    code = {"u1": 5121, "i2": 5122, "u4": 5125, "f4": 5126}[column.dtype.str[1:]]
+    kind = {1: "SCALAR", 3: "VEC3"}[column.shape[1]]
     accessor = {"bufferView": len(document["bufferViews"]) - 1, "componentType": code}
-    document["accessors"].append({**accessor, "count": len(values), "type": kind, **more})
+    document["accessors"].append({**accessor, "count": len(column), "type": kind, **extra})
     return len(document["accessors"]) - 1
 
 
@@ -440,7 +442,7 @@ def test_archive_with_a_false_size_is_refused() -> None:
 
 
 def test_bad_meshes_are_refused_with_their_place() -> None:
-    for data, code, where in (
+    for data, code, error_place in (
         (b"OFF\n9999999999 9999999999 0\n", "truncated", None),
         (b"OFF\n1 1 0\n0 0 0\n9 0 0 0\n", "damaged", "line 4"),
         (b"OFF BINARY\n", "unsupported", None),
@@ -460,7 +462,7 @@ def test_bad_meshes_are_refused_with_their_place() -> None:
     ):
         with case((data, code)):
             refusal = refusal_of(data)
-            assert (refusal.code, refusal.where) == (code, where)
+            assert (refusal.code, refusal.where) == (code, error_place)
 
 
 @pytest.mark.slow
@@ -474,13 +476,13 @@ def test_reading_does_not_load_libraries_that_only_others_need() -> None:
 @pytest.fixture
 def triangles(monkeypatch: pytest.MonkeyPatch) -> list[tuple[np.ndarray, np.ndarray]]:
     """List of the vertices and faces that readers return; no solid is made of them."""
-    seen: list[tuple[np.ndarray, np.ndarray]] = []
+    mesh_parts: list[tuple[np.ndarray, np.ndarray]] = []
 
-    def collect(vertices: np.ndarray, faces: np.ndarray, **more: object) -> None:
-        seen.append((np.asarray(vertices), np.asarray(faces)))
+    def collect(vertices: np.ndarray, faces: np.ndarray, **extra: object) -> None:
+        mesh_parts.append((np.asarray(vertices), np.asarray(faces)))
 
     monkeypatch.setattr(Solid, "from_triangles", collect)
-    return seen
+    return mesh_parts
 
 
 def test_off_lines_give_the_same_mesh_at_once_and_one_by_one(

@@ -42,11 +42,13 @@ def volume_of(solid: Solid) -> float:
 
 def moved(mesh: Mesh, *by: float, flip: bool = False, mirror: bool = False) -> Mesh:
     """Return a copy of a mesh that is moved, inside out, or triangulated another way."""
-    other = Mesh(mesh.vertices * [-1, 1, 1] if mirror else mesh.vertices, mesh.faces, process=False)
-    other.apply_translation(by or (0, 0, 0))
+    other_mesh = Mesh(
+        mesh.vertices * [-1, 1, 1] if mirror else mesh.vertices, mesh.faces, process=False
+    )
+    other_mesh.apply_translation(by or (0, 0, 0))
     if flip != mirror:
-        other.invert()
-    return other
+        other_mesh.invert()
+    return other_mesh
 
 
 def joined(*meshes: Mesh) -> Solid:
@@ -89,21 +91,23 @@ def test_part_without_volume_is_noted() -> None:
 U = [(0, 0), (5, 0), (5, 5), (4, 5), (4, 1), (1, 1), (1, 5), (0, 5)]
 
 
-def prism(corners: list[tuple[int, int]], back: bool = False) -> bytes:
+def prism(corners: list[tuple[int, int]], is_reversed: bool = False) -> bytes:
     """Return an OBJ file of a prism with concave polygons."""
     count = len(corners)
     low = list(range(count))
     walls = [[i, (i + 1) % count, count + (i + 1) % count, count + i] for i in range(count)]
     faces = [low[::-1], [i + count for i in low], *walls]
     lines = [f"v {x} {y} {z}" for z in (0, 1) for x, y in corners]
-    lines += ["f " + " ".join(str(k - 2 * count if back else k + 1) for k in f) for f in faces]
+    lines += [
+        "f " + " ".join(str(k - 2 * count if is_reversed else k + 1) for k in f) for f in faces
+    ]
     return "\n".join(lines).encode() + b"\n"
 
 
-@pytest.mark.parametrize("back", [False, True])
-def test_concave_polygon_with_corners_in_line_is_no_hole(back: bool) -> None:
+@pytest.mark.parametrize("is_reversed", [False, True])
+def test_concave_polygon_with_corners_in_line_is_no_hole(is_reversed: bool) -> None:
     for start in range(len(U)):
-        solid = solid_in(prism(U[start:] + U[:start], back))
+        solid = solid_in(prism(U[start:] + U[:start], is_reversed))
         assert volume_of(solid) == pytest.approx(13)
         assert solid.closed
         assert not any("open" in note for note in solid.notes)

@@ -34,12 +34,12 @@ CELLS = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [1, 1, 1]]
 ROWS = b"0 0 0\n1 0 0\n1 1 0\n1 1 1\n"
 
 
-def off(keyword: bytes, separator: bytes, *, more: bytes = b"", polygons: int = 12) -> bytes:
+def off(keyword: bytes, separator: bytes, *, extra: bytes = b"", polygons: int = 12) -> bytes:
     """Return the box in OFF, its counts after the keyword and a separator."""
     lines = exported("off", BOX).split(b"\n", 2)[2].split(b"\n")
     data = [line for line in lines if line.strip()]
     return (
-        keyword + separator + b"8 %d 0\n" % polygons + b"\n".join(data[:20]) + b"\n" + more + b"\n"
+        keyword + separator + b"8 %d 0\n" % polygons + b"\n".join(data[:20]) + b"\n" + extra + b"\n"
     )
 
 
@@ -75,7 +75,7 @@ def test_polygons_of_one_or_two_corners_are_skipped_with_a_note(corners: int) ->
         corners,
         numbers,
     )
-    off_file = off(b"OFF", b"\n", more=b"%d %b" % (corners, numbers), polygons=13)
+    off_file = off(b"OFF", b"\n", extra=b"%d %b" % (corners, numbers), polygons=13)
     for data, count in ((obj, 2), (ply, 1), (off_file, 1)):
         assert volume_in(data) == pytest.approx(24)
         (note,) = solid_in(data).notes

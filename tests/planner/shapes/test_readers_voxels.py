@@ -30,9 +30,9 @@ from tests.planner.solids_made import words as pairs
 L_SHAPE = np.array([[0, 0, 0], [0, 1, 0], [0, 2, 0], [1, 0, 0], [1, 0, 1]])
 
 
-def sets(most: int) -> st.SearchStrategy[Ints]:
+def sets(maximum: int) -> st.SearchStrategy[Ints]:
     """Return a strategy for sets of cells whose smallest coordinates are zero."""
-    number = st.integers(0, most)
+    number = st.integers(0, maximum)
     cells = st.lists(st.tuples(number, number, number), min_size=1, max_size=30)
     return cells.map(lambda c: np.unique(np.array(c) - np.min(c, axis=0), axis=0))
 
@@ -46,9 +46,9 @@ def test_written_voxels_are_read_back(writer: Callable[[Ints], bytes], cells: In
 @given(sets(900), st.floats(1e-6, 1e3))
 def test_written_shape_is_read_back(cells: Ints, pitch_m: float) -> None:
     shape = Shape.from_cells(cells - 400, name="some shape", pitch_m=pitch_m)
-    back = shape_in(write_shape(shape))
-    np.testing.assert_array_equal(back.cells, shape.cells)
-    assert (back.name, back.pitch_m) == ("some shape", pitch_m)
+    restored_shape = shape_in(write_shape(shape))
+    np.testing.assert_array_equal(restored_shape.cells, shape.cells)
+    assert (restored_shape.name, restored_shape.pitch_m) == ("some shape", pitch_m)
 
 
 def test_lists_of_cells_are_read_as_voxels_on_request() -> None:

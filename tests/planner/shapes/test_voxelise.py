@@ -138,9 +138,9 @@ def test_winding_and_votes_agree_on_closed_meshes() -> None:
     solid = solid_of(torus())
     voted = Solid(name="t", vertices=solid.vertices, faces=solid.faces, oriented=False)
     turn = TURNS.rotation_matrix(0.5, [1, 1, 0])[:3, :3]
-    one, two = (sample(s, pitch=0.4, size=4, rotation=turn) for s in (solid, voted))
-    np.testing.assert_array_equal(one.inside, two.inside)
-    assert one.volume == pytest.approx(torus().volume, rel=0.01)
+    first, two = (sample(s, pitch=0.4, size=4, rotation=turn) for s in (solid, voted))
+    np.testing.assert_array_equal(first.inside, two.inside)
+    assert first.volume == pytest.approx(torus().volume, rel=0.01)
 
 
 def test_bridges_follow_the_fullest_cells_and_specks_are_dropped() -> None:
@@ -149,10 +149,10 @@ def test_bridges_follow_the_fullest_cells_and_specks_are_dropped() -> None:
     filled[3:6, 0, 0] = 0.1
     filled[3:6, 2, 2] = 0.3
     filled[4, 0, 2] = 0.9
-    found = bridged(filled >= 0.5, filled)
-    assert (found.parts, found.added, found.dropped) == (3, 3, 1)
-    assert found.cells[3:6, 2, 2].all()
-    assert not found.cells[4, 0, 2]
+    computed_bridged = bridged(filled >= 0.5, filled)
+    assert (computed_bridged.parts, computed_bridged.added, computed_bridged.dropped) == (3, 3, 1)
+    assert computed_bridged.cells[3:6, 2, 2].all()
+    assert not computed_bridged.cells[4, 0, 2]
 
 
 @pytest.mark.parametrize("cells", [0, -5, 200_001])
@@ -202,15 +202,15 @@ MESHES: dict[str, Callable[[], Mesh]] = {
 def test_offered_counts_can_be_had(name: str, cells: int, seed: int) -> None:
     solid = solid_of(MESHES[name]())
     voxels = voxelise(solid, cells=cells, seed=seed)
-    got = len(voxels.shape)
+    voxel_dimensions = len(voxels.shape)
     for offered in (voxels.below, voxels.above):
         if offered is not None:
-            again = voxelise(solid, cells=offered, seed=seed)
-            assert len(again.shape) == offered
+            second_voxels = voxelise(solid, cells=offered, seed=seed)
+            assert len(second_voxels.shape) == offered
             # No offered count contradicts the result for this one.
-            assert abs(offered - cells) >= abs(got - cells)
-    assert voxels.below is None or voxels.below < got
-    assert voxels.above is None or voxels.above > got
+            assert abs(offered - cells) >= abs(voxel_dimensions - cells)
+    assert voxels.below is None or voxels.below < voxel_dimensions
+    assert voxels.above is None or voxels.above > voxel_dimensions
 
 
 @pytest.mark.parametrize("name", ["open box", "slab", "two boxes"])
@@ -230,10 +230,10 @@ def brute_iou(v: Voxels, turn: NDArray[np.float64]) -> float:
     inside = near.all(axis=2).any(axis=1)
     volume = float(np.prod(high - low) * inside.mean())
     turned = points[inside] @ turn.T @ v.rotation.T
-    own = np.floor(turned / v.pitch + v.offset).astype(int)
+    floor = np.floor(turned / v.pitch + v.offset).astype(int)
     cells = {tuple(c) for c in v.shape.cells.tolist()}
-    both = volume * np.mean([tuple(c) in cells for c in own.tolist()])
-    return float(both / (volume + len(cells) * v.pitch**3 - both))
+    floor_volume = volume * np.mean([tuple(c) in cells for c in floor.tolist()])
+    return float(floor_volume / (volume + len(cells) * v.pitch**3 - floor_volume))
 
 
 def test_notes_name_lost_parts_of_a_thin_solid() -> None:

@@ -23,7 +23,7 @@ def by_joint_wrenches(
     positions: Array,
     rotations: Array,
     angles: Array,
-    found: Contacts,
+    contacts: Contacts,
     friction: Friction | None = None,
     clamped: int | None = None,
 ) -> float:
@@ -31,8 +31,8 @@ def by_joint_wrenches(
 
     Unknowns are the contact forces, then force and moment at every link, then the torque.
     """
-    which, forces = rays(found, friction, positions, rotations)
-    module, n, pushes = chain.module, len(chain), len(which)
+    chosen_contacts, forces = rays(contacts, friction, positions, rotations)
+    module, n, pushes = chain.module, len(chain), len(chosen_contacts)
     axes, anchors = hinge_frames(chain, angles, Poses(positions=positions, rotations=rotations))
     links = n - 1
     unknowns = pushes + 6 * links + 1
@@ -44,10 +44,10 @@ def by_joint_wrenches(
         balance[6 * body : 6 * body + 6, column] += np.concatenate([force, around])
 
     for r in range(pushes):
-        c = int(which[r])
-        for body, sign in ((found.first[c], 1.0), (found.second[c], -1.0)):
+        c = int(chosen_contacts[r])
+        for body, sign in ((contacts.first[c], 1.0), (contacts.second[c], -1.0)):
             if body >= 0:
-                act(r, body, found.points[c], sign * forces[r], 0.0)
+                act(r, body, contacts.points[c], sign * forces[r], 0.0)
     for i in range(links):
         joint = i - module.rigid_links
         at = anchors[joint] if joint >= 0 else positions[i]

@@ -14,9 +14,9 @@ from tests.planner.statics.standing import by_joint_wrenches, imbalance, standin
 
 def test_flat_or_upright_chain_needs_no_torque() -> None:
     chain = line(7)
-    found = Balance(chain).solve(*standing(chain))
-    assert found.torque == 0.0
-    assert found.contacts.standing.tolist() == list(range(7))
+    solution = Balance(chain).solve(*standing(chain))
+    assert solution.torque == 0.0
+    assert solution.contacts.standing.tolist() == list(range(7))
     tower = chain_of([(0, 0, z) for z in range(6)])
     assert Balance(tower).solve(*standing(tower)).torque == 0.0
 
@@ -26,19 +26,19 @@ def test_torque_of_a_cantilever(beyond: int) -> None:
     # The link from module 0 to 1 is rigid, so that the first hinge is at the centre of module 1;
     # the modules beyond it are 1, 2, … k pitches from there.
     chain = line(beyond + 2)
-    found = Balance(chain).solve(*standing(chain, lift=5.0), clamped=0)
-    assert found.torque == pytest.approx(beyond * (beyond + 1) / 2)
-    assert len(found.contacts) == 0
+    solution = Balance(chain).solve(*standing(chain, lift=5.0), clamped=0)
+    assert solution.torque == pytest.approx(beyond * (beyond + 1) / 2)
+    assert len(solution.contacts) == 0
     # clamped at its other end, where the link is not rigid
-    found = Balance(chain).solve(*standing(chain, lift=5.0), clamped=beyond + 1)
-    assert found.torque == pytest.approx(beyond * (beyond + 1) / 2)
+    solution = Balance(chain).solve(*standing(chain, lift=5.0), clamped=beyond + 1)
+    assert solution.torque == pytest.approx(beyond * (beyond + 1) / 2)
 
 
 def test_chain_in_the_air_or_beyond_the_rim_is_unbalanced() -> None:
     chain = line(4)
-    found = Balance(chain).solve(*standing(chain, lift=5.0))
-    assert not found.balances
-    assert np.isnan(found.torques).all()
+    solution = Balance(chain).solve(*standing(chain, lift=5.0))
+    assert not solution.balances
+    assert np.isnan(solution.torques).all()
     # One module stands; the centre of mass is 1.2 pitches from its centre.
     tips = chain_of([(0, 0, 0), (0, 0, 1), (1, 0, 1), (2, 0, 1), (3, 0, 1)])
     balance = Balance(tips)
@@ -71,20 +71,20 @@ def test_torque_agrees_with_joint_wrenches(seed: int) -> None:
         angles[12:] = random_angles(chain, rng, 0.6)[12:]
     at = _lay_down(chain, angles)
     clamped = 0 if seed > 3 else None
-    found = Balance(chain).solve(*at, clamped=clamped)
-    expected = by_joint_wrenches(chain, *at, found.contacts, clamped=clamped)
-    assert found.torque == pytest.approx(expected, rel=1e-4, abs=0.011)
-    assert found.contacts.on_floor.sum() >= 3
+    solution = Balance(chain).solve(*at, clamped=clamped)
+    expected = by_joint_wrenches(chain, *at, solution.contacts, clamped=clamped)
+    assert solution.torque == pytest.approx(expected, rel=1e-4, abs=0.011)
+    assert solution.contacts.on_floor.sum() >= 3
 
 
 def test_previous_solutions_change_no_result() -> None:
     chain = coil(12)
     rng = np.random.default_rng(0)
     going = Balance(chain)
-    away = rng.normal(scale=0.01, size=len(chain.folded_rad))
-    away[:12] = 0.0
+    distance = rng.normal(scale=0.01, size=len(chain.folded_rad))
+    distance[:12] = 0.0
     for share in (0.0, 0.2, 0.4, 5.0, 5.1, 0.3):
-        at = _lay_down(chain, chain.folded_rad + share * away)
+        at = _lay_down(chain, chain.folded_rad + share * distance)
         afresh = Balance(chain).solve(*at).torque
         assert going.solve(*at).torque == pytest.approx(afresh, rel=1e-4, abs=0.011)
 
@@ -97,7 +97,7 @@ def test_torque_of_tetrahedra_agrees_with_joint_wrenches(seed: int) -> None:
     if seed == 2:
         angles[:3] = np.pi / 2  # face to face
     at = _lay_down(chain, angles)
-    found = Balance(chain).solve(*at)
-    expected = by_joint_wrenches(chain, *at, found.contacts)
-    assert found.torque == pytest.approx(expected, rel=1e-4)
+    solution = Balance(chain).solve(*at)
+    expected = by_joint_wrenches(chain, *at, solution.contacts)
+    assert solution.torque == pytest.approx(expected, rel=1e-4)
     assert np.isfinite(expected)

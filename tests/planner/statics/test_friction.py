@@ -46,10 +46,10 @@ def test_torque_of_one_dragged_module(coefficient: float) -> None:
     chain = line(3)
     at = standing(chain)
     friction = drag_tail(chain, coefficient)
-    found = Balance(chain).solve(*at, friction=friction, clamped=0)
+    solution = Balance(chain).solve(*at, friction=friction, clamped=0)
     reach = np.hypot(1.5, 0.5)
     lever = reach / (1.5 + coefficient * 0.25 / reach)
-    assert found.torque == pytest.approx(
+    assert solution.torque == pytest.approx(
         coefficient * lever / (1.0 + coefficient * lever), rel=1e-4
     )
 
@@ -61,51 +61,51 @@ def test_torque_of_a_dragged_tail_agrees_with_joint_wrenches() -> None:
         chain = line(beyond + 2)
         at = standing(chain)
         friction = drag_tail(chain, coefficient)
-        found = Balance(chain).solve(*at, friction=friction, clamped=0)
-        expected = by_joint_wrenches(chain, *at, found.contacts, friction, 0)
-        assert found.torque == pytest.approx(expected, rel=1e-4)
-        torques.append(found.torque)
+        solution = Balance(chain).solve(*at, friction=friction, clamped=0)
+        expected = by_joint_wrenches(chain, *at, solution.contacts, friction, 0)
+        assert solution.torque == pytest.approx(expected, rel=1e-4)
+        torques.append(solution.torque)
         # less than if each module dragged by itself: horizontal hinges carry a part
-        assert found.torque < coefficient * sum(np.hypot(j, 0.5) for j in range(1, beyond + 1))
-        assert found.torque > coefficient * beyond**2 / 4
+        assert solution.torque < coefficient * sum(np.hypot(j, 0.5) for j in range(1, beyond + 1))
+        assert solution.torque > coefficient * beyond**2 / 4
     assert 3.0 < torques[1] / torques[0] < 4.0
 
 
 def test_corner_at_rest_is_held_within_the_friction_cone() -> None:
     chain = line(4)
     positions, rotations, angles = standing(chain)
-    found = Balance(chain).solve(positions, rotations, angles)
+    solution = Balance(chain).solve(positions, rotations, angles)
     friction = drag_tail(chain, 0.5)
-    which, forces = rays(found.contacts, friction, positions, rotations)
-    moved = slip_displacements(found.contacts, friction, positions, rotations)
-    still = found.contacts.first < 2
+    chosen_contacts, forces = rays(solution.contacts, friction, positions, rotations)
+    moved = slip_displacements(solution.contacts, friction, positions, rotations)
+    still = solution.contacts.first < 2
     assert (np.linalg.norm(moved, axis=1) == 0.0).tolist() == still.tolist()
-    assert len(which) == CONE_SIDES * still.sum() + (~still).sum()
-    assert np.hypot(forces[:, 0], forces[:, 1]) == pytest.approx(np.full(len(which), 0.5))
-    slipping = ~still[which]
-    along = moved[which[slipping]]
+    assert len(chosen_contacts) == CONE_SIDES * still.sum() + (~still).sum()
+    assert np.hypot(forces[:, 0], forces[:, 1]) == pytest.approx(np.full(len(chosen_contacts), 0.5))
+    slipping = ~still[chosen_contacts]
+    along = moved[chosen_contacts[slipping]]
     assert ((along * forces[slipping, :2]).sum(axis=1) < 0.0).all()
 
 
 def test_free_chain_drifts_with_the_least_friction() -> None:
     chain = line(6)
     positions, rotations, angles = standing(chain)
-    found = Balance(chain).solve(positions, rotations, angles)
+    solution = Balance(chain).solve(positions, rotations, angles)
     friction = drag_tail(chain, 0.3)
-    pressures = np.full(found.contacts.on_floor.sum(), 0.25)
+    pressures = np.full(solution.contacts.on_floor.sum(), 0.25)
 
-    def work(one: Friction) -> float:
-        ways = slip_displacements(found.contacts, one, positions, rotations)
+    def work(first_friction: Friction) -> float:
+        ways = slip_displacements(solution.contacts, first_friction, positions, rotations)
         return float(np.linalg.norm(ways, axis=1) @ pressures)
 
-    free = with_estimated_drift(found.contacts, friction, positions, rotations, pressures)
+    free = with_estimated_drift(solution.contacts, friction, positions, rotations, pressures)
     assert work(free) < work(friction)
     rng = np.random.default_rng(0)
     assert free.positions is not None and free.fan == DIRECTION_SPREADS_RAD[0]
     for _ in range(20):
         shift = np.append(rng.normal(scale=0.1 * STEP, size=2), 0.0)
-        other = replace(free, positions=free.positions + shift)
-        assert work(free) <= work(other) * (1.0 + 1e-2)
+        other_settings = replace(free, positions=free.positions + shift)
+        assert work(free) <= work(other_settings) * (1.0 + 1e-2)
 
 
 def test_free_chain_balances_while_it_drifts() -> None:
@@ -114,9 +114,9 @@ def test_free_chain_balances_while_it_drifts() -> None:
     balance = Balance(chain)
     clamped = balance.solve(*at, friction=drag_tail(chain, 0.3), clamped=0).torque
     for root in (0, 5):  # the fixed module does not matter
-        found = balance.solve(*at, friction=drag_tail(chain, 0.3, root))
-        assert 0.0 < found.torque <= clamped
-        assert imbalance(chain, at[0], found) < 1e-4
+        solution = balance.solve(*at, friction=drag_tail(chain, 0.3, root))
+        assert 0.0 < solution.torque <= clamped
+        assert imbalance(chain, at[0], solution) < 1e-4
 
 
 def test_friction_holds_a_chain_that_leans_outwards() -> None:

@@ -13,10 +13,10 @@ from tests.planner.chains import chain_of, coil, line, random_angles, random_rot
 
 def test_resting_poses_of_a_rod() -> None:
     poses = line(5).folded_poses
-    found = list(resting_poses(line(5).module, poses.positions, poses.rotations))
-    heights = [pose.shift[2] + (pose.turn @ poses.positions.mean(axis=0))[2] for pose in found]
+    resting = list(resting_poses(line(5).module, poses.positions, poses.rotations))
+    heights = [pose.shift[2] + (pose.turn @ poses.positions.mean(axis=0))[2] for pose in resting]
     assert heights == pytest.approx([0.5] * 4 + [2.5] * 2)
-    assert [pose.margin for pose in found] == pytest.approx([0.5] * 6)
+    assert [pose.margin for pose in resting] == pytest.approx([0.5] * 6)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -28,9 +28,9 @@ def test_resting_poses_stand_on_the_floor_and_balance(seed: int) -> None:
     turn = random_rotation(rng)
     positions, rotations = poses.positions @ turn.T + rng.normal(size=3), turn @ poses.rotations
     balance = Balance(chain)
-    found = list(resting_poses(chain.module, positions, rotations))
-    assert found
-    for pose in found:
+    resting = list(resting_poses(chain.module, positions, rotations))
+    assert resting
+    for pose in resting:
         laid, turned = pose.of(positions, rotations)
         corners = chain.module.vertices @ np.swapaxes(turned, 1, 2) + laid[:, None]
         assert corners[..., 2].min() == pytest.approx(0.0, abs=1e-9)

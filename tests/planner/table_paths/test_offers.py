@@ -43,11 +43,11 @@ def test_offers_of_cells_are_a_repair_and_blocks_with_paths() -> None:
     offers = list(table_offers(shape, options))
     assert [offer.kind for offer in offers] == ["repair", "blocks"]
     for offer in offers:
-        made = prepare(data, "slab.json", offer.options(options))
-        assert len(made.chain) == offer.modules
-        assert not rule_violations(made.cells)
-        assert set(made.filled.added if made.filled else ()) == set(offer.added)
-        assert set(offer.added) <= set(map(tuple, made.cells.tolist()))
+        preparation = prepare(data, "slab.json", offer.options(options))
+        assert len(preparation.chain) == offer.modules
+        assert not rule_violations(preparation.cells)
+        assert set(preparation.filled.added if preparation.filled else ()) == set(offer.added)
+        assert set(offer.added) <= set(map(tuple, preparation.cells.tolist()))
 
 
 def test_refusal_for_a_table_names_the_nearest_cells_with_a_path() -> None:
@@ -83,9 +83,9 @@ def test_first_offer_for_a_torus_has_a_path() -> None:
     solid = read(TORUS, filename="torus.stl")
     assert isinstance(solid, Solid)
     offer = next(table_offers(solid, options))
-    made = prepare(TORUS, "torus.stl", offer.options(options))
-    assert len(made.chain) == offer.modules <= MAX_TABLE_MODULES
-    assert not rule_violations(made.cells, rule=FALLS)
+    preparation = prepare(TORUS, "torus.stl", offer.options(options))
+    assert len(preparation.chain) == offer.modules <= MAX_TABLE_MODULES
+    assert not rule_violations(preparation.cells, rule=FALLS)
 
 
 def test_cancelled_search_gives_no_offers() -> None:

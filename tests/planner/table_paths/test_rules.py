@@ -65,17 +65,17 @@ def test_margins_to_the_rim_of_the_base() -> None:
     assert prefix_margins(path((0, 0, 0), "uee")) == pytest.approx([0.5, 0.5, 1 / 6, -0.25])
 
 
-def some_ways(layer: Layer, most: int, work: Work) -> list[Any]:
-    random = np.random.default_rng(most)
-    return list(ways(layer, layer.bits, layer.whole, random, max_ways=most, work=work))
+def some_ways(layer: Layer, maximum: int, work: Work) -> list[Any]:
+    random = np.random.default_rng(maximum)
+    return list(ways(layer, layer.bits, layer.whole, random, max_ways=maximum, work=work))
 
 
 def test_all_ways_through_a_small_layer_are_found() -> None:
     cells = np.array(list(product(range(3), range(3))))
     layer = Layer(cells=cells, index=np.arange(9))
-    found = some_ways(layer, 1, Work(10**6))
+    layer_ways = some_ways(layer, 1, Work(10**6))
     # The 3×3 grid has twenty Hamiltonian paths, each of them in two directions.
-    assert len(found) == len(set(found)) == 40
+    assert len(layer_ways) == len(set(layer_ways)) == 40
 
 
 def test_ways_through_a_large_layer_are_limited() -> None:
@@ -83,10 +83,10 @@ def test_ways_through_a_large_layer_are_limited() -> None:
     layer = Layer(cells=cells, index=np.arange(42))
     for limit in (100, 10**5):
         work = Work(limit)
-        found = some_ways(layer, 10, work)
-        assert (len(found) == 10) == (limit > 100)
+        layer_ways = some_ways(layer, 10, work)
+        assert (len(layer_ways) == 10) == (limit > 100)
         assert work.remaining >= -1
-    for way in found:
+    for way in layer_ways:
         order = cells[[layer.cell_at[bit] for bit in way]]
         assert (np.abs(np.diff(order, axis=0)).sum(axis=1) == 1).all()
         assert len(set(way)) == 42

@@ -77,12 +77,12 @@ def test_shapes_of_the_gallery_have_paths(name: str) -> None:
 
 
 def test_seed_decides_the_paths() -> None:
-    one, same, other = (
+    first, repeated_path, second = (
         table_paths(box_array(5, 4, 2), seed=seed, max_paths=1)[0].cells.tolist()
         for seed in (3, 3, 4)
     )
-    assert one == same
-    assert one != other
+    assert first == repeated_path
+    assert first != second
 
 
 def test_stable_overhang_has_a_path() -> None:
@@ -150,7 +150,7 @@ def test_too_few_cells_are_refused() -> None:
         reasons_for_no_path([])
 
 
-@given(walk=walks(most=60))
+@given(walk=walks(maximum=60))
 @examples(one_of=2)
 def test_paths_keep_the_rules_or_a_reason_is_given(walk: Ints) -> None:
     if len(walk) < 3:
@@ -166,12 +166,12 @@ def test_paths_keep_the_rules_or_a_reason_is_given(walk: Ints) -> None:
         assert reasons_for_no_path(walk) == ()
 
 
-@given(walk=walks(most=9))
+@given(walk=walks(maximum=9))
 @examples(one_of=2)
 def test_search_agrees_with_trying_everything(walk: Ints) -> None:
     if len(walk) < 3:
         return
     (side,) = sides_of(walk, turned=False)
-    found = not reasons_for_no_path(walk, turned=False)
-    rule = table_paths(walk, turned=False)[0].rule if found else ""
+    is_possible = not reasons_for_no_path(walk, turned=False)
+    rule = table_paths(walk, turned=False)[0].rule if is_possible else ""
     assert (rule == "layers") == has_path(side.cells)

@@ -48,13 +48,13 @@ def test_gap_of_a_turning_tetrahedron_is_that_of_many_samples() -> None:
     for _ in range(150):
         a, b = int(random.integers(41, 60)), int(random.integers(20, 40))
         gap = turning_gap(cells[a], cells[b], TETRAHEDRON.hull, SIZE, reach)
-        least = 1.0
+        minimum = 1.0
         for angle in np.linspace(0.0, np.pi / 2, 201):
             c, s = np.cos(angle), np.sin(angle)
             turn = np.array([[1.0, 0.0, 0.0], [0.0, c, -s], [0.0, s, c]])
             apart = cells[b] / 2.0 - turn @ (cells[a] / 2.0)
-            least = min(
-                least,
+            minimum = min(
+                minimum,
                 pair_separation(
                     apart,
                     turn @ orientations[a],
@@ -65,8 +65,8 @@ def test_gap_of_a_turning_tetrahedron_is_that_of_many_samples() -> None:
                 ),
             )
         radius = min(np.hypot(*cells[a][1:]), np.hypot(*cells[b][1:])) / 2.0 + TETRAHEDRON.radius
-        assert gap <= max(0.0, min(least, reach)) + 1e-6
-        assert least - gap <= 2.0 * GAP_TOLERANCE + radius * np.pi / 800 or gap == reach
+        assert gap <= max(0.0, min(minimum, reach)) + 1e-6
+        assert minimum - gap <= 2.0 * GAP_TOLERANCE + radius * np.pi / 800 or gap == reach
         clear += gap > 0.0
     assert 0 < clear < 150
 

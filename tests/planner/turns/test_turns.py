@@ -58,16 +58,16 @@ def test_gap_of_a_turning_square_is_that_of_many_samples() -> None:
         a, b, c, d = random.integers(-6, 7, 4)
         if (a, b) == (c, d):
             continue
-        gap, seen = turning_gap(a, b, c, d, 0.475), sampled_gap(a, b, c, d, 0.475)
-        assert gap <= seen + 1e-9
+        gap, sampled = turning_gap(a, b, c, d, 0.475), sampled_gap(a, b, c, d, 0.475)
+        assert gap <= sampled + 1e-9
         # Between two samples a corner goes at most its radius times half their distance.
-        assert seen - gap <= 0.5 * (np.hypot(a, b) + 0.7) * (np.pi / 2) / 400
+        assert sampled - gap <= 0.5 * (np.hypot(a, b) + 0.7) * (np.pi / 2) / 400
 
 
 def sampled_gap(a: int, b: int, c: int, d: int, half: float) -> float:
     """Return the smallest distance of two squares at 401 angles, by points of their edges."""
     corners = half * np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
-    least = np.inf
+    least_gap = np.inf
     for angle in np.linspace(0.0, np.pi / 2, 401):
         turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
         moved = (np.array([a, b]) + corners) @ turn.T
@@ -78,8 +78,8 @@ def sampled_gap(a: int, b: int, c: int, d: int, half: float) -> float:
         ):
             beyond = np.maximum(np.abs((points - centre) @ axes) - half, 0.0)
             apart = min(apart, float(np.hypot(*beyond.T).min()))
-        least = min(least, apart)
-    return least
+        least_gap = min(least_gap, apart)
+    return least_gap
 
 
 @pytest.mark.parametrize(
@@ -101,9 +101,9 @@ def test_shapes_fold_in_turns_with_room(name: str, turns: int, most_steps: int) 
 
 def test_number_of_hinges_at_once_is_kept() -> None:
     chain = chain_of("wrench-24")
-    for most in (1, 4):
-        folding = sequence(chain, at_once=most)
-        assert max(map(len, folding.hinges)) == most
+    for most_turns in (1, 4):
+        folding = sequence(chain, at_once=most_turns)
+        assert max(map(len, folding.hinges)) == most_turns
         assert sweep(chain, folding.rest_angles_rad, module_size=SIZE).clearance >= folding.room
 
 
@@ -147,11 +147,11 @@ def test_turns_that_are_undone_later_are_left_out_where_all_stays_clear() -> Non
     search = unfold(turning, turning.folded, room=0.0225, width=4, seed=0)
     moves = moves_between(search.states)
     hinge = next(h for h in range(len(turning.folded)) if not turning.folded[h])
-    there, back = ((hinge, 1),), ((hinge, -1),)
-    detour = [*moves[:-2], there, *moves[-2:], back]
+    forward, backward = ((hinge, 1),), ((hinge, -1),)
+    detour = [*moves[:-2], forward, *moves[-2:], backward]
     assert proof.one_by_one(turning.folded, detour)
     assert shortened(turning.folded, detour, proof) == moves
-    assert shortened(turning.folded, [there], proof) == [there]
+    assert shortened(turning.folded, [forward], proof) == [forward]
 
 
 @pytest.mark.parametrize("name", ["seven", "letter-u"])

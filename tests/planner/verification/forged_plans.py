@@ -132,10 +132,10 @@ def perturb(random: Random, arrays: Arrays, meta: Meta) -> None:
     """Perturb some hinges during an interval, most at its middle."""
     q = angles_of(arrays)
     if q.ndim == 1:
-        where = random.integers(0, len(q), int(random.integers(1, 40)))
-        q[where] += random.normal(0.0, 10.0 ** random.uniform(-4.0, 0.0), len(where)).astype(
-            q.dtype
-        )
+        changed_frames = random.integers(0, len(q), int(random.integers(1, 40)))
+        q[changed_frames] += random.normal(
+            0.0, 10.0 ** random.uniform(-4.0, 0.0), len(changed_frames)
+        ).astype(q.dtype)
         return
     start = int(random.integers(1, max(2, len(q) - 12)))
     stop = min(len(q) - 1, start + int(random.integers(2, 40)))
@@ -149,8 +149,10 @@ def offset(random: Random, arrays: Arrays, meta: Meta) -> None:
     q, off = angles_of(arrays), random.choice([-1.0, 1.0]) * 10.0 ** random.uniform(-2.5, 0.0)
     if q.ndim == 1:
         hinge = random.integers(len(arrays["joint_names"]))
-        held = (arrays["first"] <= hinge) & (hinge < arrays["first"] + np.diff(arrays["offsets"]))
-        q[(arrays["offsets"][:-1] + hinge - arrays["first"])[held]] += off
+        is_spanned = (arrays["first"] <= hinge) & (
+            hinge < arrays["first"] + np.diff(arrays["offsets"])
+        )
+        q[(arrays["offsets"][:-1] + hinge - arrays["first"])[is_spanned]] += off
     else:
         q[1:-1, random.integers(q.shape[1])] += off
 
@@ -158,15 +160,15 @@ def offset(random: Random, arrays: Arrays, meta: Meta) -> None:
 def thin_out(random: Random, arrays: Arrays, meta: Meta) -> None:
     """Remove frames: the remaining ones are clear, but modules may meet between them."""
     frames = len(arrays["time_s"])
-    kept = random.choice(frames - 2, int(random.integers(1, 12)), replace=False) + 1
-    select(arrays, np.concatenate([[0], np.sort(kept), [frames - 1]]))
+    changed_frames = random.choice(frames - 2, int(random.integers(1, 12)), replace=False) + 1
+    select(arrays, np.concatenate([[0], np.sort(changed_frames), [frames - 1]]))
 
 
 def swap(random: Random, arrays: Arrays, meta: Meta) -> None:
     """Swap two frames."""
     rows = np.arange(len(arrays["time_s"]))
-    one, other = random.choice(len(rows) - 2, 2, replace=False) + 1
-    rows[[one, other]] = rows[[other, one]]
+    first, second = random.choice(len(rows) - 2, 2, replace=False) + 1
+    rows[[first, second]] = rows[[second, first]]
     select(arrays, rows)
 
 
@@ -210,10 +212,10 @@ MOTIONS: Final[dict[str, Change]] = {
 def shrink_module(random: Random, arrays: Arrays, meta: Meta) -> None:
     """Shrink the module: by a factor, at one corner, or by omitting a corner."""
     module = meta["claim"]["module"]
-    held = np.array(module["corners"])
-    smaller = held * random.uniform(0.5, 0.99)
-    dented = np.where(np.arange(held.size).reshape(held.shape) == 0, 0.9 * held, held)
-    module["corners"] = [smaller, dented, held[1:]][int(random.integers(3))].tolist()
+    corners = np.array(module["corners"])
+    smaller = corners * random.uniform(0.5, 0.99)
+    dented = np.where(np.arange(corners.size).reshape(corners.shape) == 0, 0.9 * corners, corners)
+    module["corners"] = [smaller, dented, corners[1:]][int(random.integers(3))].tolist()
 
 
 def break_windows(random: Random, arrays: Arrays, meta: Meta) -> None:

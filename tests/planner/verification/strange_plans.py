@@ -222,19 +222,19 @@ def bytes_of(change: Callable[[bytearray], object], base: Callable[[], bytes] | 
 
 def twice() -> bytes:
     """Return an archive with two members of each name."""
-    others = {name.upper(): data for name, data in members(still(frames=1)).items()}
-    data = archive(others | members(dense()))
-    for name in others:
+    archive_members = {name.upper(): data for name, data in members(still(frames=1)).items()}
+    data = archive(archive_members | members(dense()))
+    for name in archive_members:
         data = data.replace(name.encode(), name.lower().encode())
     return data
 
 
 def entry(data: bytearray, at: int, form: str, new: int, *, inner: bool = True) -> None:
     """Set a field of the second member in the central directory, or else in its own header."""
-    where = data.index(b"PK\x01\x02", data.index(b"PK\x01\x02") + 4)
+    index = data.index(b"PK\x01\x02", data.index(b"PK\x01\x02") + 4)
     if not inner:
-        where = struct.unpack_from("<I", data, where + 42)[0]
-    struct.pack_into(form, data, where + at, new)
+        index = struct.unpack_from("<I", data, index + 42)[0]
+    struct.pack_into(form, data, index + at, new)
 
 
 def flagged(bit: int) -> Way:
@@ -257,22 +257,27 @@ def packed(change: Callable[[bytes], bytes], states: int = 0) -> Way:
         data = change(squeeze.compress(plain) + squeeze.flush())
         written = io.BytesIO()
         name, crc, size = b"joint_angles_rad.npy", zlib.crc32(plain), len(plain) + states
-        same = struct.pack("<3HI3I2H", 20, 0, 8, 0, crc, len(data), size, len(name), 0)
-        written.write(b"PK\3\4" + same + name + data)
-        rest, start = archive(files), written.tell()
-        at, count = struct.unpack_from("<I", rest, len(rest) - 6)[0], len(files)
-        written.write(rest[:at])
+        local_header = struct.pack("<3HI3I2H", 20, 0, 8, 0, crc, len(data), size, len(name), 0)
+        written.write(b"PK\3\4" + local_header + name + data)
+        remaining_archive, start = archive(files), written.tell()
+        at, count = (
+            struct.unpack_from("<I", remaining_archive, len(remaining_archive) - 6)[0],
+            len(files),
+        )
+        written.write(remaining_archive[:at])
         place = written.tell()
         written.write(
-            b"PK\1\2" + struct.pack("<H", 20) + same + struct.pack("<3H2I", *5 * [0]) + name
+            b"PK\1\2" + struct.pack("<H", 20) + local_header + struct.pack("<3H2I", *5 * [0]) + name
         )
-        where = at
+        offset = at
         for _ in range(count):
-            lengths = struct.unpack_from("<3H", rest, where + 28)
-            own = bytearray(rest[where : where + 46 + sum(lengths)])
-            struct.pack_into("<I", own, 42, struct.unpack_from("<I", own, 42)[0] + start)
-            written.write(own)
-            where += len(own)
+            lengths = struct.unpack_from("<3H", remaining_archive, offset + 28)
+            central_header = bytearray(remaining_archive[offset : offset + 46 + sum(lengths)])
+            struct.pack_into(
+                "<I", central_header, 42, struct.unpack_from("<I", central_header, 42)[0] + start
+            )
+            written.write(central_header)
+            offset += len(central_header)
         size = written.tell() - place
         written.write(
             struct.pack("<4s4H2IH", b"PK\5\6", 0, 0, count + 1, count + 1, size, place, 0)

@@ -45,9 +45,9 @@ def stuck(
     angles = chain.folded_rad if angles is None else angles
     values.setdefault("spent", Spent("pushes", 40, 41))
     record = Record(frames=anchored("explosion", angles[None]), seconds=0.1, **values)
-    found = diagnose(chain, record, parameters)
-    plain = json.loads(json.dumps(found.as_dict()))
-    assert Diagnosis.from_dict(plain) == found
+    diagnosis = diagnose(chain, record, parameters)
+    plain = json.loads(json.dumps(diagnosis.as_dict()))
+    assert Diagnosis.from_dict(plain) == diagnosis
     return chain, record, parameters, plain
 
 
@@ -56,9 +56,9 @@ def differences(stuck: Stuck, **changes: Any) -> tuple[str, ...]:
     chain, record, parameters, data = stuck
     data = {**data, "evidence": {**data["evidence"], **changes}}
     plain = json.loads(json.dumps(parameters.as_dict()))
-    found = check_reason(chain, record, data, plain)  # type: ignore[arg-type]
-    assert found.confirmed is (not found.differences)
-    return found.differences
+    found_differences = check_reason(chain, record, data, plain)  # type: ignore[arg-type]
+    assert found_differences.confirmed is (not found_differences.differences)
+    return found_differences.differences
 
 
 def with_one(items: list[Values], **values: Any) -> list[Values]:
@@ -122,20 +122,30 @@ def test_falsified_knot_is_refuted(knot: Stuck) -> None:
     diagram = evidence["diagram"]
     assert "expected 3" in differences(knot, determinant=5)[0]
     swapped = {"over": diagram[0]["under"], "under": diagram[0]["over"]}
-    for other in (with_one(diagram, **swapped), with_one(diagram, sign=-diagram[0]["sign"])):
-        assert "crossings in the evidence" in differences(knot, diagram=other)[0]
+    for other_diagram in (
+        with_one(diagram, **swapped),
+        with_one(diagram, sign=-diagram[0]["sign"]),
+    ):
+        assert "crossings in the evidence" in differences(knot, diagram=other_diagram)[0]
     # The polygon of another knot, with its true crossings, is not that of this chain.
     plain = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.1], [0.3, 1.0, 0.2]]
-    found = differences(knot, polygon=plain, diagram=[], crossings=0)
-    assert any("polynomial of the chain" in difference for difference in found)
+    found_differences = differences(knot, polygon=plain, diagram=[], crossings=0)
+    assert any("polynomial of the chain" in difference for difference in found_differences)
     # Ends joined straight through the chain could tie any knot.
     through = [[float(value) for value in knot[0].folded_poses.positions.mean(axis=0)]]
-    assert any("near the chain" in each for each in differences(knot, closings=[through]))
-    assert any("expected at least one" in each for each in differences(knot, closings=[]))
+    assert any(
+        "near the chain" in difference for difference in differences(knot, closings=[through])
+    )
+    assert any(
+        "expected at least one" in difference for difference in differences(knot, closings=[])
+    )
     # Closures with many corners could tie a knot far from the chain.
-    [[first, *others]] = evidence["closings"]
-    aside = [[value + 50.0 * k for k, value in enumerate(first)]] * 3
-    assert any("at most 3" in each for each in differences(knot, closings=[[*aside, *others]]))
+    [[first, *other_closings]] = evidence["closings"]
+    closings_aside = [[value + 50.0 * k for k, value in enumerate(first)]] * 3
+    assert any(
+        "at most 3" in difference
+        for difference in differences(knot, closings=[[*closings_aside, *other_closings]])
+    )
 
 
 def test_knot_that_has_opened_is_no_reason(knot: Stuck) -> None:
@@ -175,8 +185,10 @@ def test_each_bent_hinge_has_to_be_blocked(spirals: Stuck) -> None:
     evidence = spirals[3]["evidence"]
     assert "one for each bent hinge" in differences(spirals, turns=evidence["turns"][1:])[0]
     assert "expected at most 1.05" in differences(spirals, bent_above_rad=9.0, turns=[])[0]
-    assert any("module_size" in each for each in differences(spirals, module_size=1.2))
-    assert any("first_hinge" in each for each in differences(spirals, first_hinge=60, turns=[]))
+    assert any("module_size" in difference for difference in differences(spirals, module_size=1.2))
+    assert any(
+        "first_hinge" in difference for difference in differences(spirals, first_hinge=60, turns=[])
+    )
     # The hinges of a coil are free: such a run has used up its pulses.
     free = stuck(coil(12))
     assert free[3]["evidence"]["kind"] == "budget" and differences(free) == ()
@@ -200,8 +212,8 @@ def test_buried_unit_is_blocked_in_all_directions(pit: Stuck) -> None:
 def test_budget_agrees_with_parameters_and_record() -> None:
     chain = coil(12)
     record = explode(chain, FEW_STEPS.explosion)  # type: ignore[arg-type]
-    found = diagnose(chain, record, FEW_STEPS)
-    data = json.loads(json.dumps(found.as_dict()))
+    diagnosis = diagnose(chain, record, FEW_STEPS)
+    data = json.loads(json.dumps(diagnosis.as_dict()))
     assert data["words"].startswith("the limit of 10 steps was reached; ")
     late = (chain, record, FEW_STEPS, data)
     assert differences(late) == ()
@@ -235,18 +247,23 @@ def test_budget_of_table_fold_is_confirmed_by_limits_of_the_table() -> None:
         data = {key: late[3]["evidence"][key] for key in ("spent", "allowed", "used")}
         assert data == {"spent": spent.kind, "allowed": spent.allowed, "used": spent.used}
         assert differences(late) == ()
-        assert any("as in the record" in each for each in differences(late, allowed=1))
+        assert any("as in the record" in difference for difference in differences(late, allowed=1))
 
 
 def test_budget_of_table_fold_that_was_not_used_up_is_refuted() -> None:
-    few = on_table(Spent("pushes", 9, 3), pushes=3)
-    assert any("at least the limit" in each for each in differences(few))
-    other = on_table(Spent("pushes", 8, 9), pushes=9)
-    assert any("expected 9, as in the parameters" in each for each in differences(other))
+    few_pushes = on_table(Spent("pushes", 9, 3), pushes=3)
+    assert any("at least the limit" in difference for difference in differences(few_pushes))
+    other_pushes = on_table(Spent("pushes", 8, 9), pushes=9)
+    assert any(
+        "expected 9, as in the parameters" in difference for difference in differences(other_pushes)
+    )
     chain, record, parameters, data = on_table(Spent("refusals", 8, 9))
     assert record.table is not None
     weak = replace(record, table=replace(record.table, bound=2.0))
-    assert any("torque limit 8" in each for each in differences((chain, weak, parameters, data)))
+    assert any(
+        "torque limit 8" in difference
+        for difference in differences((chain, weak, parameters, data))
+    )
 
 
 def test_failed_fold_is_verified_with_its_reason(
@@ -257,18 +274,20 @@ def test_failed_fold_is_verified_with_its_reason(
     summary = run_stages(write_request(tmp_path, strategy="simultaneous"))
     assert summary["status"] == "failed"
     assert summary["stuck"]["evidence"]["spent"] == "steps"
-    tried = Plan.load(tmp_path / "plan.npz").attempts
-    assert len(tried) > 1
-    assert summary["stuck"] in [attempt["diagnosis"] for attempt in tried]
-    found = verify(tmp_path)
-    assert found.reason is not None and found.reason.confirmed
-    assert found.as_dict()["reason"]["words"] == summary["stuck"]["words"]
+    tried_attempts = Plan.load(tmp_path / "plan.npz").attempts
+    assert len(tried_attempts) > 1
+    assert summary["stuck"] in [attempt["diagnosis"] for attempt in tried_attempts]
+    verification = verify(tmp_path)
+    assert verification.reason is not None and verification.reason.confirmed
+    assert verification.as_dict()["reason"]["words"] == summary["stuck"]["words"]
     plan = Plan.load(tmp_path / "plan.npz")
     notes: list[str] = []
     for name, value, words in (("words", "the chain is knotted", "words"), ("evidence", None, "")):
         data = {**summary["stuck"], name: value}
-        tried = tuple({**attempt, "diagnosis": data} for attempt in plan.attempts)
-        again = reason_of(tmp_path, with_values(plan, attempts=tried), notes)
-        assert (again is None) is (value is None)
-        assert again is None or (not again.confirmed and words in again.differences[0])
+        tried_attempts = tuple({**attempt, "diagnosis": data} for attempt in plan.attempts)
+        repeated_reason = reason_of(tmp_path, with_values(plan, attempts=tried_attempts), notes)
+        assert (repeated_reason is None) is (value is None)
+        assert repeated_reason is None or (
+            not repeated_reason.confirmed and words in repeated_reason.differences[0]
+        )
     assert len(notes) == 1 and "was not checked" in notes[0]

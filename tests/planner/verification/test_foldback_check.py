@@ -59,9 +59,12 @@ def verdict(path: FilePath, **options: Any) -> str:
 
 def imported(program: Any) -> set[str | None]:
     nodes = list(ast.walk(ast.parse(FilePath(program.__file__).read_text(encoding="utf-8"))))
-    whole = [node for node in nodes if isinstance(node, ast.Import)]
+    import_nodes = [node for node in nodes if isinstance(node, ast.Import)]
     parts = {node.module for node in nodes if isinstance(node, ast.ImportFrom)}
-    return parts | {name.name for node in whole for name in node.names} - sys.stdlib_module_names
+    return (
+        parts
+        | {name.name for node in import_nodes for name in node.names} - sys.stdlib_module_names
+    )
 
 
 def test_checker_needs_numpy_alone_and_shares_geometry() -> None:
@@ -78,9 +81,9 @@ def test_checker_needs_numpy_alone_and_shares_geometry() -> None:
 @pytest.mark.parametrize("name", ["tetra-cube-2", "wrench-80-to-mallet-80"])
 def test_shipped_folds_are_proved(name: str, tmp_path: FilePath) -> None:
     unpack((FINISHED / f"{name}.fold").read_bytes(), tmp_path)
-    found = foldback_check.check(tmp_path / "plan.npz")
-    assert found["verdict"] == "proved", found
-    assert found["rounding"] < 1e-7
+    check_result = foldback_check.check(tmp_path / "plan.npz")
+    assert check_result["verdict"] == "proved", check_result
+    assert check_result["rounding"] < 1e-7
     grown = foldback_check.check(tmp_path / "plan.npz", size=1.0)
     assert grown["verdict"] == "not proved", "modules of full size touch when they are folded"
 
@@ -95,11 +98,11 @@ def test_end_is_compared_with_a_path_or_the_angles_of_a_chain(
     chain = foldback_check.Plan(tmp_path / "plan.npz")
     shape = SHAPES / "tetra-cube-2.json"
     foldback_check.check_shape(chain, chain.frames - 1, shape)
-    angles, other = json.loads(shape.read_text())["joint_angles_deg"], tmp_path / "other.json"
+    angles, other_path = json.loads(shape.read_text())["joint_angles_deg"], tmp_path / "other.json"
     for wrong in ([*angles[:-1], angles[-1] + 1e-3], angles[:-1], []):
-        other.write_text(json.dumps({"joint_angles_deg": wrong}), encoding="utf-8")
+        other_path.write_text(json.dumps({"joint_angles_deg": wrong}), encoding="utf-8")
         with pytest.raises(foldback_check.NotProved, match="the chain is not as"):
-            foldback_check.check_shape(chain, chain.frames - 1, other)
+            foldback_check.check_shape(chain, chain.frames - 1, other_path)
 
 
 def test_new_plan_states_its_checksum(folded: Folded, tmp_path: FilePath) -> None:
@@ -107,8 +110,8 @@ def test_new_plan_states_its_checksum(folded: Folded, tmp_path: FilePath) -> Non
         arrays["joint_angles_rad"][5, 5] += 1e-9
 
     plan = folded.directory / "plan.npz"
-    found = foldback_check.check(rewrite(plan, tmp_path / "plan.npz", other))
-    assert "checksum" in str(found["reason"])
+    check_result = foldback_check.check(rewrite(plan, tmp_path / "plan.npz", other))
+    assert "checksum" in str(check_result["reason"])
 
 
 def random_motion(random: np.random.Generator, kind: Any, modules: int) -> Array:
@@ -127,15 +130,15 @@ def interpolate(q: Array, count: int) -> Array:
 
 def min_distance(chain: Chain, q: Array) -> float:
     """Return the exact distance of the closest modules that are not exempt, over sampled frames."""
-    corners, found = chain.module.vertices * SIZE, 9.0
+    corners, least_separation = chain.module.vertices * SIZE, 9.0
     for angles in q:
         poses = chain.poses(angles, np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0]))
         hulls = poses.positions[:, None] + corners @ poses.rotations.swapaxes(1, 2)
         for i in range(len(hulls)):
             for j in range(i + chain.module.apart, len(hulls)):
                 if np.linalg.norm(poses.positions[i] - poses.positions[j]) < 2.0:
-                    found = min(found, distance(hulls[i], hulls[j]))
-    return found
+                    least_separation = min(least_separation, distance(hulls[i], hulls[j]))
+    return least_separation
 
 
 @pytest.mark.parametrize("kind", [CUBE, TETRAHEDRON], ids=lambda kind: kind.name)
@@ -146,15 +149,26 @@ def test_random_motions_are_proved_only_up_to_their_clearance(
     for _ in range(20):
         q = random_motion(random, kind, int(random.integers(4, 14)))
         chain, fine = unvalidated(kind, q[-1]), interpolate(q, 40)
-        least = min(sweep(chain, each, module_size=SIZE, share=0.0).clearance for each in (q, fine))
-        for claim in (0.5 * least, 0.98 * least, least + 1e-6, least + 0.02, 0.01):
-            if claim <= 1e-6 or least > 0.19:
+        least_clearance = min(
+            sweep(chain, sampled_angles, module_size=SIZE, share=0.0).clearance
+            for sampled_angles in (q, fine)
+        )
+        for claim in (
+            0.5 * least_clearance,
+            0.98 * least_clearance,
+            least_clearance + 1e-6,
+            least_clearance + 0.02,
+            0.01,
+        ):
+            if claim <= 1e-6 or least_clearance > 0.19:
                 continue
-            got = verdict(save(tmp_path / "plan.npz", q, kind=kind.name, claim=claim)) == "proved"
-            proved, refused = proved + got, refused + (not got)
-            if got and claim > least:  # axes give a lower bound
+            is_proved = (
+                verdict(save(tmp_path / "plan.npz", q, kind=kind.name, claim=claim)) == "proved"
+            )
+            proved, refused = proved + is_proved, refused + (not is_proved)
+            if is_proved and claim > least_clearance:  # axes give a lower bound
                 assert claim <= min_distance(chain, fine[::8]) + 1e-7
-            assert got or claim > 0.97 * least, (claim, least)
+            assert is_proved or claim > 0.97 * least_clearance, (claim, least_clearance)
     assert min(proved, refused) > 6
 
 
@@ -166,7 +180,7 @@ def test_windows_are_proved_as_all_their_frames(width: int, tmp_path: FilePath) 
     angles = [motion.angles_rad[a:b].astype(float) for a, b in reversed(ends)]
     backwards = windows_of(chain, motion.first[::-1].tolist(), angles)
     plan = unverified(chain, backwards, Parameters())
-    path, whole = tmp_path / "plan.npz", tmp_path / "whole.npz"
+    path, whole_path = tmp_path / "plan.npz", tmp_path / "whole.npz"
     plan.save_npz(path)
     dense = backwards.dense(chain).joint_angles_rad
     size = 0.5
@@ -176,18 +190,18 @@ def test_windows_are_proved_as_all_their_frames(width: int, tmp_path: FilePath) 
         meta["certificate"] |= {"verified": True, "reason": None, "clearance_bound": claim}
 
     rewrite(path, path, verified)
-    save(whole, dense, claim=claim)
+    save(whole_path, dense, claim=claim)
     assert claim > 0.0
-    assert verdict(path, size=size) == verdict(whole, size=size) == "proved"
+    assert verdict(path, size=size) == verdict(whole_path, size=size) == "proved"
     assert verdict(path, size=size, claim=1.06 * claim) == "not proved"
     assert Plan.load(path).motion.is_windowed
 
 
 def test_any_convex_module_of_the_plan(tmp_path: FilePath) -> None:
     path = tmp_path / "plan.npz"
-    for turns, found in (((0.5, 0.9), strange_plans.MODULE), ((1.5,), "not proved")):
+    for turns, expected_verdict in (((0.5, 0.9), strange_plans.MODULE), ((1.5,), "not proved")):
         q = np.outer([0.0, *turns], np.ones(5))
-        assert verdict(save(path, q, kind="prism", geometry=PRISM, claim=0.01)) == found
+        assert verdict(save(path, q, kind="prism", geometry=PRISM, claim=0.01)) == expected_verdict
 
 
 @pytest.mark.parametrize("kind", FALSE)
@@ -218,28 +232,30 @@ def test_exit_status_and_words_state_the_limits_of_a_proof(
     ways = {name: way for name, (way, _) in strange_plans.STRANGE.items()} | strange_plans.TRUE
     path = str(strange_plans.write(ways[name], tmp_path / "plan.npz"))
     assert foldback_check.main([path]) == status
-    shown = "".join(capsys.readouterr())
-    assert shown.replace("\n", "").isprintable()
-    assert shown.isascii()
-    assert len(shown) < 900
+    printed = "".join(capsys.readouterr())
+    assert printed.replace("\n", "").isprintable()
+    assert printed.isascii()
+    assert len(printed) < 900
     assert foldback_check.main([path, "--json"]) == status
     answer = json.loads(capsys.readouterr().out)
-    assert shown.startswith("proved:") == (answer["verdict"] == "proved") == (status == 0)
+    assert printed.startswith("proved:") == (answer["verdict"] == "proved") == (status == 0)
     if status in (0, 3, 4, 5):
-        assert f"of size {answer['size']:g} ({answer['module']})" in shown
-        assert f"begins {answer['start']}.\nIt ends {answer['end']}." in shown
+        assert f"of size {answer['size']:g} ({answer['module']})" in printed
+        assert f"begins {answer['start']}.\nIt ends {answer['end']}." in printed
     else:
         assert answer["verdict"] == {1: "not proved", 2: "no plan"}[status]
-        assert answer["reason"] in shown
+        assert answer["reason"] in printed
 
 
 def test_start_is_compared_with_a_file(tmp_path: FilePath) -> None:
     plan = strange_plans.write(strange_plans.TRUE["a refold"], tmp_path / "plan.npz")
-    start, other = tmp_path / "start.json", tmp_path / "other.json"
+    start, other_path = tmp_path / "start.json", tmp_path / "other.json"
     start.write_text(json.dumps({"joint_angles_deg": np.degrees(strange_plans.OTHER).tolist()}))
-    other.write_text(json.dumps({"joint_angles_deg": np.degrees(strange_plans.FOLDED).tolist()}))
-    assert verdict(plan, start=start, end=other) == "proved"
-    assert "in frame 1," in str(foldback_check.check(plan, start=other)["reason"])
+    other_path.write_text(
+        json.dumps({"joint_angles_deg": np.degrees(strange_plans.FOLDED).tolist()})
+    )
+    assert verdict(plan, start=start, end=other_path) == "proved"
+    assert "in frame 1," in str(foldback_check.check(plan, start=other_path)["reason"])
     straight = tmp_path / "straight.json"
     straight.write_text(json.dumps({"cells": [[k, 0, 0] for k in range(8)]}))
     true = strange_plans.write(strange_plans.TRUE["windows"], tmp_path / "true.npz")

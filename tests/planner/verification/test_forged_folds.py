@@ -29,7 +29,7 @@ Change = Callable[[FilePath], Any]
 
 
 @pytest.fixture(scope="module")
-def whole(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+def whole_plan(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """Verified fold of a box; tests must not change it."""
     place = tmp_path_factory.mktemp("whole") / "fold"
     run_fold(place, SHAPE, filename="box.json", strategy="simultaneous", settings="robots=2")
@@ -275,41 +275,41 @@ def batches() -> Iterator[tuple[str, ...]]:
 
 @pytest.mark.parametrize("names", [*batches()], ids=", ".join)
 def test_forged_fold_is_not_verified(
-    whole: FilePath, tmp_path: FilePath, names: tuple[str, ...]
+    whole_plan: FilePath, tmp_path: FilePath, names: tuple[str, ...]
 ) -> None:
-    place = FilePath(shutil.copytree(whole, tmp_path / "fold"))
+    place = FilePath(shutil.copytree(whole_plan, tmp_path / "fold"))
     for name in names:
         FORGERIES[name].change(place)
-    found = findings(place)
+    computed_findings = findings(place)
     for name in names:
-        assert FORGERIES[name].words in found, name
+        assert FORGERIES[name].words in computed_findings, name
 
 
-def test_each_unchecked_value_is_named(whole: FilePath, tmp_path: FilePath) -> None:
-    found = verify(whole)
-    assert (found.verified, found.robots_repeated) == (True, True)
-    assert "Reported only" in found.notes[-1]
+def test_each_unchecked_value_is_named(whole_plan: FilePath, tmp_path: FilePath) -> None:
+    verification = verify(whole_plan)
+    assert (verification.verified, verification.robots_repeated) == (True, True)
+    assert "Reported only" in verification.notes[-1]
     for missing, note in (
         ("input", "nothing shows that the plan is of the shape"),
         ("record.npz", "the robots was not repeated, because there is no record.npz"),
         ("playback.npz", "the robots was not repeated, because there is no playback.npz"),
     ):
         with case(missing):
-            place = FilePath(shutil.copytree(whole, tmp_path / missing))
+            place = FilePath(shutil.copytree(whole_plan, tmp_path / missing))
             (place / missing).unlink()
-            found = verify(place)
-            assert note in str(found.notes)
-            assert found.robots_repeated is (missing == "input")
+            verification = verify(place)
+            assert note in str(verification.notes)
+            assert verification.robots_repeated is (missing == "input")
 
 
-def test_texts_of_files_are_escaped(whole: FilePath, tmp_path: FilePath) -> None:
-    place = FilePath(shutil.copytree(whole, tmp_path / "fold"))
+def test_texts_of_files_are_escaped(whole_plan: FilePath, tmp_path: FilePath) -> None:
+    place = FilePath(shutil.copytree(whole_plan, tmp_path / "fold"))
     hostile = "\x1b[2J\x07verified"
     json_with("manifest.json", lambda values: values["sha256"].update({hostile: {hostile: ""}}))(
         place
     )
     json_with("attempts.json", lambda values: values[0].update({hostile: hostile}))(place)
-    found = verify(place)
-    for text in (*found.problems, *found.notes, *found.checked):
+    verification = verify(place)
+    for text in (*verification.problems, *verification.notes, *verification.checked):
         assert text.isprintable()
-    assert "verified" in str(found.problems)
+    assert "verified" in str(verification.problems)

@@ -67,7 +67,7 @@ def jam(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
 
 
 @pytest.fixture(scope="module")
-def held(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
+def held_plan(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
     """Plan and record of a cube of 27 modules in which no hinge can make a quarter turn."""
     chain = shuffled((3, 3, 3), 50, 4)
     record = unfold_in_turns(chain, "turns", module_size=0.95, at_once=1, seed=0)
@@ -76,19 +76,19 @@ def held(tmp_path_factory: pytest.TempPathFactory) -> FilePath:
 
 def store(directory: FilePath, chain: Chain, record: Record, parameters: Parameters) -> FilePath:
     """Write plan and record of a failed explosion, as a fold does, and return their directory."""
-    found = diagnose(chain, record, parameters)
-    assert found is not None
-    tried = {**record.summary(), "diagnosis": found.as_dict()}
+    diagnosis = diagnose(chain, record, parameters)
+    assert diagnosis is not None
+    attempts = {**record.summary(), "diagnosis": diagnosis.as_dict()}
     certificate = certify(chain, record, None, parameters)
-    plan = Plan.assembled(chain, parameters, 0, record, None, certificate, (tried,))
+    plan = Plan.assembled(chain, parameters, 0, record, None, certificate, (attempts,))
     plan.save_npz(directory / "plan.npz")
     record.save(directory / "record.npz")
     return directory
 
 
 def evidence_of(meta: Values) -> Values:
-    found: Values = meta["attempts"][0]["diagnosis"]["evidence"]
-    return found
+    evidence_values: Values = meta["attempts"][0]["diagnosis"]["evidence"]
+    return evidence_values
 
 
 def check(directory: FilePath, change: Change | None = None) -> Values:
@@ -106,35 +106,40 @@ def check(directory: FilePath, change: Change | None = None) -> Values:
 def test_knot_of_failed_fold_is_confirmed_from_two_files(
     knot: FilePath, folded: Folded, capsys: Any
 ) -> None:
-    found = check(knot)
-    assert found["verdict"] == "refusal confirmed", found
-    assert "determinant 3" in found["because"]
+    verdict_found = check(knot)
+    assert verdict_found["verdict"] == "refusal confirmed", verdict_found
+    assert "determinant 3" in verdict_found["because"]
     plan, record = str(knot / "plan.npz"), str(knot / "record.npz")
     assert foldback_check_refusals.main([plan, record]) == 3
     assert "not claimed" in capsys.readouterr().out
     assert foldback_check.main([plan]) == 1
     assert "foldback_check_refusals.py can check" in capsys.readouterr().out
-    found = foldback_check_refusals.check(folded.directory / "plan.npz", knot / "record.npz")
-    assert (found["verdict"], found["reason"]) == ("not proved", "the plan does not fail")
+    verdict_found = foldback_check_refusals.check(
+        folded.directory / "plan.npz", knot / "record.npz"
+    )
+    assert (verdict_found["verdict"], verdict_found["reason"]) == (
+        "not proved",
+        "the plan does not fail",
+    )
 
 
 def test_knot_of_unknown_modules_is_confirmed_with_that_limit(
     knot: FilePath, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    found = check(knot, lambda _, meta: meta["chain"].update(module="cube\x1b[8m"))
-    assert found["verdict"] == f"refusal confirmed, but {foldback_check.OTHER_MODULE}"
+    verdict_found = check(knot, lambda _, meta: meta["chain"].update(module="cube\x1b[8m"))
+    assert verdict_found["verdict"] == f"refusal confirmed, but {foldback_check.OTHER_MODULE}"
     files = [str(knot / "forged.npz"), str(knot / "record.npz")]
     assert foldback_check_refusals.main(files) == 4
-    shown = capsys.readouterr().out
-    assert shown.startswith(f"{found['verdict']}: ")
-    assert "\x1b" not in shown
+    printed = capsys.readouterr().out
+    assert printed.startswith(f"{verdict_found['verdict']}: ")
+    assert "\x1b" not in printed
 
 
 def test_blocked_hinges_and_group_are_confirmed(jam: FilePath) -> None:
-    found = check(jam)
-    assert found["verdict"] == "refusal confirmed", found
-    assert found["size"] == 0.98
-    assert "hinges" in found["because"] and "any axis" in found["because"]
+    verdict_found = check(jam)
+    assert verdict_found["verdict"] == "refusal confirmed", verdict_found
+    assert verdict_found["size"] == 0.98
+    assert "hinges" in verdict_found["because"] and "any axis" in verdict_found["because"]
 
 
 def swap(evidence: Values, name: str, **values: Any) -> None:
@@ -165,8 +170,8 @@ FORGED_KNOTS: Final[dict[str, Change]] = {
 
 @pytest.mark.parametrize("forgery", FORGED_KNOTS)
 def test_forged_knot_is_not_confirmed(forgery: str, knot: FilePath) -> None:
-    found = check(knot, FORGED_KNOTS[forgery])
-    assert found["verdict"] in ("not proved", "no plan"), found
+    verdict_found = check(knot, FORGED_KNOTS[forgery])
+    assert verdict_found["verdict"] in ("not proved", "no plan"), verdict_found
 
 
 def test_knot_that_the_chain_does_not_have_is_not_confirmed(tmp_path: FilePath) -> None:
@@ -185,8 +190,8 @@ def test_knot_that_the_chain_does_not_have_is_not_confirmed(tmp_path: FilePath) 
 
     assert "no knot: determinant {1}" in check(tmp_path, claimed)["reason"]
     # A trefoil tied by many corners far from the chain is not its knot.
-    aside = 0.2 * np.roll(TREFOIL, 1, axis=0) + 1.5 * np.array(corners[0][0])
-    ring = np.concatenate([positions, corners[0][:1], aside, corners[0][1:]])
+    directory = 0.2 * np.roll(TREFOIL, 1, axis=0) + 1.5 * np.array(corners[0][0])
+    ring = np.concatenate([positions, corners[0][:1], directory, corners[0][1:]])
     assert foldback_check_refusals.determinant(ring, 1e-8) == 3
     corners = [ring[len(positions) :].tolist()]
     assert "joined otherwise" in check(tmp_path, claimed)["reason"]
@@ -196,9 +201,11 @@ def test_knot_that_the_chain_does_not_have_is_not_confirmed(tmp_path: FilePath) 
         open_chain = replace(tied, folded_rad=0.2 * tied.folded_rad)
         frames = anchored("explosion", np.array(angles))
         jump = replace(record, frames=frames, status="stalled")
-        found = check(store(tmp_path, open_chain, jump, FEW_STEPS))
-        assert found["verdict"] == "not proved"
-        assert "start" in found["reason"] or "no gap" in found["reason"], found
+        verdict_found = check(store(tmp_path, open_chain, jump, FEW_STEPS))
+        assert verdict_found["verdict"] == "not proved"
+        assert "start" in verdict_found["reason"] or "no gap" in verdict_found["reason"], (
+            verdict_found
+        )
 
 
 FORGED_BLOCKS: Final[dict[str, Change]] = {
@@ -226,8 +233,8 @@ FORGED_BLOCKS: Final[dict[str, Change]] = {
 
 @pytest.mark.parametrize("forgery", FORGED_BLOCKS)
 def test_forged_blocks_are_not_confirmed(forgery: str, jam: FilePath) -> None:
-    found = check(jam, FORGED_BLOCKS[forgery])
-    assert found["verdict"] in ("not proved", "no plan"), found
+    verdict_found = check(jam, FORGED_BLOCKS[forgery])
+    assert verdict_found["verdict"] in ("not proved", "no plan"), verdict_found
 
 
 def test_forged_blocks_with_true_overlaps_are_not_confirmed(jam: FilePath) -> None:
@@ -237,8 +244,8 @@ def test_forged_blocks_with_true_overlaps_are_not_confirmed(jam: FilePath) -> No
     first, move = meta["turns"][0], meta["moves"][0]
 
     def deepest(poses: Poses, pairs: Iterable[tuple[int, int]]) -> Values:
-        found = max((overlap(chain, poses, i, j, 0.98), i, j) for i, j in pairs)
-        return {"overlap": found[0], "modules": list(found[1:])}
+        computed_overlap = max((overlap(chain, poses, i, j, 0.98), i, j) for i, j in pairs)
+        return {"overlap": computed_overlap[0], "modules": list(computed_overlap[1:])}
 
     def turned(by: float, pairs: Iterable[tuple[int, int]]) -> Values:
         now = angles.copy()
@@ -259,16 +266,21 @@ def test_forged_blocks_with_true_overlaps_are_not_confirmed(jam: FilePath) -> No
         ("moves", moved(2.0, range(48, 56)), "more than a pitch"),
         ("moves", moved(0.5, range(56, 64)), "modules"),
     ):
-        found = check(jam, lambda e, _, name=name, forged=forged: swap(e, name, **forged))
-        assert found["verdict"] == "not proved" and words in found["reason"], (forged, found)
+        verdict_found = check(jam, lambda e, _, name=name, forged=forged: swap(e, name, **forged))
+        assert verdict_found["verdict"] == "not proved" and words in verdict_found["reason"], (
+            forged,
+            verdict_found,
+        )
 
 
-def test_held_hinges_are_confirmed(held: FilePath) -> None:
-    plan, notes = Plan.load(held / "plan.npz"), list[str]()
-    found = check(held)
-    assert found["verdict"] == "refusal confirmed", found
-    assert "none of the 79 quarter turns of its 50 hinges, each by itself" in found["because"]
-    reason = reason_of(held, plan, notes)
+def test_held_hinges_are_confirmed(held_plan: FilePath) -> None:
+    plan, notes = Plan.load(held_plan / "plan.npz"), list[str]()
+    verdict_found = check(held_plan)
+    assert verdict_found["verdict"] == "refusal confirmed", verdict_found
+    assert (
+        "none of the 79 quarter turns of its 50 hinges, each by itself" in verdict_found["because"]
+    )
+    reason = reason_of(held_plan, plan, notes)
     assert reason is not None and reason.confirmed, reason
     assert reason.diagnosis.text().startswith(
         "none of the 79 quarter turns of single hinges is free"
@@ -294,12 +306,12 @@ FORGED_TURNS: Final[dict[str, Change]] = {
 
 
 @pytest.mark.parametrize("forgery", FORGED_TURNS)
-def test_forged_turns_are_not_confirmed(forgery: str, held: FilePath) -> None:
-    found = check(held, FORGED_TURNS[forgery])
-    assert found["verdict"] in ("not proved", "no plan"), found
-    plan, notes = Plan.load(held / "forged.npz"), list[str]()
+def test_forged_turns_are_not_confirmed(forgery: str, held_plan: FilePath) -> None:
+    verdict_found = check(held_plan, FORGED_TURNS[forgery])
+    assert verdict_found["verdict"] in ("not proved", "no plan"), verdict_found
+    plan, notes = Plan.load(held_plan / "forged.npz"), list[str]()
     plain = {**plan.attempts[0]["diagnosis"]}
-    record = Record.load(held / "record.npz")
+    record = Record.load(held_plan / "record.npz")
     reason = check_reason(plan.chain, record, plain, plan.parameters)  # type: ignore[arg-type]
     assert reason is not None and not reason.confirmed, notes
 
@@ -309,16 +321,19 @@ def test_true_overlaps_are_no_evidence_after_the_search_has_moved(tmp_path: File
     record = unfold_in_turns(chain, "turns", module_size=0.95, at_once=1, seed=0)
     moved = np.array([chain.folded_rad, 0.999 * chain.folded_rad])
     later = replace(record, frames=anchored("explosion", moved))
-    found = check(store(tmp_path, chain, later, replace(Parameters(), at_once=1)))
-    assert found["verdict"] == "not proved" and "has left the folded state" in found["reason"]
+    verdict_found = check(store(tmp_path, chain, later, replace(Parameters(), at_once=1)))
+    assert (
+        verdict_found["verdict"] == "not proved"
+        and "has left the folded state" in verdict_found["reason"]
+    )
 
 
 def test_free_hinges_and_limits_of_the_search_are_no_reasons(tmp_path: FilePath) -> None:
     chain = coil(12)
     late = explode(chain, FEW_STEPS.explosion)  # type: ignore[arg-type]
-    found = check(store(tmp_path, chain, late, FEW_STEPS))
-    assert found["verdict"] == "not checked"
-    assert "not a property of the shape" in found["reason"]
+    verdict_found = check(store(tmp_path, chain, late, FEW_STEPS))
+    assert verdict_found["verdict"] == "not checked"
+    assert "not a property of the shape" in verdict_found["reason"]
     frames = anchored("explosion", chain.folded_rad[None])
     store(tmp_path, chain, replace(late, frames=frames), FEW_STEPS)
 
@@ -344,17 +359,17 @@ def test_ends_are_led_out_along_free_lines_only(knot: FilePath) -> None:
             corners[1] = 2.0 * middle - corners[0] + 3.0 * random.normal(size=3)
         ring = np.concatenate([positions, corners])
         value = foldback_check_refusals.determinant(ring, 1e-8)
-        other = {"closings": [corners.tolist()], "determinant": value}
-        found = check(knot, lambda e, _, other=other: e.update(other))
+        second = {"closings": [corners.tolist()], "determinant": value}
+        verdict_found = check(knot, lambda e, _, second=second: e.update(second))
         share = np.linspace(0.0, 1.0, 2001)[:, None]
         lines = [a + share * (b - a) for a, b in zip(ring[-3:], [*ring[-2:], ring[0]], strict=True)]
         nearest = [
-            np.linalg.norm(lines[k][:, None] - others, axis=2).min()
-            for k, others in ((0, positions[:-1]), (1, middle[None]), (2, positions[1:]))
+            np.linalg.norm(lines[k][:, None] - moved_positions, axis=2).min()
+            for k, moved_positions in ((0, positions[:-1]), (1, middle[None]), (2, positions[1:]))
         ]
         free, around = min(nearest[0], nearest[2]) >= 0.5, nearest[1] >= radius
-        confirmed = found["verdict"] == "refusal confirmed"
-        assert confirmed is bool(free and around and value > 1), found
+        confirmed = verdict_found["verdict"] == "refusal confirmed"
+        assert confirmed is bool(free and around and value > 1), verdict_found
         outcomes.add((bool(free), bool(around), value > 1))
     assert outcomes >= {(True, True, True), (True, False, True), (False, True, True)}
 
@@ -373,10 +388,10 @@ def test_determinants_agree_with_those_of_the_planner() -> None:
     random, knots = np.random.default_rng(5), 0
     for _ in range(10):
         polygon = random.normal(size=(int(random.integers(6, 30)), 3))
-        found = foldback_check_refusals.determinant(polygon, 1e-9)
+        determinant = foldback_check_refusals.determinant(polygon, 1e-9)
         exact = invariants_of(polygon, random)
-        assert exact is not None and found == exact.determinant
-        knots += found > 1
+        assert exact is not None and determinant == exact.determinant
+        knots += determinant > 1
     assert 2 < knots < 8
     assert foldback_check_refusals.determinant(np.array(TREFOIL, float), 1e-9) == 3
 
@@ -385,6 +400,6 @@ def test_line_that_meets_itself_has_no_determinant() -> None:
     polygon = np.array([[0, 0, 0], [2, 0, 0], [2, 2, 1], [1, 1, 0], [1, -1, 0], [0, -1, 3]], float)
     touching = polygon.copy()
     touching[3:5] = [1.0, 1e-7, 0.0], [2.0, 3.0, 0.0]
-    for each in (polygon, polygon + 1e-7 * np.eye(6, 3, -3), touching):
+    for points in (polygon, polygon + 1e-7 * np.eye(6, 3, -3), touching):
         with pytest.raises(foldback_check.NotProved, match="no view"):
-            foldback_check_refusals.determinant(each, 1e-6)
+            foldback_check_refusals.determinant(points, 1e-6)

@@ -39,11 +39,11 @@ def test_parts_are_straight_within_the_tolerance_at_all_moments(folded: Folded) 
     division = vertices.divide(frame, tolerance)
     parts, fine = len(division.vertices) - 1, 16
     first, last = (plan.angles(k, 0, len(plan.folded)) for k in (frame, frame + 1))
-    seen = vertices.at(first, last, parts * fine)
+    path_vertices = vertices.at(first, last, parts * fine)
     share = np.arange(fine)[:, None, None] / fine
     steps = np.diff(division.vertices, axis=0)[:, None]
     straight = division.vertices[:-1, None] + share * steps
-    off = np.linalg.norm(seen[:-1].reshape(straight.shape) - straight, axis=-1).max()
+    off = np.linalg.norm(path_vertices[:-1].reshape(straight.shape) - straight, axis=-1).max()
     assert parts > 1
     assert 0.1 * tolerance < off <= division.deviation <= tolerance
     assert largest_deviation(division.vertices[[0, 0, 0, 0, 0]]) == 0.0
@@ -52,15 +52,15 @@ def test_parts_are_straight_within_the_tolerance_at_all_moments(folded: Folded) 
 def test_vertices_are_those_of_the_chain_seen_from_the_middle_module(folded: Folded) -> None:
     plan = foldback_check.Plan(folded.directory / "plan.npz")
     angles = plan.angles(plan.frames - 1, 0, len(plan.folded))
-    seen = Vertices(plan).at(angles, angles, 1)[0].reshape(24, 8, 3)
-    module = np.sort(seen[12], axis=0)
+    frame_vertices = Vertices(plan).at(angles, angles, 1)[0].reshape(24, 8, 3)
+    module = np.sort(frame_vertices[12], axis=0)
     np.testing.assert_allclose(module, np.sort(plan.module.corners, axis=0), atol=1e-12)
-    sides = np.linalg.norm(seen[:, :, None] - seen[:, None], axis=-1)
+    sides = np.linalg.norm(frame_vertices[:, :, None] - frame_vertices[:, None], axis=-1)
     np.testing.assert_allclose(sides, np.broadcast_to(sides[12], sides.shape), atol=1e-12)
-    centres = seen.mean(axis=1)
+    centres = frame_vertices.mean(axis=1)
     gaps = np.abs(centres[:, None] - centres).max(axis=2)
     np.testing.assert_allclose(gaps, gaps.round(), atol=1e-6)
-    assert (np.abs(seen - centres[:, None]).max(axis=1) < plan.size / 2 + 1e-6).all()
+    assert (np.abs(frame_vertices - centres[:, None]).max(axis=1) < plan.size / 2 + 1e-6).all()
 
 
 def test_missing_program_is_reported_before_any_check(
